@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::table::{Table, misses};
 use crate::metrics::Tracking;
-use crate::record::Summary;
+use crate::record::{Run, Summary};
 use crate::rt::timing::Quantity;
 use crate::session::{self, Finished, Page, integration};
 use crate::setup::{Facts, StructureFacts};
@@ -50,7 +50,7 @@ pub(super) fn closing(
     let mut table = Table::new(&title);
     let sections = [
         verdict(facts, finished),
-        peaks(facts, &finished.summary),
+        peaks(facts, finished),
         tracking(&finished.summary, page),
         timing(finished),
         files(finished, page),
@@ -171,8 +171,21 @@ fn largest(values: impl Iterator<Item = Option<f64>>) -> Option<(usize, f64)> {
     known.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-fn peaks(facts: &Facts, summary: &Summary) -> Section {
+fn peaks(facts: &Facts, finished: &Finished) -> Section {
+    let summary = &finished.summary;
     let mut section = Section("Peaks", Vec::new());
+    let floors = Run::open(finished.folder.path())
+        .ok()
+        .and_then(|run| session::floor_peaks(&run).ok());
+    let accel = floors.and_then(|floors| floors.accel);
+    if let Some((storey, drift)) = floors.and_then(|floors| floors.drift) {
+        let text = format!("{} in storey {storey}", quantity(drift, "m"));
+        section.short("peak storey drift", text);
+    }
+    if let Some((dof, accel)) = accel {
+        let text = format!("{} at DOF {dof}, absolute", quantity(accel, "m/s²"));
+        section.short("peak acceleration", text);
+    }
     let structure = facts.structure.as_ref();
     let ground = structure.and_then(|structure| structure.peak_ground_accel);
     let against = match ground {
@@ -184,7 +197,17 @@ fn peaks(facts: &Facts, summary: &Summary) -> Section {
     for (is_rotation, name, unit, values, short) in [
         (false, "peak displacement", "m", &peak.displacement, true),
         (false, "peak velocity", "m/s", &peak.velocity, false),
-        (false, "peak acceleration", "m/s²", &peak.acceleration, true),
+        (
+            false,
+            if accel.is_some() {
+                "relative acceleration"
+            } else {
+                "peak acceleration"
+            },
+            "m/s²",
+            &peak.acceleration,
+            accel.is_none(),
+        ),
         (true, "peak rotation", "rad", &peak.displacement, true),
         (
             true,

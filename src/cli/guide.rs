@@ -16,6 +16,8 @@ use crate::guide::{self, CONTENTS, Entry, MANUAL_LIST, PAGES, plain_text};
 
 /// The widest text.
 const WIDEST: usize = 100;
+/// Places that are shown where a word is neither a page nor a key.
+const MOST_HITS: usize = 10;
 /// Entries that are shown as a whole; of more, only the paths.
 const MOST_ENTRIES: usize = 5;
 
@@ -52,10 +54,9 @@ fn text_of(topic: &str) -> anyhow::Result<String> {
         });
     }
     match entries.as_slice() {
-        [] => match explained(topic) {
-            Some(text) => Ok(text),
-            None => Err(WithExit(Exit::Usage, no_such_topic(topic)).into()),
-        },
+        [] => explained(topic)
+            .or_else(|| found(topic))
+            .ok_or_else(|| WithExit(Exit::Usage, no_such_topic(topic)).into()),
         several if several.len() > MOST_ENTRIES => {
             let mut text = format!("Several entries end with `{topic}`:\n\n");
             for entry in several {
@@ -88,6 +89,39 @@ fn explained(name: &str) -> Option<String> {
     (!found.is_empty()).then(|| each.collect())
 }
 
+/// The parts of all pages in which every word of the topic occurs.
+fn found(topic: &str) -> Option<String> {
+    let hits = guide::search(topic);
+    if hits.is_empty() {
+        return None;
+    }
+    let mut text = format!("No page or key is called `{topic}`. It occurs here:\n\n");
+    for hit in hits.iter().take(MOST_HITS) {
+        text.push_str(&format!(
+            "- `gusset guide {}`: {}\n\n  {}\n\n",
+            hit.topic,
+            escaped(&hit.heading),
+            escaped(&hit.text)
+        ));
+    }
+    if hits.len() > MOST_HITS {
+        text.push_str(&format!("{} more places.\n", hits.len() - MOST_HITS));
+    }
+    Some(text)
+}
+
+/// A plain text as Markdown.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_ascii_punctuation() {
+            escaped.push('\\');
+        }
+        escaped.push(c);
+    }
+    escaped
+}
+
 fn no_such_topic(topic: &str) -> String {
     let entries = guide::entries();
     let mut names: Vec<&str> = PAGES.iter().map(|page| page.id).collect();
@@ -95,11 +129,16 @@ fn no_such_topic(topic: &str) -> String {
         names.push(&entry.path);
         names.extend(entry.path.rsplit('.').next());
     }
-    let near = match nearest(topic, &names) {
+    // A name with other letters than those of a slip is no help.
+    let is_a_slip =
+        |name: &&str| strsim::osa_distance(&topic.to_lowercase(), name) <= topic.len() / 4;
+    let near = match nearest(topic, &names).filter(is_a_slip) {
         Some(name) => format!("did you mean `{name}`? "),
         None => String::new(),
     };
-    format!("the guide has no topic `{topic}`: {near}`gusset guide` lists the pages")
+    format!(
+        "the guide has no topic `{topic}`, and no page has the word: {near}`gusset guide` lists the pages"
+    )
 }
 
 /// Shows the text with the user's pager. False if the pager is not installed.
@@ -213,6 +252,38 @@ mod tests {
         let error = text_of("trouble-shooting").unwrap_err();
         assert_eq!(super::super::exit::of(&error), Exit::Usage);
         assert!(error.to_string().contains("`troubleshooting`"), "{error}");
+    }
+
+    #[test]
+    fn any_word_of_the_guide_is_found() {
+        for (word, topic) in [
+            ("emergency", "real-specimen"),
+            ("simulink", "opensees"),
+            ("labview", "real-specimen"),
+            ("MTS", "scope"),
+            ("abort", "scope"),
+            ("hinge", "scope"),
+            ("damper", "specimen.law.power_damper"),
+            ("friction", "specimen.law.smooth_friction"),
+            ("P-Delta", "scope"),
+            ("pseudodynamic", "scope"),
+            ("two components", "scope"),
+        ] {
+            let text = text_of(word).unwrap();
+            assert!(
+                text.contains(&format!("`gusset guide {topic}`")),
+                "{word}: {text}"
+            );
+        }
+    }
+
+    #[test]
+    fn no_far_fetched_key_is_offered() {
+        for word in ["abrot", "hnige", "xyzzyx", "smilunk"] {
+            let error = text_of(word).unwrap_err();
+            assert_eq!(super::super::exit::of(&error), Exit::Usage);
+            assert!(!error.to_string().contains("did you mean"), "{error}");
+        }
     }
 
     #[test]

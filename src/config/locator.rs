@@ -15,6 +15,8 @@ pub struct Locator {
     file: Arc<Source>,
     root: Node,
     overrides: Vec<Override>,
+    /// Paths of entries that the file calls by an old name: today's path, and the one that the user wrote.
+    written: Vec<(String, String)>,
 }
 
 impl Locator {
@@ -23,7 +25,27 @@ impl Locator {
             file,
             root,
             overrides,
+            written: Vec::new(),
         }
+    }
+
+    /// Messages name these entries as the user wrote them: today's path, and the written one.
+    #[must_use]
+    pub(crate) fn with_written(mut self, written: Vec<(String, String)>) -> Self {
+        self.written = written;
+        self
+    }
+
+    /// A text with the paths that the user wrote.
+    fn as_written(&self, text: &str) -> String {
+        let mut text = plain(text);
+        for (now, written) in &self.written {
+            // A note on the old name has both.
+            if !text.contains(written.as_str()) {
+                text = text.replace(now.as_str(), written);
+            }
+        }
+        text
     }
 
     /// The place of `path`: an argument of the command line if it overrides it, else the file; the nearest entry above
@@ -105,8 +127,12 @@ impl Locator {
             beside: finding
                 .beside
                 .map(|(path, label)| (self.locate(&path, Part::Value), plain(&label))),
-            headline: plain(&finding.headline),
-            help: finding.help.iter().map(|help| plain(help)).collect(),
+            headline: self.as_written(&finding.headline),
+            help: finding
+                .help
+                .iter()
+                .map(|help| self.as_written(help))
+                .collect(),
         }
     }
 

@@ -278,7 +278,7 @@ fn open(
     if !refused.is_empty() {
         return Err(ConfigError::Invalid(Diagnostics(refused)));
     }
-    let locator = Locator::new(source, original, overrides);
+    let locator = Locator::new(source, original, overrides).with_written(renamed::written(&moves));
     let effective = document.to_string();
     // The overridden text is ours; if it did not parse the fault would not be the user's, but he must hear of it.
     let mut root = document::Node::parse(&effective).map_err(|errors| {

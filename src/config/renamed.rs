@@ -205,6 +205,15 @@ pub(super) fn rename_text(document: &mut dyn TableLike, moves: &[Move]) {
     }
 }
 
+/// Today's path of each moved entry, and the path that the user wrote.
+pub(super) fn written(moves: &[Move]) -> Vec<(String, String)> {
+    let paths = moves.iter().map(|Move { key, table }| {
+        let [now, then] = [key.to, key.from].map(|name| under(table, name).to_string());
+        (now, then)
+    });
+    paths.collect()
+}
+
 /// One warning for each old name that the file uses.
 pub(super) fn notes(moves: &[Move]) -> Vec<Finding> {
     let mut noted: Vec<&Move> = Vec::new();

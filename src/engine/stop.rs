@@ -280,6 +280,22 @@ impl Stop {
     }
 }
 
+impl Stop {
+    /// Its sentence with the name of the specimen in place of its number.
+    #[must_use]
+    pub fn with_name(&self, name: impl FnOnce(usize) -> String) -> String {
+        let text = self.to_string();
+        let worst = match self {
+            Self::TestLimit(hit) => hit.worst.map(|(port, _)| port),
+            _ => None,
+        };
+        match self.port().or(worst) {
+            None => text,
+            Some(port) => text.replacen(&format!("specimen {}", port + 1), &name(port), 1),
+        }
+    }
+}
+
 fn found_and_left(found: f64, left: f64, within: f64) -> String {
     let [found, left, within] = compared_within(found, left, within);
     format!("{found}, but the interrupted test left it at {left} ± {within}")

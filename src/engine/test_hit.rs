@@ -1,6 +1,7 @@
 //! A limit of the test as a whole that was reached, and its sentence.
 
 use crate::catalog::limit::{Judges, Limit};
+use crate::units::compared;
 
 /// One limit of the test that was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,7 +38,8 @@ impl std::fmt::Display for TestHit {
                 "not ready: the warm-up lets expect {value} {words}, allowed {bound} ({key}); the test was not begun"
             ),
             limit if limit.row().judges == Judges::Step => {
-                write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")?;
+                let [value, bound] = compared(*value, *bound, limit.unit());
+                write!(f, "{words}: {value}, allowed {bound} ({key})")?;
                 worst.map_or(Ok(()), |(port, axis)| {
                     write!(
                         f,

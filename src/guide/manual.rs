@@ -1,9 +1,10 @@
 //! The guide as web pages: navigation, pictures, and a search that needs no network.
 
 use pulldown_cmark::{CowStr, Event, Tag, TagEnd, html};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::markdown::{anchor, linked_page, parse};
+use super::search::POINTS;
 use super::{CONTENTS, Group, PAGES, PICTURES};
 
 /// The file that lists the files of a manual.
@@ -26,8 +27,7 @@ pub struct ManualFile {
 pub fn manual() -> Vec<ManualFile> {
     let mut files = Vec::new();
     let mut index = Vec::new();
-    let contents = std::iter::once(("README", CONTENTS));
-    for (id, text) in contents.chain(PAGES.iter().map(|page| (page.id, page.text))) {
+    for (id, text) in texts() {
         let rendered = Rendered::new(id, text);
         index.extend(rendered.index);
         files.push(ManualFile {
@@ -35,7 +35,15 @@ pub fn manual() -> Vec<ManualFile> {
             text: framed(id, &rendered.title, &rendered.body),
         });
     }
-    let index = format!("const GUIDE = {};\n", Value::Array(index));
+    let points: serde_json::Map<_, _> = POINTS
+        .iter()
+        .map(|(place, points)| ((*place).to_owned(), json!(points)))
+        .collect();
+    let index = format!(
+        "const GUIDE = {};\nconst POINTS = {};\n",
+        json!(index),
+        json!(points)
+    );
     let named = [
         ("search-index.js", index.as_str()),
         ("search.js", SCRIPT),
@@ -65,6 +73,22 @@ pub fn manual() -> Vec<ManualFile> {
     files
 }
 
+/// Address, page or table, heading and text of a heading or key.
+pub(super) type IndexEntry = [String; 4];
+
+/// What the search knows of all pages.
+pub(super) fn index() -> Vec<IndexEntry> {
+    texts()
+        .flat_map(|(id, text)| Rendered::new(id, text).index)
+        .collect()
+}
+
+/// The contents page and all pages with their names.
+fn texts() -> impl Iterator<Item = (&'static str, &'static str)> {
+    let contents = std::iter::once(("README", CONTENTS));
+    contents.chain(PAGES.iter().map(|page| (page.id, page.text)))
+}
+
 fn file_of(id: &str) -> String {
     match id {
         "README" => "index.html".to_owned(),
@@ -80,14 +104,14 @@ fn base_name(path: &str) -> &str {
 struct Rendered {
     title: String,
     body: String,
-    index: Vec<Value>,
+    index: Vec<IndexEntry>,
 }
 
 /// Collects the events of a page, and one index entry per heading and per key.
 struct Collector<'a> {
     file: String,
     events: Vec<Event<'a>>,
-    index: Vec<Value>,
+    index: Vec<IndexEntry>,
     title: String,
     /// The part that is open.
     part: Part,
@@ -231,7 +255,8 @@ impl<'a> Collector<'a> {
             let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let text = text.strip_prefix(heading.as_str()).unwrap_or(&text).trim();
             let address = format!("{}#{anchor}", self.file);
-            self.index.push(json!([address, place, heading, text]));
+            let text = text.to_owned();
+            self.index.push([address, place, heading, text]);
         }
     }
 
@@ -337,7 +362,7 @@ mod tests {
         assert!(rendered.body.contains("src=\"a.svg\""), "{}", rendered.body);
         assert_eq!(
             rendered.index[1],
-            json!(["limits.html#every-limit", "Limits", "Every limit", "text"])
+            ["limits.html#every-limit", "Limits", "Every limit", "text"].map(str::to_owned)
         );
     }
 

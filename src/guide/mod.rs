@@ -9,12 +9,14 @@ mod entry;
 mod inline;
 mod manual;
 mod markdown;
+mod search;
 mod table;
 mod terminal;
 
 pub use entry::{Entry, entries, find};
 pub use manual::{MANUAL_LIST, ManualFile, manual};
 pub use markdown::anchor;
+pub use search::{Hit, search};
 pub use terminal::plain_text;
 
 /// A group of pages in the navigation.
@@ -92,13 +94,15 @@ macro_rules! pages {
 pages! {
     first_test = "first-test", "first-test.md", Learn, false;
     concepts = "concepts", "concepts.md", Learn, false;
+    scope = "scope", "scope.md", Learn, false;
+    actuators = "actuators", "actuators.md", Work, false;
+    limits = "limits", "limits.md", Work, false;
+    real_time = "real-time", "real-time.md", Work, false;
     real_specimen = "real-specimen", "real-specimen.md", Work, false;
     network = "network", "network.md", Work, false;
     opensees = "opensees", "opensees.md", Work, false;
     gateway = "gateway", "gateway.md", Work, false;
     opensees_rig = "opensees-rig", "opensees-rig.md", Work, false;
-    actuators = "actuators", "actuators.md", Work, false;
-    limits = "limits", "limits.md", Work, false;
     specimen_record = "specimen-record", "specimen-record.md", Work, false;
     operation = "operation", "operation.md", Work, false;
     run_folder = "run-folder", "run-folder.md", Work, false;
@@ -106,7 +110,6 @@ pages! {
     python = "python", "python.md", Work, false;
     campaigns = "campaigns", "campaigns.md", Work, false;
     launchers = "launchers", "launchers.md", Work, false;
-    real_time = "real-time", "real-time.md", Work, false;
     configuration = "configuration", "configuration.md", LookUp, true;
     troubleshooting = "troubleshooting", "troubleshooting.md", LookUp, false;
     limit_table = "limit-table", "limit-table.md", LookUp, true;

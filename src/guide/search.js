@@ -1,5 +1,6 @@
 "use strict";
 // The search of the guide. `GUIDE` has one entry per heading and per key: [address, page or table, heading, text].
+// `POINTS` has the points of a word by its place. `gusset guide WORD` searches in the same way.
 
 /// The entries in which every word occurs, best first: a word in the heading counts most, then one in the page's title.
 function searched(guide, query) {
@@ -12,10 +13,10 @@ function searched(guide, query) {
     const [inPage, inHeading, inText] = [page, heading, text].map((part) => part.toLowerCase());
     let score = 0;
     for (const word of words) {
-      let points = inText.includes(word) ? 1 : 0;
-      points += inPage.includes(word) ? 2 : 0;
-      points += inHeading.includes(word) ? 5 : 0;
-      points += inHeading === word ? 10 : 0;
+      let points = inText.includes(word) ? POINTS.text : 0;
+      points += inPage.includes(word) ? POINTS.page : 0;
+      points += inHeading.includes(word) ? POINTS.heading : 0;
+      points += inHeading === word ? POINTS.whole : 0;
       if (points === 0) {
         score = 0;
         break;

@@ -12,11 +12,12 @@
 
 use thiserror::Error;
 
-use crate::catalog::column::{ACCEL, DISP, GROUND};
+use crate::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
 use crate::config::{self, ConfigError, TestFile, Weighting};
+use crate::engine::Phase;
 use crate::model::{BuildError, StructureSpec};
-use crate::record::Run;
 use crate::record::export::{Rows, Sum};
+use crate::record::{FolderError, Run};
 
 /// A kind of column that follows from recorded ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,6 +101,87 @@ pub fn derived(run: &Run, wanted: &[Derived], rows: Rows) -> Result<Vec<Sum>, De
         }
     }
     Ok(sums)
+}
+
+/// Largest values of the floors of a test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloorPeaks {
+    /// Storey from 1 and its drift in m, where the structure has storeys.
+    pub drift: Option<(usize, f64)>,
+    /// DOF from 1 and its absolute acceleration in m/s², where the ground moves.
+    pub accel: Option<(usize, f64)>,
+}
+
+/// Largest storey drift and absolute acceleration in the steps of a run. A kind of which a column is not recorded is left out.
+///
+/// # Errors
+/// [`DerivedError`], or the system refuses the rows.
+pub fn floor_peaks(run: &Run) -> Result<FloorPeaks, FloorError> {
+    let loaded =
+        config::load_recorded(&run.path().join("resolved.toml")).map_err(DerivedError::Config)?;
+    let test = Described::of(&loaded.file, run)?;
+    let place = |name: &str| run.layout().index_of(name);
+    // Places and factors of each sum. A kind without columns has no sums.
+    let placed = |sums: Vec<Sum>, unit: &str| -> Vec<Vec<(usize, f64)>> {
+        let of_unit = sums.iter().filter(|sum| sum.unit == unit);
+        let each = of_unit.map(|sum| {
+            let terms = sum.terms.iter();
+            terms
+                .map(|(name, factor)| Some((place(name)?, *factor)))
+                .collect::<Option<Vec<_>>>()
+        });
+        each.collect::<Option<Vec<_>>>().unwrap_or_default()
+    };
+    let (mut drifts, mut accels) = (Vec::new(), Vec::new());
+    let drifts = test
+        .drifts(&mut drifts)
+        .map_or(Vec::new(), |()| placed(drifts, "m"));
+    let accels = test
+        .accelerations(&mut accels)
+        .map_or(Vec::new(), |()| placed(accels, "m/s2"));
+    let mut peaks = [vec![0.0_f64; drifts.len()], vec![0.0; accels.len()]];
+    let (time, state) = (place(TIME.name()), place(STATE.name()));
+    if !(drifts.is_empty() && accels.is_empty()) {
+        let mut journal = run.journal()?;
+        while let Some(row) = journal.next_row().map_err(FloorError::Rows)? {
+            let at = |place: usize| row.values.get(place).copied().unwrap_or(f64::NAN);
+            let is_of_test = time.is_none_or(|place| at(place) >= 0.0)
+                && state.is_none_or(|place| at(place) == Phase::Running.code());
+            if !is_of_test {
+                continue;
+            }
+            for (sums, peaks) in [&drifts, &accels].into_iter().zip(&mut peaks) {
+                for (terms, peak) in sums.iter().zip(peaks) {
+                    let value: f64 = terms
+                        .iter()
+                        .map(|(place, factor)| factor * at(*place))
+                        .sum();
+                    *peak = peak.max(value.abs());
+                }
+            }
+        }
+    }
+    let [drift, accel] = peaks.map(|peaks| {
+        (1..)
+            .zip(peaks)
+            .filter(|(_, peak)| *peak > 0.0)
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+    });
+    Ok(FloorPeaks { drift, accel })
+}
+
+/// Why the peaks of the floors are not known.
+#[derive(Debug, Error)]
+pub enum FloorError {
+    /// The test has no floors.
+    #[error(transparent)]
+    Derived(#[from] DerivedError),
+    /// The folder cannot be read.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The rows cannot be read.
+    #[error("samples.bin: {0}")]
+    Rows(std::io::Error),
 }
 
 /// The description of a test, and its recorded columns.

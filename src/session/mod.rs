@@ -59,7 +59,7 @@ pub use bare::{bare_loop, loop_round};
 pub use checksum::altered;
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};
-pub use derived::{Derived, DerivedError, derived};
+pub use derived::{Derived, DerivedError, FloorPeaks, derived, floor_peaks};
 pub use desk::{Answer, Request, Unanswered, ask};
 pub use judged::{Judged, Subject};
 pub use page::{Page, PageError, conclude, hero, write_report};

@@ -82,11 +82,7 @@ fn left_as(outcome: &Outcome, how: EndPosition) -> impl Iterator<Item = (usize, 
 
 /// Why a test stopped, with the specimen by its name.
 pub(super) fn stop_words(stop: &Stop, outcome: &Outcome) -> String {
-    let text = stop.to_string();
-    match stop.port() {
-        None => text,
-        Some(port) => text.replacen(&format!("specimen {}", port + 1), &named(port, outcome), 1),
-    }
+    stop.with_name(|port| named(port, outcome))
 }
 
 /// A specimen by its name.

@@ -13,6 +13,7 @@
 //! [`Spd`] answers: is S positive definite? It needs no modes; for one degree of freedom it is equation (41) of
 //! Gui et al. (2014), for linear systems (33). Tangents during a run are not watched here.
 
+use std::f64::consts::TAU;
 use std::fmt;
 
 use thiserror::Error;
@@ -20,6 +21,7 @@ use thiserror::Error;
 use crate::integrate::Lambda;
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::Part;
+use crate::units::quantity;
 
 /// λ of least period error over the usual steps (Gui et al. 2014, section 3.2); `auto` never exceeds it.
 pub const ACCURATE_LAMBDA: f64 = 11.5;
@@ -75,6 +77,9 @@ pub enum Governing {
     },
 }
 
+/// Frequency above which the shape moves no mass but that of rounding, rad/s.
+const FASTEST: f64 = 1e9;
+
 impl fmt::Display for Governing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (share, frequency) = match self {
@@ -96,8 +101,8 @@ impl fmt::Display for Governing {
             }
         };
         write!(f, " ({:.0} % of the critical shape", 100.0 * share)?;
-        if frequency.is_finite() {
-            write!(f, " at {frequency:.4} rad/s)")
+        if *frequency < FASTEST {
+            write!(f, " at {})", quantity(frequency / TAU, "Hz"))
         } else {
             f.write_str(", which moves no mass)")
         }

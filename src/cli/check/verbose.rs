@@ -97,7 +97,10 @@ fn describe(
     if let Some(condition) = structure.reciprocal_condition {
         table.row(
             "condition",
-            &format!("{condition:.1e} reciprocal, of the matrix that is factored for alpha"),
+            &format!(
+                "{} reciprocal, of the matrix that is factored for alpha",
+                number(condition)
+            ),
         );
     }
     of_loads(table, structure);

@@ -92,9 +92,8 @@ fn finding(used: &Used, needs: &Needs, specimen: usize, axis: usize) -> Finding 
         _ => "power",
     };
     let text = format!(
-        "the test needs a {what} of {} {} on axis {} of `{}`, more than its rig can give",
-        super::findings::short(used.needed),
-        used.unit,
+        "the test needs a {what} of {} on axis {} of `{}`, more than its rig can give",
+        crate::units::quantity(used.needed, used.unit),
         axis + 1,
         needs.name,
     );

@@ -6,6 +6,7 @@ use crate::catalog::limit::Limit;
 use crate::config::{ClockChoice, Finding, KeyPath, Loaded};
 use crate::engine::{Ending, Stop};
 use crate::port::Poses;
+use crate::units::quantity;
 
 /// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
 const MUCH: f64 = 0.5;
@@ -78,26 +79,27 @@ impl Rehearsal {
     /// What ended the rehearsal before the test's end.
     pub(super) fn end(&self, loaded: &Loaded) -> Option<Finding> {
         let at = short(self.time);
+        let named = |port| named(loaded, port);
         let root = KeyPath::root();
         match self.ending {
             Ending::Completed | Ending::Stopped(Stop::Operator) => None,
             Ending::Stopped(Stop::Limit { port, hit }) => {
-                let text = format!("the test would stop at {at} s: specimen {}, {hit}", port + 1);
+                let text = format!("the test would stop at {at} s: {}, {hit}", named(port));
                 let place = place(loaded, port, hit.axis, hit.quantity, "trip");
                 Some(Finding::error(place, text).help("found on the simulated clock"))
             }
             Ending::Stopped(stop @ Stop::Geometry { port, .. }) => Some(
                 Finding::error(
                     root.key("specimen").index(port).key("geometry"),
-                    format!("the test would stop at {at} s: {stop}"),
+                    format!("the test would stop at {at} s: {}", stop.with_name(named)),
                 )
                 .at_key()
                 .label("these actuators")
                 .help("found on the simulated clock: a smaller motion, longer actuators, or other pins"),
             ),
-            Ending::Stopped(Stop::TestLimit(hit)) => Some(Finding::error(
+            Ending::Stopped(stop @ Stop::TestLimit(hit)) => Some(Finding::error(
                 root.key("safety").key(hit.quantity.key()),
-                format!("the test would stop at {at} s: {hit}"),
+                format!("the test would stop at {at} s: {}", stop.with_name(named)),
             )),
             Ending::Stopped(stop @ Stop::Diverged { value, .. }) => {
                 let text = format!("the test would stop at {at} s: {stop}");
@@ -114,10 +116,18 @@ impl Rehearsal {
                 let specimen = |port| root.key("specimen").index(port);
                 Some(Finding::error(
                     stop.port().map_or(root.clone(), specimen),
-                    format!("the test would stop at {at} s: {stop}"),
+                    format!("the test would stop at {at} s: {}", stop.with_name(named)),
                 ))
             }
         }
+    }
+}
+
+/// A specimen by its name.
+fn named(loaded: &Loaded, port: usize) -> String {
+    match loaded.file.specimen.get(port) {
+        Some(table) => format!("specimen {:?}", table.name),
+        None => format!("specimen {}", port + 1),
     }
 }
 
@@ -148,10 +158,10 @@ impl Held {
                     Finding::warning(
                         place(loaded, index, axis, need.quantity, "trip"),
                         format!(
-                            "an operator's hold at {} s needs a {} of {} {unit} on axis {} of `{}`, and would trip",
+                            "an operator's hold at {} s needs a {} of {} on axis {} of `{}`, and would trip",
                             short(self.at),
                             need.quantity.words(),
-                            short(value),
+                            quantity(value, unit),
                             axis + 1,
                             needs.name,
                         ),
@@ -178,10 +188,11 @@ fn deaf(loaded: &Loaded, needs: &Needs, specimen: usize) -> Vec<Finding> {
         let goes = found.travel;
         (limits.has(Limit::StuckSensor) && goes > 0.0 && travel > goes).then(|| {
             let text = format!(
-                "dead sensors on axis {} of `{}` would be noticed only after {travel} m of travel, and its commands go {} m in all",
+                "dead sensors on axis {} of `{}` would be noticed only after {} of travel, and its commands go {} in all",
                 axis + 1,
                 needs.name,
-                short(goes)
+                quantity(travel, "m"),
+                quantity(goes, "m")
             );
             let at = limit(loaded, specimen, axis, "stuck_travel_m");
             Finding::warning(at, text).help("found on the simulated clock")
@@ -241,9 +252,9 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
     let (value, time) = need.needed.farther_from(need.trip, need.warn);
     let unit = need.quantity.unit();
     let text = format!(
-        "the test needs a {} of {} {unit} on axis {} of `{}`, at {} s",
+        "the test needs a {} of {} on axis {} of `{}`, at {} s",
         need.quantity.words(),
-        short(value),
+        quantity(value, unit),
         axis + 1,
         needs.name,
         short(time),
@@ -308,9 +319,9 @@ fn limit(loaded: &Loaded, specimen: usize, axis: usize, key: &'static str) -> Ke
 
 fn allowed([low, high]: [f64; 2], unit: &str) -> String {
     match (low.is_finite(), high.is_finite()) {
-        (true, true) => format!("{low} to {high} {unit}"),
-        (true, false) => format!("at least {low} {unit}"),
-        _ => format!("at most {high} {unit}"),
+        (true, true) => format!("{} to {}", quantity(low, unit), quantity(high, unit)),
+        (true, false) => format!("at least {}", quantity(low, unit)),
+        _ => format!("at most {}", quantity(high, unit)),
     }
 }
 

@@ -445,12 +445,7 @@ fn variants_that_are_not_read_are_refused_with_the_reason() {
             "4 RESPONSE SPECTRA",
             "spectra",
         ),
-        (
-            "smc.smc",
-            "0.2000000E+03",
-            "0.1700000E+39",
-            "unequal times",
-        ),
+        ("smc.smc", "0.2000000E+03", "0.1700000E+39", "unequal times"),
         (
             "csmip.V2",
             "Corrected accelerogram",
