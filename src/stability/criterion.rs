@@ -405,6 +405,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn critical_shape_has_a_frequency_in_hz() {
+        let told = |frequency| {
+            let governing = Governing::Part {
+                name: "storey 1".to_owned(),
+                share: 0.97,
+                frequency,
+            };
+            governing.to_string()
+        };
+        assert!(told(TAU * 12.5).contains(" at 12.5 Hz"));
+        // The mass is that of rounding alone.
+        assert!(told(2.2e14).contains("no mass"));
+        assert!(told(f64::INFINITY).contains("no mass"));
+    }
+
+    #[test]
     fn a_matrix_of_zeros_or_beyond_the_range_of_a_double_has_no_shape_and_no_limit() {
         for entry in [0.0, -1e-320, f64::INFINITY, f64::MAX] {
             assert_eq!(near_null(&SymMatrix::diagonal(&[entry, entry])), None);

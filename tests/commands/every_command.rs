@@ -215,6 +215,9 @@ fn run_says_in_the_end_what_the_test_came_to_and_where_it_is_unless_it_is_to_be_
         "100 steps",
         "peak displacement",
         " at DOF 2, relative to the ground",
+        " at DOF 2, absolute",
+        "peak storey drift",
+        " in storey 1",
         "peak force, storey",
         "lambda",
         "report.html",
@@ -592,4 +595,37 @@ fn closing_summary_has_every_section_in_at_most_twenty_lines() {
         let report = short.iter().find_map(|line| line.strip_prefix("report "));
         assert!(std::path::Path::new(report.unwrap().trim()).exists());
     }
+}
+
+/// The worked example of the guide's page on limits.
+#[test]
+fn limits_by_the_rule_of_the_guide_hold() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut arguments = vec!["--clock".to_owned(), "simulated".to_owned()];
+    for (key, warn, trip) in [
+        ("command_disp_m", "[-0.033,0.033]", "[-0.039,0.039]"),
+        ("command_vel_m_per_s", "0.26", "0.31"),
+        ("measured_force_n", "[-161e3,161e3]", "[-190e3,190e3]"),
+        ("following_error_m", "0.0038", "0.0057"),
+    ] {
+        for (level, value) in [("warn", warn), ("trip", trip)] {
+            let set = format!("specimen.0.limits.{key}.{level}={value}");
+            arguments.extend(["--set".to_owned(), set]);
+        }
+    }
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    completed(&root.join("config/frame-bouc-wen.toml"), &out, &arguments);
+    let report = std::fs::read_to_string(out.join("report.html")).unwrap();
+    // The needs of the example are the largest values of the test.
+    for largest in ["29.8", "235", "146"] {
+        let is_there = report
+            .split("<th>largest value</th>")
+            .nth(1)
+            .is_some_and(|table| table.contains(largest));
+        assert!(is_there, "{largest}");
+    }
+    let events = std::fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(!events.contains("limit_warning"), "{events}");
 }

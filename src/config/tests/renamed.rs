@@ -36,6 +36,13 @@ fn a_renamed_key_is_read_and_noted_at_its_place() {
 }
 
 #[test]
+fn a_law_is_named_as_it_was_written() {
+    let text = with_law("viscous = { damping_n_s_per_m = 5.0, stiff = 1 }");
+    let refused = read(&text, &[]).unwrap_err().to_string();
+    shows(&refused, "unknown key `stiff` in `specimen[0].law.viscous`");
+}
+
+#[test]
 fn the_resolved_configuration_of_a_run_folder_gives_no_notes() {
     let text = format!("{GOOD}[timing]\nmax_consecutive_misses = 9\n");
     let loaded = parse(Path::new("resolved.toml"), text, &[]).unwrap();

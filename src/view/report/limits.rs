@@ -1,18 +1,19 @@
 //! The table of limits: what would have ended the test, how it was judged and who watched it; and what the specimens do at
 //! either end of a test.
 
-use super::RunView;
 use super::html::{beside, details, note, paragraph, table_without};
 use super::text::{NOTHING, exact, number, quantity};
+use super::{Digest, RunView};
+use crate::catalog::column::JUDGED;
 use crate::catalog::limit::Limit;
 use crate::view::{LimitView, LimitsView, SpecimenLimitsView};
 
 /// The limits of the run, as markup; nothing where the summary has none.
-pub(super) fn limits(run: &RunView) -> Option<String> {
+pub(super) fn limits(run: &RunView, digest: &Digest) -> Option<String> {
     let limits = run.summary.as_ref()?.limits.as_ref()?;
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut unlimited = Vec::new();
-    for specimen in &limits.specimens {
+    for (number, specimen) in (1..).zip(&limits.specimens) {
         let name = &specimen.name;
         for (axis, of_axis) in specimen.axes.iter().enumerate() {
             let who = if specimen.axes.len() > 1 {
@@ -20,13 +21,21 @@ pub(super) fn limits(run: &RunView) -> Option<String> {
             } else {
                 name.clone()
             };
-            rows.extend(of_axis.iter().map(|limit| row(&who, limit)));
+            let judged = |limit: &LimitView| {
+                let name = Limit::of_key(&limit.key)?.row().name;
+                let column = JUDGED.of_parameter(name, number, axis + 1);
+                let mut known = digest.judged.iter();
+                known
+                    .find(|(known, _)| *known == column)
+                    .map(|(_, value)| *value)
+            };
+            rows.extend(of_axis.iter().map(|limit| row(&who, limit, judged(limit))));
             if of_axis.is_empty() {
                 unlimited.push(who);
             }
         }
     }
-    rows.extend(limits.test.iter().map(|limit| row("the test", limit)));
+    rows.extend(limits.test.iter().map(|limit| row("the test", limit, None)));
     let mut markup = String::new();
     if rows.is_empty() {
         markup += &paragraph("The test had no limits but those that every test has.");
@@ -36,6 +45,7 @@ pub(super) fn limits(run: &RunView) -> Option<String> {
             "limit",
             "warning",
             "trip",
+            "largest value",
             "also at the specimen",
             "how it is checked",
         ];
@@ -110,7 +120,7 @@ fn of_specimens(specimens: &[SpecimenLimitsView]) -> String {
         .collect()
 }
 
-fn row(who: &str, limit: &LimitView) -> Vec<String> {
+fn row(who: &str, limit: &LimitView, largest: Option<f64>) -> Vec<String> {
     let sizes = |values: &[f64]| {
         let write = |v: &f64| match limit.unit.as_str() {
             "" => number(*v, 3),
@@ -128,6 +138,7 @@ fn row(who: &str, limit: &LimitView) -> Vec<String> {
         words(&limit.key),
         sizes(&limit.warn),
         sizes(&limit.trip),
+        sizes(largest.as_slice()),
         if is_twice { "yes" } else { "no" }.to_owned(),
         limit.judged.clone().unwrap_or_else(|| NOTHING.to_owned()),
     ]
@@ -164,7 +175,7 @@ mod tests {
             }}).into()),
             ..RunView::default()
         };
-        let markup = limits(&run).unwrap();
+        let markup = limits(&run, &Digest::default()).unwrap();
         for part in [
             "<th>how it is checked</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
@@ -178,6 +189,24 @@ mod tests {
         ] {
             assert!(markup.contains(part), "{part} is missing in {markup}");
         }
+    }
+
+    #[test]
+    fn largest_value_stands_beside_its_levels() {
+        let limit =
+            json!({"key": "command_disp_m", "unit": "m", "warn": [], "trip": [-0.02, 0.02]});
+        let run = RunView {
+            summary: Some(
+                json!({"limits": {"specimens": [{"name": "a", "axes": [[limit]]}]}}).into(),
+            ),
+            ..RunView::default()
+        };
+        let digest = Digest {
+            judged: vec![("judged_command_disp_1_1".to_owned(), -0.0125)],
+            ..Digest::default()
+        };
+        let markup = limits(&run, &digest).unwrap();
+        assert!(markup.contains("<td>−12.5\u{a0}mm</td>"), "{markup}");
     }
 
     #[test]

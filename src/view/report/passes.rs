@@ -11,6 +11,7 @@ use super::holder::{Item, hold};
 use super::shaking::Shaking;
 use super::source::Source;
 use super::table::Table;
+use crate::catalog::column::JUDGED;
 use crate::metrics::energy::Model;
 use crate::metrics::tracking::Noise;
 use crate::record::Column;
@@ -44,6 +45,27 @@ fn axes(columns: &[Column]) -> Vec<SpecimenAxis> {
     axes.sort_unstable();
     axes.dedup();
     axes
+}
+
+/// The farthest value from zero that each limit judged, by its column.
+fn largest(source: &dyn Source) -> io::Result<Vec<(String, f64)>> {
+    let columns = source.columns().iter().enumerate();
+    let (places, mut largest): (Vec<usize>, Vec<(String, f64)>) = columns
+        .filter(|(_, column)| JUDGED.fits(&column.name))
+        .map(|(place, column)| (place, (column.name.clone(), 0.0)))
+        .unzip();
+    if !places.is_empty() {
+        source.read(&places, &mut |block| {
+            for ((_, most), values) in largest.iter_mut().zip(block) {
+                for value in values {
+                    if value.abs() > f64::abs(*most) {
+                        *most = *value;
+                    }
+                }
+            }
+        })?;
+    }
+    Ok(largest)
 }
 
 impl Digest {
@@ -100,6 +122,7 @@ impl Digest {
             first = false;
         }
         digest.axes.sort_by_key(|axis| axis.axis);
+        digest.judged = largest(source)?;
         Ok(digest)
     }
 
