@@ -76,7 +76,7 @@ pub fn manual() -> Vec<ManualFile> {
 /// Address, page or table, heading and text of a heading or key.
 pub(super) type IndexEntry = [String; 4];
 
-/// What the search knows of all pages.
+/// The entries of all pages for the search.
 pub(super) fn index() -> Vec<IndexEntry> {
     texts()
         .flat_map(|(id, text)| Rendered::new(id, text).index)

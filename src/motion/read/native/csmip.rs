@@ -256,7 +256,7 @@ fn pairs(lines: &mut Lines<'_>, head: &Head, recording: &mut Recording) -> Resul
         Err(error) => {
             let (dt, even, most) = evenly_spaced(&times, &accels).ok_or(error)?;
             recording.warnings.push(format!(
-                "{}: the points of {} stand at unequal times, up to {} s from equal ones: straight lines between \
+                "{}: the points of {} have unequal times, up to {} s from equal ones: straight lines between \
                  them give the values every {} s",
                 lines.file,
                 channel.name,

@@ -55,7 +55,7 @@ pub(super) fn parse(lines: &mut Lines<'_>) -> Result<Recording, MotionError> {
     let real = |at: usize| reals.get(at).copied().unwrap_or(0.0);
     let rate = real(1);
     if rate > 0.0 && rate == real(0) {
-        let reason = "it states no sampling rate: the points of a film stand at unequal times; read the corrected record";
+        let reason = "it states no sampling rate: the points of a film have unequal times; read the corrected record";
         return Err(lines.unsupported("SMC", reason));
     }
     if !(rate > 0.0 && rate < 1e5) {
