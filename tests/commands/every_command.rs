@@ -215,7 +215,7 @@ fn run_says_in_the_end_what_the_test_came_to_and_where_it_is_unless_it_is_to_be_
         "100 steps",
         "peak displacement",
         " at DOF 2, relative to the ground",
-        " at DOF 2, absolute",
+        " at DOF 1, absolute",
         "peak storey drift",
         " in storey 1",
         "peak force, storey",

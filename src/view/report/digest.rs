@@ -16,8 +16,8 @@ use crate::metrics::falsified::Scale;
 /// Everything a page needs of the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Digest {
-    /// The farthest value from zero that each limit judged, by its column.
-    pub(super) judged: Vec<(String, f64)>,
+    /// The farthest value from zero of each column that a limit of an axis is about, by its name.
+    pub(super) largest: Vec<(String, f64)>,
     /// Columns at the ends of steps, and columns at every tick.
     pub(super) table: Table,
     pub(super) ticks: Table,

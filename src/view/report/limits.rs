@@ -1,15 +1,24 @@
 //! The table of limits: what would have ended the test, how it was judged and who watched it; and what the specimens do at
 //! either end of a test.
 
+use super::RunView;
+use super::columns::SpecimenAxis;
 use super::html::{beside, details, note, paragraph, table_without};
+use super::rows::Rows;
+use super::scale::{Scale, own_unit};
 use super::text::{NOTHING, exact, number, quantity};
-use super::{Digest, RunView};
 use crate::catalog::column::JUDGED;
 use crate::catalog::limit::Limit;
 use crate::view::{LimitView, LimitsView, SpecimenLimitsView};
 
 /// The limits of the run, as markup; nothing where the summary has none.
-pub(super) fn limits(run: &RunView, digest: &Digest) -> Option<String> {
+///
+/// `largest` has the farthest value from zero of each column that a limit of an axis is about.
+pub(super) fn limits(
+    run: &RunView,
+    recorded: &Rows<'_>,
+    largest: &[(String, f64)],
+) -> Option<String> {
     let limits = run.summary.as_ref()?.limits.as_ref()?;
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut unlimited = Vec::new();
@@ -21,15 +30,12 @@ pub(super) fn limits(run: &RunView, digest: &Digest) -> Option<String> {
             } else {
                 name.clone()
             };
-            let judged = |limit: &LimitView| {
-                let name = Limit::of_key(&limit.key)?.row().name;
-                let column = JUDGED.of_parameter(name, number, axis + 1);
-                let mut known = digest.judged.iter();
-                known
-                    .find(|(known, _)| *known == column)
-                    .map(|(_, value)| *value)
+            let place = SpecimenAxis {
+                specimen: number,
+                axis: axis as u32 + 1,
             };
-            rows.extend(of_axis.iter().map(|limit| row(&who, limit, judged(limit))));
+            let far = |limit: &LimitView| farthest(limit, place, run, recorded, largest);
+            rows.extend(of_axis.iter().map(|limit| row(&who, limit, far(limit))));
             if of_axis.is_empty() {
                 unlimited.push(who);
             }
@@ -61,6 +67,40 @@ pub(super) fn limits(run: &RunView, digest: &Digest) -> Option<String> {
                 &consequences(limits),
             ),
     )
+}
+
+/// The farthest value from zero that a limit judged, at the specimen; none where it is not recorded.
+fn farthest(
+    limit: &LimitView,
+    axis: SpecimenAxis,
+    run: &RunView,
+    recorded: &Rows<'_>,
+    largest: &[(String, f64)],
+) -> Option<f64> {
+    let of = |column: String| {
+        let found = largest.iter().find(|(name, _)| *name == column);
+        found.map(|(_, value)| *value)
+    };
+    let test = &run.test.file;
+    let scale = Scale::of(recorded, test, axis);
+    match Limit::of_key(&limit.key)? {
+        Limit::CommandDisp => {
+            let metres = match own_unit(recorded, test, axis, "cmd") {
+                "m" => 1.0,
+                "mm" => 1e-3,
+                "in" => 0.0254,
+                _ => return None,
+            };
+            of(axis.column("cmd")).map(|value| value * metres)
+        }
+        Limit::MeasuredDisp => {
+            of(axis.column("meas")).map(|value| value / scale.map_or(1.0, |s| s.metres))
+        }
+        Limit::MeasuredForce => {
+            of(axis.column("force")).map(|value| value / scale.map_or(1.0, |s| s.newtons))
+        }
+        other => of(JUDGED.of_parameter(other.row().name, axis.specimen, axis.axis)),
+    }
 }
 
 /// What ends every test, and what a trip, a late tick and the end do.
@@ -154,6 +194,7 @@ fn words(key: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Digest;
     use super::*;
     use serde_json::json;
 
@@ -175,7 +216,7 @@ mod tests {
             }}).into()),
             ..RunView::default()
         };
-        let markup = limits(&run, &Digest::default()).unwrap();
+        let markup = limits(&run, &Rows::new(&Digest::default()), &[]).unwrap();
         for part in [
             "<th>how it is checked</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
@@ -193,20 +234,16 @@ mod tests {
 
     #[test]
     fn largest_value_stands_beside_its_levels() {
-        let limit =
-            json!({"key": "command_disp_m", "unit": "m", "warn": [], "trip": [-0.02, 0.02]});
+        let limit = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02]});
         let run = RunView {
             summary: Some(
                 json!({"limits": {"specimens": [{"name": "a", "axes": [[limit]]}]}}).into(),
             ),
             ..RunView::default()
         };
-        let digest = Digest {
-            judged: vec![("judged_command_disp_1_1".to_owned(), -0.0125)],
-            ..Digest::default()
-        };
-        let markup = limits(&run, &digest).unwrap();
-        assert!(markup.contains("<td>−12.5\u{a0}mm</td>"), "{markup}");
+        let largest = [("judged_following_error_1_1".to_owned(), 0.0125)];
+        let markup = limits(&run, &Rows::new(&Digest::default()), &largest).unwrap();
+        assert!(markup.contains("<td>12.5\u{a0}mm</td>"), "{markup}");
     }
 
     #[test]

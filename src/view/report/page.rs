@@ -77,7 +77,7 @@ fn page(run: &RunView, digest: &Digest) -> String {
         Some(timing::timing(run, &rows, &timings)),
         Some(model(run, &rows)),
         ground(&rows),
-        limits(run, digest).map(|limits| section("Limits", &limits)),
+        limits(run, &rows, &digest.largest).map(|limits| section("Limits", &limits)),
     ];
     body.extend(results.into_iter().flatten());
     body += &events::events(run, &timeline(run));

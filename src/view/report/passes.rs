@@ -11,7 +11,7 @@ use super::holder::{Item, hold};
 use super::shaking::Shaking;
 use super::source::Source;
 use super::table::Table;
-use crate::catalog::column::JUDGED;
+use crate::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
 use crate::metrics::energy::Model;
 use crate::metrics::tracking::Noise;
 use crate::record::Column;
@@ -47,11 +47,14 @@ fn axes(columns: &[Column]) -> Vec<SpecimenAxis> {
     axes
 }
 
-/// The farthest value from zero that each limit judged, by its column.
+/// The farthest value from zero of each column that a limit of an axis is about, by its name.
 fn largest(source: &dyn Source) -> io::Result<Vec<(String, f64)>> {
     let columns = source.columns().iter().enumerate();
     let (places, mut largest): (Vec<usize>, Vec<(String, f64)>) = columns
-        .filter(|(_, column)| JUDGED.fits(&column.name))
+        .filter(|(_, column)| {
+            let kinds = [&JUDGED, &COMMAND, &MEASURED, &FORCE];
+            kinds.iter().any(|kind| kind.fits(&column.name))
+        })
         .map(|(place, column)| (place, (column.name.clone(), 0.0)))
         .unzip();
     if !places.is_empty() {
@@ -122,7 +125,7 @@ impl Digest {
             first = false;
         }
         digest.axes.sort_by_key(|axis| axis.axis);
-        digest.judged = largest(source)?;
+        digest.largest = largest(source)?;
         Ok(digest)
     }
 

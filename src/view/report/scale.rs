@@ -16,8 +16,8 @@ pub(super) const AS_SEEN: &str = ", as the structure sees it";
 /// What a metre and a newton of an axis are for the structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
-    metres: f64,
-    newtons: f64,
+    pub(super) metres: f64,
+    pub(super) newtons: f64,
 }
 
 /// The table of the axis.
