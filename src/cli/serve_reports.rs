@@ -1,4 +1,4 @@
-//! Reports of served tests: a thread of its own writes each at the end of its test.
+//! Reports of served tests: a separate thread writes each at the end of its test.
 
 use std::path::PathBuf;
 use std::thread::JoinHandle;

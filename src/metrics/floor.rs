@@ -27,7 +27,7 @@ impl Judged {
         }
     }
 
-    /// The same less `perfect`, the value without any error.
+    /// These metrics less `perfect`, the value without any error.
     pub(super) fn less(self, perfect: f64) -> Self {
         Self {
             value: self.value - perfect,

@@ -30,7 +30,7 @@ impl Brake {
         self.tick == 0
     }
 
-    /// Goes on by a tick; false when the specimen rests.
+    /// Advances by a tick; false when the specimen rests.
     pub(super) const fn go_on(&mut self) -> bool {
         self.tick += 1;
         self.tick < self.ticks

@@ -25,7 +25,7 @@ const PROBE: Pace = Pace {
     period_ns: 1_000_000,
 };
 const AMPLITUDE: f64 = 1e-3;
-/// Of the motion of an identification, in m/s².
+/// Limit of acceleration of the motion of an identification, in m/s².
 const ACCEL: f64 = 20.0;
 /// Beyond the force of every motion here.
 const TRIPS_N: f64 = 1e5;

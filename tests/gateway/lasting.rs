@@ -313,7 +313,7 @@ fn no_ending_of_a_run_is_unseen() {
             is_regular || is_back || is_refused,
             "{session}: {end:?} {code:?}"
         );
-        // What a killed one did last is unknown.
+        // The last command of a killed one is unknown.
         let is_known = is_regular || (is_back && code.is_some());
         assert!(!(is_known && is_refused), "{session}: {end:?} {code:?}");
         if is_refused {

@@ -299,7 +299,7 @@ fn the_first_command_is_a_step_from_where_the_specimen_was_measured() {
     assert!(spring.told.lock().unwrap().is_empty());
 }
 
-/// A controller that believes the specimen elsewhere does not lead it there by the wiring check.
+/// A controller with another position of the specimen does not lead it there by the wiring check.
 #[test]
 fn a_check_begins_where_it_was_measured() {
     for (limit, start, begins) in [

@@ -156,7 +156,7 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
     assert_eq!(found["lost"]["dead"], "dead");
     let asked = found["asked"].as_str().unwrap();
     assert!(asked.contains("specimen stays where it is"), "{asked}");
-    assert_eq!(found["unasked"], true, "a wrong token is told first");
+    assert_eq!(found["unasked"], true, "a wrong token is reported first");
     assert_eq!(found["kept_running"], "running", "STOP asks first");
     let outcome = found["outcome"].as_str().unwrap();
     assert!(
