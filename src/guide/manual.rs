@@ -4,11 +4,14 @@ use pulldown_cmark::{CowStr, Event, Tag, TagEnd, html};
 use serde_json::json;
 
 use super::markdown::{anchor, linked_page, parse};
-use super::search::POINTS;
 use super::{CONTENTS, Group, PAGES, PICTURES};
 
 /// The file that lists the files of a manual.
 pub const MANUAL_LIST: &str = "gusset-guide.txt";
+
+/// Points of a word by the place where it occurs. The web pages read them, too.
+pub(super) const POINTS: [(&str, u32); 4] =
+    [("text", 1), ("page", 2), ("heading", 5), ("whole", 10)];
 
 const STYLE: &str = include_str!("manual.css");
 const SCRIPT: &str = include_str!("search.js");

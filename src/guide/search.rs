@@ -2,11 +2,8 @@
 //!
 //! `gusset guide WORD` and the web pages search one index with one table of points; `search.js` ranks as [`search`] does.
 
-use super::manual::{IndexEntry, index};
+use super::manual::{IndexEntry, POINTS, index};
 
-/// Points of a word by the place where it occurs. The web pages read them, too.
-pub(super) const POINTS: [(&str, u32); 4] =
-    [("text", 1), ("page", 2), ("heading", 5), ("whole", 10)];
 /// Characters of the text that are shown around a word.
 const SHOWN: usize = 160;
 
