@@ -158,7 +158,7 @@ fn the_schema_is_json_schema_of_every_table() {
 fn run_and_check_with_json_print_one_document_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     // Such that there is something to warn of: that must go to stderr.
-    let text = format!("{FRAME}[safety]\nexit_speed_m_per_s = 0.01\n");
+    let text = format!("{FRAME}[safety]\nexit_speed_m_per_s = 0.01\naccept_error = \"so short\"\n");
     let test = write(folder.path(), "test.toml", &text);
     let test = test.to_str().unwrap();
     let short = "time.duration_s=0.01";
