@@ -20,10 +20,11 @@ use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
 use super::retrace::{
-    Build, Retraced, prepared_by, prepared_to_resume, retrace, take_over, unusable_states,
+    Build, Retraced, prepared_by, prepared_to_resume, recorded_file, retrace, take_over,
+    unusable_states,
 };
 use super::row_peaks::{earlier_peaks, peak_of};
-use crate::config::{self, Loaded};
+use crate::config::Loaded;
 use crate::port::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
@@ -202,7 +203,7 @@ fn widened_limits(
     let Some(((_, reason), loaded)) = allowed.wider.zip(next.loaded.as_deref()) else {
         return Ok(None);
     };
-    let before = config::load(&run.path().join("resolved.toml"), &[])?;
+    let before = recorded_file(run.path(), &[])?;
     let limits = widened::widened(&before, loaded)?;
     if limits.is_empty() {
         return Ok(None);

@@ -4,6 +4,7 @@
 //! all its ancestors. Rows and events are read one after the other: no record is held whole.
 
 use std::ops::Range;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use super::checksum::check_inputs;
@@ -51,6 +52,15 @@ pub(super) fn prepared_to_resume(
     prepared_from(run, sets, None, true, build)
 }
 
+/// The test file of a run folder, with changed keys.
+pub(super) fn recorded_file(folder: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
+    let mut loaded = config::load(&folder.join("resolved.toml"), sets)?;
+    // Recordings without this key have all damping at rest in C0.
+    let share = &mut loaded.file.integrator.rest_damping_share;
+    share.get_or_insert(1.0);
+    Ok(loaded)
+}
+
 /// Builds the test of a run folder, with the state that its ancestors came to, if it has any.
 fn prepared_from(
     run: &Run,
@@ -64,10 +74,7 @@ fn prepared_from(
         return Err(ReplayError::Served(folder.to_owned()));
     }
     check_inputs(run)?;
-    let mut loaded = config::load(&folder.join("resolved.toml"), sets)?;
-    // Recordings without this key have all damping at rest in C0.
-    let share = &mut loaded.file.integrator.rest_damping_share;
-    share.get_or_insert(1.0);
+    let mut loaded = recorded_file(folder, sets)?;
     for specimen in &mut loaded.file.specimen {
         // It came, and is over: a test that goes on is without it.
         specimen.drill = None;
