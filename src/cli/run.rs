@@ -22,7 +22,12 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     for text in test.facts.announced.iter().chain(&test.facts.moved) {
         tell(format_args!("note: {text}"));
     }
-    let judged = Judged::of(test).and_then(Judged::with_errors);
+    let judged = Judged::of(test);
+    // A resumed test was judged by its errors when it began.
+    let judged = match args.resume {
+        Some(_) => judged,
+        None => judged.and_then(Judged::with_errors),
+    };
     let mut judged = judged.map_err(refused)?;
     conduct::obey(&judged)?;
     let test = &mut judged.test;

@@ -58,6 +58,10 @@ pub(super) fn recorded_file(folder: &Path, sets: &[String]) -> Result<Loaded, Co
     // Recordings without this key have all damping at rest in C0.
     let share = &mut loaded.file.integrator.rest_damping_share;
     share.get_or_insert(1.0);
+    for specimen in &mut loaded.file.specimen {
+        // It came, and is over: a test that goes on is without it.
+        specimen.drill = None;
+    }
     Ok(loaded)
 }
 
@@ -75,10 +79,6 @@ fn prepared_from(
     }
     check_inputs(run)?;
     let mut loaded = recorded_file(folder, sets)?;
-    for specimen in &mut loaded.file.specimen {
-        // It came, and is over: a test that goes on is without it.
-        specimen.drill = None;
-    }
     if !keys {
         // No specimen is spoken to: what only a link needs is not asked for.
         for link in loaded

@@ -285,27 +285,37 @@ fn share(difference: f64, reference: f64) -> f64 {
 fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> TestError {
     let peaks: Vec<f64> = reference.each.iter().map(|series| peak(series)).collect();
     let largest = |rotation: bool| {
-        let of_kind = directions.iter().zip(&peaks);
+        let courses = course.each.iter().zip(&peaks);
+        let of_kind = directions.iter().zip(courses);
         let of_kind = of_kind.filter(|(direction, _)| direction.rotation == rotation);
-        of_kind.fold(0.0, |most: f64, (_, peak)| most.max(*peak))
+        of_kind.fold(0.0, |most: f64, (_, (own, peak_of_reference))| {
+            most.max(*peak_of_reference).max(peak(own))
+        })
     };
     let largest = [largest(false), largest(true)];
     let pairs = course.each.iter().zip(&reference.each);
     let mut found: Vec<DriftError> = (pairs.zip(directions).zip(&peaks))
-        .filter(|((_, direction), peak)| {
+        .filter(|(((own, _), direction), of_reference)| {
             let most = largest[usize::from(direction.rotation)];
-            most > 0.0 && **peak >= MOVES * most
+            most > 0.0 && peak(own).max(**of_reference) >= MOVES * most
         })
         .map(|(((own, reference), direction), of_reference)| {
             let of_own = peak(own);
+            // A direction that rests in the reference is compared with the largest of its kind.
+            let most = largest[usize::from(direction.rotation)];
+            let [size, rms_size] = if *of_reference >= MOVES * most {
+                [*of_reference, rms(reference.iter().copied())]
+            } else {
+                [most; 2]
+            };
             let differences = own.iter().zip(reference).map(|(a, b)| a - b);
             DriftError {
                 name: direction.name.clone(),
                 unit: if direction.rotation { "rad" } else { "m" }.to_owned(),
                 largest: of_own,
                 reference: *of_reference,
-                error: share(of_own - of_reference, *of_reference),
-                nrmse: share(rms(differences), rms(reference.iter().copied())),
+                error: share(of_own - of_reference, size),
+                nrmse: share(rms(differences), rms_size),
             }
         })
         .collect();

@@ -64,7 +64,7 @@ fn is_level(key: &str) -> bool {
         name == Some("divergence_m") || rows.any(|row| Some(row.key) == name)
     };
     (key.starts_with("specimen[") && key.contains(".limits."))
-        || key.starts_with("timing.misses.")
+        || (key.starts_with("timing.misses.") && !key.ends_with(".window_s"))
         || key.strip_prefix("safety.").is_some_and(of_test)
 }
 
