@@ -4,8 +4,8 @@
 
 use super::criterion::StabilityProof;
 use super::integration::Stability;
+use super::kind::Kind;
 use super::lambda::Advice;
-use super::recorded::Kind;
 use crate::finding::{Finding, KeyPath};
 use crate::linalg::{Spd, SymMatrix};
 use crate::spectral::{AlphaStep, Weights, spectral_radius};

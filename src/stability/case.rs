@@ -2,7 +2,7 @@
 
 use super::actuator::Actuator;
 use super::analysis::Analysis;
-use super::recorded::Kind;
+use super::kind::Kind;
 use crate::finding::Finding;
 
 /// The input of a verdict.

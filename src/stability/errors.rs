@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::analysis::{Analysis, Attached};
 use super::case::Case;
-use super::recorded::Kind;
+use super::kind::Kind;
 use crate::finding::{Finding, KeyPath};
 use crate::linalg;
 use crate::units::number;

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::bound::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
 use super::case::Case;
-use super::recorded::Kind;
+use super::kind::Kind;
 use super::state::{Bears, State};
 use crate::finding::{Finding, KeyPath};
 use crate::spectral::delay::{DelayError, DiscreteLimit};

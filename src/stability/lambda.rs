@@ -3,8 +3,8 @@
 use super::analysis::Attached;
 use super::criterion::{LambdaChoice, Parts, StabilityError, StabilityProof};
 use super::integration::Stability;
+use super::kind::Kind;
 use super::online::OnlineLimit;
-use super::recorded::Kind;
 use crate::finding::{Finding, KeyPath};
 use crate::integrate::Lambda;
 use crate::linalg::{Spd, SymMatrix};

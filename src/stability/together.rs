@@ -3,7 +3,7 @@
 use super::actuator::{Actuator, Follows};
 use super::analysis::Loop;
 use super::case::Case;
-use super::recorded::Kind;
+use super::kind::Kind;
 use super::roots::roots;
 use crate::finding::{Finding, KeyPath};
 use crate::spectral::delay::Delayed;

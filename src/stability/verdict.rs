@@ -7,7 +7,8 @@ use super::case::{Accepts, Case};
 use super::errors::Errors;
 use super::following::Following;
 use super::integration::grows;
-use super::recorded::{Kind, Outcome, RecordedFinding, RecordedVerdict};
+use super::kind::Kind;
+use super::recorded::{Outcome, RecordedFinding, RecordedVerdict};
 use super::together::together;
 use crate::finding::{Finding, KeyPath, Severity};
 
