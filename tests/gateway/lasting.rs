@@ -1,5 +1,7 @@
 //! One lasting record for each physical specimen: where a motion began stays on the disk until its regular end, and one process holds it.
 
+#![allow(clippy::disallowed_methods, reason = "other processes are waited for")]
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
