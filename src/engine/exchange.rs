@@ -431,7 +431,6 @@ impl Engine<'_> {
         freshness: Freshness,
         tick: &Tick,
     ) -> Result<(), Stop> {
-        let exchanges = &self.exchanges;
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
@@ -446,10 +445,9 @@ impl Engine<'_> {
             let port = index;
             return Err(Stop::HoldsOn { port, answers });
         }
-        let is_by_steps = exchanges.is_by_steps(port);
-        let status = port.raw().status;
-        let is_held = status.has(Status::HOLDING) && !status.has(Status::HELD);
-        if is_by_steps && is_held && freshness == Freshness::Fresh {
+        // A fresh answer counts only while the specimen is held.
+        let is_held = answers > 0 && freshness == Freshness::Fresh;
+        if is_held && self.exchanges.is_by_steps(port) {
             port.take_back_target();
         }
         Ok(())

@@ -59,7 +59,7 @@ pub(super) fn recorded_file(folder: &Path, sets: &[String]) -> Result<Loaded, Co
     let share = &mut loaded.file.integrator.rest_damping_share;
     share.get_or_insert(1.0);
     for specimen in &mut loaded.file.specimen {
-        // It came, and is over: a test that goes on is without it.
+        // The drill is over: a resumed test is without it.
         specimen.drill = None;
     }
     Ok(loaded)

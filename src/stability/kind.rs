@@ -1,4 +1,4 @@
-//! What a finding of the verdict is about.
+//! Subject of a finding of the verdict.
 
 use serde::{Deserialize, Serialize};
 

@@ -105,23 +105,14 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
 /// The first axis whose wiring check would begin at `start` although it was measured at `stands`, in units of the axes: farther than
 /// a first command may go.
 pub(super) fn begins_elsewhere(port: &Port, stands: &[f64], start: &[f64]) -> Option<Hit> {
-    let ends = in_metres(port, stands).zip(in_metres(port, start));
-    let mut axes = port.limits().iter().zip(ends).enumerate();
-    axes.find_map(|(axis, (limits, (stands, start)))| {
+    let bound = |limits: &AxisLimits| {
         let [step, vel] =
             [Limit::CommandStep, Limit::CommandVel].map(|limit| limits.size(limit).trip);
-        let own = step.min(vel * USUAL_TICK_S);
-        let bound = farthest(limits).unwrap_or_else(|| own.min(BEGINS_WITHIN_M));
-        let value = (start - stands).abs();
-        let is_near = value <= bound;
-        (!is_near).then_some(Hit {
-            axis,
-            quantity: Limit::CommandStep,
-            level: Level::Trip,
-            value,
-            bound,
-        })
-    })
+        let own = step.min(vel * USUAL_TICK_S).min(BEGINS_WITHIN_M);
+        Some(farthest(limits).unwrap_or(own))
+    };
+    let [stands, start] = [stands, start].map(|place| in_metres(port, place));
+    too_far(port.limits(), stands, start, bound)
 }
 
 /// The first axis of a port that `place`, in its units, would take beyond its bound of displacement. Real-time: yes.
@@ -146,9 +137,19 @@ fn judge(
     stands: impl Iterator<Item = f64>,
     disp: impl Iterator<Item = f64>,
 ) -> Option<Hit> {
+    too_far(limits, stands, disp, farthest)
+}
+
+/// The first axis that goes farther from where it stands than its `bound`; none bounds nothing. Displacements in m. Real-time: yes.
+fn too_far(
+    limits: &[AxisLimits],
+    stands: impl Iterator<Item = f64>,
+    disp: impl Iterator<Item = f64>,
+    bound: impl Fn(&AxisLimits) -> Option<f64>,
+) -> Option<Hit> {
     let mut axes = limits.iter().zip(stands.zip(disp)).enumerate();
     axes.find_map(|(axis, (limits, (from, to)))| {
-        let bound = farthest(limits)?;
+        let bound = bound(limits)?;
         let value = (to - from).abs();
         let is_near = value <= bound;
         (!is_near).then_some(Hit {

@@ -283,24 +283,25 @@ fn share(difference: f64, reference: f64) -> f64 {
 
 /// The error of a course against a reference.
 fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> TestError {
-    let peaks: Vec<f64> = reference.each.iter().map(|series| peak(series)).collect();
+    let pairs = course.each.iter().zip(&reference.each);
+    // Peaks of the course and of the reference.
+    let peaks: Vec<[f64; 2]> = { pairs.clone() }
+        .map(|(own, reference)| [peak(own), peak(reference)])
+        .collect();
     let largest = |rotation: bool| {
-        let courses = course.each.iter().zip(&peaks);
-        let of_kind = directions.iter().zip(courses);
+        let of_kind = directions.iter().zip(&peaks);
         let of_kind = of_kind.filter(|(direction, _)| direction.rotation == rotation);
-        of_kind.fold(0.0, |most: f64, (_, (own, peak_of_reference))| {
-            most.max(*peak_of_reference).max(peak(own))
+        of_kind.fold(0.0, |most: f64, (_, [own, of_reference])| {
+            most.max(*own).max(*of_reference)
         })
     };
     let largest = [largest(false), largest(true)];
-    let pairs = course.each.iter().zip(&reference.each);
     let mut found: Vec<DriftError> = (pairs.zip(directions).zip(&peaks))
-        .filter(|(((own, _), direction), of_reference)| {
+        .filter(|((_, direction), [own, of_reference])| {
             let most = largest[usize::from(direction.rotation)];
-            most > 0.0 && peak(own).max(**of_reference) >= MOVES * most
+            most > 0.0 && own.max(*of_reference) >= MOVES * most
         })
-        .map(|(((own, reference), direction), of_reference)| {
-            let of_own = peak(own);
+        .map(|(((own, reference), direction), [of_own, of_reference])| {
             // A direction that rests in the reference is compared with the largest of its kind.
             let most = largest[usize::from(direction.rotation)];
             let [size, rms_size] = if *of_reference >= MOVES * most {
@@ -312,7 +313,7 @@ fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> Te
             DriftError {
                 name: direction.name.clone(),
                 unit: if direction.rotation { "rad" } else { "m" }.to_owned(),
-                largest: of_own,
+                largest: *of_own,
                 reference: *of_reference,
                 error: share(of_own - of_reference, size),
                 nrmse: share(rms(differences), rms_size),
