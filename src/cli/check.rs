@@ -130,7 +130,6 @@ impl Checked<'_> {
             };
             table.row(&format!("command, {name}"), what);
         }
-        brief::of_errors(self, table);
         verbose::of_errors(table, self.judged.verdict.errors.as_ref());
         if let Some(full) = &self.judged.rehearsed {
             rehearsed::tabulate(full, table);

@@ -112,30 +112,34 @@ impl TestError {
     /// In words.
     #[must_use]
     pub fn words(&self) -> String {
-        if let Some(why) = &self.not_known {
-            return format!("not known: {why}");
+        let mut text = self.in_short(" of the largest drift");
+        if self.drift.is_none() || self.directions.is_empty() {
+            return text;
         }
-        let Some(drift) = self.drift else {
-            return "not known".to_owned();
-        };
-        if self.directions.is_empty() {
-            return "none".to_owned();
-        }
-        let place = self.direction.as_deref().unwrap_or("structure");
-        let mut text = format!("{} of the largest drift ({place})", per_cent(drift));
-        if let Some(nrmse) = self.nrmse {
-            text.push_str(&format!(", NRMSE {}", per_cent(nrmse)));
-        }
-        if let Some(energy) = self.energy {
-            text.push_str(&format!(", input energy {}", per_cent(energy)));
-        }
-        if let Some(added) = self.added_energy {
-            text.push_str(&format!(
-                ", energy added by the actuators {}",
-                per_cent(added)
-            ));
+        let rest = [
+            ("NRMSE", self.nrmse),
+            ("input energy", self.energy),
+            ("energy added by the actuators", self.added_energy),
+        ];
+        for (name, share) in rest {
+            if let Some(share) = share {
+                text.push_str(&format!(", {name} {}", per_cent(share)));
+            }
         }
         text
+    }
+
+    /// Its size, `of` what, and where; or why it is not known.
+    fn in_short(&self, of: &str) -> String {
+        match (&self.not_known, self.drift) {
+            (Some(why), _) => format!("not known: {why}"),
+            (None, None) => "not known".to_owned(),
+            (None, Some(_)) if self.directions.is_empty() => "none".to_owned(),
+            (None, Some(drift)) => {
+                let place = self.direction.as_deref().unwrap_or("structure");
+                format!("{}{of} ({place})", per_cent(drift))
+            }
+        }
     }
 }
 
@@ -144,7 +148,7 @@ impl TestError {
 pub fn per_cent(share: f64) -> String {
     let value = 100.0 * share;
     match value.abs() {
-        size if size < 0.01 => "less than 0.01 %".to_owned(),
+        size if size < 0.01 => "< 0.01 %".to_owned(),
         size if size < 1.0 => format!("{value:.2} %"),
         size if size < 10.0 => format!("{value:.1} %"),
         size if size < 1e6 => format!("{value:.0} %"),
@@ -240,6 +244,16 @@ impl Errors {
     pub fn are_small(&self) -> bool {
         let small = |error: &TestError| error.is_below(self.warn);
         small(&self.method) && small(&self.coupling)
+    }
+
+    /// Both errors in one row.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let [method, coupling] = [&self.method, &self.coupling].map(|error| error.in_short(""));
+        if self.method.not_known.is_some() && method == coupling {
+            return method;
+        }
+        format!("largest drift: method {method}; coupling {coupling}")
     }
 
     /// Both errors with their names.

@@ -358,7 +358,7 @@ impl Following {
         };
         match self.kind {
             "none" => format!("{lag}; uncompensated: {verdict}"),
-            kind => format!("{lag}; with \"{kind}\": {verdict}"),
+            _ => format!("{lag}; compensated: {verdict}"),
         }
     }
 

@@ -225,15 +225,13 @@ fn of_delays(checked: &Checked<'_>, table: &mut Table) {
     }
 }
 
-/// Errors of method and coupling, and the damping that the actuators add.
-pub(super) fn of_errors(checked: &Checked<'_>, table: &mut Table) {
+/// Errors of method and coupling in one row, and the damping that the actuators take.
+fn of_errors(checked: &Checked<'_>, table: &mut Table) {
     let Some(errors) = &checked.judged.verdict.errors else {
         return;
     };
-    for (name, error) in errors.each() {
-        table.row(&format!("error, {name}"), &error.words());
-    }
-    if let Some(text) = errors.of_modes() {
+    table.row("errors", &errors.words());
+    if let Some(text) = errors.of_modes().filter(|_| errors.take_damping()) {
         table.row("damping", &text);
     }
 }

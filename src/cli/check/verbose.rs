@@ -52,6 +52,7 @@ pub(super) fn of_errors(table: &mut Table, errors: Option<&Errors>) {
         return;
     };
     for (name, error) in errors.each() {
+        table.row(&format!("error, {name}"), &error.words());
         for one in &error.directions {
             let text = format!(
                 "largest drift {} instead of {}: {}, NRMSE {}",
