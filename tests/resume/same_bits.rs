@@ -93,8 +93,9 @@ fn measures(page: &str, heading: &str) -> String {
 fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_of_the_whole() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    // The record is strongest at its beginning.
-    let text = frame(200, 1, 3.0, 0.0);
+    // The record is strongest at its beginning. An actuator lags, so that the displacement is measured.
+    let actuator = "[specimen.transfer.actuator.first_order]\ntime_constant_s = 1e-3\n";
+    let text = frame(200, 1, 3.0, 0.0) + actuator;
     let test = test_in(home.path(), &text);
     let faded: String = (0..1200)
         .map(|k| f64::from(k) * 0.005)
@@ -102,7 +103,9 @@ fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_o
         .collect();
     write(home.path(), "motion.csv", &format!("t,a\n{faded}"));
     completed(&test, &at("whole"), &[]);
-    killed(&at("whole"), &at("first"), 420);
+    let made = column(&at("whole"), "step");
+    let row = made.iter().rposition(|step| *step == 300.0).unwrap();
+    killed(&at("whole"), &at("first"), row + 1);
     let said = go_on(&at("first"), &at("second"));
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let page = |name: &str| std::fs::read_to_string(at(name).join("report.html")).unwrap();
