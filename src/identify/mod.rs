@@ -142,8 +142,9 @@ pub enum IdentifyError {
     },
     /// The force falls where the displacement grows.
     #[error(
-        "the measured force falls as the displacement grows: {stiffness:.4e} N/m; the sign of the load cell is wrong, or the \
-         specimen is unstable"
+        "the measured force falls as the displacement grows: {}; the sign of the load cell is wrong, or the \
+         specimen is unstable",
+        crate::units::quantity(*stiffness, "N/m")
     )]
     ForceReversed {
         /// Stiffness found.

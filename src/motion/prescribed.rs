@@ -9,6 +9,7 @@ use super::process::Motion;
 use super::shapes::smooth_rise;
 use super::unit::Quantity;
 use super::{Files, Grid, RecordFacts};
+use crate::units::quantity;
 
 /// Displacement of each axis, with smooth start and end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -154,16 +155,21 @@ fn rough_ends(place: &str, disp: &[f64], vel: &[f64], dt: f64) -> Vec<String> {
     let top = vel.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let rough = |v: Option<&f64>| v.copied().filter(|v| v.abs() > 1e-3 * top);
     if let Some(d) = disp.first().filter(|d| **d != 0.0) {
-        found.push(format!("{place} starts at {d:e} m, not at zero"));
+        found.push(format!(
+            "{place} starts at {}, not at zero",
+            quantity(*d, "m")
+        ));
     }
     if let Some(v) = rough(vel.first()) {
         found.push(format!(
-            "{place} starts with {v:e} m/s out of rest; ease_in_s softens it"
+            "{place} starts with {} out of rest; ease_in_s softens it",
+            quantity(v, "m/s")
         ));
     }
     if let Some(v) = rough(vel.last()) {
         found.push(format!(
-            "{place} ends with {v:e} m/s; ease_out_s brings it to rest"
+            "{place} ends with {}; ease_out_s brings it to rest",
+            quantity(v, "m/s")
         ));
     }
     found

@@ -6,6 +6,7 @@ use super::startup::{SAME, Startup};
 use super::stiffness::{Opinion, compare_stiffness};
 use super::wiring_check::WiringCheck;
 use crate::substructure::{Introduction, LinkFault, Unavailable};
+use crate::units::quantity;
 
 /// The test file's side of an introduction.
 pub(super) struct Expectation<'a> {
@@ -56,9 +57,11 @@ impl Expectation<'_> {
             match compare_stiffness(theirs, *ours) {
                 Opinion::Agrees => {}
                 Opinion::Differs => warnings.push(format!(
-                    "specimen \"{}\", axis {number}: it reports a stiffness of {theirs:e} N/m at the structure's \
-                     scale, the test file says {ours:e} N/m",
-                    self.name
+                    "specimen \"{}\", axis {number}: it reports a stiffness of {} at the structure's \
+                     scale, the test file says {}",
+                    self.name,
+                    quantity(theirs, "N/m"),
+                    quantity(*ours, "N/m")
                 )),
                 Opinion::Reversed => {
                     return Err(Unavailable {

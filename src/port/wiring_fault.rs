@@ -1,6 +1,6 @@
 //! Why a specimen must not be armed, in words and with what to do about it.
 
-use crate::units::{in_axis_unit, signed_in_axis_unit};
+use crate::units::{in_axis_unit, number, signed_in_axis_unit};
 
 /// A part of an axis's way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -262,8 +262,10 @@ impl std::fmt::Display for WiringFault {
                 let axis = axis + 1;
                 write!(
                     f,
-                    "axis {axis}: its measured stiffness is {found:.4e} {force}/{disp}, and the estimate is {expected:.4e} \
-                     {force}/{disp}: look for {MISTAKES}. {ACCEPT}"
+                    "axis {axis}: its measured stiffness is {} {force}/{disp}, and the estimate is {} \
+                     {force}/{disp}: look for {MISTAKES}. {ACCEPT}",
+                    number(found),
+                    number(expected)
                 )
             }
             Self::Coupling {
@@ -277,8 +279,10 @@ impl std::fmt::Display for WiringFault {
                 let (axis, moved) = (axis + 1, moved + 1);
                 write!(
                     f,
-                    "axis {axis}: for each {disp} of axis {moved} its force changes by {found:.4e} {force}, and the estimate says \
-                     {expected:.4e} {force}: "
+                    "axis {axis}: for each {disp} of axis {moved} its force changes by {} {force}, and the estimate says \
+                     {} {force}: ",
+                    number(found),
+                    number(expected)
                 )?;
                 if is_reversed {
                     write!(

@@ -10,9 +10,9 @@
 //! | evidence | the loop's own computation was long | the clock jumped |
 //! |---|---|---|
 //! | the process was stopped and continued | stopped | stopped |
-//! | the thread was switched away, or waited for a processor for half of the delay | preempted | preempted |
+//! | the thread waited for a processor for half of the delay; where no wait is counted: was switched away | preempted | preempted |
 //! | page faults | ours | ours |
-//! | steal | ours | taken away (hypervisor) |
+//! | steal for half of the delay, in whole ticks of 10 ms | ours | taken away (hypervisor) |
 //! | nothing | ours | unknown |
 //!
 //! Only a stop changes the class of a late reply.
@@ -86,15 +86,20 @@ pub const fn classify(known: MissCause, evidence: Option<Evidence>, late_ns: u64
     if evidence.stopped {
         return MissCause::Stopped;
     }
-    let has_waited = evidence.waited_us.saturating_mul(2_000) >= late_ns && evidence.waited_us > 0;
+    let waited_us = evidence.waited_us;
+    let is_preempted = if waited_us > 0 {
+        waited_us.saturating_mul(2_000) >= late_ns
+    } else {
+        // A kernel without statistics of its scheduler counts switches alone.
+        evidence.involuntary_switches > 0
+    };
+    // Steal is counted in whole ticks.
+    let stolen_ms = evidence.steal_ms + STEAL_TICK_MS;
+    let is_stolen = evidence.steal_ms > 0 && stolen_ms.saturating_mul(2_000_000) >= late_ns;
     match known {
-        MissCause::TakenAway | MissCause::Ours
-            if evidence.involuntary_switches > 0 || has_waited =>
-        {
-            MissCause::Preempted
-        }
+        MissCause::TakenAway | MissCause::Ours if is_preempted => MissCause::Preempted,
         MissCause::TakenAway if evidence.minor_faults > 0 => MissCause::Ours,
-        MissCause::TakenAway if evidence.steal_ms == 0 => MissCause::Unknown,
+        MissCause::TakenAway if !is_stolen => MissCause::Unknown,
         _ => known,
     }
 }
@@ -213,7 +218,7 @@ mod tests {
     fn the_class_follows_the_table() {
         let none = Evidence::default();
         let steal = Evidence {
-            steal_ms: 30,
+            steal_ms: 1_240,
             ..none
         };
         let faults = Evidence {
@@ -233,6 +238,15 @@ mod tests {
             waited_us: 300,
             ..none
         };
+        // One tick of steal, and one switch with a short wait, beside a delay of 1.25 s.
+        let a_tick = Evidence {
+            steal_ms: 10,
+            ..none
+        };
+        let a_switch = Evidence {
+            involuntary_switches: 1,
+            ..a_little
+        };
         let stopped = Evidence {
             stopped: true,
             ..switches
@@ -241,6 +255,8 @@ mod tests {
             (None, Unknown, Ours, LateReply),
             (Some(none), Unknown, Ours, LateReply),
             (Some(a_little), Unknown, Ours, LateReply),
+            (Some(a_tick), Unknown, Ours, LateReply),
+            (Some(a_switch), Unknown, Ours, LateReply),
             (Some(steal), TakenAway, Ours, LateReply),
             (Some(faults), Ours, Ours, LateReply),
             (Some(switches), Preempted, Preempted, LateReply),

@@ -1,6 +1,6 @@
 //! report.html: made from the run folder and nothing else, now or years later.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ use crate::view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
 };
-use crate::view::{Flaws, ResolvedTest, RunView, SummaryView, Timings};
+use crate::view::{Flaws, ResolvedTest, RunView, SummaryView, Timings, Trials};
 
 /// Its name in the run folder.
 const PAGE: &str = "report.html";
@@ -114,8 +114,8 @@ struct OnDisk<'a> {
     without_disp: Vec<u32>,
     /// How the rows ended where they ended.
     end: Cell<Option<RowsEnd>>,
-    /// Exchanges of a served test that a later one of the same step replaced.
-    trials: Cell<u64>,
+    /// Steps of a served test with several exchanges.
+    trials: RefCell<Vec<Trials>>,
 }
 
 /// How rows ended that were read from the first to the last.
@@ -161,15 +161,17 @@ impl Source for OnDisk<'_> {
         let place = |name: &str| self.run.layout().index_of(name);
         let (time_at, state_at, commits_at) = (place("time"), place("state"), place(COMMITS));
         let (mut time, mut step) = (None, None);
-        let mut trials = 0;
+        let mut trials = Vec::new();
         while let Some(row) = journal.next_row()? {
             let at = |place: Option<usize>| row.values.get(place?).copied();
             time = at(time_at);
             // The last exchange of a step counts; the others are trials and repeated requests.
             let running = at(state_at).filter(|state| *state == Phase::Running.code());
+            // A client that never commits and sends no time has no steps.
             let next = running.and(at(commits_at)).zip(time);
+            let next = next.filter(|(commits, time)| *commits > 0.0 || *time > 0.0);
             if next.is_some() && next == step {
-                trials += 1;
+                count_trial(&mut trials, time);
                 filled -= 1;
                 block.iter_mut().for_each(|column| {
                     let _ = column.pop();
@@ -185,7 +187,7 @@ impl Source for OnDisk<'_> {
             }
             filled += 1;
         }
-        self.trials.set(trials);
+        *self.trials.borrow_mut() = trials;
         if filled > 0 {
             take(&block);
         }
@@ -195,6 +197,18 @@ impl Source for OnDisk<'_> {
             lost: journal.lost(),
         }));
         Ok(())
+    }
+}
+
+/// Counts an exchange that a later one of its step replaces.
+fn count_trial(trials: &mut Vec<Trials>, time: Option<f64>) {
+    let time = time.unwrap_or(f64::NAN);
+    match trials.last_mut().filter(|last| last.time_s == time) {
+        Some(last) => last.replaced += 1,
+        None => trials.push(Trials {
+            time_s: time,
+            replaced: 1,
+        }),
     }
 }
 
@@ -257,7 +271,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         earlier,
         without_disp: without_disp(&told.events),
         end: Cell::new(None),
-        trials: Cell::new(0),
+        trials: RefCell::default(),
         run: &run,
     };
     let model = model.as_mut().map(|model| model as &mut dyn Model);
@@ -283,7 +297,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         columns: run.layout().columns().to_vec(),
         data: Vec::new(),
         digest: Some(digest),
-        trials: on_disk.trials.get(),
+        trials: on_disk.trials.take(),
         no_balance,
         no_margin: known.no_margin,
         no_modes: known.modes.as_ref().err().cloned(),

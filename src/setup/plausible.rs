@@ -16,10 +16,8 @@ const PERIODS_S: [f64; 2] = [0.02, 10.0];
 const USUAL_PERIODS_S: [f64; 2] = [0.1, 5.0];
 /// Frequencies below this share of the highest are those of a rigid motion, found with rounding.
 const RIGID: f64 = 1e-7;
-/// Peak ground accelerations of records whose unit is not doubted, g.
+/// Peak ground accelerations whose unit is not doubted, g. A signal of the file itself may be smaller.
 const PEAKS_G: [f64; 2] = [0.003, 2.0];
-/// Largest peak of a signal that the file itself describes, g.
-const MOST_DESCRIBED_G: f64 = 5.0;
 /// The usual ones among them, g.
 const USUAL_PEAKS_G: [f64; 2] = [0.05, 1.0];
 /// Largest ratio of two stiffnesses whose unit is the same.
@@ -178,7 +176,7 @@ fn unusual_peak(site: &Site<'_>, peak: Option<f64>) -> Option<Finding> {
     let record = record.filter(|_| matches!(ground.signal, Signal::File(_)));
     let [least, most] = match record {
         Some(_) => PEAKS_G,
-        None => [0.0, MOST_DESCRIBED_G],
+        None => [0.0, PEAKS_G[1]],
     };
     if is_within(in_g, [least, most]) {
         return None;

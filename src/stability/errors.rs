@@ -239,11 +239,10 @@ impl Errors {
         ))
     }
 
-    /// True if both errors are known and below the limit of a finding.
+    /// True if `error` is known and is no finding: its largest drift is at most `warn`, its NRMSE at most `refuse`.
     #[must_use]
-    pub fn are_small(&self) -> bool {
-        let small = |error: &TestError| error.is_below(self.warn);
-        small(&self.method) && small(&self.coupling)
+    pub fn is_small(&self, error: &TestError) -> bool {
+        error.is_below(self.warn) && error.nrmse.is_none_or(|nrmse| nrmse <= self.refuse)
     }
 
     /// Both errors in one row.
@@ -281,7 +280,7 @@ impl Errors {
             let (Some(drift), Some(worst)) = (error.drift, error.directions.first()) else {
                 continue;
             };
-            if drift <= self.warn {
+            if self.is_small(error) {
                 continue;
             }
             let text = format!("the error of the {name} is {}", error.words());

@@ -52,6 +52,15 @@ pub struct Flaws {
     pub events_left_out: BTreeMap<&'static str, u64>,
 }
 
+/// A step of a served test with several exchanges.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trials {
+    /// Test time of the step.
+    pub time_s: f64,
+    /// Exchanges that a later one of the step replaced.
+    pub replaced: u64,
+}
+
 /// A recorded run: the files of its folder, each read once.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RunView {
@@ -63,8 +72,8 @@ pub struct RunView {
     pub data: Vec<Vec<f64>>,
     /// Digest of rows that are not held in memory.
     pub digest: Option<Digest>,
-    /// Exchanges of a served test beside the last one of each step; the digest leaves them out.
-    pub trials: u64,
+    /// Steps of a served test with exchanges beside the last one; the digest leaves these out.
+    pub trials: Vec<Trials>,
     /// Reason for a missing energy balance.
     pub no_balance: Option<String>,
     /// Modes of the structure with what delays do to their damping; none without a structure.

@@ -202,6 +202,20 @@ fn error_without_a_reference_is_not_known() {
     assert!(errors["method"]["drift"].as_f64().unwrap() < 0.01);
 }
 
+/// A mass between two wells: whether it crosses the middle depends on the step.
+#[test]
+fn double_well_has_no_known_error() {
+    let wells = "[time]\nrate_hz = 256\nduration_s = 40\nclock = \"simulated\"\n\
+        [structure.shear_building]\nmass_kg = [1000]\nstiffness_n_per_m = [0]\n[integrator]\nlambda = 4\n\
+        [[specimen]]\nname = \"buckled\"\nstorey = 1\n\
+        law.cubic = { stiffness_n_per_m = -40e3, cubic_n_per_m3 = 40e7, reference_stiffness_n_per_m = 80e3 }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 2, frequency_hz = 0.9, duration_s = 40 }\n";
+    let said = check(wells);
+    let method = &said.json["verdict"]["errors"]["method"];
+    assert!(method["not_known"].is_string(), "{method}");
+    assert!(!findings(&said, "unknown").is_empty());
+}
+
 #[test]
 fn friction_at_rest_does_not_slow_the_motion() {
     let text = |law: &str, integrator: &str| {

@@ -421,7 +421,7 @@ fn a_stiffness_that_differs_is_a_warning_and_a_reversed_one_a_refusal() {
     assert!(
         warnings
             .iter()
-            .any(|w| w.contains("it reports a stiffness of 4e5 N/m")),
+            .any(|w| w.contains("it reports a stiffness of 400 kN/m")),
         "{warnings:?}"
     );
     // The bound is 10 % of what the test file says.

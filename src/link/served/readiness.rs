@@ -13,7 +13,7 @@ use crate::record::utc::rfc3339;
 use crate::rt::os;
 use crate::rt::wall::Wall;
 use crate::substructure::{Command, Introduction, Measurement, Retirement};
-use crate::units::{AxisUnits, in_axis_unit, signed_in_axis_unit};
+use crate::units::{AxisUnits, in_axis_unit, number as number_of, signed_in_axis_unit};
 
 const WHILE: &str = "while its direction was tried";
 
@@ -173,15 +173,17 @@ impl<'a> Readiness<'a> {
         let axes = theirs.zip(ours).zip(&identity.units);
         for (number, ((theirs, ours), units)) in (1..).zip(axes) {
             let AxisUnits { disp, force, .. } = units;
-            match compare_stiffness(*theirs, *ours) {
+            let opinion = compare_stiffness(*theirs, *ours);
+            let [theirs, ours] = [theirs, ours].map(|stiffness| number_of(*stiffness));
+            match opinion {
                 Opinion::Agrees => {}
                 Opinion::Differs => doubts.push(format!(
-                    "axis {number} reports a stiffness of {theirs:e} {force}/{disp}, the file says {ours:e} \
+                    "axis {number} reports a stiffness of {theirs} {force}/{disp}, the file says {ours} \
                      {force}/{disp}"
                 )),
                 Opinion::Reversed => {
                     return Err(format!(
-                        "axis {number} reports a stiffness of {theirs:e} {force}/{disp} where {ours:e} {force}/{disp} is \
+                        "axis {number} reports a stiffness of {theirs} {force}/{disp} where {ours} {force}/{disp} is \
                          expected: a channel is reversed; look at the wiring"
                     ));
                 }

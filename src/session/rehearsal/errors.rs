@@ -341,7 +341,7 @@ fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> Te
 }
 
 /// The error of the method against the extrapolation of two references. It is not known where these differ by more than half of it,
-/// unless it is small anyway.
+/// in the largest drifts or in the NRMSE, unless it is small anyway.
 fn of_method(
     course: &Drifts,
     [half, quarter]: [Drifts; 2],
@@ -367,7 +367,8 @@ fn of_method(
         let (off, found) = (off.unwrap_or(0.0), found.unwrap_or(0.0));
         off > SURE * found && off + found > warn
     };
-    if between.not_known.is_some() || doubt(between.drift, error.drift) {
+    let is_doubtful = doubt(between.drift, error.drift) || doubt(between.nrmse, error.nrmse);
+    if between.not_known.is_some() || is_doubtful {
         return TestError::not_known(
             "the reference still changes with its step: the response is too sensitive, or the step is too long",
         );

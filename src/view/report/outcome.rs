@@ -104,17 +104,26 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
             if error.not_known.is_some() {
                 tone = worse(tone);
                 headline += &format!("; the error of the {name} is not known");
-            } else if !error.is_below(errors.warn) {
+            } else if !errors.is_small(error) {
                 let is_large = !error.is_below(errors.refuse);
                 tone = if is_large { Tone::Bad } else { worse(tone) };
-                let size = per_cent(error.drift.unwrap_or(f64::NAN));
-                headline += &format!("; the error of the {name} is {size}");
+                let of_drift = !error.is_below(errors.warn);
+                let (what, size) = if of_drift {
+                    ("error", error.drift)
+                } else {
+                    ("NRMSE", error.nrmse)
+                };
+                let size = per_cent(size.unwrap_or(f64::NAN));
+                headline += &format!("; the {what} of the {name} is {size}");
             }
         }
         if let Some(text) = errors.of_modes().filter(|_| errors.take_damping()) {
             tone = worse(tone);
             sentences.push(ended(&text));
         }
+    } else if judged.is_some() && run.test.file.structure.is_some() {
+        tone = worse(tone);
+        headline += "; its errors are not known";
     }
     let findings = judged.map_or(&[][..], |judged| &judged.findings);
     let is_error = |one: &&RecordedFinding| one.severity == "error";

@@ -11,7 +11,7 @@ use super::figures::tiles;
 use super::following;
 use super::ground::ground;
 use super::histogram;
-use super::html::{beside, definitions, details, note, section};
+use super::html::{beside, definitions, details, note, section, table};
 use super::identified;
 use super::left;
 use super::limits::limits;
@@ -23,11 +23,12 @@ use super::scale;
 use super::sketch::sketch;
 use super::specimens;
 use super::tested;
-use super::text::{escape, plural};
+use super::text::{escape, number, plural};
 use super::timeline::timeline;
 use super::timing;
 use super::tracked;
 use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
+use crate::view::Trials;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("script.js");
@@ -35,6 +36,8 @@ const SCRIPT: &str = include_str!("script.js");
 pub(super) const HINT: &str = "<p class=\"hint\">Drag across a history to zoom all of them in time; a double click, or the button that \
     then appears, shows the whole test again.</p>\n<noscript><p class=\"note\">Scripts are off: the pictures cannot be zoomed, but \
     nothing is missing.</p></noscript>\n";
+/// Steps with trials that are listed.
+const LISTED_TRIALS: usize = 20;
 /// Sentences of a verdict that are always open, if no more are warnings.
 const MOST_SENTENCES: usize = 6;
 
@@ -91,9 +94,10 @@ fn model(run: &RunView, rows: &Rows<'_>) -> String {
     let mut facts = tested::facts(run);
     facts.push(("Recorded".to_owned(), recorded(rows)));
     if run.is_served() {
+        let replaced = run.trials.iter().map(|one| one.replaced).sum();
         let trials = format!(
             "{} beside the last exchange of each step. The histories leave them out; `gusset export --rate tick` has all exchanges",
-            plural(run.trials, "exchange", "exchanges")
+            plural(replaced, "exchange", "exchanges")
         );
         facts.push(("Trials and repeated requests".to_owned(), trials));
     }
@@ -103,9 +107,31 @@ fn model(run: &RunView, rows: &Rows<'_>) -> String {
     } else {
         beside("sketch", &drawn)
     };
-    let ends = scale::of_both_ends(rows, &run.test.file);
+    let ends = scale::of_both_ends(rows, &run.test.file) + &trials(&run.trials);
     let markup = beside("model", &(definitions(&facts) + &drawn));
     section("Model", &(markup + &ends))
+}
+
+/// The steps of a served test with most trials and repeated requests; nothing without any.
+fn trials(trials: &[Trials]) -> String {
+    if trials.is_empty() {
+        return String::new();
+    }
+    let mut most = trials.to_vec();
+    most.sort_by(|a, b| {
+        b.replaced
+            .cmp(&a.replaced)
+            .then(a.time_s.total_cmp(&b.time_s))
+    });
+    most.truncate(LISTED_TRIALS);
+    let rows: Vec<Vec<String>> = (most.iter())
+        .map(|one| vec![number(one.time_s, 6), (one.replaced + 1).to_string()])
+        .collect();
+    let title = format!(
+        "Trials and repeated requests: {}",
+        plural(trials.len() as u64, "step", "steps")
+    );
+    details(&title, &table(&["Test time (s)", "Exchanges"], &rows))
 }
 
 /// The machine, what it granted, and the configuration.

@@ -202,7 +202,7 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunView {
     let misses = events.len() - 1;
     events.push(json!({"tick": steps, "time": seconds, "wall": "2025-03-04T09:12:47.123456789Z", "clock_ns": 2, "event": "ended"}));
     RunView {
-        trials: 0,
+        trials: Vec::new(),
         title: "Three storeys on a Bouc–Wen column".to_owned(),
         columns: columns(&NAMES),
         data,
