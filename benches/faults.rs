@@ -23,7 +23,7 @@ use gusset::link::{NativeSetup, Transport};
 use gusset::record::{FolderImage, Recorder, TimedEvent};
 use gusset::setup;
 use gusset::specimen::{Specimen, Uniaxial};
-use gusset::time::SimClock;
+use gusset_quantity::time::SimClock;
 
 const TEST: &str = r#"
 title = "virtual laboratory"

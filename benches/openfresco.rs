@@ -12,8 +12,8 @@ use gusset::link::server::{ServeOptions, Server};
 use gusset::link::{SocketOptions, TcpTransport, Transport, UdpTransport};
 use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset::specimen::SpecimenLaw;
-use gusset::substructure::{Command, Measurement, Retirement, Substructure};
-use gusset::time::Nanos;
+use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
+use gusset_quantity::time::Nanos;
 use gusset::wire::openfresco::{Carrier, Peer};
 
 const STEPS: u64 = 20_000;

@@ -17,7 +17,7 @@ use gusset::integrate::Integrator;
 use gusset::record::{RingSize, WhenFull, ring};
 use gusset::rt::os::monotonic_ns;
 use gusset::setup;
-use gusset::time::{Clock, Nanos};
+use gusset_quantity::time::{Clock, Nanos};
 
 /// Real readings and a memory of every one; whoever would sleep is at once where he wants to wake up.
 #[derive(Debug)]

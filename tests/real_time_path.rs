@@ -16,13 +16,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::engine::prepare;
 use common::rig::{Act, Log, Phase, attach, storey};
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Connected, Control, Ending, Experiment, OnMiss, Operator};
 use gusset::port::limits::Bound;
 use gusset::record::{RingReader, RingSize, WhenFull, ring};
 use gusset::rt::clock::MonotonicClock;
-use gusset::substructure::Coupling;
-use gusset::time::{Clock, Nanos, SimClock};
+use gusset_quantity::substructure::Coupling;
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter};
 
 const FRAME: &str = r#"

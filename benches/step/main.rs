@@ -22,7 +22,7 @@ mod opponent;
 mod opponents;
 
 use gusset::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
-use gusset::time::Clock;
+use gusset_quantity::time::Clock;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::CampaignError;
 use super::bundle::Chunks;
 use super::plan::Plan;
-use crate::units::duration;
+use gusset_quantity::units::duration;
 
 /// The command of a worker, without its chunks.
 #[derive(Debug, Clone, Copy)]

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::CampaignError;
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::config::{Finding, KeyPath, LoadedStudy, nearest};
 use crate::engine::{Experiment, Phase};
 use crate::model::StructureSpec;

@@ -6,7 +6,7 @@ use super::measure::Measure;
 use super::random::bits;
 use super::study::Study;
 use super::task::Task;
-use crate::units::unit_in_name;
+use gusset_quantity::units::unit_in_name;
 use crate::view::report::{ScatterMatrix, Variable, count, note, section, table};
 
 /// Most numbers of the picture.

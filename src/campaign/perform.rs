@@ -3,7 +3,7 @@
 use super::measure::{End, Taker, storeys};
 use super::study::Study;
 use super::task::Task;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::config::ConfigError;
 use crate::engine::{Ending, Experiment};
 use crate::session::certificate::MOST_ATTEMPTS;

@@ -10,7 +10,7 @@ use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};
 use crate::record::atomic::random_number;
-use crate::work::each;
+use gusset_quantity::work::each;
 
 /// How many tasks are computed again, and the seed of their choice.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,7 +8,7 @@ use super::found::Shown;
 use super::measure::Measure;
 use super::study::Study;
 use crate::config::Scalar;
-use crate::units::{number, unit_in_name};
+use gusset_quantity::units::{number, unit_in_name};
 use crate::view::report::{Tornado, TornadoBar, note, table};
 
 /// Most bars of the picture.

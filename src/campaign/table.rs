@@ -13,7 +13,7 @@ use super::task::Task;
 use super::{CampaignError, at};
 use crate::config::Scalar;
 use crate::record::atomic::AtomicFile;
-use crate::units::unit_in_name;
+use gusset_quantity::units::unit_in_name;
 
 /// Kind of a column with these values of an axis.
 fn kind_of(values: &[Scalar]) -> CellKind {

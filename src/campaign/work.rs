@@ -8,7 +8,7 @@ use super::plan::{Campaign, Plan, read};
 use super::task::Task;
 use super::{CampaignError, at};
 use crate::rt::os;
-use crate::work::each;
+use gusset_quantity::work::each;
 
 /// Results are written at least this often, in ns.
 const FLUSH_NS: u64 = 15_000_000_000;

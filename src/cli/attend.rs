@@ -13,7 +13,7 @@ use crate::engine::{Notice, Operator, PhaseCell};
 use crate::port::Reading;
 use crate::session::pause;
 use crate::setup::Facts;
-use crate::units;
+use gusset_quantity::units;
 
 /// Time between two looks for room on the operator's line.
 const ROOM: Duration = Duration::from_millis(5);

@@ -13,9 +13,9 @@ use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
-use crate::time::Clock;
+use gusset_quantity::time::Clock;
 use crate::transfer::BetweenTicks;
-use crate::work::{Work, each, processors};
+use gusset_quantity::work::{Work, each, processors};
 
 #[derive(Debug, Subcommand)]
 pub enum Of {

@@ -14,8 +14,8 @@ use super::{answer, screen, tell};
 use crate::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, Worked};
 use crate::config::ConfigError;
 use crate::session::{Signal, Signals};
-use crate::units::duration;
-use crate::work::{Work, processors};
+use gusset_quantity::units::duration;
+use gusset_quantity::work::{Work, processors};
 
 /// Carries out a command on a campaign.
 pub fn campaign(command: &CampaignCommand) -> anyhow::Result<Exit> {

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::table::Table;
 use crate::session::certificate::{Band, Certificate, Line, Trials};
-use crate::units::duration;
+use gusset_quantity::units::duration;
 
 /// Adds its lines and the verdict to a table.
 pub fn tabulate(certificate: &Certificate, table: &mut Table) {

@@ -9,7 +9,7 @@ use crate::rt::timing::Quantity;
 use crate::session::{self, Finished, Page, integration};
 use crate::setup::{Facts, StructureFacts};
 use crate::stability::RecordedVerdict;
-use crate::units::{duration, number, quantity};
+use gusset_quantity::units::{duration, number, quantity};
 use crate::view::report::told;
 
 /// Specimens or axes with their own row in the short form. The others have one row together.

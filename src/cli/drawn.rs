@@ -1,6 +1,6 @@
 //! What stands in a status that is no sentence: bars, gauges, numbers in a few letters.
 
-use crate::units::quantity;
+use gusset_quantity::units::quantity;
 use crate::view::live::Mark;
 
 /// A value between its levels: `│` where it trips, `┊` where it warns, `·` where it has been, `●` where it is.

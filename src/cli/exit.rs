@@ -1,6 +1,6 @@
 //! The exit code of a command that failed.
 
-pub use crate::catalog::ending::Exit;
+pub use gusset_quantity::catalog::ending::Exit;
 use crate::config::ConfigError;
 
 /// The exit code of an error that reached the top: everything that fails before a specimen is commanded is a

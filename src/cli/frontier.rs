@@ -15,8 +15,8 @@ use crate::record::{RunFolder, atomic};
 use crate::rt::wall::Wall;
 use crate::session::frontier::{Trials, WANTED};
 use crate::session::{Signal, Signals};
-use crate::time::Ratio;
-use crate::work::Work;
+use gusset_quantity::time::Ratio;
+use gusset_quantity::work::Work;
 
 /// Beyond this rate no clock of ours ticks.
 const HIGHEST_HZ: f64 = 1e6;

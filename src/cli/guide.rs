@@ -10,7 +10,7 @@ use anyhow::Context;
 use super::args::GuideArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::catalog::explained::explain;
+use gusset_quantity::catalog::explained::explain;
 use crate::config::nearest;
 use crate::guide::{self, CONTENTS, Entry, MANUAL_LIST, PAGES, plain_text};
 

@@ -11,13 +11,13 @@ use super::frontier::{frontier, timing};
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::record::{Progress, RunFolder};
 use crate::rt::load::{Load, USUAL_BYTES};
 use crate::session::fitness::Measured;
 use crate::session::{self, Finished, Signals, Watches, bare_loop};
 use crate::setup::Prepared;
-use crate::time::Ratio;
+use gusset_quantity::time::Ratio;
 use crate::view::report::{Percentiles, jitter_svg};
 
 /// More than any machine keeps.

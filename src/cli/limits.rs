@@ -3,7 +3,7 @@
 use super::table::Table;
 use crate::geometry::LawPlace;
 use crate::setup::{LimitFact, LimitFacts, LoadingFacts};
-use crate::units::{number, quantity};
+use gusset_quantity::units::{number, quantity};
 
 /// Adds the limits to the table of a test.
 pub fn tabulate(limits: &LimitFacts, table: &mut Table) {

@@ -9,7 +9,7 @@ use super::exit::Exit;
 use crate::config::printable;
 use crate::record::FolderError;
 use crate::record::listing::{Listed, Peak, State, listed};
-use crate::units::{duration, quantity};
+use gusset_quantity::units::{duration, quantity};
 
 /// Widest line.
 const COLUMNS: usize = 100;

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use tracing::level_filters::LevelFilter;
 
 use super::{aside, screen};
-use crate::text::printable;
+use gusset_quantity::text::printable;
 
 /// A line on stderr while something runs.
 pub fn remark(text: impl Display) {

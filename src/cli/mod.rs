@@ -63,7 +63,7 @@ use clap::ValueEnum as _;
 
 use crate::config::Diagnostics;
 use crate::rt::os;
-use crate::text::printable;
+use gusset_quantity::text::printable;
 
 /// Runs the command line and returns the exit code: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.

@@ -1,6 +1,6 @@
 //! Progress of long work with the remaining time: on a terminal, and nowhere else.
 //!
-//! Two things take long: a test, which draws a [`ProgressLine`] from its first moment, and every other [`crate::work::Work`],
+//! Two things take long: a test, which draws a [`ProgressLine`] from its first moment, and every other [`gusset_quantity::work::Work`],
 //! which is shown once it has taken two seconds.
 
 use std::sync::{Mutex, PoisonError};
@@ -10,7 +10,7 @@ use super::screen;
 use crate::record::Progress;
 use crate::rt::os::monotonic_ns;
 use crate::setup::Facts;
-use crate::work::{self, Watcher};
+use gusset_quantity::work::{self, Watcher};
 
 /// Work is shown once it has taken so long, in ns.
 const PATIENCE_NS: u64 = 2_000_000_000;

@@ -6,7 +6,7 @@ use super::table::Table;
 use crate::engine::{Ending, Stop};
 use crate::port::Poses;
 use crate::session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
-use crate::units::{duration, number, quantity};
+use gusset_quantity::units::{duration, number, quantity};
 
 /// The needs of each axis beside its limits: one line per quantity.
 pub fn tabulate(full: &FullRehearsal, table: &mut Table) {

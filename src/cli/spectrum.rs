@@ -13,7 +13,7 @@ use crate::spectral::delay::{DelayError, DiscreteLimit};
 use crate::stability::{
     CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams,
 };
-use crate::units::{duration, number, quantity};
+use gusset_quantity::units::{duration, number, quantity};
 use crate::verify::{Figure, Scale, Series};
 
 /// Modes that are listed.

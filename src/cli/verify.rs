@@ -12,7 +12,7 @@ use super::{answer, screen, tell};
 use crate::record::make_free;
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
-use crate::work::Work;
+use gusset_quantity::work::Work;
 
 /// Proves the topics that are asked for.
 pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {

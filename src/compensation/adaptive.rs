@@ -3,7 +3,7 @@
 
 use super::filter::{Differences, LowPass};
 use super::{CompensationError, Parameter, inside, positive};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Names of the coefficients of a model's inverse.
 pub(super) const COEFFICIENTS: &[Parameter] = &[

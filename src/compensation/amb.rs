@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Adaptive model-based compensation: the inverse of a model with three poles. The coefficients
 /// follow ȧ = Γ φ (u − aᵀφ)/(1 + φᵀφ). φ is the filtered measured displacement with its first three

@@ -7,7 +7,7 @@ use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::least_squares::Window;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Adaptive time series compensation, a₀ d + a₁ ḋ + …. A least-squares fit of past commands to the
 /// measured displacement and its derivatives gives the coefficients. Source: Chae, Kazemibidokhti &

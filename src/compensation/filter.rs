@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Low pass of Butterworth's kind and order 4, as two sections by the bilinear transformation, warped so that the corner is
 /// where it is asked for.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Inverse compensation, α d\[i\] − (α − 1) d\[i−1\] with α = 1 + delay/Δt. It equals a polynomial
 /// of order 1 with `nodes = "step"`. Source: Chen, Ricles, Marullo & Mercan 2009.

@@ -3,7 +3,7 @@
 //! Sums are kept by adding what comes and taking off what leaves. A second set of sums, begun anew with every window, takes
 //! the place of the first when it holds exactly the window, so that roundoff grows over one window and no longer.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Most unknowns.
 const MOST: usize = 4;

@@ -59,7 +59,7 @@ mod tests;
 
 use thiserror::Error;
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 pub use amb::AmbSpec;
 pub use ats::AtsSpec;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::COEFFICIENTS;
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside, positive};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Feed-forward of the derivatives of the target, a₀ d + a₁ ḋ + a₂ d̈ + a₃ d⃛, with backward
 /// differences. Source: Carrion & Spencer 2007.

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Extrapolation with the velocity and acceleration of the integrator: d + τ v + ½ τ (τ + Δt) w.
 /// Only for the method "gui".

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, inside, positive};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// PI control with a phase lead, K_p e + K_i ∫ e dt with e = lead(d) − x_m. The lead is (b s +
 /// c)/(s + c), discretised by Tustin's rule. The defaults are the sample controller of the virtual

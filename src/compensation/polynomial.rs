@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::History;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Polynomial extrapolation of the targets by a delay. Source: Horiuchi, Inoue, Konno & Namita
 /// 1999.

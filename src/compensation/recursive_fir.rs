@@ -7,7 +7,7 @@ use super::adaptive::{Bounded, GAIN};
 use super::filter::{History, LowPass};
 use super::polynomial::lagrange_weights;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 const TAPS: usize = 4;
 

@@ -19,8 +19,8 @@ use super::echo::plain;
 use super::mistake::{Kind, Mistake};
 use super::suggest::{listed, nearest};
 use super::words::{NO_COMMA, comma_readings};
-use crate::finding::KeyPath;
-pub use crate::finding::{Finding, Part, Severity};
+use gusset_quantity::finding::KeyPath;
+pub use gusset_quantity::finding::{Finding, Part, Severity};
 
 impl From<Mistake> for Finding {
     fn from(mistake: Mistake) -> Self {

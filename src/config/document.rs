@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-pub(crate) use crate::finding::parse_segments;
-pub use crate::finding::{KeyPath, PathError, Segment};
+pub(crate) use gusset_quantity::finding::parse_segments;
+pub use gusset_quantity::finding::{KeyPath, PathError, Segment};
 
 /// A value with its place in the text.
 #[derive(Debug, Clone)]

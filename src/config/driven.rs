@@ -11,10 +11,10 @@ use super::{
     AxisTable, CertificateTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded,
     PrescribedPlace, PrescribedTable, TestFile, Time, TimeTable, parse,
 };
-use crate::catalog::limit::{CheckedBy, Limit};
+use gusset_quantity::catalog::limit::{CheckedBy, Limit};
 use crate::compensation::CompensationSpec;
 use crate::motion::Motion;
-use crate::time::Ratio;
+use gusset_quantity::time::Ratio;
 
 /// The motion of one axis.
 #[derive(Debug, Clone, PartialEq)]

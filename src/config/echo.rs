@@ -1,6 +1,6 @@
 //! What a file says, said back in a message: short enough to be read, and nothing that a terminal would obey.
 
-use crate::text::is_hidden;
+use gusset_quantity::text::is_hidden;
 
 /// Longest echo of a text, in characters.
 const LONGEST: usize = 80;
@@ -29,7 +29,7 @@ pub(crate) fn quoted(text: &str) -> String {
     }
 }
 
-/// A message about a file: [`crate::text::printable`], and without endless numbers and words.
+/// A message about a file: [`gusset_quantity::text::printable`], and without endless numbers and words.
 #[must_use]
 pub(crate) fn plain(message: &str) -> String {
     let mut text = String::with_capacity(message.len());

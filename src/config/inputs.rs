@@ -175,7 +175,7 @@ impl Inputs {
         self.files.push(Input {
             requested: vec![requested.to_owned()],
             name: self.unique_name(&path),
-            sha256: crate::text::hex(&Sha256::digest(&bytes)),
+            sha256: gusset_quantity::text::hex(&Sha256::digest(&bytes)),
             path: real,
             bytes,
         });

@@ -14,7 +14,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
 use super::levels::{BoundSpec, LimitsError, RangeSpec};
-use crate::catalog::limit::{AXIS_LIMITS, Kind, Limit, Row, Scope, Setting, TABLE};
+use gusset_quantity::catalog::limit::{AXIS_LIMITS, Kind, Limit, Row, Scope, Setting, TABLE};
 
 /// Limits of one axis in SI units, at the specimen's own scale. A limit that is absent is not checked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

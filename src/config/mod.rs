@@ -70,7 +70,7 @@ use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
-pub use crate::text::printable;
+pub use gusset_quantity::text::printable;
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
 pub use campaign::{LoadedStudy, load_study, parse_study};
 pub use campaign_table::{

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::fault_rules::{ScriptError, check_script};
 use super::fault_script::Script;
 use super::{ConfigError, Finding, KeyPath, Purpose, judge, open, read_text};
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::phase::Phase;
 
 /// Reads the fault script at `path`.
 ///

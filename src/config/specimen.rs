@@ -13,7 +13,7 @@ use crate::compensation::CompensationSpec;
 use crate::geometry::{GeometrySpec, LawPlace};
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 use crate::wire::openfresco::Peer;
 
 /// One specimen: simulated by exactly one of `law`, `laws` and `coupled`, or reached by a `link`. In a

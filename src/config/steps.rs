@@ -5,7 +5,7 @@ use super::document::KeyPath;
 use super::echo;
 use super::link_table::LinkSpec;
 use super::timetable::{ClockChoice, TimeTable};
-use crate::time::Ratio;
+use gusset_quantity::time::Ratio;
 
 /// Step and length of a test, exact.
 #[derive(Debug, Clone, Copy, PartialEq)]

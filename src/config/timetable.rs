@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::value::RateValue;
-use crate::time::Ratio;
+use gusset_quantity::time::Ratio;
 
 /// Integration step, duration and clock. Give exactly one of `step_s` and `rate_hz`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -9,7 +9,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::time::{RateError, Ratio};
+use gusset_quantity::time::{RateError, Ratio};
 
 /// The allowed numbers, for a number with too many digits.
 fn exact(found: Unexpected<'_>) -> String {

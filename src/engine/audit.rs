@@ -6,7 +6,7 @@
 //! with and no state was changed between two steps. It audits this program, not a specimen. Real-time after `new`.
 
 use crate::linalg::SymMatrix;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
 const ROUNDOFF: f64 = 64.0 * f64::EPSILON;
@@ -129,7 +129,7 @@ impl StepAudit {
 mod tests {
     use super::*;
     use crate::integrate::{Gui, Integrator, Lambda, Start, State};
-    use crate::state::TestState;
+    use gusset_quantity::state::TestState;
 
     const DT: f64 = 0.02;
 

@@ -10,16 +10,16 @@ use super::operator::OperatorCommands;
 use super::phase::Phase;
 use super::port_columns::{named, of_test, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
-use crate::catalog::column::{
+use gusset_quantity::catalog::column::{
     ACCEL, BASE, CAUSES, DISP, GROUND, HEAD, Kind, OWN_ACCEL, ROTATION, TIMING, VEL,
 };
-use crate::catalog::ending::Cause;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::record::Column;
 use crate::rt::timing::TickStamps;
-use crate::state::Visit;
-use crate::time::Nanos;
+use gusset_quantity::state::Visit;
+use gusset_quantity::time::Nanos;
 
 /// What the operator wants in a tick: one number of its row.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Numbers and rules of the exchanges with the specimens.
 
 use crate::port::Port;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// When specimens that can take their time are commanded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

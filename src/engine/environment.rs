@@ -13,7 +13,7 @@ use super::{Ending, Stop};
 use crate::integrate::StepError;
 use crate::record::{Event, GridOf, Standing, TimedEvent};
 use crate::rt::timing::TickStamps;
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Longest wait for an edge in which no request of the operator is taken.
 const NAP_NS: u64 = 100_000_000;

@@ -4,7 +4,7 @@ use super::columns::Row;
 use super::{Limits, Pacing, Resumption, Side, StartupSettings, StaticLoad};
 use crate::port::Port;
 use crate::record::Column;
-use crate::time::Ratio;
+use gusset_quantity::time::Ratio;
 
 /// Everything a test needs, as plain data.
 #[derive(Debug)]

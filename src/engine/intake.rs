@@ -6,7 +6,7 @@
 //! taken in, too: the largest kinetic energy counts. Real-time after `new`.
 
 use crate::model::Base;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// The account of one run, begun by its first step.
 #[derive(Debug, Clone)]
@@ -117,7 +117,7 @@ impl Intake {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::TestState;
+    use gusset_quantity::state::TestState;
 
     /// An oscillator of 1 kg and 4π² N/m with a damper, in relative coordinates under −m·a_g or in absolute ones on a moving
     /// base: what is taken in is what it holds and what the damper has turned into heat.

@@ -19,9 +19,9 @@ use super::{Ending, Experiment, Outcome, Resumption, Side, Stop};
 use crate::port::{Port, Poses};
 use crate::record::{Column, Event, GridOf, Recorder};
 use crate::rt::timing::Timing;
-use crate::state::{StateError, TestState};
-use crate::substructure::Retirement;
-use crate::time::{Clock, SimClock};
+use gusset_quantity::state::{StateError, TestState};
+use gusset_quantity::substructure::Retirement;
+use gusset_quantity::time::{Clock, SimClock};
 
 /// A test whose specimens are connected. Nothing has moved.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! Deadline misses in a stretch of time.
 
 use super::TestLimits;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 
 /// Most entries that a window keeps: there may be a window of an hour at any rate.
 const MOST_KEPT: u64 = 1 << 14;

@@ -73,7 +73,7 @@ pub use test_hit::TestHit;
 pub use test_limits::{TestLimits, kept_limits};
 pub use tick::Tick;
 
-pub use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED};
+pub use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED};
 
 use pace::Pace;
 use plan::Plan;

@@ -9,7 +9,7 @@ use crate::linalg::Aligned;
 use crate::model::{Acceleration, Base, Motion, Structure};
 use crate::motion::{Excitation, Prescribed};
 use crate::port::Port;
-use crate::state::{TestState, Visit};
+use gusset_quantity::state::{TestState, Visit};
 
 /// What decides where the specimens go.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use super::{EndPosition, Ending, Gaps, IncompleteShutdown, Peaks};
 use crate::port::LinkCount;
 use crate::rt::timing::Timing;
-use crate::substructure::Holder;
+use gusset_quantity::substructure::Holder;
 
 /// The results of a test beside its rows and events.
 #[derive(Debug)]

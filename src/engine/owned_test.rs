@@ -24,8 +24,8 @@ use super::{
 use crate::port::Port;
 use crate::record::{Column, Event, Recorder};
 use crate::rt::timing::Timing;
-use crate::state::TestState;
-use crate::time::Clock;
+use gusset_quantity::state::TestState;
+use gusset_quantity::time::Clock;
 
 /// Largest model whose states are kept.
 const MOST_DOFS_OF_A_STATE: usize = 10_000;

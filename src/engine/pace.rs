@@ -5,7 +5,7 @@
 
 use super::OnMiss;
 use crate::rt::timing::TickStamps;
-use crate::time::{Clock, Nanos, Ratio, Schedule};
+use gusset_quantity::time::{Clock, Nanos, Ratio, Schedule};
 
 /// From the end of the set-up to the first edge, so that the first edge can be met.
 const LEAD_NS: u64 = 2_000_000;

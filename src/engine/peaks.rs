@@ -2,7 +2,7 @@
 
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Largest absolute displacement, velocity and acceleration of each DOF.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -154,7 +154,7 @@ impl Kernel for HighestOrNone<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::TestState;
+    use gusset_quantity::state::TestState;
 
     #[test]
     fn the_first_displacement_out_of_bounds_is_named() {

@@ -1,12 +1,12 @@
 //! The phase of a test as other threads see it, and why a phase was left. The phases themselves are in
-//! [`crate::catalog::phase`].
+//! [`gusset_quantity::catalog::phase`].
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::catalog::phase::Phase;
+pub use gusset_quantity::catalog::phase::Phase;
 
 /// What can be seen of a test from outside of the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,7 +1,7 @@
 //! The place of the test in test time.
 
 use super::tick::Tick;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// The last step that was made, and the farthest tick that was exchanged.
 #[derive(Debug, Clone, Copy)]

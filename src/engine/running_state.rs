@@ -13,7 +13,7 @@ use super::supervision::Supervision;
 use super::test_judge::TestJudge;
 use super::tick::Tick;
 use crate::port::Port;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// The parts of a running test that have a state.
 pub(super) struct RunningState<'a> {

@@ -5,7 +5,7 @@
 
 use super::tick::Tick;
 use crate::port::{PacerTick, Stage, StepPacer};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// How the integration and the ticks of the controller belong together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,13 +3,13 @@
 use thiserror::Error;
 
 use super::test_hit::TestHit;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::geometry::Fault;
 use crate::integrate::StepError;
 use crate::port::WiringFault;
 use crate::port::limits::Hit;
-use crate::substructure::LinkFault;
-use crate::units::{compared, compared_within, duration};
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::units::{compared, compared_within, duration};
 
 /// Why a test ended before its last step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use super::operator::{Control, Operator, Requests};
 use super::phase::{Glimpse, Phase};
-use crate::state::Visit;
-use crate::substructure::LISTEN_NS;
+use gusset_quantity::state::Visit;
+use gusset_quantity::substructure::LISTEN_NS;
 
 /// The operator's hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,7 +1,7 @@
 //! A limit of the test as a whole that was reached, and its sentence.
 
-use crate::catalog::limit::{Judges, Limit};
-use crate::units::compared;
+use gusset_quantity::catalog::limit::{Judges, Limit};
+use gusset_quantity::units::compared;
 
 /// One limit of the test that was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]

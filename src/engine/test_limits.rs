@@ -1,7 +1,7 @@
 //! Limits of the test as a whole: what belongs to no specimen alone.
 
 use super::numerical::Side;
-use crate::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
+use gusset_quantity::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
 use crate::port::Port;
 use crate::port::limits::Bound;
 

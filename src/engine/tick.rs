@@ -1,6 +1,6 @@
 //! The place of a tick in the test.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Place of a tick in the test.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,7 +12,7 @@ use super::order::{Kind, Order, Sends};
 use super::phase::Phase;
 use super::test_hit::TestHit;
 use super::{Ending, Stop};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::record::{Event, WarmUp as WarmUpEvent, WarmUpRows};
 use crate::rt::timing::TickStamps;
@@ -230,7 +230,7 @@ impl Maneuver for WarmUp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
 
     fn found(lates: impl Iterator<Item = bool>, waited_ns: u64) -> Readiness {
         let mut found = Readiness::default();

@@ -51,7 +51,7 @@ use plane::PlaneArm;
 use serde::{Deserialize, Serialize};
 use space::SpaceArm;
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Largest number of actuators, and of coordinates.
 pub const MOST: usize = 6;

@@ -5,7 +5,7 @@
 //! allows, a solution is good to eight digits: enough for Newton, whose residual is exact.
 
 use super::{MOST, Six};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// A pivot below this share of the largest diagonal is none: a condition number of about 1e4.
 const LEAST: f64 = 1e-8;

@@ -12,7 +12,7 @@ use crate::motion::{
     BandLimitedNoise, Grid, Motion, MotionError, Quantity, RampAndHold, RampShape, Signal, Sweep,
     SweepKind,
 };
-use crate::units::rate;
+use gusset_quantity::units::rate;
 
 /// What kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -144,7 +144,7 @@ pub enum IdentifyError {
     #[error(
         "the measured force falls as the displacement grows: {}; the sign of the load cell is wrong, or the \
          specimen is unstable",
-        crate::units::quantity(*stiffness, "N/m")
+        gusset_quantity::units::quantity(*stiffness, "N/m")
     )]
     ForceReversed {
         /// Stiffness found.

@@ -11,7 +11,7 @@ use super::State;
 use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
 use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
 use crate::linalg::{Spd, SymMatrix};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// The method, ready to step.
 #[derive(Debug)]

@@ -7,7 +7,7 @@
 
 use super::offline::{Forces, MethodError, Moment, StepError, Tangents};
 use crate::linalg::{Spd, SymMatrix};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Bounds of Newton's iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -23,7 +23,7 @@
 use super::offline::{Forces, MethodError, Moment, Offline, StepError, check};
 use super::{Integrator, State};
 use crate::linalg::{Spd, SymMatrix};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// α_m, α_f, γ, β of one method.
 #[derive(Debug, Clone, Copy, PartialEq)]

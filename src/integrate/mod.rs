@@ -33,7 +33,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::linalg::Aligned;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 pub use central_difference::CentralDifference;
 pub use chang_2002::Chang2002;

@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::{Integrator, LambdaError, State};
 use crate::linalg::{NotPositiveDefinite, SymMatrix};
 use crate::model::{Base, Structure};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// A place in time: step n, moved back by a share of a step. Loads and base motion between steps are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]

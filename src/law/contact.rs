@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{non_negative, positive};
 use super::{Law, LawError, Reach, Tangent};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Side on which a gap can close.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

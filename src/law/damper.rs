@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, non_negative, positive, reference, require};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Biviscous damper, f = c₀ v for |v| ≤ v_y and f = sgn(v) (c₀ v_y + c_y (|v| − v_y)) beyond.
 /// Source: Gui et al. 2014, example 4.3.

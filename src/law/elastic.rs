@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, finite, non_negative, positive, reference};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Linear spring and dashpot in parallel, f = k d + c v. With k = 0 it is a viscous damper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -24,7 +24,7 @@ mod contract;
 
 use thiserror::Error;
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 pub use bouc_wen::{BoucWen, BoucWenSpec, DegradationSpec, PinchingSpec};
 pub use contact::{Gap, GapSpec, Side};

@@ -1,7 +1,7 @@
 //! Several laws side by side: same displacement and velocity, forces added in the order of the list.
 
 use super::{Law, LawError, Reach, Tangent};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// A sum of laws, e.g. a bilinear isolator and a viscous damper.
 #[derive(Debug)]

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{fraction, positive, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Bilinear spring with kinematic hardening. The stiffness is k up to the yield force and b k
 /// beyond it. Unloading has stiffness k over twice the yield force. With b = 0 it is perfectly plastic.
@@ -208,7 +208,7 @@ impl Law for Bilinear {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::TestState;
+    use gusset_quantity::state::TestState;
 
     /// ∮ f du over one closed cycle 0 → U → −U → U, after the first quarter, in `n` steps a leg; exact for a path of
     /// straight pieces up to the two pieces in which the law has its kink.

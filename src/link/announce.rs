@@ -4,9 +4,9 @@
 //! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
 //! lead the specimen home; the specimen's end comes in where that has failed.
 
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::port::limits::{AxisLimits, Bound, Range};
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 use crate::wire::handshake::{Axis, Limits, Unit};
 
 /// What the specimen's end adds to an announced bound of commands, for the rounding of units.

@@ -1,4 +1,4 @@
-//! Links: a protocol and a transport joined to a [`Substructure`](crate::substructure::Substructure), and the far end
+//! Links: a protocol and a transport joined to a [`Substructure`](gusset_quantity::substructure::Substructure), and the far end
 //! that hosts specimens.
 //!
 //! [`crate::wire`] knows bytes and no sockets; a [`Transport`] knows sockets and no bytes. On the loop's thread there
@@ -24,8 +24,8 @@ pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
 
 use self::tls::TlsFault;
 use crate::rt::os;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 
 /// Moves bytes. Streams and datagrams look the same from above: a datagram is a chunk that happens to hold whole
 /// frames.

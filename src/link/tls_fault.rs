@@ -4,7 +4,7 @@ use rustls::{AlertDescription, CertificateError, Error, InvalidMessage};
 use thiserror::Error as Thiserror;
 
 use crate::record::utc;
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 
 /// Why a TLS session does not come about, or ends; "it" is the peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Thiserror)]

@@ -17,7 +17,7 @@ use super::strip::Strip;
 use super::{Element, End, ModelError, Motion};
 use crate::law::{Law, Memoryless, Tangent};
 use crate::linalg::Lanes;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Shortest run that is formed.
 const SHORTEST: usize = 16;

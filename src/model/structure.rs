@@ -9,7 +9,7 @@ use super::rows::{Alone, EvenChain};
 use super::{Base, Element, ModelError, Motion, Part, sound};
 use crate::law::Tangent;
 use crate::linalg::{Lanes, SymMatrix};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// The numerical substructure.
 #[derive(Debug)]

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::law::Tangent;
 use crate::linalg::{SymMatrix, modes};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// f = k d + h d |d| + c v plus a plastic slider that remembers its set: enough memory to see commits.
 #[derive(Debug, Clone, Default)]

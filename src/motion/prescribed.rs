@@ -9,7 +9,7 @@ use super::process::Motion;
 use super::shapes::smooth_rise;
 use super::unit::Quantity;
 use super::{Files, Grid, RecordFacts};
-use crate::units::quantity;
+use gusset_quantity::units::quantity;
 
 /// Displacement of each axis, with smooth start and end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -6,11 +6,11 @@ use super::compensators::Compensators;
 use super::probe::SIGMAS;
 use super::retrace::Tick;
 use super::*;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::compensation::Compensator;
 use crate::geometry::LawPlace;
 use crate::stability::CriticalDelay;
-use crate::state::TestState;
+use gusset_quantity::state::TestState;
 use limits::AxisLimits;
 
 // Construction.

@@ -3,7 +3,7 @@
 //! Invariant: both directions use the same gains, so a command that is followed exactly comes back as its own target.
 
 use super::error::PortError;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///

@@ -2,7 +2,7 @@
 
 use super::axis::Axis;
 use super::loading_unit::LoadingUnit;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// One value per axis, of displacements and of their velocities.
 #[derive(Debug, Clone)]

@@ -13,7 +13,7 @@ use super::ramp::Ramp;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use crate::geometry::MOST;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Which moment the velocity that belongs to a target is of.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

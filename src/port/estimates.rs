@@ -10,7 +10,7 @@ use super::feedback::Feedback;
 use super::initial_stiffness::InitialStiffness;
 use super::limits::Estimated;
 use super::tangent::{Point, Tangent};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Noise levels that a change must exceed to count for a tangent.
 const ABOVE_NOISE: f64 = 10.0;
@@ -329,13 +329,13 @@ impl Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::limit::Limit;
+    use gusset_quantity::catalog::limit::Limit;
     use crate::port::limits::{AxisLimits, Bound, Found};
     use crate::port::{Axis, Port};
-    use crate::substructure::{
+    use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
 
     /// A spring and dashpot in mm and kN, counted the other way, whose actuator is some ticks late.
     #[derive(Debug)]

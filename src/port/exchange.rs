@@ -5,12 +5,12 @@
 
 use super::exchange_state::ExchangeState;
 use super::link_numbers::LinkNumbers;
-use crate::state::Visit;
-use crate::substructure::{
+use gusset_quantity::state::Visit;
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
     Retirement, Status, Substructure, Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Counts of one link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

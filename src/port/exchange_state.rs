@@ -5,7 +5,7 @@
 //! answer that is owed when the test ends is `Overdue`: the partner gets no command before the tick after it has come. A partner that
 //! is `Lost` is not commanded any more. Invariant: a lost partner becomes commanded again only when a live one takes over.
 
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Why a partner is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use super::axis::Axis;
 use super::rest::Rest;
-use crate::state::Visit;
-use crate::substructure::{Freshness, LinkFault, Measurement, Status};
+use gusset_quantity::state::Visit;
+use gusset_quantity::substructure::{Freshness, LinkFault, Measurement, Status};
 
 /// The measured side of a port. All vectors have one entry per axis.
 #[derive(Debug)]

@@ -8,9 +8,9 @@ use super::axis_motion::AxisMotion;
 use super::brake::Brake;
 use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
 use super::startup::{SAME, Startup};
-use crate::catalog::limit::Limit;
-use crate::state::Visit;
-use crate::substructure::Measurement;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::state::Visit;
+use gusset_quantity::substructure::Measurement;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Share of an acceleration limit that a ramp or a return move uses at most.

@@ -13,7 +13,7 @@
 //!
 //! No input or output, no clock. Real-time: everything but [`Interpolation::new`].
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Targets that are remembered.
 const PAST: usize = 4;

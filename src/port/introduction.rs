@@ -5,8 +5,8 @@ use super::exchange::{OnStale, WaitRules};
 use super::startup::{SAME, Startup};
 use super::stiffness::{Opinion, compare_stiffness};
 use super::wiring_check::WiringCheck;
-use crate::substructure::{Introduction, LinkFault, Unavailable};
-use crate::units::quantity;
+use gusset_quantity::substructure::{Introduction, LinkFault, Unavailable};
+use gusset_quantity::units::quantity;
 
 /// The test file's side of an introduction.
 pub(super) struct Expectation<'a> {
@@ -142,10 +142,10 @@ impl Expectation<'_> {
 mod tests {
     use super::*;
     use crate::port::Port;
-    use crate::substructure::{
+    use gusset_quantity::substructure::{
         Command, Coupling, Freshness, Measurement, Retirement, Substructure,
     };
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
 
     /// A specimen of one axis with this introduction, in this process or behind a link.
     struct Partner {

@@ -5,10 +5,10 @@
 
 use super::axis::Axis;
 use super::row_product::product;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// A linear stand-in for a specimen that is not there.
 #[derive(Debug, Clone)]

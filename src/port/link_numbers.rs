@@ -3,7 +3,7 @@
 //! An exchange that is no part of the test puts the link ahead of the test. A tick without a command puts it behind. Invariant:
 //! an answer is counted back with the offsets of the command that left last, not with those of the command to come.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Offset between the numbers on a link and the numbers of the test.
 #[derive(Debug, Clone, Copy, Default)]

@@ -15,7 +15,7 @@ use super::axis::dots;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
 use crate::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// One row of B: what a coordinate is of the structure's displacements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -292,10 +292,10 @@ mod tests {
     use super::*;
     use crate::geometry::{GeometrySpec, PlanePins};
     use crate::port::{Axis, Exit, Exits, Port};
-    use crate::substructure::{
+    use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
 
     /// Two actuators whose strokes make these displacements and forces.
     struct Rig<F> {

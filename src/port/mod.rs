@@ -72,18 +72,18 @@ pub use unloading::UnloadFailure;
 pub use wiring_check::WiringCheck;
 pub use wiring_fault::{Channel, WiringFault};
 
-pub use crate::catalog::phase::Stage;
+pub use gusset_quantity::catalog::phase::Stage;
 
 use std::ops::Range;
 
 use crate::compensation::Parameter;
 use crate::geometry::{Coordinate, Fault, Geometry};
-use crate::state::{TestState, Visit};
-use crate::substructure::{
+use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::substructure::{
     Coupling, Freshness, Holder, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 use command_path::CommandPath;
 use estimates::{Estimates, Observation};
 use exchange::Exchange;
@@ -706,7 +706,7 @@ impl Port {
         self.exchange.pause()
     }
 
-    /// Nothing to command: see [`crate::substructure::Substructure::attend`]. Real-time: yes.
+    /// Nothing to command: see [`gusset_quantity::substructure::Substructure::attend`]. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost.
@@ -813,7 +813,7 @@ impl Port {
     }
 
     /// Axis (from 0) and limit of each judged value that has a column: the limit has a level, and no other column has the value.
-    pub fn recorded_limits(&self) -> impl Iterator<Item = (usize, crate::catalog::limit::Limit)> {
+    pub fn recorded_limits(&self) -> impl Iterator<Item = (usize, gusset_quantity::catalog::limit::Limit)> {
         self.guard.recorded_limits()
     }
 

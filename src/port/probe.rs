@@ -13,7 +13,7 @@
 use super::passed::Passed;
 use super::stiffness_check::{Column, compare};
 use super::wiring_fault::{Channel, WiringFault};
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 
 /// A difference of two averages below so many of its own standard deviations may be noise.
 pub(super) const SIGMAS: f64 = 5.0;

@@ -6,7 +6,7 @@
 //! specimen's own units; no clock, readings are counted.
 
 use super::probe::{Average, SIGMAS};
-use crate::substructure::Measurement;
+use gusset_quantity::substructure::Measurement;
 
 /// Time of a block of readings in s, and the fewest readings: of fewer a steady drift could pass for noise.
 const BLOCK_S: f64 = 0.025;

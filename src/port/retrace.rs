@@ -5,7 +5,7 @@
 
 use super::passed::Passed;
 use super::probe::WayBack;
-use crate::substructure::Measurement;
+use gusset_quantity::substructure::Measurement;
 
 /// Rest before the return, in s, and in ticks at least.
 const REST_S: f64 = 0.1;

@@ -13,7 +13,7 @@ use super::guard::Guard;
 use super::loading_unit::LoadingUnit;
 use super::startup::Startup;
 use super::unloading::{Leg, PlatformUnloading, UnloadFailure, Unloading};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 
 /// Where a specimen is left.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -229,10 +229,10 @@ mod tests {
 
     use super::*;
     use crate::port::{Axis, Port};
-    use crate::substructure::{
+    use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
 
     const TICK: f64 = 1e-3;
 

@@ -1,6 +1,6 @@
 //! Readings of an axis at rest, and the zero that is taken of them.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Whether a channel keeps its declared zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -6,8 +6,8 @@
 use super::axis::Axis;
 use super::sensor_zero::{DispZero, Reading, ReadingSums, Reference, Zero};
 use super::wiring_check::WiringCheck;
-use crate::state::Visit;
-use crate::substructure::Measurement;
+use gusset_quantity::state::Visit;
+use gusset_quantity::substructure::Measurement;
 
 /// Displacements whose relative difference is smaller are the same place.
 pub(super) const SAME: f64 = 1e-9;

@@ -7,8 +7,8 @@
 //! that cutting. Invariants: i never passes N, nor 0.8 N while the target is unknown. With ρ = 1 and the target known at once, a step
 //! is N increments of exactly 1. Limits: no input or output and no clock; the caller's calls count the ticks.
 
-use crate::catalog::phase::Stage;
-use crate::state::Visit;
+use gusset_quantity::catalog::phase::Stage;
+use gusset_quantity::state::Visit;
 
 /// Share of the step at which an unknown target slows the command down.
 pub const SLOW_FROM: f64 = 0.6;

@@ -4,7 +4,7 @@
 //! connections, a forgotten scale and a wrong unit show in signs and amounts of the whole matrix, and not only on its diagonal.
 
 use super::wiring_fault::WiringFault;
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 
 /// A larger amount, in standard deviations, is not noise.
 const SIGMAS: f64 = 3.0;

@@ -5,7 +5,7 @@
 //! the corner of a hysteresis loop is not taken for a tangent. Until there is one, and while nothing moves, the last
 //! value stands. Pure: no clock, no bounds. Real-time after `new`.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Share of the past that the next sample leaves: a memory of eight samples, of 32 where two slopes are told apart, because
 /// displacement and velocity are in proportion over shorter stretches.

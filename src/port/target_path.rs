@@ -2,7 +2,7 @@
 
 use super::axis_motion::AxisMotion;
 use super::interpolation::{Interpolation, Order, PathPoint};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Where the target goes.
 #[derive(Debug)]

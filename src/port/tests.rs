@@ -1,11 +1,11 @@
 //! A port from end to end: units, the zero, drift, ramps and stale forces.
 
 use super::*;
-use crate::catalog::limit::Limit;
-use crate::substructure::{
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// A spring in millimetres and kilonewtons, mounted the wrong way round, with a load cell that reads 2 at rest.
 #[derive(Debug)]

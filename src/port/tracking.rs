@@ -9,7 +9,7 @@
 use super::command_path::VelocityOf;
 use super::estimates::Observation;
 use crate::stability::CriticalDelay;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Time in which the window forgets, s of test time.
 const WINDOW_S: f64 = 2.0;
@@ -347,10 +347,10 @@ impl Tracking {
 mod tests {
     use super::*;
     use crate::port::{Axis, Port};
-    use crate::substructure::{
+    use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
 
     /// Age of the velocities of targets: half a tick for backward differences, or a given number of ticks.
     #[derive(Debug, Clone, Copy)]

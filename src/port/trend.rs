@@ -6,7 +6,7 @@
 
 use super::probe::{Average, SIGMAS};
 use super::wiring_fault::{Channel, WiringFault};
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 
 /// A reading that goes the other way by this part of what is expected is no accident.
 const CLEARLY: f64 = 0.25;

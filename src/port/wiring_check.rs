@@ -3,7 +3,7 @@
 use super::probe::{Pace, Probe};
 use super::trend::Trend;
 use super::wiring_fault::WiringFault;
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 
 /// How the wiring is checked.
 #[derive(Debug, Clone, Default)]

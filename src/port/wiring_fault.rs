@@ -1,6 +1,6 @@
 //! Why a specimen must not be armed, in words and with what to do about it.
 
-use crate::units::{in_axis_unit, number, signed_in_axis_unit};
+use gusset_quantity::units::{in_axis_unit, number, signed_in_axis_unit};
 
 /// A part of an axis's way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::checkpoint::Checkpoint;
-use crate::state::{StateError, TestState};
+use gusset_quantity::state::{StateError, TestState};
 
 /// Buffers of one test: one with the writer, one at the disk, one free.
 pub(super) const BUFFERS: usize = 3;

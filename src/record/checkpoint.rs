@@ -27,7 +27,7 @@ use sha2::{Digest as _, Sha256};
 use thiserror::Error;
 
 use super::checksum::Checksum;
-use crate::state::{Layout, TestState};
+use gusset_quantity::state::{Layout, TestState};
 
 /// The newest state of a run folder, and the one before it.
 pub const STATE_FILES: [&str; 2] = ["state.bin", "state-before.bin"];

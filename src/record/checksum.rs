@@ -36,7 +36,7 @@ impl From<Sha256> for Checksum {
 
 impl fmt::Display for Checksum {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&crate::text::hex(&self.0))
+        f.write_str(&gusset_quantity::text::hex(&self.0))
     }
 }
 

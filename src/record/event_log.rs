@@ -14,7 +14,7 @@ use super::intact::Extent;
 use super::miss::{MissClasses, SampleWindow, SchedSample, classify};
 use super::note::{Note, Position};
 use super::warned::Warned;
-use crate::catalog::event::Severity;
+use gusset_quantity::catalog::event::Severity;
 
 /// One moment as the writer's two clocks show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -304,7 +304,7 @@ impl<S: Store> EventLog<S> {
 mod tests {
     use super::*;
     use crate::record::MissCause;
-    use crate::substructure::LinkFault;
+    use gusset_quantity::substructure::LinkFault;
     use serde_json::{Value, json};
 
     const SECOND: u64 = 1_000_000_000;

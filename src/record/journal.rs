@@ -11,7 +11,7 @@ use super::append::{Appender, Flushed, Store, Unit};
 use super::intact::Extent;
 use super::layout::{HEAD, MARKER, TAIL, stride};
 use super::strides::{Next, Strides};
-use crate::work::Work;
+use gusset_quantity::work::Work;
 
 /// Appends the record of one row.
 #[inline]

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Checksum, atomic};
-use crate::units::position;
+use gusset_quantity::units::position;
 
 /// Largest record that is read, in bytes.
 const LARGEST: u64 = 1 << 20;

@@ -13,7 +13,7 @@
 
 use std::collections::HashSet;
 
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

@@ -22,7 +22,7 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::MissCause;
-use crate::units::duration;
+use gusset_quantity::units::duration;
 
 /// Key of the limit that a tick breaks which is late by a whole period, with `timing.on_miss = "stop"`.
 pub(crate) const ON_MISS: &str = "on_miss";

@@ -73,7 +73,7 @@ pub use writer::{Progress, Recorded, Writer, WriterSettings};
 
 use serde::{Deserialize, Serialize};
 
-use crate::state::{StateError, TestState};
+use gusset_quantity::state::{StateError, TestState};
 
 /// One column of the rows: fixed and named before the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,7 +1,7 @@
 //! Notes: events from outside the loop, on their way to `events.jsonl` and the log.
 
 use super::events::Event;
-use crate::catalog::event::Severity;
+use gusset_quantity::catalog::event::Severity;
 
 /// Where a test stands.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

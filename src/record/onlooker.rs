@@ -10,7 +10,7 @@ use super::TimedEvent;
 use super::events::Event;
 use super::miss::MissClasses;
 use super::note::Note;
-use crate::catalog::event::Remark;
+use gusset_quantity::catalog::event::Remark;
 
 /// Where a run stands, as the writer last saw it.
 #[derive(Debug, Clone, Default, PartialEq)]

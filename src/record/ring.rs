@@ -17,7 +17,7 @@ use thiserror::Error;
 
 use super::buffers::{StateReceiver, StateSender, state_buffers};
 use super::{Event, Recorder, TimedEvent};
-use crate::state::{StateError, TestState};
+use gusset_quantity::state::{StateError, TestState};
 
 /// What the recorder does with a row that finds the ring full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,7 +14,7 @@ use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
 use super::summary::Summary;
-use crate::work::Work;
+use gusset_quantity::work::Work;
 
 /// Bytes of the longest line of `events.jsonl` that is read.
 const LONGEST_LINE: u64 = 1 << 20;

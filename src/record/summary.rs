@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 use super::MissClasses;
-pub use crate::catalog::ending::Status;
+pub use gusset_quantity::catalog::ending::Status;
 pub use crate::stability::RecordedVerdict;
 
 /// Which clock a run used.

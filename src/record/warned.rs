@@ -2,7 +2,7 @@
 //! before the test moved them. Axes of a resumed test whose position or force differs from the record.
 
 use super::events::{Event, EventLine, LimitReached, Standing, Word};
-use crate::units::{compared, unit_of_key};
+use gusset_quantity::units::{compared, unit_of_key};
 
 /// All of them, in the order in which they were first met.
 #[derive(Debug, Default)]

@@ -4,7 +4,7 @@
 //! the sleep uses. A sleeping thread wakes 15 to 50 µs late; a spinning one sees the edge within 0.1 µs. How long it
 //! may spin is not judged here: see [`super::throttle`].
 
-use crate::time::{Clock, Nanos};
+use gusset_quantity::time::{Clock, Nanos};
 
 use super::os;
 
@@ -57,7 +57,7 @@ impl Clock for MonotonicClock {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::{Ratio, Schedule};
+    use gusset_quantity::time::{Ratio, Schedule};
 
     #[test]
     fn no_edge_of_a_schedule_is_met_early() {

@@ -13,14 +13,14 @@ use serde::Serialize;
 use super::lineage::Origin;
 use super::reason::{named, stop_words};
 use super::summary::finite;
-use crate::catalog::ending::{Cause, Kind};
-use crate::catalog::limit::Limit;
-use crate::catalog::phase::Part;
+use gusset_quantity::catalog::ending::{Cause, Kind};
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::catalog::phase::Part;
 use crate::config::{Time, TimeTable};
 use crate::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
 use crate::record::summary::{Peak, Status};
 use crate::record::{Event, EventLine, FolderError, Run, Summary};
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 use rows::Rows;
 
 /// A key of `summary.json` that is not what the record shows.

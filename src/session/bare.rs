@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::config::{ClockChoice, Diagnostics, TimingSpec};
 use crate::engine::{Experiment, Limits, OnMiss, Pacing, Side, StartupSettings, TestLimits};
 use crate::setup::{Facts, Files, LimitFacts, Prepared};
-use crate::time::{RateError, Ratio};
+use gusset_quantity::time::{RateError, Ratio};
 
 /// Warm-up ticks take this long at the most, in s.
 const WARM_UP_S: f64 = 0.2;

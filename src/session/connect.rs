@@ -10,12 +10,12 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender};
 
 use super::lineage::ACCEPT;
-use crate::catalog::event::Remark;
+use gusset_quantity::catalog::event::Remark;
 use crate::config::ClockChoice;
 use crate::engine::{Control, Experiment, Operator};
 use crate::port::Port;
 use crate::record::{Event, FolderError, Run, Writer};
-use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
+use gusset_quantity::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// How often the operator's line is looked at meanwhile.
 const LOOK_EVERY: Duration = Duration::from_millis(20);

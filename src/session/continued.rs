@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::lineage::{Generation, Lineage, Origin, places, way_from};
-use crate::catalog::phase::{NOT_AWAITED, Part};
+use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use crate::port::Port;
 use crate::record::summary::Status;
 use crate::record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};

@@ -12,7 +12,7 @@
 
 use thiserror::Error;
 
-use crate::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
+use gusset_quantity::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
 use crate::config::{self, ConfigError, TestFile, Weighting};
 use crate::engine::Phase;
 use crate::model::{BuildError, StructureSpec};

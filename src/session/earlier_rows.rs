@@ -3,7 +3,7 @@
 //! Recordings of versions up to 0.2.0 have no column `operator`. The commands of the operator follow from `hold`, from `state` and
 //! from the row before. Nothing else in the program knows such rows.
 
-use crate::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
+use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
 use crate::engine::OperatorCommands;
 use crate::record::{Column, Layout};
 

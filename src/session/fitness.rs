@@ -10,7 +10,7 @@
 use serde_json::{Value, json};
 
 use crate::record::MissClasses;
-use crate::units::{duration, number, rate};
+use gusset_quantity::units::{duration, number, rate};
 
 /// Rates of usual hybrid tests, Hz.
 const RATES: [f64; 5] = [256.0, 512.0, 1024.0, 2048.0, 4096.0];

@@ -10,7 +10,7 @@ use super::{SessionError, Signals, Watches, loop_round, run};
 use crate::config::TimingSpec;
 use crate::frontier::{Length, ModelError, Point, Scalable, Search, Trial, largest};
 use crate::record::{FolderError, Progress, RunFolder};
-use crate::time::Ratio;
+use gusset_quantity::time::Ratio;
 
 /// Share of the deadlines that a model must keep.
 pub const WANTED: f64 = 0.9999;

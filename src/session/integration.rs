@@ -5,7 +5,7 @@ use crate::geometry::LawPlace;
 use crate::integrate::Lambda;
 use crate::setup::{Facts, StructureFacts};
 use crate::stability::{Stability, grows, is_stable};
-use crate::units::{compared, number};
+use gusset_quantity::units::{compared, number};
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";

@@ -83,8 +83,8 @@ use guarded::Ended;
 use ready::{Ready, prepare};
 use specimen_records::HeldRecords;
 
-use crate::catalog::ending::{Cause, Exit};
-use crate::catalog::event::Remark;
+use gusset_quantity::catalog::ending::{Cause, Exit};
+use gusset_quantity::catalog::event::Remark;
 use crate::config::ConfigError;
 use crate::engine::Control;
 use crate::record::writer::WriterError;

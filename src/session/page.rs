@@ -11,7 +11,7 @@ use super::agreement::{is_of_an_earlier_version, with_record};
 use super::energetics::{Without, known};
 use super::lineage::{Generation, Lineage, Origin, way_from};
 use super::replay_error::ReplayError;
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::phase::Phase;
 use crate::metrics::energy::Model;
 use crate::record::summary::Status;
 use crate::record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};

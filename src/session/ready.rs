@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use super::guarded::{Ended, run_to_the_end};
 use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive};
-use crate::catalog::event::{Remark, Severity};
+use gusset_quantity::catalog::event::{Remark, Severity};
 use crate::config::ClockChoice;
 use crate::engine::{Connected, Control, Experiment};
 use crate::record::writer::Clocks;
@@ -17,7 +17,7 @@ use crate::rt::sampler::Sampler;
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, apply, os, pin_away};
 use crate::setup::{Facts, Files, rt_plan};
-use crate::time::{Clock, SimClock};
+use gusset_quantity::time::{Clock, SimClock};
 
 /// A test whose threads stand ready; nothing has moved.
 pub(super) struct Ready {

@@ -1,9 +1,9 @@
 //! Why a test ended, in words, and what its specimens report after the last command.
 
 use super::lineage::ACCEPT;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::engine::{EndPosition, Ending, IncompleteShutdown, Outcome, Stop};
-use crate::substructure::{AGREED, Holder};
+use gusset_quantity::substructure::{AGREED, Holder};
 
 /// How a test ended, and why in words.
 #[must_use]

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use super::tape::{Shared, at, with};
-use crate::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
+use gusset_quantity::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
 use crate::engine::Experiment;
 use crate::record::Layout;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Answers as the recorded specimen did.
 struct Recorded {

@@ -29,7 +29,7 @@ use crate::port::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
 use crate::setup::{self, Dial, Facts, Prepared};
-use crate::units::duration;
+use gusset_quantity::units::duration;
 pub use error::ResumeError;
 use places::{Tolerances, places, ticks_lost};
 use trips::Trips;

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::guarded::Ended;
 use super::lineage::itself;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::engine::EndPosition;
 use crate::port::Port;
 use crate::record::lasting::{

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::reason::{ending, last_words};
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::config::ClockChoice;
 use crate::engine::{Gaps, Outcome};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};

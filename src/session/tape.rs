@@ -13,15 +13,15 @@ use crossbeam_channel::Sender;
 
 use super::earlier_rows::EarlierRows;
 use super::replay_error::ReplayError;
-use crate::catalog::ending::Cause;
-use crate::catalog::phase::{NOT_AWAITED, Part};
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
 use crate::record::{
     Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent,
     WarmUpRows,
 };
-use crate::substructure::LinkFault;
-use crate::work::Work;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::work::Work;
 
 /// Columns that say where within a step a row stands.
 const MOMENT: [&str; 2] = ["sub_tick", "time"];

@@ -26,7 +26,7 @@ use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
 use crate::port::{Pace, WiringCheck};
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.

@@ -5,12 +5,12 @@ mod specimen;
 use serde::Serialize;
 
 use super::specimens::loading::LoadingFacts;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{ClockChoice, ExitChoice, TestFile, Time};
 use crate::engine::{Limits, OnMiss};
 use crate::port::Port;
 use crate::port::limits::Bound;
-use crate::units::duration;
+use gusset_quantity::units::duration;
 
 /// All limits of a test.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]

@@ -17,8 +17,8 @@ use crate::link::{NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::port::limits::AxisLimits;
 use crate::port::{OnStale, WaitRules};
 use crate::rt::throttle::Throttle;
-use crate::substructure::Coupling;
-use crate::time::Ratio;
+use gusset_quantity::substructure::Coupling;
+use gusset_quantity::time::Ratio;
 use crate::wire::handshake::{Axis, Limits, Sampling, Unit};
 use crate::wire::key::PreSharedKey;
 

@@ -8,7 +8,7 @@ use crate::config::{Finding, KeyPath};
 use crate::model::StructureSpec;
 use crate::motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
 use crate::stability::Kind;
-use crate::units::{duration, number, quantity};
+use gusset_quantity::units::{duration, number, quantity};
 
 /// First periods of structures that are tested, s.
 const PERIODS_S: [f64; 2] = [0.02, 10.0];

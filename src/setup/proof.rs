@@ -4,7 +4,7 @@ use super::method::Initial;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, LambdaValue, Method, Severity};
-use crate::finding::KeyPath;
+use gusset_quantity::finding::KeyPath;
 use crate::integrate::{Gui, Lambda, Start};
 use crate::linalg::SymMatrix;
 use crate::model::{ModelError, Part, Structure};

@@ -2,7 +2,7 @@
 
 use super::gear::Rows;
 use super::{Refused, Site, path};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{
     AxisTable, BoundSpec, ExitChoice, Finding, LimitsSpec, ShareSpec, SpecimenTable, TestFile,
     Time, ZeroChoice,

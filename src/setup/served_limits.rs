@@ -3,9 +3,9 @@
 use super::gateway::signal_units;
 use super::gear;
 use super::specimens::loading::loading_of;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{ServedFile, SpecimenTable};
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 
 /// Trip levels of one axis, or the range that they allow for one signal of the client. Infinite without a level.
 #[derive(Debug, Clone, PartialEq)]

@@ -24,7 +24,7 @@ use crate::port::{
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::spectral::delay::Weights;
 use crate::stability::Attached;
-use crate::substructure::Substructure;
+use gusset_quantity::substructure::Substructure;
 use entry::entry;
 use loading::Loading;
 

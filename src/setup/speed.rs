@@ -2,7 +2,7 @@
 
 use super::Site;
 use crate::config::{Finding, KeyPath, Loaded, Offer, ServedFile, SpecimenTable};
-use crate::units::number;
+use gusset_quantity::units::number;
 
 /// Velocities that differ by less than this share count as those of the test.
 const CLOSE: f64 = 0.01;

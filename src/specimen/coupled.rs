@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Specimen;
 use crate::law::{LawError, Reach};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Linear specimen with full matrices, one row for each axis. Each matrix is symmetric without
 /// negative eigenvalues.

@@ -4,11 +4,11 @@
 //! the stored answer, whatever it says, and moves nothing: so does an acceptance that comes twice.
 
 use super::Specimen;
-use crate::state::Visit;
-use crate::substructure::{
+use gusset_quantity::state::Visit;
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// A [`Specimen`] behind the hinge. Coupling: lockstep.
 #[derive(Debug)]
@@ -241,7 +241,7 @@ mod tests {
     use super::*;
     use crate::law::LawSpec;
     use crate::specimen::{SpecimenLaw, Uniaxial};
-    use crate::state::{StateError, TestState};
+    use gusset_quantity::state::{StateError, TestState};
 
     fn laws() -> Vec<Box<dyn crate::law::Law>> {
         let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, \

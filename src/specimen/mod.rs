@@ -1,7 +1,7 @@
 //! Specimens in process: deformations in, resisting forces out, with commit and revert.
 //!
 //! A [`Specimen`] is pure mathematics, so the same object serves in the loop, behind a server and in a
-//! simulated link. [`InProcess`] makes a [`Substructure`](crate::substructure::Substructure) of it.
+//! simulated link. [`InProcess`] makes a [`Substructure`](gusset_quantity::substructure::Substructure) of it.
 
 /// What a specimen around another one leaves to the one inside: `passed_on!(self => self.inner)` within its `impl Specimen`.
 macro_rules! passed_on {
@@ -26,7 +26,7 @@ macro_rules! passed_on {
             $inner.revert();
         }
 
-        fn visit_state(&mut $self, visit: &mut dyn crate::state::Visit) {
+        fn visit_state(&mut $self, visit: &mut dyn gusset_quantity::state::Visit) {
             $inner.visit_state(visit);
         }
     };
@@ -55,7 +55,7 @@ pub use stiffened::Stiffened;
 pub use uniaxial::Uniaxial;
 
 use crate::law::Reach;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// What can stand behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
 ///

@@ -184,7 +184,7 @@ mod tests {
     use crate::geometry::{Coordinate, GeometrySpec, PlanePins};
     use crate::law::LawSpec;
     use crate::specimen::SpecimenLaw;
-    use crate::state::TestState;
+    use gusset_quantity::state::TestState;
 
     fn geometry() -> Geometry {
         let pins = [

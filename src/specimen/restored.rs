@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::geometry::{Geometry, GeometrySpec, PlanePins};
-use crate::state::TestState;
+use gusset_quantity::state::TestState;
 
 const SPECIMENS: [(&str, usize); 3] = [
     (

@@ -2,7 +2,7 @@
 
 use super::Specimen;
 use crate::law::{Law, LawError, Reach};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// A specimen with one independent law per axis. Declares no mass.
 #[derive(Debug)]
@@ -114,7 +114,7 @@ impl Specimen for Uniaxial {
 mod tests {
     use super::*;
     use crate::law::LawSpec;
-    use crate::state::TestState;
+    use gusset_quantity::state::TestState;
 
     fn two() -> Uniaxial {
         let hardening = "square_root = { stiffness_n_per_m = 1e7, hardening_per_sqrt_m = 1.0 }";

@@ -3,7 +3,7 @@
 use nalgebra::Complex;
 
 use crate::compensation::CompensationSpec;
-use crate::finding::KeyPath;
+use gusset_quantity::finding::KeyPath;
 use crate::spectral::delay::Delayed;
 use crate::transfer::TransferSpec;
 

@@ -6,7 +6,7 @@ use super::criterion::StabilityProof;
 use super::integration::Stability;
 use super::kind::Kind;
 use super::lambda::Advice;
-use crate::finding::{Finding, KeyPath};
+use gusset_quantity::finding::{Finding, KeyPath};
 use crate::linalg::{Spd, SymMatrix};
 use crate::spectral::{AlphaStep, Weights, spectral_radius};
 

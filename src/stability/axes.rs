@@ -4,9 +4,9 @@
 use super::actuator::Follows;
 use super::analysis::{Analysis, Loop};
 use super::case::Case;
-use crate::finding::{Finding, KeyPath};
+use gusset_quantity::finding::{Finding, KeyPath};
 use crate::spectral::delay::{DiscreteLimit, continuous};
-use crate::units::duration;
+use gusset_quantity::units::duration;
 
 /// A warning for each specimen of which an axis lags more than the recursion tolerates of all axes together, and for each
 /// declared actuator in a structure that is too large for a proof.

@@ -1,7 +1,7 @@
 //! The smallest critical delay of a specimen that is known, and the condition to which it belongs.
 
 use crate::spectral::delay::{Critical, DelayError, DiscreteLimit};
-use crate::units::duration;
+use gusset_quantity::units::duration;
 
 /// What grows in continuous time with nothing delayed.
 #[must_use]

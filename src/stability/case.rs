@@ -3,7 +3,7 @@
 use super::actuator::Actuator;
 use super::analysis::Analysis;
 use super::kind::Kind;
-use crate::finding::Finding;
+use gusset_quantity::finding::Finding;
 
 /// The input of a verdict.
 #[derive(Debug, Clone)]

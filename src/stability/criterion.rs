@@ -21,7 +21,7 @@ use thiserror::Error;
 use crate::integrate::Lambda;
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::Part;
-use crate::units::quantity;
+use gusset_quantity::units::quantity;
 
 /// λ of least period error over the usual steps (Gui et al. 2014, section 3.2); `auto` never exceeds it.
 pub const ACCURATE_LAMBDA: f64 = 11.5;

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::analysis::{Analysis, Attached};
 use super::case::Case;
 use super::kind::Kind;
-use crate::finding::{Finding, KeyPath};
+use gusset_quantity::finding::{Finding, KeyPath};
 use crate::linalg;
-use crate::units::number;
+use gusset_quantity::units::number;
 
 /// Share of the damping of a mode that the actuators may take before a finding.
 const LOST: f64 = 0.5;

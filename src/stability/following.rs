@@ -13,9 +13,9 @@ use super::bound::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
 use super::case::Case;
 use super::kind::Kind;
 use super::state::{Bears, State};
-use crate::finding::{Finding, KeyPath};
+use gusset_quantity::finding::{Finding, KeyPath};
 use crate::spectral::delay::{DelayError, DiscreteLimit};
-use crate::units::duration;
+use gusset_quantity::units::duration;
 
 /// What is known of one specimen behind a declared actuator.
 #[derive(Debug, Clone)]

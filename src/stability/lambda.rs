@@ -5,7 +5,7 @@ use super::criterion::{LambdaChoice, Parts, StabilityError, StabilityProof};
 use super::integration::Stability;
 use super::kind::Kind;
 use super::online::OnlineLimit;
-use crate::finding::{Finding, KeyPath};
+use gusset_quantity::finding::{Finding, KeyPath};
 use crate::integrate::Lambda;
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::Part;

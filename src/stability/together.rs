@@ -5,7 +5,7 @@ use super::analysis::Loop;
 use super::case::Case;
 use super::kind::Kind;
 use super::roots::roots;
-use crate::finding::{Finding, KeyPath};
+use gusset_quantity::finding::{Finding, KeyPath};
 use crate::spectral::delay::Delayed;
 
 /// The finding on all actuators together; none for a single axis, and where the loop is stable.

@@ -10,7 +10,7 @@ use super::integration::grows;
 use super::kind::Kind;
 use super::recorded::{Outcome, RecordedFinding, RecordedVerdict};
 use super::together::together;
-use crate::finding::{Finding, KeyPath, Severity};
+use gusset_quantity::finding::{Finding, KeyPath, Severity};
 
 /// Key of `[safety]` that accepts an error of this kind.
 const fn accepted_by(kind: Kind) -> Option<&'static str> {

@@ -8,7 +8,7 @@ use super::delay::Delay;
 use super::exact::Ramped;
 use super::servo::{DISP, FORCE, STATES, Servo, VEL};
 use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;

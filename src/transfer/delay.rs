@@ -5,7 +5,7 @@
 //! one tick. A step of several ticks (commands were lost on the way) fills it in; one of a part of a tick (a test that eases
 //! into motion) goes on from where the last one ended.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Longest history in ticks.
 pub const LONGEST: usize = 8192;
@@ -232,7 +232,7 @@ fn mix(a: Motion, b: Motion, share: f64) -> Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::TestState;
+    use gusset_quantity::state::TestState;
 
     fn run(seconds: f64, dt: f64, n: usize, command: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut delay = Delay::new(seconds, 64, None);

@@ -34,7 +34,7 @@ pub use spec::{
 
 use crate::law::Reach;
 use crate::specimen::Specimen;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// What is wrong with a transfer system.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

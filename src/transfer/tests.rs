@@ -1,7 +1,7 @@
 use super::*;
 use crate::law::{LawSpec, LinearSpec};
 use crate::specimen::SpecimenLaw;
-use crate::state::{TestState, Visit};
+use gusset_quantity::state::{TestState, Visit};
 use std::f64::consts::PI;
 
 mod restored;

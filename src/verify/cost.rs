@@ -10,7 +10,7 @@ use super::dense::{Dense, Way};
 use super::drive::{Method, Walk};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, Shown, Tabulation, number};
-use crate::time::Clock;
+use gusset_quantity::time::Clock;
 
 /// Table 2 of Gui et al. (2014): n, then milliseconds per step as printed, for average acceleration, Chang 2002, explicit
 /// Newmark, λ = 2, 4, 11.5 (a 2014 PC).

@@ -34,7 +34,7 @@ pub use cost::TABLE_2;
 pub use figure::{Figure, Scale, Series};
 pub use page::files;
 
-use crate::time::Clock;
+use gusset_quantity::time::Clock;
 
 /// What came of one check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -1,7 +1,7 @@
 //! The judging, not the paper: that is `gusset verify` itself.
 
 use super::*;
-use crate::time::SimClock;
+use gusset_quantity::time::SimClock;
 
 #[test]
 fn a_value_that_is_not_as_published_fails_and_the_whole_with_it() {

@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::lenient;
 use super::limits::LimitsView;
 use super::timing::Timings;
-use crate::catalog::ending::Status;
+use gusset_quantity::catalog::ending::Status;
 use crate::record::MissClasses;
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};
 use crate::stability::RecordedVerdict;

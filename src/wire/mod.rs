@@ -22,7 +22,7 @@ pub mod window;
 
 use thiserror::Error;
 
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 
 /// What a look at the bytes received so far gave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,12 +1,12 @@
 //! What a server does for an exchange allocates nothing: limits, formula, log.
 
-use gusset::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use gusset::config::LimitsSpec;
 use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset::record::Run;
 use gusset::specimen::SpecimenLaw;
-use gusset::substructure::{Command, Measurement};
-use gusset::units::AxisUnits;
+use gusset_quantity::substructure::{Command, Measurement};
+use gusset_quantity::units::AxisUnits;
 
 #[test]
 fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {

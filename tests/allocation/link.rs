@@ -12,8 +12,8 @@ use gusset::link::server::{Host, ServeOptions, Server};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions};
 use gusset::rt::os::monotonic_ns;
 use gusset::specimen::SpecimenLaw;
-use gusset::substructure::{Command, Coupling, Freshness, Measurement, Retirement, Substructure};
-use gusset::time::Nanos;
+use gusset_quantity::substructure::{Command, Coupling, Freshness, Measurement, Retirement, Substructure};
+use gusset_quantity::time::Nanos;
 use gusset::wire::handshake::{Axis, Sampling, Unit};
 use gusset::wire::key::PreSharedKey;
 

@@ -13,10 +13,10 @@ use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
 use gusset::rt::os::monotonic_ns;
 use gusset::specimen::SpecimenLaw;
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
-use gusset::time::Nanos;
+use gusset_quantity::time::Nanos;
 use gusset::wire::handshake::{Axis, Sampling, Unit};
 
 /// Threads are counted, so these tests run one after another.

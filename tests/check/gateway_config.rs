@@ -1,7 +1,7 @@
 //! Mistakes in the file of a gateway are shown where they stand, before anything is connected.
 
 use crate::link_common::{COMPUTED, finish, gateway, gusset, linked, write};
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::config;
 use gusset::setup;
 

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use gusset::engine::{Connected, Control, Experiment, Outcome, Phase};
 use gusset::record::{Column, MemoryRecorder, Recorder, TimedEvent};
 use gusset::setup::{Facts, Prepared};
-use gusset::time::{Clock, SimClock};
+use gusset_quantity::time::{Clock, SimClock};
 
 /// A recorder whose content can still be read when the engine has taken it.
 #[derive(Clone, Default)]

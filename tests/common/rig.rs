@@ -4,10 +4,10 @@ use std::sync::{Arc, Mutex};
 
 use gusset::engine::Experiment;
 use gusset::port::{Axis, Port};
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use gusset::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Stiffness of every rig, N/m.
 pub const STIFFNESS: f64 = 2e5;

@@ -1,9 +1,9 @@
 //! A spring of one axis that answers every command, at once or after some looks, and lets a test hear what it was told.
 
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use gusset::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Coupling: lockstep.
 pub struct Spring {

@@ -10,10 +10,10 @@ use gusset::engine::{
 };
 use gusset::port::{Pace, WiringCheck};
 use gusset::record::MemoryRecorder;
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
-use gusset::time::{Clock, Nanos, SimClock};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 /// Every maneuver: wiring check, zeroing with confirmation, static load, ramp, warm-up, steps, hold and shutdown.
 const TEST: &str = r#"title = "Two columns"

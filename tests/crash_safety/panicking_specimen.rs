@@ -8,17 +8,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::common::{FRAME, PATIENT, json, say, write};
 use crate::link_common::Served;
-use gusset::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use gusset::config;
 use gusset::port::{Axis, Port};
 use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finished, Watches};
 use gusset::setup::{self, Prepared};
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
-use gusset::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// A spring whose code has a bug that shows at a given time, and perhaps another in its last words.
 #[derive(Debug)]

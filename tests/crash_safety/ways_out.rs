@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use gusset::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use gusset::engine::{Control, Ending, Operator};
 use gusset::record::RunFolder;
 use gusset::record::summary::Status;
 use gusset::session::{self, Watches};
-use gusset::substructure::{Coupling, LinkFault};
-use gusset::time::{Clock, Nanos, SimClock};
+use gusset_quantity::substructure::{Coupling, LinkFault};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 use crate::common::engine::{prepare, run_on};
 use crate::common::rig::{Act, Log, Phase, attach, storey, two_floors};

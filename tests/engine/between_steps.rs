@@ -6,7 +6,7 @@ use crate::common::engine::{Run, prepare, run, run_under};
 use crate::common::spring::Spring;
 use gusset::engine::{Control, Operator, Phase};
 use gusset::port::{Axis, Order, Port, Stage};
-use gusset::time::SimClock;
+use gusset_quantity::time::SimClock;
 
 const DT: f64 = 0.01;
 const TICKS: u32 = 8;

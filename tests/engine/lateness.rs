@@ -8,13 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::common::engine::{Run, run_on};
 use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
 use gusset::port::limits::Bound;
 use gusset::record::Event;
 use gusset::rt::timing::Quantity;
-use gusset::substructure::{Coupling, Retirement};
-use gusset::time::{Clock, Nanos, SimClock};
+use gusset_quantity::substructure::{Coupling, Retirement};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 const STEPS: u32 = 40;
 /// One tick, ns.

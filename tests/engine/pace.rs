@@ -10,10 +10,10 @@ use gusset::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset::port::{Axis, HOLD_AT, Order, Port};
 use gusset::record::RunFolder;
 use gusset::session::{self, Watches, replay};
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use gusset::time::{Nanos, SimClock};
+use gusset_quantity::time::{Nanos, SimClock};
 
 /// Steps of 10 ms, springs of 2e5 N/m on the bottom storey; `ticks` of them.
 fn frame(ticks: u32, more: &str) -> String {

@@ -5,16 +5,16 @@ use std::sync::{Arc, Mutex};
 
 use crate::common::engine::{Run, prepare, run_under};
 use crate::common::spring::Spring;
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Control, Ending, Experiment, Operator, Phase, PhaseCell, Stop};
 use gusset::port::limits::{AxisLimits, Bound, Range};
 use gusset::port::{Axis, Exit, Exits, Pace, Port, WiringCheck};
 use gusset::record::Event;
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
-use gusset::time::Nanos;
-use gusset::time::SimClock;
+use gusset_quantity::time::Nanos;
+use gusset_quantity::time::SimClock;
 
 const PERIOD: f64 = 1e-3;
 const STIFFNESS: f64 = 2e5;

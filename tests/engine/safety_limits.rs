@@ -10,13 +10,13 @@ use crate::link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
     test_file, write,
 };
-use gusset::catalog::limit::{Kind, Limit, Scope};
+use gusset_quantity::catalog::limit::{Kind, Limit, Scope};
 use gusset::config;
 use gusset::engine::{Ending, Stop};
 use gusset::port::limits::{AxisLimits, Bound};
 use gusset::record::Event;
-use gusset::substructure::Status;
-use gusset::time::{Clock, Nanos, SimClock};
+use gusset_quantity::substructure::Status;
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset::wire::handshake::Limits;
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
@@ -682,7 +682,7 @@ fn a_force_beyond_its_limit_is_told_beside_what_the_specimen_says_and_that_ends_
         (Status::INTERLOCK, Stop::Interlock { port }),
     ] {
         let mut experiment = two_floors(40, "timing.warmup_ticks = 0");
-        let coupling = gusset::substructure::Coupling::Lockstep;
+        let coupling = gusset_quantity::substructure::Coupling::Lockstep;
         let script = move |phase, sequence| match sequence {
             30 if phase == Phase::Collect => Act::Says(status),
             _ => Act::Serve,

@@ -8,8 +8,8 @@ use crate::common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_f
 use gusset::engine::{EndPosition, Ending, Phase as Ended, Stop};
 use gusset::port::{Exit, Pace, Reference, WiringCheck, Zero};
 use gusset::record::Event;
-use gusset::substructure::{Coupling, Retirement, Status};
-use gusset::time::{Clock, SimClock};
+use gusset_quantity::substructure::{Coupling, Retirement, Status};
+use gusset_quantity::time::{Clock, SimClock};
 
 const STEPS: u32 = 40;
 

@@ -6,13 +6,13 @@ use std::sync::{Arc, Mutex};
 use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig;
 use crate::common::spring::Spring;
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Control, EndPosition, Ending, Operator, Stop};
 use gusset::port::limits::{AxisLimits, Bound};
 use gusset::port::{Axis, Exit, Exits, Order, Pace, Port, Reference, WiringCheck, Zero};
 use gusset::record::Event;
-use gusset::substructure::Coupling;
-use gusset::time::SimClock;
+use gusset_quantity::substructure::Coupling;
+use gusset_quantity::time::SimClock;
 
 const PERIOD: f64 = 1e-3;
 const STIFFNESS: f64 = 2e5;

@@ -4,10 +4,10 @@ use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
 use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset::port::{Exit, Trend, WiringCheck};
 use gusset::rt::timing::Quantity;
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
-use gusset::time::{Nanos, SimClock};
+use gusset_quantity::time::{Nanos, SimClock};
 
 const STEPS: f64 = 1024.0;
 

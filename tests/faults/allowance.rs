@@ -6,17 +6,17 @@
 
 use std::sync::{Arc, Mutex};
 
-use gusset::catalog::ending;
+use gusset_quantity::catalog::ending;
 use gusset::config::LimitsSpec;
 use gusset::link::Transport;
 use gusset::link::served::{Controller, Latch, LinkBuild, ServedSpecimen};
 use gusset::link::server::{Host, Simulated};
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use gusset::time::{Clock, Nanos, SimClock};
-use gusset::units::AxisUnits;
+use gusset_quantity::time::{Clock, Nanos, SimClock};
+use gusset_quantity::units::AxisUnits;
 use gusset::wire::Side;
 use gusset::wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,

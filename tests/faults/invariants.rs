@@ -1,12 +1,12 @@
 //! What holds in every test, whatever goes wrong. Each check says what it found.
 
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::config::{CommandPace, Loaded};
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::server::Tapped;
 use gusset::port::limits::AxisLimits;
 use gusset::record::{End, Event, Journal};
-use gusset::time::Nanos;
+use gusset_quantity::time::Nanos;
 use gusset::wire::native::Kind;
 
 use crate::lab::Played;

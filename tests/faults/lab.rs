@@ -13,7 +13,7 @@ use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset::session::{Replay, ending, replay_rows};
 use gusset::setup::{Files, Prepared, build, build_over};
-use gusset::time::{Clock, Nanos, SimClock};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 use crate::rig::Seen;
 

@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::config::{
     AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
 };
@@ -13,7 +13,7 @@ use gusset::law::{LawSpec, Reach};
 use gusset::link::NativeSetup;
 use gusset::link::server::Host;
 use gusset::specimen::{Specimen, Uniaxial};
-use gusset::state::Visit;
+use gusset_quantity::state::Visit;
 
 use crate::campaign::Chance;
 

@@ -11,7 +11,7 @@ use crate::link_common::{
 };
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
-use gusset::substructure::Status;
+use gusset_quantity::substructure::Status;
 use gusset::wire::native::{Cause, Frame};
 
 const STEPS: u32 = 100;

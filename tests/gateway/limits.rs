@@ -10,7 +10,7 @@ use crate::link_common::{
 };
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
-use gusset::substructure::Status;
+use gusset_quantity::substructure::Status;
 
 const STEPS: u32 = 500;
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";

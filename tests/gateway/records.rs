@@ -7,14 +7,14 @@ use crate::link_common::{
     COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
     gusset, run, summary, test_file,
 };
-use gusset::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use gusset::config::LimitsSpec;
 use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset::record::Run;
 use gusset::record::summary::Status;
 use gusset::specimen::SpecimenLaw;
-use gusset::substructure::{Command, Measurement};
-use gusset::units::AxisUnits;
+use gusset_quantity::substructure::{Command, Measurement};
+use gusset_quantity::units::AxisUnits;
 
 const STEPS: u32 = 200;
 const WARM_UP: usize = 5;

@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use gusset::catalog::column::{Each, Kind, SERVER, TEST};
-use gusset::catalog::ending::Cause;
-use gusset::catalog::limit::Limit;
-use gusset::catalog::phase::{Phase, STATES};
+use gusset_quantity::catalog::column::{Each, Kind, SERVER, TEST};
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::catalog::phase::{Phase, STATES};
 
 const HOLDS: [[&str; 2]; 4] = [
     ["1", "from `hold` until `continue`"],

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use gusset::catalog::event::{EVENTS, Writer};
+use gusset_quantity::catalog::event::{EVENTS, Writer};
 
 pub fn events() -> String {
     let mut text = String::from(

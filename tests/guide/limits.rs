@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use gusset::catalog::limit::{CheckedBy, Judges, Kind, Row, Scope, TABLE};
+use gusset_quantity::catalog::limit::{CheckedBy, Judges, Kind, Row, Scope, TABLE};
 
 /// Further limits of the test and of links: key, unit, what is judged, default, table.
 pub const FURTHER_LIMITS: [[&str; 5]; 5] = [

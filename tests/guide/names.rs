@@ -1,7 +1,7 @@
 //! Whether the lists of the guide have every name that the program has.
 
-use gusset::catalog::column::{Kind, TEST};
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::column::{Kind, TEST};
+use gusset_quantity::catalog::limit::Limit;
 use serde_json::Value;
 
 use super::limits::FURTHER_LIMITS;

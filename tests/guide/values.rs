@@ -112,5 +112,5 @@ pub fn range(node: &Value) -> String {
 
 /// The unit that the name of a key carries.
 pub fn unit(key: &str) -> Option<&'static str> {
-    Some(gusset::units::unit_in_name(key)).filter(|unit| !unit.is_empty())
+    Some(gusset_quantity::units::unit_in_name(key)).filter(|unit| !unit.is_empty())
 }

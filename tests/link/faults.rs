@@ -13,7 +13,7 @@ use crate::link_common::{
 use gusset::engine::NOT_AWAITED;
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
-use gusset::substructure::Status;
+use gusset_quantity::substructure::Status;
 use gusset::wire::handshake::{Bye, Control};
 use gusset::wire::native::{Cause, Frame};
 

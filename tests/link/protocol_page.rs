@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use gusset::substructure::{Command, Measurement, Status};
+use gusset_quantity::substructure::{Command, Measurement, Status};
 use gusset::wire::handshake::{
     self, Arm, Axis, Bye, Capabilities, Control, Hello, Limits, Refuse, RefuseCode, Sampling, Unit,
     Versions, Welcome, layout_hash,

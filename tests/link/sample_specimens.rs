@@ -144,7 +144,7 @@ fn holds_beyond_the_force(folder: &Path, address: &str, transport: &str) {
     assert_eq!(code, 1, "{said}");
     let all = columns(folder, "limited", "");
     let status = all.iter().find(|(name, _)| name == "status_1").unwrap();
-    let interlock = f64::from(gusset::substructure::Status::INTERLOCK.0);
+    let interlock = f64::from(gusset_quantity::substructure::Status::INTERLOCK.0);
     let last = f64::from_bits(*status.1.last().unwrap());
     assert_eq!(last % (2.0 * interlock), interlock, "{last}");
 }

@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 
-use gusset::substructure::{Measurement, Status};
+use gusset_quantity::substructure::{Measurement, Status};
 use gusset::wire::handshake::{self, Capabilities, Control, Hello, Welcome, layout_hash};
 use gusset::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Moment, Notice, split};
 use gusset::wire::{Progress, Side};

@@ -9,8 +9,8 @@ use crate::link_common::{
 };
 use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::record::Run;
-use gusset::substructure::{Command, Measurement, Retirement, Substructure};
-use gusset::time::Nanos;
+use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
+use gusset_quantity::time::Nanos;
 use gusset::wire::handshake::{Capabilities, Welcome};
 use gusset::wire::openfresco::{Carrier, Peer};
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::link_common::{PATIENCE, Served};
 use gusset::record::Run;
 use gusset::record::summary::Status;
-use gusset::substructure::Command;
+use gusset_quantity::substructure::Command;
 use gusset::wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,
 };

@@ -9,8 +9,8 @@ use gusset::link::openfresco::{
     End, ExchangeFault, HostFault, Nature, Remote, RemoteSettings, Role, ServeSettings,
 };
 use gusset::link::server::ServerEvent;
-use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
-use gusset::time::Nanos;
+use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
+use gusset_quantity::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
 
 #[test]

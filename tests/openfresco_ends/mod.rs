@@ -15,9 +15,9 @@ use gusset::link::served::{Computed, ServedSpecimen};
 use gusset::link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};
 use gusset::link::tls::TlsServer;
 use gusset::specimen::SpecimenLaw;
-use gusset::substructure::{Command, Measurement, Substructure};
-use gusset::time::Nanos;
-use gusset::units::AxisUnits;
+use gusset_quantity::substructure::{Command, Measurement, Substructure};
+use gusset_quantity::time::Nanos;
+use gusset_quantity::units::AxisUnits;
 use gusset::wire::openfresco::{Carrier, Peer};
 
 pub const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";

@@ -4,8 +4,8 @@
 use crate::programs::{LONG, Peer, free_port, python};
 use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::specimen::{InProcess, SpecimenLaw};
-use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
-use gusset::time::Nanos;
+use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
+use gusset_quantity::time::Nanos;
 use gusset::wire::openfresco as of;
 use gusset::wire::openfresco::Carrier;
 

@@ -2,7 +2,7 @@
 
 use crate::common::engine::prepare;
 use crate::common::{FRAME, completed, json, write};
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::record::{Event, Run};
 use gusset::spectral::delay::sdof;

@@ -2,7 +2,7 @@
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
-use gusset::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use gusset::compensation::CompensationSpec;
 use gusset::engine::{Ending, Stop};
 use gusset::motion::{Grid, Motion, Quantity};

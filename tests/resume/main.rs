@@ -25,16 +25,16 @@ use std::time::{Duration, Instant};
 
 use common::killed::{column, killed};
 use common::{completed, copy, say, write};
-use gusset::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use gusset::engine::{Operator, Phase};
 use gusset::port::{Axis, Port};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Allowed, ResumeError, Watches, replay, resume, resume_allowed};
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use gusset::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// A frame whose bottom storey is a Bouc–Wen formula and whose upper storey has a yielding element: both remember.
 fn frame(rate: u32, ticks: u32, seconds: f64, ease: f64) -> String {

@@ -9,11 +9,11 @@ use gusset::compensation::CompensationSpec;
 use gusset::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
 use gusset::port::{Axis, Order, Port};
 use gusset::record::{Column, Event, Recorder, TimedEvent};
-use gusset::state::{StateError, TestState, Visit};
-use gusset::substructure::{
+use gusset_quantity::state::{StateError, TestState, Visit};
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
-use gusset::time::{Nanos, SimClock};
+use gusset_quantity::time::{Nanos, SimClock};
 
 /// A state, and how many rows and events there were before it.
 type Saved = (usize, usize, TestState);

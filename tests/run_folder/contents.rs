@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::common::engine::prepare;
 use crate::common::{FRAME, PATIENT, completed, copy, json, names, run, same_physics, say, write};
-use gusset::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Watches};

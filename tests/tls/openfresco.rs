@@ -10,8 +10,8 @@ use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::server::ServerEvent;
 use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};
-use gusset::substructure::{Command, Measurement, Retirement, Substructure};
-use gusset::time::Nanos;
+use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
+use gusset_quantity::time::Nanos;
 use gusset::wire::openfresco::{Carrier, Peer};
 
 fn client(folder: &Path) -> TlsClient {

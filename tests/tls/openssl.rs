@@ -11,8 +11,8 @@ use crate::openfresco_ends::{Listen, in_process, path, settings};
 use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
-use gusset::substructure::{Command as Move, Measurement, Retirement, Substructure};
-use gusset::time::Nanos;
+use gusset_quantity::substructure::{Command as Move, Measurement, Retirement, Substructure};
+use gusset_quantity::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes, write_action};
 
 /// The files, or `None` without openssl.

@@ -8,7 +8,7 @@ use crate::openfresco_ends::{Listen, drive, in_process, settings};
 use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
-use gusset::substructure::{Retirement, Substructure};
+use gusset_quantity::substructure::{Retirement, Substructure};
 use gusset::wire::openfresco::{Carrier, Peer};
 
 const STEPS: u32 = 600;

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use crate::cli::test_file::load;
 use crate::config::Loaded;
-use crate::text::is_reason;
+use gusset_quantity::text::is_reason;
 
 /// A reason in words.
 fn reason(text: &str) -> Result<String, String> {

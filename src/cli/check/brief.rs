@@ -10,7 +10,7 @@ use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::integration;
 use crate::session::rehearsal::{FullRehearsal, Need};
 use crate::setup::{Facts, StructureFacts};
-use crate::units::{duration, number, quantity, rate};
+use gusset_quantity::units::{duration, number, quantity, rate};
 
 /// Specimens, and records, that have a separate line. The page gives the number of the others.
 const LISTED: usize = 2;

@@ -9,7 +9,7 @@ use super::super::test_file::refused;
 use super::super::{answer, tell, warn};
 use super::in_words;
 use crate::setup::{ServedLimit, load_served, served_limits};
-use crate::units::in_axis_unit;
+use gusset_quantity::units::in_axis_unit;
 
 /// Checks a served file. The exit code says whether its verdict is clear.
 ///

@@ -8,7 +8,7 @@ use crate::motion::{Quantity, STANDARD_GRAVITY};
 use crate::session::integration::{self, method_name};
 use crate::setup::{Facts, StructureFacts};
 use crate::stability::{Errors, Spectrum, per_cent};
-use crate::units::{duration, number, quantity, rate};
+use gusset_quantity::units::{duration, number, quantity, rate};
 
 /// Everything that is known of the test without a rehearsal.
 pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::super::table::Table;
 use crate::identify::Identification;
 use crate::session::identification::{Axis, Outcome, felt, of_specimen, parameters, with_error};
-use crate::units::{duration, quantity};
+use gusset_quantity::units::{duration, quantity};
 
 /// Rows of the frequency response that are printed.
 const ROWS: usize = 10;

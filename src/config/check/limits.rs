@@ -2,13 +2,13 @@
 //! ways and places of the file that limits, or what the rig can give, forbid.
 
 use super::Findings;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::limit_table::LimitsSpec;
 use crate::config::safety::{ExitChoice, SafetyTable};
 use crate::config::specimen::SpecimenTable;
-use crate::text::is_reason;
+use gusset_quantity::text::is_reason;
 
 /// A range, the place of its key, why a position outside it is impossible, and its label.
 type PlaceBound = ([f64; 2], KeyPath, &'static str, &'static str);

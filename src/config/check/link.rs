@@ -6,7 +6,7 @@ use crate::config::document::KeyPath;
 use crate::config::link_table::{Carrier, LinkCoupling, LinkSpec, Protocol};
 use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
-use crate::text::is_hidden;
+use gusset_quantity::text::is_hidden;
 
 /// The link of one specimen.
 pub(super) fn check_link(

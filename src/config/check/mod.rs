@@ -36,7 +36,7 @@ use super::timing_table::OnMiss;
 use super::value::{DofChoice, LambdaValue};
 pub use limits::missing_limits;
 
-use crate::text::is_hidden;
+use gusset_quantity::text::is_hidden;
 
 /// Every number of the document that is not finite, but λ, which may be infinite.
 pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
@@ -175,7 +175,7 @@ impl Findings {
     /// A reason that the user gives says something, in characters that can be printed.
     fn reason(&mut self, at: KeyPath, reason: Option<&str>) {
         self.printable(&at, reason);
-        if reason.is_some_and(|reason| !crate::text::is_reason(reason)) {
+        if reason.is_some_and(|reason| !gusset_quantity::text::is_reason(reason)) {
             let headline = format!("`{at}` gives no reason");
             self.0.push(
                 Finding::error(at, headline)

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{fraction, positive, require, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 use branch::Branch;
 pub use wear::{DegradationSpec, PinchingSpec};
 use wear::{Point, Wear};

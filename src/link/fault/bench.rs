@@ -6,12 +6,12 @@ use std::collections::VecDeque;
 
 use super::dice::Dice;
 use crate::config::fault_script::{Channel, Fault, Kind, MEMORY, Place, Script};
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement,
     Status, Substructure, Unavailable,
 };
-use crate::time::Nanos;
-use crate::units::AxisUnits;
+use gusset_quantity::time::Nanos;
+use gusset_quantity::units::AxisUnits;
 
 /// The stream of chance at the bench.
 const STREAM: u64 = 2;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Frames with the time at which each arrives; of those with one time the first in comes first. Its buffers are used
 /// again.

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::time::{Clock, Nanos, SimClock};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 /// A simulated clock that oversleeps: what a page fault or a kernel does to a loop.
 #[derive(Debug)]

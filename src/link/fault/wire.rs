@@ -10,8 +10,8 @@ use super::dice::Dice;
 use crate::config::fault_script::{Fault, Kind, MEMORY, Place, Script, Way};
 use crate::link::Transport;
 use crate::link::tls::TlsFault;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 use crate::wire::native::{Kind as FrameKind, forge_force, forge_length, forge_sequence, peek};
 
 /// The stream of chance on the link.

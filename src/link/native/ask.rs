@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::refused::{SetupError, parting};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::substructure::LISTEN_NS;
+use gusset_quantity::substructure::LISTEN_NS;
 use crate::wire::WireError;
 use crate::wire::handshake::{Control, Welcome};
 

@@ -3,7 +3,7 @@
 //! Invariant: the newest measurement is never replaced by an older one, and every answer is counted once, as fresh, late
 //! or duplicate.
 
-use crate::substructure::{LinkStats, Measurement, Status};
+use gusset_quantity::substructure::{LinkStats, Measurement, Status};
 use crate::wire::WireError;
 use crate::wire::native::{Earlier, MeasurementFrame};
 use crate::wire::window::{Arrival, SequenceWindow};

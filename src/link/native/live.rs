@@ -12,10 +12,10 @@ use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::served::LOST;
 use crate::link::socket::LOOK;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::{self, Control, Welcome};
 use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
@@ -348,7 +348,7 @@ impl Live {
         self.send(written)
     }
 
-    /// See [`crate::substructure::Substructure::pause`].
+    /// See [`gusset_quantity::substructure::Substructure::pause`].
     pub(super) fn pause(&mut self) -> Result<(), LinkFault> {
         if let Some(fault) = self.fault {
             return Err(fault);
@@ -359,7 +359,7 @@ impl Live {
             .map_or(Ok(()), |issued| self.say_hold(issued, cause))
     }
 
-    /// See [`crate::substructure::Substructure::halt`]. Once the next command has overtaken it, it says nothing any more: over
+    /// See [`gusset_quantity::substructure::Substructure::halt`]. Once the next command has overtaken it, it says nothing any more: over
     /// UDP it is said as often as may be lost in a row.
     pub(super) fn halt(&mut self) -> Result<(), LinkFault> {
         if let Some(fault) = self.fault {

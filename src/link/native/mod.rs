@@ -20,11 +20,11 @@ pub(in crate::link) use setup::{SOFTWARE, fit};
 use crate::config::Carrier;
 use crate::link::Transport;
 use crate::link::tls::TlsClient;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
     Retirement, Substructure, Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 use live::Live;
 
 /// The controller's end of our own protocol.

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use crate::link::ConnectError;
 use crate::link::tls::TlsFault;
-use crate::substructure::{LinkFault, Unavailable};
+use gusset_quantity::substructure::{LinkFault, Unavailable};
 use crate::wire::WireError;
 use crate::wire::handshake::{RefuseCode, Wider};
 use crate::wire::native::Cause;

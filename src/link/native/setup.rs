@@ -7,8 +7,8 @@ use crate::config::Carrier;
 use crate::link::SocketOptions;
 use crate::link::announce;
 use crate::link::secret::random;
-use crate::substructure::Coupling;
-use crate::text::is_hidden;
+use gusset_quantity::substructure::Coupling;
+use gusset_quantity::text::is_hidden;
 use crate::wire::handshake::{self, Axis, Hello, Limits, Sampling, Versions, Welcome, layout_hash};
 use crate::wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 

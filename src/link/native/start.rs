@@ -8,7 +8,7 @@ use crate::config::Carrier;
 use crate::link::inbox::Inbox;
 use crate::link::tls::{TlsClient, is_alert};
 use crate::link::{ConnectError, TcpTransport, Transport, UdpTransport};
-use crate::substructure::{Introduction, LinkFault};
+use gusset_quantity::substructure::{Introduction, LinkFault};
 use crate::wire::handshake::{self, Capabilities, Control};
 use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
 use crate::wire::{Side, WireError};

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::link::SocketOptions;
-use crate::substructure::{Command, Freshness, Measurement, Status};
+use gusset_quantity::substructure::{Command, Freshness, Measurement, Status};
 use crate::wire::Side;
 use crate::wire::handshake::{
     self, Bye, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, Unit, Versions, Welcome,

@@ -7,8 +7,8 @@ use super::settings::RemoteSettings;
 use crate::link::Transport;
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport};
 use crate::rt::os;
-use crate::substructure::{Command, LinkFault, Measurement};
-use crate::time::Nanos;
+use gusset_quantity::substructure::{Command, LinkFault, Measurement};
+use gusset_quantity::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::openfresco::Peer;
 use crate::wire::openfresco::{

@@ -16,11 +16,11 @@ use super::settings::RemoteSettings;
 use crate::link::Transport;
 use crate::link::socket::LOOK;
 use crate::rt::os;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 use crate::wire::not_foreign;
 use crate::wire::openfresco::Peer;
 

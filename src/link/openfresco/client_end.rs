@@ -3,10 +3,10 @@
 use thiserror::Error;
 
 use super::host::HostFault;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::tls::TlsFault;
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 use crate::wire::WireError;
 
 /// Why an exchange fails.

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::settings::RemoteSettings;
 use crate::link::socket::ConnectError;
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 use crate::wire::WireError;
 use crate::wire::openfresco::Carrier;
 

@@ -14,10 +14,10 @@ use super::remarks::Remark;
 use super::role::Nature;
 use super::tally::Tally;
 use super::trials::Trials;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::link::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
 use crate::specimen::Specimen;
-use crate::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 use crate::wire::openfresco::{Course, Matrix, Response};
 
 /// Why a host refuses to go on. A formula is left at its last committed state, what moves where it is.

@@ -3,7 +3,7 @@
 
 use super::role::{Nature, Role};
 use super::tally::Tally;
-use crate::catalog::event as catalog;
+use gusset_quantity::catalog::event as catalog;
 use crate::wire::openfresco::Sizes;
 
 /// A warning about a client.

@@ -6,7 +6,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::substructure::Measurement;
+use gusset_quantity::substructure::Measurement;
 
 /// Singular values below this part of the largest count as zero.
 const RANK: f64 = 1e-12;

@@ -5,7 +5,7 @@
 
 use super::motion::copy;
 use crate::link::served::{ROUNDING, TrialFault};
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 
 /// The trials of the present step.
 #[derive(Debug, Default)]

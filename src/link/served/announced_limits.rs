@@ -3,7 +3,7 @@
 use super::{Controller, Trip, USUAL_TICK_S};
 use crate::link::announce;
 use crate::port::limits::{AxisLimits, Watch};
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 
 /// What one controller has announced.
 #[derive(Debug)]
@@ -73,10 +73,10 @@ impl AnnouncedLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::limit::Limit;
+    use gusset_quantity::catalog::limit::Limit;
     use crate::link::served::{Computed, ServedSpecimen};
     use crate::specimen::SpecimenLaw;
-    use crate::substructure::{Command, Measurement, Status};
+    use gusset_quantity::substructure::{Command, Measurement, Status};
     use crate::wire::handshake::Limits;
 
     /// A spring of 1 MN/m in mm and kN, which is 1 kN/mm, for a controller that announces 50 mm, 500 mm/s and 30 kN.

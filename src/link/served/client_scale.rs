@@ -6,8 +6,8 @@
 
 use crate::geometry::{Coordinate, Fault};
 use crate::port::Port;
-use crate::substructure::Measurement;
-use crate::units::AxisUnits;
+use gusset_quantity::substructure::Measurement;
+use gusset_quantity::units::AxisUnits;
 
 /// Signals that a controller commands.
 #[derive(Debug, Clone, Default)]

@@ -4,12 +4,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::specimen::{Specimen, status};
-use crate::state::TestState;
-use crate::substructure::{
+use gusset_quantity::state::TestState;
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// How the last test left a specimen that is computed: shared by those who make one and those who ask where it stands.
 #[derive(Debug, Clone, Default)]

@@ -1,13 +1,13 @@
 //! The rows of a server: one per exchange, and their columns.
 
 use super::Trip;
-use crate::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
+use gusset_quantity::catalog::phase::Phase;
 use crate::geometry::Coordinate;
 use crate::port::Port;
 use crate::record::Column;
-use crate::substructure::{Command, Measurement};
-use crate::units::AxisUnits;
+use gusset_quantity::substructure::{Command, Measurement};
+use gusset_quantity::units::AxisUnits;
 
 /// One recorded exchange.
 pub(super) struct Exchange<'a> {

@@ -2,12 +2,12 @@
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
 use super::{Trip, USUAL_TICK_S};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::{AxisLimits, Hit, Level};
-use crate::substructure::Command;
-use crate::units::AxisUnits;
-use crate::units::in_axis_unit;
+use gusset_quantity::substructure::Command;
+use gusset_quantity::units::AxisUnits;
+use gusset_quantity::units::in_axis_unit;
 
 /// Share of the range that `command_disp_m` allows.
 const SHARE: f64 = 0.05;

@@ -11,17 +11,17 @@ use super::pacing::{PacedPath, Pacing};
 use super::recording::Recording;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
-use crate::catalog::event::Remark;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::event::Remark;
+use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::{Found, Level};
 use crate::record::Event;
 use crate::rt::os;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Freshness, Introduction, LISTEN_NS, LinkFault, Measurement, Status,
 };
-use crate::time::Nanos;
-use crate::units::AxisUnits;
+use gusset_quantity::time::Nanos;
+use gusset_quantity::units::AxisUnits;
 
 /// Whose motion a command is part of.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
 //! The properties of a served specimen that never change.
 
 use super::client_scale::ClientScale;
-use crate::units::{AxisUnits, position};
+use gusset_quantity::units::{AxisUnits, position};
 
 /// What never changes of a served specimen.
 #[derive(Debug)]

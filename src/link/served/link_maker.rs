@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use super::{Controller, TestEnd, Wanted, Whereabouts};
 use crate::rt::os;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Interval at which a wait for a connection checks that the test is still wanted.
 const LOOK_EVERY: Duration = Duration::from_millis(20);

@@ -49,11 +49,11 @@ pub use served_specimen::ServedSpecimen;
 pub use session_record::RecordSettings;
 pub use whereabouts::Whereabouts;
 
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::geometry::Fault;
 use crate::port::limits::Hit;
-use crate::substructure::LinkFault;
-use crate::units::{compared, quantity};
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::units::{compared, quantity};
 use crate::wire::handshake::{Limits, Sampling};
 
 /// From one command to the next in s, until it is known.

@@ -10,9 +10,9 @@ use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
-use crate::catalog::event::Remark;
+use gusset_quantity::catalog::event::Remark;
 use crate::port::SHARE_OF_SPEED;
-use crate::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 
 impl GuardedSpecimen {
     /// Leads the specimen to a target of the controller, and returns the answer there. If that is not `wanted` any more, the specimen

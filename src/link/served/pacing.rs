@@ -18,7 +18,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::rt::os;
-use crate::state::TestState;
+use gusset_quantity::state::TestState;
 
 /// Largest speed of a path, of the mean speed.
 pub(super) const FASTEST: f64 = 1.875;

@@ -2,7 +2,7 @@
 
 use super::Trip;
 use super::pacing::{AllowedAccel, FASTEST, HARDEST, Pacing};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::{AxisLimits, Hit, Level};
 

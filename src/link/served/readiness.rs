@@ -6,14 +6,14 @@ use super::identity::Identity;
 use super::link_maker::LinkMaker;
 use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
-use crate::catalog::event::Remark;
+use gusset_quantity::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
 use crate::record::lasting::Place;
 use crate::record::utc::rfc3339;
 use crate::rt::os;
 use crate::rt::wall::Wall;
-use crate::substructure::{Command, Introduction, Measurement, Retirement};
-use crate::units::{AxisUnits, in_axis_unit, number as number_of, signed_in_axis_unit};
+use gusset_quantity::substructure::{Command, Introduction, Measurement, Retirement};
+use gusset_quantity::units::{AxisUnits, in_axis_unit, number as number_of, signed_in_axis_unit};
 
 const WHILE: &str = "while its direction was tried";
 

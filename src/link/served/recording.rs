@@ -4,13 +4,13 @@ use super::exchange_columns::Exchange;
 use super::identity::Identity;
 use super::session_record::{RecordSettings, SessionRecord};
 use super::{Controller, GuardStore, Trip};
-use crate::catalog::ending::Cause;
-use crate::catalog::event::{Remark, Severity};
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::event::{Remark, Severity};
 use crate::link::quota::Allowance;
 use crate::port::Port;
 use crate::record::Event;
 use crate::rt::os;
-use crate::substructure::LinkStats;
+use gusset_quantity::substructure::LinkStats;
 
 /// The record of a served specimen, and its settings.
 #[derive(Default)]

@@ -13,14 +13,14 @@ use super::readiness::Readiness;
 use super::session_record::RecordSettings;
 use super::speed_allowance::SpeedAllowance;
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted, with_last_words};
-use crate::catalog::ending::{Cause, Status as Ended};
-use crate::catalog::event::Remark;
+use gusset_quantity::catalog::ending::{Cause, Status as Ended};
+use gusset_quantity::catalog::event::Remark;
 use crate::config::LimitsSpec;
 use crate::port::limits::AxisLimits;
 use crate::port::{Guard, Port, WiringCheck};
-use crate::substructure::{Command, LinkStats, Measurement, Substructure};
-use crate::time::Nanos;
-use crate::units::AxisUnits;
+use gusset_quantity::substructure::{Command, LinkStats, Measurement, Substructure};
+use gusset_quantity::time::Nanos;
+use gusset_quantity::units::AxisUnits;
 
 /// How far a controller's test has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

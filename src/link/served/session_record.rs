@@ -12,8 +12,8 @@ use super::exchange_columns::{Exchange, HEAD, columns};
 use super::identity::Identity;
 use super::session_summary::{self, Counted};
 use super::{Controller, Trip};
-use crate::catalog::ending::{Cause, Status as Ended};
-use crate::catalog::event::{Remark, Severity};
+use gusset_quantity::catalog::ending::{Cause, Status as Ended};
+use gusset_quantity::catalog::event::{Remark, Severity};
 use crate::port::Port;
 use crate::record::Summary;
 use crate::record::summary::RecordedVerdict;
@@ -25,8 +25,8 @@ use crate::record::{
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::rt::{os, pin_away};
-use crate::substructure::{LinkStats, Status};
-use crate::units::AxisUnits;
+use gusset_quantity::substructure::{LinkStats, Status};
+use gusset_quantity::units::AxisUnits;
 
 /// Where and what a server records.
 #[derive(Debug, Clone)]

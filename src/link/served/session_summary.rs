@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use serde_json::json;
 
 use super::exchange_columns::Exchange;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::record::summary::{ClockKind, InputFile, LinkCounts, Peak};
 use crate::record::{MissClasses, Recorded, Summary};
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
-use crate::substructure::LinkStats;
-use crate::units::AxisUnits;
+use gusset_quantity::substructure::LinkStats;
+use gusset_quantity::units::AxisUnits;
 
 /// What is counted while a test runs.
 pub(super) struct Counted {

@@ -13,7 +13,7 @@
 //! announced period, or the test time that was said.
 
 use super::USUAL_TICK_S;
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// The burst in s, where two announced periods are not longer.
 const BURST_S: f64 = 0.02;

@@ -3,19 +3,19 @@
 use std::sync::{Arc, Mutex};
 
 use super::{GuardStore, Latch, ServedSpecimen};
-use crate::catalog::ending::Cause;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::LimitsSpec;
 use crate::link::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
 use crate::port::{Pace, WiringCheck};
 use crate::record::lasting::{LastingRecord, SpecimenKey};
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
 };
-use crate::time::Nanos;
-use crate::units::AxisUnits;
-use crate::units::position;
+use gusset_quantity::time::Nanos;
+use gusset_quantity::units::AxisUnits;
+use gusset_quantity::units::position;
 
 const K: f64 = 8000.0;
 

@@ -6,7 +6,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::elsewhere;
-use crate::substructure::Introduction;
+use gusset_quantity::substructure::Introduction;
 
 /// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
 /// who ask.

@@ -4,11 +4,11 @@
 use std::sync::{Arc, Mutex};
 
 use crate::link::served::{Pacing, simulated_pace};
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Commands of a path of 4 s.
 pub(super) const TICKS: u32 = 4000;

@@ -3,12 +3,12 @@
 use std::net::SocketAddr;
 
 use super::connection::ClientLink;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::native::with_words;
 use crate::link::served::TestEnd;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 use crate::wire::native;
 
 /// The connection to one client, with its address.

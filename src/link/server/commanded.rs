@@ -1,6 +1,6 @@
 //! The command in force of a native session, and the count of commands.
 
-use crate::substructure::{Command, Measurement, Status};
+use gusset_quantity::substructure::{Command, Measurement, Status};
 use crate::wire::WireError;
 use crate::wire::native::CommandFrame;
 

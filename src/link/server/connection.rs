@@ -10,8 +10,8 @@ use crate::link::fault::FaultyWire;
 use crate::link::tls::{TlsFault, TlsStream};
 use crate::link::{TcpTransport, Transport, UdpTransport, Wait};
 use crate::rt::os;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 
 /// The transport of a connection.
 pub(super) enum Connection {

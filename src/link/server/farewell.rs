@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 
 use crate::link::Transport;
 use crate::rt::os;
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 use crate::wire::native::{Kind, LARGEST_FRAME, peek};
 
 /// The server repeats the answer for this time after the session. A controller waits for less time.

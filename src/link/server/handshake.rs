@@ -14,7 +14,7 @@ use super::shared::Shared;
 use crate::link::Transport;
 use crate::link::openfresco::End;
 use crate::link::tls::TlsFault;
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 
 /// The result of a complete handshake.
 pub(super) enum Opening {

@@ -13,8 +13,8 @@ use crate::link::served::{
 use crate::port::limits::AxisLimits;
 use crate::port::{Port, WiringCheck};
 use crate::specimen::Specimen;
-use crate::substructure::Substructure;
-use crate::units::AxisUnits;
+use gusset_quantity::substructure::Substructure;
+use gusset_quantity::units::AxisUnits;
 use crate::wire::handshake::{Axis, Capabilities};
 
 /// A specimen to be hosted, and how to make it anew for each test.

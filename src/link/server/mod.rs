@@ -412,11 +412,11 @@ mod tests {
     use crate::link::openfresco::{Nature, Role};
     use crate::link::served::ServedSpecimen;
     use crate::rt::os::monotonic_ns;
-    use crate::substructure::{
+    use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
-    use crate::time::Nanos;
-    use crate::units::AxisUnits;
+    use gusset_quantity::time::Nanos;
+    use gusset_quantity::units::AxisUnits;
 
     /// A specimen that panics when it is moved.
     struct Broken;

@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use super::native_handshake::Greeted;
 use crate::link::inbox::Inbox;
-use crate::substructure::Measurement;
-use crate::text::is_hidden;
+use gusset_quantity::substructure::Measurement;
+use gusset_quantity::text::is_hidden;
 use crate::wire::WireError;
 use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
 use crate::wire::native::{

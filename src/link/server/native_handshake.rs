@@ -17,7 +17,7 @@ use crate::link::native::{SOFTWARE, fit};
 use crate::link::secret::random;
 use crate::link::served::elsewhere;
 use crate::link::tls::is_client_hello;
-use crate::text::is_hidden;
+use gusset_quantity::text::is_hidden;
 use crate::wire::handshake::{
     self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,
     Welcome, layout_hash,

@@ -9,12 +9,12 @@ use super::native_handshake::{self, NativeOpening};
 use super::native_session::NativeConversation;
 use super::session::Session;
 use super::shared::Shared;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::served::{Controller, ServedSpecimen, TestEnd};
 use crate::link::socket::LOOK;
 use crate::rt::throttle::Throttle;
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 use crate::wire::handshake::{self, Control};
 use crate::wire::native::Frame;
 

@@ -9,7 +9,7 @@ use super::shared::Shared;
 use crate::link::Transport;
 use crate::link::openfresco::{Codec, End, Request, lost};
 use crate::link::tls::is_client_hello;
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 use crate::wire::openfresco::{Carrier, Sizes, datagrams};
 
 /// A client that has named its sizes.

@@ -19,8 +19,8 @@ use crate::link::openfresco::{
 use crate::link::served::{Controller, TestEnd};
 use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 use crate::wire::openfresco::{Action, Course, Sizes, datagrams};
 
 /// After its goodbye the client has this time to close first.

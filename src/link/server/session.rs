@@ -9,7 +9,7 @@
 use super::channel::Channel;
 use super::connection::ClientLink;
 use super::shared::Shared;
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// What one protocol does in a session.
 pub(super) trait Conversation {

@@ -2,7 +2,7 @@
 //!
 //! The watchdog holds the specimen when no message has come for its time. In a hold of the operator no command need come.
 
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// A client that sends no message for this time is gone.
 const GONE_NS: u64 = 30_000_000_000;

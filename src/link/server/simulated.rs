@@ -15,8 +15,8 @@ use super::simulated_server::SimulatedServer;
 use super::wire_end::WireEnd;
 use super::{Host, ServerEvent};
 use crate::link::Transport;
-use crate::substructure::LinkFault;
-use crate::time::{Clock, Nanos, SimClock};
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 use crate::wire::native::{Kind, commanded, peek};
 
 /// A frame that the client sent, or an event of the server.

@@ -17,7 +17,7 @@ use super::shared::Shared;
 use super::wire_end::WireEnd;
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 use crate::wire::native::LARGEST_FRAME;
 
 /// The life of a server on simulated time.

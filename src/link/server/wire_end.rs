@@ -2,8 +2,8 @@
 
 use crate::link::Transport;
 use crate::link::fault::Queue;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 
 /// The server's end of a wire with a constant delay.
 #[derive(Debug)]

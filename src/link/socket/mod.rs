@@ -22,8 +22,8 @@ pub(in crate::link) use tcp::discard;
 pub use udp::UdpTransport;
 
 use crate::rt::os;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 
 /// Largest remainder of frames that a transport keeps while the system takes no bytes.
 const KEPT: usize = 96 * 1024;

@@ -18,8 +18,8 @@ use super::{
     resolve, verdict,
 };
 use crate::link::Transport;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 use std::io;
 
 /// A TCP connection.

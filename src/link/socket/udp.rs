@@ -10,8 +10,8 @@ use super::{
 };
 use crate::link::Transport;
 use crate::rt::os::Errno;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 
 /// UDP to one peer: datagrams of everybody else are not seen.
 #[derive(Debug)]

@@ -19,7 +19,7 @@ use super::{RECORD_LIMIT_NS, provider};
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport};
 use crate::link::tls_fault::TlsFault;
 use crate::rt::os;
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Who we are, whom we trust and what the far end must be called.
 #[derive(Clone)]

@@ -14,8 +14,8 @@ use crate::link::socket::{Pause, SocketOptions, Wait, discard, has_hung_up};
 use crate::link::tls_fault::TlsFault;
 use crate::link::{TcpTransport, Transport};
 use crate::rt::os;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 
 /// A TLS session on a TCP connection.
 pub struct TlsStream {

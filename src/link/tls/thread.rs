@@ -23,8 +23,8 @@ use crate::link::Transport;
 use crate::link::socket::{Pause, Wait};
 use crate::link::tls_fault::TlsFault;
 use crate::rt::os;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::time::Nanos;
 
 /// Bytes of a ring, at least.
 const RING: usize = 64 * 1024;

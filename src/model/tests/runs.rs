@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::super::*;
 use crate::law::{Law, LawSpec, Memoryless, Tangent};
 use crate::linalg::{Lanes, SymMatrix};
-use crate::state::{TestState, Visit};
+use gusset_quantity::state::{TestState, Visit};
 
 /// A law that does not say what it is: it cannot stand in a run.
 #[derive(Debug)]

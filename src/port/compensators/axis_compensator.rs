@@ -3,7 +3,7 @@
 use super::gap::Gap;
 use crate::compensation::Compensator;
 use crate::port::Axis;
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// What is kept of one axis.
 #[derive(Debug)]

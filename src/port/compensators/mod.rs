@@ -18,7 +18,7 @@ use super::axis_motion::AxisMotion;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use crate::compensation::{Compensator, Parameter};
-use crate::state::{TestState, Visit};
+use gusset_quantity::state::{TestState, Visit};
 
 /// Which time a compensated delay is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

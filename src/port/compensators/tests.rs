@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 use super::*;
 use crate::compensation::CompensationSpec;
 use crate::port::{Axis, Order, Port, StepPacer};
-use crate::substructure::Substructure;
-use crate::substructure::{Command, Coupling, Freshness, LinkFault, Measurement, Retirement};
-use crate::time::Nanos;
+use gusset_quantity::substructure::Substructure;
+use gusset_quantity::substructure::{Command, Coupling, Freshness, LinkFault, Measurement, Retirement};
+use gusset_quantity::time::Nanos;
 
 /// Wall time of a tick, s.
 const TICK: f64 = 1.0 / 1024.0;

@@ -8,7 +8,7 @@
 
 use super::trips::{GoesOn, Trips, Verdict};
 use super::{AxisLimits, Found, Hit, Level, Range};
-use crate::catalog::limit::{Judges, Limit};
+use gusset_quantity::catalog::limit::{Judges, Limit};
 
 pub(super) const COMMAND: [Limit; 5] = Limit::judging(&[Judges::Command]);
 pub(super) const MEASUREMENT: [Limit; 7] = Limit::judging(&[Judges::Sensor, Judges::Measurement]);
@@ -167,7 +167,7 @@ impl AxisJudge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::limit::AXIS_LIMITS;
+    use gusset_quantity::catalog::limit::AXIS_LIMITS;
     use proptest::prelude::*;
 
     /// Numbers of all kinds, and few enough of the ordinary ones that they meet their bounds exactly.

@@ -1,6 +1,6 @@
 //! The largest value of the last while, in two numbers. Pure; real-time.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// Largest of the values of a while, which is kept for that long at least and for twice as long at most.
 #[derive(Debug, Clone, Copy, Default)]

@@ -17,9 +17,9 @@ mod watch;
 pub use judge::RECORDED;
 pub use watch::{Estimated, Watch};
 
-use crate::catalog::limit::{AXIS_LIMITS, Kind, Limit};
+use gusset_quantity::catalog::limit::{AXIS_LIMITS, Kind, Limit};
 use crate::config::{BoundSpec, DIVERGENCE_M, LimitsSpec, RangeSpec};
-use crate::units::compared;
+use gusset_quantity::units::compared;
 
 /// How bad it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

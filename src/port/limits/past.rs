@@ -5,8 +5,8 @@ use super::lately::Lately;
 use super::sawtooth::Sawtooth;
 use super::trips::{GoesOn, Trips};
 use super::{AxisLimits, Found};
-use crate::catalog::limit::Limit;
-use crate::state::Visit;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::state::Visit;
 
 /// What is remembered of one axis, SI.
 #[derive(Debug, Clone, Copy, Default)]

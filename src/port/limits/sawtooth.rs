@@ -1,6 +1,6 @@
 //! The sawtooth of an unstable integration, as it shows in a sequence of displacements. Pure; real-time.
 
-use crate::state::Visit;
+use gusset_quantity::state::Visit;
 
 /// A sequence of displacements whose second differences may alternate and grow.
 #[derive(Debug, Clone, Copy, Default)]

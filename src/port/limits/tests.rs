@@ -1,5 +1,5 @@
 use super::*;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 
 /// Of as many axes as there are in any test.
 const NO_NOISE: [f64; 2] = [0.0; 2];

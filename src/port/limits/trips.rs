@@ -8,8 +8,8 @@
 //! number is never excused.
 
 use super::{Hit, Level};
-use crate::catalog::limit::{AXIS_LIMITS, Limit};
-use crate::state::Visit;
+use gusset_quantity::catalog::limit::{AXIS_LIMITS, Limit};
+use gusset_quantity::state::Visit;
 
 /// It has got worse by so much of the value that tripped.
 const WORSE: f64 = 0.05;

@@ -5,8 +5,8 @@ use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
 use super::{AxisLimits, Found, Hit};
-use crate::catalog::limit::Limit;
-use crate::state::Visit;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::state::Visit;
 
 /// One axis: its limits, the bounds within which no value is beyond a level, and its past values.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! [`Event`]: everything that can happen in a test, with the fields of its line in `events.jsonl`.
 //!
-//! A new event is one variant here and one row of [`crate::catalog::event`], which has its severity and its sentence. The name of
+//! A new event is one variant here and one row of [`gusset_quantity::catalog::event`], which has its severity and its sentence. The name of
 //! an event is that of its variant in snake_case. The loop makes only variants without an own text, which allocate nothing.
 //! Specimens, axes and degrees of freedom count from 0 here and from 1 in the file. A line that no variant fits is
 //! [`Event::Other`]: a line of another version is kept, and shown by its name.
@@ -12,12 +12,12 @@ use serde_json::{Map, Value};
 
 use super::encoding::{from_one, from_one_if_any, hexadecimal, real};
 use super::payload::{LimitReached, Standing, TripValue, WarmUp, Word};
-use crate::catalog::event::{self, EventRow, Remark};
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::event::{self, EventRow, Remark};
+use gusset_quantity::catalog::phase::Phase;
 use crate::record::checksum::Checksum;
 use crate::record::miss::Evidence;
 use crate::record::{GridOf, MissCause};
-use crate::substructure::LinkFault;
+use gusset_quantity::substructure::LinkFault;
 
 /// What happened.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

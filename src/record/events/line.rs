@@ -7,10 +7,10 @@ use serde_json::{Map, Value};
 
 use super::kinds::Event;
 use super::sentence;
-use crate::catalog::event::{self, EventRow, Group, Severity};
+use gusset_quantity::catalog::event::{self, EventRow, Group, Severity};
 use crate::record::TimedEvent;
 use crate::record::utc::rfc3339;
-use crate::text::printable;
+use gusset_quantity::text::printable;
 
 /// An event with the moment at which it happened.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use super::encoding::{from_one, from_one_if_any, real};
-use crate::catalog::limit::{Limit, Scope};
+use gusset_quantity::catalog::limit::{Limit, Scope};
 use crate::record::miss::ON_MISS;
 
 /// A word of the program: a constant where the program writes it, a text where it reads a file.

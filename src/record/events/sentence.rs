@@ -1,13 +1,13 @@
-//! The sentence of an event for people: the template of its row in [`crate::catalog::event`], filled from the fields of its line.
+//! The sentence of an event for people: the template of its row in [`gusset_quantity::catalog::event`], filled from the fields of its line.
 //!
 //! Numbers are rounded and have their unit; numbers that are compared have as many digits as show which is larger. An event
 //! without a row, or a line that lacks a field of the template, is shown by its name with all of its fields.
 
 use serde_json::{Map, Value};
 
-use crate::catalog::event;
+use gusset_quantity::catalog::event;
 use crate::record::miss::{ON_MISS, late_words};
-use crate::units::{
+use gusset_quantity::units::{
     compared, compared_within, duration, in_axis_unit, number, reading, unit_of_key,
 };
 

@@ -15,8 +15,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 
 use super::ExportError;
-use crate::catalog::column::{self, Kind};
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::column::{self, Kind};
+use gusset_quantity::catalog::phase::Phase;
 use crate::record::Column;
 use crate::record::journal::Journal;
 use crate::record::layout::{COMMITS, Layout};

@@ -9,7 +9,7 @@ use crate::record::{
     Checkpoint, Checksum, Event, MissCause, Recorder, RingRecorder, RingSize, STATE_FILES,
     TimedEvent, WhenFull, ring,
 };
-use crate::state::TestState;
+use gusset_quantity::state::TestState;
 use serde_json::{Map, Value};
 
 const MS: u64 = 1_000_000;

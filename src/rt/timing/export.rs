@@ -248,7 +248,7 @@ const fn sub_buckets() -> u64 {
 mod tests {
     use super::super::{TickStamps, histogram};
     use super::*;
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
     use hdrhistogram::serialization::Deserializer;
     use hdrhistogram::serialization::interval_log::{IntervalLogIterator, LogEntry};
 

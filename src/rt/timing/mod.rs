@@ -15,7 +15,7 @@
 
 use hdrhistogram::Histogram;
 
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 pub mod export;
 pub mod suspect;

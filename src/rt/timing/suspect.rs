@@ -156,7 +156,7 @@ impl Typical {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::Nanos;
+    use gusset_quantity::time::Nanos;
 
     const T: u64 = 1_000_000;
 

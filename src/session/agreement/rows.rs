@@ -1,6 +1,6 @@
 //! The rows of a run show its end, its steps and its largest magnitudes.
 
-use crate::catalog::phase::{GIVEN_UP, Phase};
+use gusset_quantity::catalog::phase::{GIVEN_UP, Phase};
 use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
 use crate::session::row_peaks::RowPeaks;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::engine::{Experiment, Phase};
 use crate::record::{Recorder, TimedEvent};
 

@@ -11,8 +11,8 @@ use super::proportion::interval;
 use super::{Band, Rehearsed as Trial, Trials, carry_out};
 use crate::config::{ConfigError, Loaded, SpecimenTable, missing_limits};
 use crate::setup::Facts;
-use crate::units::quantity;
-use crate::work::Work;
+use gusset_quantity::units::quantity;
+use gusset_quantity::work::Work;
 
 /// One judgement.
 #[derive(Debug)]

@@ -26,7 +26,7 @@ use crate::config::{ConfigError, Finding, KeyPath, Loaded};
 use crate::engine::{Ending, Experiment, Stop, TestLimits};
 use crate::rt::os;
 use crate::setup::{self, Trial};
-use crate::work::{each, processors};
+use gusset_quantity::work::{each, processors};
 
 /// Draws of one trial that the file could not be with, before that is an error.
 pub const MOST_ATTEMPTS: u64 = 50;

@@ -1,10 +1,10 @@
 //! How far an axis is driven: as was asked for if the limits allow it, else a share of what they leave.
 
 use super::{IdentificationError, refusal};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{LimitsSpec, RangeSpec, SpecimenTable};
 use crate::identify::{Band, Course};
-use crate::units::{compared, number, quantity};
+use gusset_quantity::units::{compared, number, quantity};
 
 /// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.
 const OF_STROKE: f64 = 0.05;

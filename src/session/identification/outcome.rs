@@ -6,12 +6,12 @@ use serde_json::{Value, json};
 
 use super::IdentificationError as Error;
 use super::plan::{Driven, Plan, gear};
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::config::Loaded;
 use crate::engine::Phase;
 use crate::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
 use crate::record::Run;
-use crate::substructure::Status;
+use gusset_quantity::substructure::Status;
 
 /// State of a row in which the test runs.
 const RUNNING: f64 = Phase::Running.code();

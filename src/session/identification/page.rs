@@ -4,7 +4,7 @@ use super::outcome::{Axis, Outcome};
 use super::words::{felt, of_specimen, parameters, with_error};
 use crate::config::Loaded;
 use crate::identify::Identification;
-use crate::units::quantity;
+use gusset_quantity::units::quantity;
 use crate::view::report::{
     Curve, Curves, Look, Scale, banner, escape, frame, note, section, tiles,
 };

@@ -5,7 +5,7 @@ use super::amplitude::{amplitude, rounded_down};
 use super::{IdentificationError, Request, refusal};
 use crate::config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
 use crate::identify::{Band, Course, Shape};
-use crate::units::{duration, quantity, rate};
+use gusset_quantity::units::{duration, quantity, rate};
 
 /// Rest before and after every motion, in s, and in ticks at least.
 const REST_S: f64 = 1.0;

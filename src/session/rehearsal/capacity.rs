@@ -93,7 +93,7 @@ fn finding(used: &Used, needs: &Needs, specimen: usize, axis: usize) -> Finding 
     };
     let text = format!(
         "the test needs a {what} of {} on axis {} of `{}`, more than its rig can give",
-        crate::units::quantity(used.needed, used.unit),
+        gusset_quantity::units::quantity(used.needed, used.unit),
         axis + 1,
         needs.name,
     );

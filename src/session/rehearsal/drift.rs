@@ -3,7 +3,7 @@
 use super::Rehearsal;
 use crate::config::{Finding, KeyPath, Loaded};
 use crate::model::StructureSpec;
-use crate::units::quantity;
+use gusset_quantity::units::quantity;
 
 /// Largest drift of a storey that is not doubted, m.
 const MOST_M: f64 = 1.0;

@@ -9,7 +9,7 @@ use std::thread;
 
 use super::budget::Budget;
 use super::{Staging, StandIn, staged_with};
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::config::{ConfigError, Loaded};
 use crate::engine::{Control, Ending, Experiment, Phase};
 use crate::model::StructureSpec;

@@ -2,11 +2,11 @@
 
 use super::hold::depends_on_pace;
 use super::{Held, Need, Needs, Rehearsal};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{ClockChoice, Finding, KeyPath, Loaded};
 use crate::engine::{Ending, Stop};
 use crate::port::Poses;
-use crate::units::quantity;
+use gusset_quantity::units::quantity;
 
 /// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
 const MUCH: f64 = 0.5;

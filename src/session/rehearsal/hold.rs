@@ -3,7 +3,7 @@
 
 use super::prompter::Prompter;
 use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{ConfigError, Loaded};
 use crate::engine::{Control, Operator};
 use crate::record::{Recorder, TimedEvent};

@@ -5,11 +5,11 @@
 
 use std::sync::{Arc, Mutex};
 
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
     Retirement, Substructure, Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 /// Smallest and largest value, and the test time of each.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -40,8 +40,8 @@ pub use whole::FullRehearsal;
 use meter::Meter;
 use prompter::Prompter;
 
-use crate::catalog::ending::Cause;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
 use crate::port::Poses;
@@ -49,8 +49,8 @@ use crate::port::limits::{AxisLimits, Range};
 use crate::record::Recorder;
 use crate::rt::os;
 use crate::setup;
-use crate::substructure::Substructure;
-use crate::time::SimClock;
+use gusset_quantity::substructure::Substructure;
+use gusset_quantity::time::SimClock;
 
 /// What stood for a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use crossbeam_channel::Sender;
 use crate::engine::Operator;
 use crate::record::{Recorder, TimedEvent};
 use crate::rt::os;
-use crate::work::Work;
+use gusset_quantity::work::Work;
 
 /// Ticks from one look at the wall clock to the next.
 const EVERY: u64 = 64;

@@ -6,14 +6,14 @@
 use std::collections::VecDeque;
 
 use super::ResumeError;
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::engine::{EndPosition, Phase, Place};
 use crate::port::Port;
 use crate::record::summary::{Peak, Status};
 use crate::record::{Row, Run};
 use crate::session::checksum::unreadable;
 use crate::session::lineage::{Kept, Origin};
-use crate::substructure::Status as LinkStatus;
+use gusset_quantity::substructure::Status as LinkStatus;
 
 /// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
 const LOST_S: f64 = 0.05;

@@ -4,8 +4,8 @@
 //! versions up to 0.2.0 have no column `cause`. There, a row with the state *tripped* needs an event that explains it.
 
 use super::ResumeError;
-use crate::catalog::ending::Cause;
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::phase::Phase;
 use crate::record::summary::Status;
 use crate::record::{Event, EventLine, FolderError, Run};
 use crate::session::checksum::unreadable;

@@ -5,7 +5,7 @@
 use toml::Value;
 
 use super::ResumeError;
-use crate::catalog::limit::{Scope, TABLE};
+use gusset_quantity::catalog::limit::{Scope, TABLE};
 use crate::config::{Loaded, TestFile};
 
 /// What differs between two test files: the key with its value before and now.

@@ -17,8 +17,8 @@ use crate::link::served::{AxesBehind, LinkBuild};
 use crate::link::server::{Conversion, Host, PortBuild};
 use crate::port::limits::AxisLimits;
 use crate::port::{Axis, Port, WiringCheck};
-use crate::substructure::Substructure;
-use crate::units::AxisUnits;
+use gusset_quantity::substructure::Substructure;
+use gusset_quantity::units::AxisUnits;
 use crate::wire::handshake::{Axis as WireAxis, Limits, Unit};
 
 /// The axes of a specimen with everything that lies between them and the structure of a client.

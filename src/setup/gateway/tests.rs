@@ -10,17 +10,17 @@ use std::sync::{Arc, Mutex};
 use proptest::prelude::*;
 
 use super::conversion::{self, Client};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
 use crate::link::served::{
     Controller, LinkBuild, Pacing, ServedSpecimen, Trip, simulated_pace as simulated,
 };
 use crate::link::server::Host;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use crate::time::Nanos;
+use gusset_quantity::time::Nanos;
 
 const SI: (DispUnit, ForceUnit) = (DispUnit::Metre, ForceUnit::Newton);
 

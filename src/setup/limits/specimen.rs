@@ -3,12 +3,12 @@
 use super::super::links;
 use super::super::specimens::loading;
 use super::{LimitFact, SpecimenLimits};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
 use crate::port::limits::{AxisLimits, listed};
 use crate::port::{Port, WiringCheck};
-use crate::substructure::Coupling;
-use crate::units::{self, duration};
+use gusset_quantity::substructure::Coupling;
+use gusset_quantity::units::{self, duration};
 
 /// All of them.
 pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> SpecimenLimits {

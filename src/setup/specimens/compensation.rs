@@ -1,7 +1,7 @@
 //! The compensators of a specimen, and what a simulated actuator asks of the grid.
 
 use super::super::{Refused, Site, path};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
 use crate::config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};

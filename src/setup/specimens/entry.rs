@@ -15,7 +15,7 @@ use crate::port::{Axis, shares};
 use crate::specimen::{Specimen, SpecimenLaw};
 use crate::spectral::delay::Weights;
 use crate::stability::Kind;
-use crate::units::{compared, quantity};
+use gusset_quantity::units::{compared, quantity};
 
 /// A ratio of an estimate to what is known, or its inverse, that nobody means.
 const FAR: f64 = 10.0;

@@ -1,7 +1,7 @@
 //! Limits of estimates that are never made: they can never trip, and whoever relies on them must hear of it.
 
 use super::super::{Site, path};
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::config::{Finding, KeyPath, LimitsSpec};
 use crate::port::Declared;
 

@@ -6,8 +6,8 @@ use super::board::AxisView;
 use super::history::corners;
 use super::marks::Mark;
 use super::subject::{WatchedAxis, at};
-use crate::catalog::limit::Limit;
-use crate::catalog::phase::Part;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::catalog::phase::Part;
 use crate::engine::Phase;
 
 /// Points of the loop in one bin at most: a longer bin is thinned while it is filled.

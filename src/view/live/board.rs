@@ -12,7 +12,7 @@ use super::trip::Trip;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::record::MissClasses;
 use crate::stability::OnlineLimit;
-use crate::text::printable;
+use gusset_quantity::text::printable;
 
 /// Time over which the stiffest tangent is kept: once to twice this, ns.
 pub(super) const WINDOW_NS: u64 = 1_000_000_000;

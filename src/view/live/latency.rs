@@ -3,7 +3,7 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-use crate::catalog::column::{COMMAND_LATENESS, COMPUTE, ROUND_TRIP, WAKEUP};
+use gusset_quantity::catalog::column::{COMMAND_LATENESS, COMPUTE, ROUND_TRIP, WAKEUP};
 
 /// The timing columns that are counted.
 pub(super) const COLUMNS: [&str; 4] = [

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::catalog::limit::{Kind, Limit};
+use gusset_quantity::catalog::limit::{Kind, Limit};
 use crate::engine::Experiment;
 use crate::port::limits::{Bound, Range};
 use crate::record::Column;

@@ -7,7 +7,7 @@ use super::board::{Board, Snapshot};
 use super::exposition::Text;
 use super::marks::share;
 use crate::engine::Phase;
-use crate::substructure::Status;
+use gusset_quantity::substructure::Status;
 
 /// The metrics at `now_ns` on the monotonic clock, with the number of viewers.
 #[must_use]

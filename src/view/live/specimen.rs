@@ -6,8 +6,8 @@
 use super::axis::{AxisTap, Told};
 use super::board::SpecimenView;
 use super::subject::{WatchedSpecimen, at};
-use crate::catalog::phase::Part;
-use crate::substructure::Status;
+use gusset_quantity::catalog::phase::Part;
+use gusset_quantity::substructure::Status;
 
 /// What belongs to all specimens of a row.
 #[derive(Debug, Clone, Copy)]

@@ -3,11 +3,11 @@
 use serde::Serialize;
 
 use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::engine::Experiment;
 use crate::port::{DispZero, Exit};
 use crate::record::Column;
-use crate::text::printable;
+use gusset_quantity::text::printable;
 
 /// Degrees of freedom that are drawn at most.
 const MOST_DOFS: usize = 8;

@@ -14,7 +14,7 @@ use super::latency::{KEYS, Latency, Stall};
 use super::specimen::{RowHead, SpecimenTap};
 use super::subject::{ChannelKind, at};
 use super::trip::Trip;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::engine::Phase;
 use crate::record::{Event, Note, Onlooker, Progress, TimedEvent};
 

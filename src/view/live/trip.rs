@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::subject::Subject;
-use crate::catalog::ending::Cause;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
 use crate::engine::{Phase, TestHit};
 use crate::port::limits::{Hit, Level};
 use crate::record::{Event, EventLine, LimitReached, ON_MISS, TimedEvent, Word, late_words};

@@ -6,7 +6,7 @@ use super::RunView;
 use super::html::{beside, details, note, paragraph, section, table};
 use super::text::{NOTHING, count, plural, quantity, shortened, trimmed};
 use super::timeline::loop_seconds;
-use crate::catalog::event::Group;
+use gusset_quantity::catalog::event::Group;
 use crate::record::{EventLine, MOST_OF_A_KIND};
 
 /// Events that are listed one by one.

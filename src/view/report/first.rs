@@ -13,7 +13,7 @@ use super::source::Source;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::phase::Phase;
 use crate::metrics::energy::{Balance, Energies, Model};
 use crate::metrics::tracking::Noise;
 use crate::record::Column;

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 
 use super::RunView;
 use super::text::{count, exact, plural, quantity};
-use crate::catalog::ending::Status;
-use crate::catalog::event::Remark;
+use gusset_quantity::catalog::ending::Status;
+use gusset_quantity::catalog::event::Remark;
 use crate::record::{Event, EventLine, MissCause};
 use crate::stability::{RecordedFinding, RecordedVerdict, per_cent};
 use crate::view::{Feature, SummaryView};

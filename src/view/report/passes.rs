@@ -11,7 +11,7 @@ use super::holder::{Item, hold};
 use super::shaking::Shaking;
 use super::source::Source;
 use super::table::Table;
-use crate::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
+use gusset_quantity::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
 use crate::metrics::energy::Model;
 use crate::metrics::tracking::Noise;
 use crate::record::Column;

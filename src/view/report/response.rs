@@ -11,7 +11,7 @@ use super::metrics;
 use super::plots::{HALF, WHOLE, history, note_on_histories, still};
 use super::rows::{History, Rows};
 use super::text::{NOTHING, quantity};
-use crate::catalog::ending::Status;
+use gusset_quantity::catalog::ending::Status;
 
 /// Curves that share a picture: name, history and colour.
 type Series<'a> = Vec<(String, History<'a>, Ink)>;

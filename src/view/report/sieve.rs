@@ -8,7 +8,7 @@
 //! rows of state 8 are commands that were not passed on. Rows that are missing part what stands before
 //! from what stands behind.
 
-use crate::catalog::phase::{Part, Phase, Stage};
+use gusset_quantity::catalog::phase::{Part, Phase, Stage};
 
 pub(super) const RUNNING: f64 = Phase::Running.code();
 pub(super) const HOLDING: f64 = Phase::Holding.code();

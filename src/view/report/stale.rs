@@ -7,9 +7,9 @@
 use std::borrow::Cow;
 
 use super::sieve::Stretch;
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::record::Column;
-use crate::substructure::Status;
+use gusset_quantity::substructure::Status;
 
 /// Kinds of columns that are of a measurement.
 const MEASURED: [&str; 6] = [

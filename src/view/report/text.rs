@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use crate::text::is_hidden;
+use gusset_quantity::text::is_hidden;
 
 /// What stands for a number that does not exist.
 pub(super) const NOTHING: &str = "–";

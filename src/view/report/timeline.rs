@@ -5,8 +5,8 @@ use super::axis::Axis;
 use super::canvas::{Anchor, Ink, Lettering, fitted};
 use super::charts::{Area, LABEL, Quantity, linear, title};
 use super::html::figure;
-use crate::catalog::event::Group;
-use crate::catalog::phase::Phase;
+use gusset_quantity::catalog::event::Group;
+use gusset_quantity::catalog::phase::Phase;
 use crate::record::{Event, EventLine, utc};
 
 /// The colour of a group of events.

@@ -11,7 +11,7 @@ use super::outcome::{class_of, class_words, is_miss};
 use super::plots::{WHOLE, history};
 use super::rows::Rows;
 use super::text::{NOTHING, count, micros, plural};
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::record::miss::Evidence;
 use crate::record::{Event, EventLine};
 

@@ -1,6 +1,6 @@
 //! The ticks that took longest, with what is known of them.
 
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::record::Column;
 
 /// Ticks that are kept.

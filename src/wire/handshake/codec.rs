@@ -8,7 +8,7 @@ use bincode::error::{DecodeError, EncodeError};
 use super::{
     Arm, Axis, Bye, Control, Hello, Limits, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
 };
-use crate::text::is_hidden;
+use gusset_quantity::text::is_hidden;
 use crate::wire::bytes::{finite, same_length};
 use crate::wire::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
 use crate::wire::native::{CONTROL_LIMIT, Cause, MAX_AXES};

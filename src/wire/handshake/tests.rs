@@ -4,7 +4,7 @@ mod messages;
 use proptest::prelude::*;
 
 use super::*;
-use crate::substructure::Command;
+use gusset_quantity::substructure::Command;
 use crate::wire::key::{PreSharedKey, SessionKey};
 use crate::wire::native::{Decoder, Encoder, Frame, MAX_AXES};
 use crate::wire::{ControlFault, Side, WireError};

@@ -7,7 +7,7 @@ use super::layout::{
     CRC_LEN, HEADER_LEN, HISTORY, MEASURED_WORDS, WORD, earlier_words, trailer_len,
 };
 use super::view::{Cause, CommandFrame, Frame, Heartbeat, MeasurementFrame, Notice};
-use crate::substructure::Status;
+use gusset_quantity::substructure::Status;
 use crate::wire::bytes::{Word, array, finite, finite_words, halves};
 use crate::wire::key::{MAC_LEN, SessionKey};
 use crate::wire::window::{Arrival, SequenceWindow};

@@ -6,7 +6,7 @@ use super::layout::{
     MAX_AXES, NO_SEQUENCE, VERSION, WORD, body_end, earlier_words, trailer_len,
 };
 use super::view::{Heartbeat, Notice};
-use crate::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 use crate::wire::bytes::{Word, finite, joined, put, same_length};
 use crate::wire::key::{MAC_LEN, SessionKey};
 use crate::wire::{Side, WireError};

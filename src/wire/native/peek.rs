@@ -91,7 +91,7 @@ fn seal(frame: &mut [u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::substructure::{Command, Measurement};
+    use gusset_quantity::substructure::{Command, Measurement};
     use crate::wire::native::{Decoder, Encoder, Frame, Moment};
     use crate::wire::{Side, WireError};
 

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::layout::*;
 use super::*;
-use crate::substructure::{Command, Measurement, Status};
+use gusset_quantity::substructure::{Command, Measurement, Status};
 use crate::wire::key::{PreSharedKey, SessionKey};
 use crate::wire::window::Arrival;
 use crate::wire::{Progress, Side, WireError};

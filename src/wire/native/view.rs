@@ -4,8 +4,8 @@
 //! cannot fail and allocate nothing.
 
 use super::layout::{NO_SEQUENCE, earlier_words};
-use crate::catalog::ending;
-use crate::substructure::{Measurement, Retirement, Status};
+use gusset_quantity::catalog::ending;
+use gusset_quantity::substructure::{Measurement, Retirement, Status};
 use crate::wire::WireError;
 use crate::wire::bytes::{Word, copy_words, same_length};
 

@@ -9,7 +9,7 @@ use super::hello::{HELLO, UdpGreeting};
 use super::inbox::Carrier;
 use super::sizes::{SIZES_LEN, Sizes};
 use super::vector::Response;
-use crate::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 use crate::wire::WireError;
 
 /// What listens at the other end.

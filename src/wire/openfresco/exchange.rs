@@ -6,7 +6,7 @@ use super::followed::Followed;
 use super::inbox::{Carrier, Inbox};
 use super::sizes::Counts;
 use super::vector::{Response, Signals, read_matrix, write_action, write_matrix, write_vector};
-use crate::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 use crate::wire::WireError;
 use crate::wire::bytes::{finite, get_f64, same_length};
 

@@ -10,7 +10,7 @@ use super::hello::{ENDIAN, HELLO, UdpGreeting};
 use super::inbox::{Carrier, Inbox};
 use super::sizes::{BLOCK_LEN, DEFAULT_DATA_SIZE, Sizes};
 use super::vector::Response;
-use crate::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 use crate::wire::WireError;
 use crate::wire::bytes::{array, finite, get_f64, put_doubles};
 

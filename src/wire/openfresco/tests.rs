@@ -8,7 +8,7 @@ mod sizes;
 use proptest::prelude::*;
 
 use super::*;
-use crate::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 use crate::wire::WireError;
 
 const ONE: Interface = Interface { axes: 1, forces: 1 };

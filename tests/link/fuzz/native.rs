@@ -1,6 +1,6 @@
 //! Our own frames, with and without a key.
 
-use gusset::substructure::{Command, Measurement, Status};
+use gusset_quantity::substructure::{Command, Measurement, Status};
 use gusset::wire::key::{MAC_LEN, PreSharedKey, SessionKey};
 use gusset::wire::native::{
     CRC_LEN, Cause, Decoder, Encoder, Frame, HEADER_LEN, Heartbeat, LARGEST_FRAME, Moment, Notice,

@@ -2,7 +2,7 @@
 
 use std::fmt::{Debug, Write};
 
-use gusset::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Measurement};
 use gusset::wire::WireError;
 use gusset::wire::openfresco::{
     Actor, ActorEvent, Carrier, Client, ClientDialect, ClientEvent, ClientSettings, Counts, Event,

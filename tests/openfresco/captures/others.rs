@@ -272,7 +272,7 @@ fn a_command_and_its_request_leave_in_one_piece_that_cuts_into_two_datagrams() {
     .unwrap();
     client.open().unwrap();
     let disp = [doubles(&pair[0])[1]];
-    let command = gusset::substructure::Command {
+    let command = gusset_quantity::substructure::Command {
         sequence: 1,
         time: 0.0,
         dt: 0.0,

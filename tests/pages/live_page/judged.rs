@@ -2,15 +2,15 @@
 
 use std::sync::Arc;
 
-use gusset::catalog::limit::{Kind, Limit};
+use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
 use gusset::port::limits::{AxisLimits, Bound, Range};
 use gusset::port::{Axis, Order, Port, Reference, Zero};
 use gusset::record::{Event, Onlooker, Progress};
-use gusset::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
-use gusset::time::{Nanos, SimClock};
+use gusset_quantity::time::{Nanos, SimClock};
 use gusset::view::live::{About, Board, Snapshot, Subject, Tap, metrics};
 
 use super::exposition;

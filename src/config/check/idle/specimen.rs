@@ -1,7 +1,7 @@
 //! Keys of `[[specimen]]` and of its link that have no effect beside the others.
 
 use super::Findings;
-use crate::catalog::limit::Limit;
+use gusset_quantity::catalog::limit::Limit;
 use crate::compensation::CompensationSpec;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;

@@ -3,8 +3,8 @@
 use super::{Detail, Live};
 use crate::link::native::ask::{ask, explained, not_welcome};
 use crate::link::native::refused::SetupError;
-use crate::substructure::{Coupling, LinkFault, Retirement, Status};
-use crate::time::Nanos;
+use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
+use gusset_quantity::time::Nanos;
 use crate::wire::handshake::{self, Arm, Bye, Control};
 use crate::wire::native::{Cause, Frame, Notice};
 
@@ -105,7 +105,7 @@ impl Live {
         }
     }
 
-    /// See [`crate::substructure::Substructure::has_acknowledged`].
+    /// See [`gusset_quantity::substructure::Substructure::has_acknowledged`].
     pub(in crate::link::native) const fn has_acknowledged(&self) -> Option<bool> {
         self.acknowledged
     }
@@ -194,7 +194,7 @@ impl Live {
         said
     }
 
-    /// See [`crate::substructure::Substructure::last_words`].
+    /// See [`gusset_quantity::substructure::Substructure::last_words`].
     pub(in crate::link::native) fn last_words(&self) -> Option<String> {
         self.last_words.clone()
     }

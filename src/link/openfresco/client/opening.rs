@@ -4,8 +4,8 @@ use super::Remote;
 use crate::link::openfresco::asking::{Asking, Came, pause, send};
 use crate::link::openfresco::error::{Lost, RemoteError, Saying};
 use crate::rt::os;
-use crate::substructure::{LinkFault, Measurement};
-use crate::time::Nanos;
+use gusset_quantity::substructure::{LinkFault, Measurement};
+use gusset_quantity::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::openfresco::{Client, Matrix, Reading};
 

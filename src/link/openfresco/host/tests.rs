@@ -1,7 +1,7 @@
 use super::*;
 use crate::specimen::SpecimenLaw;
-use crate::time::Nanos;
-use crate::units::AxisUnits;
+use gusset_quantity::time::Nanos;
+use gusset_quantity::units::AxisUnits;
 
 fn host(law: &str, axes: usize, nature: Nature) -> Host {
     let law: SpecimenLaw = toml::from_str(law).unwrap();

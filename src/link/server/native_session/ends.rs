@@ -1,7 +1,7 @@
 //! The end of a native session with its last frames, and a repeated Arm.
 
 use super::{NativeConversation, send};
-use crate::catalog::ending::{self, Kind};
+use gusset_quantity::catalog::ending::{self, Kind};
 use crate::link::Transport;
 use crate::link::served::{TestEnd, Trip, with_last_words};
 use crate::link::server::ServerEvent;

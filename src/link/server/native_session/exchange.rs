@@ -15,8 +15,8 @@ use crate::link::server::commanded::Effect;
 use crate::link::server::connection::ClientLink;
 use crate::link::server::shared::Shared;
 use crate::link::socket::LOOK;
-use crate::substructure::{LinkFault, Status};
-use crate::time::Nanos;
+use gusset_quantity::substructure::{LinkFault, Status};
+use gusset_quantity::time::Nanos;
 use crate::wire::handshake::{self, Arm, Control};
 use crate::wire::native::Notice;
 

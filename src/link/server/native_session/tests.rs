@@ -8,11 +8,11 @@ use crate::link::served::LinkBuild;
 use crate::link::server::{Host, ServerEvent, Simulated, Tap, Tapped};
 use crate::port::{Pace, WiringCheck};
 use crate::specimen::SpecimenLaw;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
 };
-use crate::time::{Clock, Nanos, SimClock};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 use crate::wire::Side;
 use crate::wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, RefuseCode, Sampling, Unit, Versions, layout_hash,

@@ -10,11 +10,11 @@ use crate::link::served::{Computed, ServedSpecimen, Trip};
 use crate::link::server::connection::Connection;
 use crate::link::server::wire_end::WireEnd;
 use crate::specimen::SpecimenLaw;
-use crate::substructure::{
+use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
-use crate::units::AxisUnits;
+use gusset_quantity::units::AxisUnits;
 use crate::wire::WireError;
 use crate::wire::openfresco::Carrier;
 

@@ -2,8 +2,8 @@
 
 use super::super::EventLine;
 use super::*;
-use crate::catalog::event::{EVENTS, Severity};
-use crate::catalog::limit::{Limit, Scope};
+use gusset_quantity::catalog::event::{EVENTS, Severity};
+use gusset_quantity::catalog::limit::{Limit, Scope};
 use serde_json::json;
 
 /// A line of every variant, as in run folders. The lines of a server with the name of a test's event come last.

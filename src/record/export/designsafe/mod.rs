@@ -29,7 +29,7 @@ use test::{Test, is_of_dof, is_of_specimen};
 use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
 use super::{ExportError, Exported, Extra};
-use crate::catalog::column::GROUND;
+use gusset_quantity::catalog::column::GROUND;
 use crate::record::atomic;
 use crate::record::run::Run;
 

@@ -2,7 +2,7 @@
 //! for the test; rows count from the first edge of theirs. Events of the kind `grid` say when that was on the loop's clock.
 
 use super::stamps::Stamped;
-use crate::catalog::phase::{Part, Phase};
+use gusset_quantity::catalog::phase::{Part, Phase};
 use crate::record::{Event, EventLine, GridOf};
 
 /// Places row after row, from the first of the file on.

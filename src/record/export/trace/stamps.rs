@@ -1,6 +1,6 @@
 //! The stamps of a tick, as they stand in its row.
 
-use crate::catalog::column;
+use gusset_quantity::catalog::column;
 use crate::record::export::ExportError;
 use crate::record::layout::Layout;
 

@@ -263,7 +263,7 @@ fn a_session_finds_its_compensators_as_new() {
         }
         let told = told.lock().unwrap().clone();
         let tracking: Vec<_> = served.tracking().flatten().map(f64::to_bits).collect();
-        served.end(crate::catalog::ending::Cause::Done, "");
+        served.end(gusset_quantity::catalog::ending::Cause::Done, "");
         (told, tracking)
     };
     let first = go();
@@ -362,7 +362,7 @@ fn a_controller_resumes_where_it_was_although_the_command_there_is_led_by_a_stat
         goes(&mut served, sequence, &[target], &[0.0]).unwrap();
         served.commit();
     }
-    served.end(crate::catalog::ending::Cause::Done, "");
+    served.end(gusset_quantity::catalog::ending::Cause::Done, "");
     // 10 mm of the structure are −5 mm of the axis, and 1.25 times that the command.
     let left = told.lock().unwrap().last().unwrap()[0][0];
     assert!((left + 6.25).abs() < 1e-9, "{left}");

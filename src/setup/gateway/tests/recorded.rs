@@ -1,7 +1,7 @@
 //! Rows of a gateway that paces: the numbers of targets, and a target that is refused.
 
 use super::*;
-use crate::catalog::ending::Cause;
+use gusset_quantity::catalog::ending::Cause;
 use crate::link::served::RecordSettings;
 use crate::record::Run;
 

@@ -251,7 +251,7 @@ fn replies_that_take_longer_than_a_period_are_counted_and_told_once() {
             // A client that is late misses nothing.
             simulated::pass(50_000_000);
         }
-        served.end(crate::catalog::ending::Cause::Done, "");
+        served.end(gusset_quantity::catalog::ending::Cause::Done, "");
         let read = |name| std::fs::read_to_string(folder.path().join("test-0001").join(name));
         let summary: serde_json::Value =
             serde_json::from_str(&read("summary.json").unwrap()).unwrap();

@@ -137,7 +137,7 @@ impl fmt::Display for KeyPath {
 }
 
 /// The segments of a dotted path, each with its bytes in `text`.
-pub(crate) fn parse_segments(text: &str) -> Result<Vec<(Segment, Range<usize>)>, PathError> {
+pub fn parse_segments(text: &str) -> Result<Vec<(Segment, Range<usize>)>, PathError> {
     let mut segments = Vec::new();
     let mut at = 0;
     let error = |message, span| Err(PathError { message, span });

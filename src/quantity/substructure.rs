@@ -289,7 +289,7 @@ pub enum Holder {
 }
 
 /// Of a specimen whose end is gone or silent: what it does now nobody here knows, only what was agreed.
-pub(crate) const AGREED: &str =
+pub const AGREED: &str =
     "a watchdog was agreed with its end, which has to hold it: look whether it does";
 
 /// Why a specimen cannot take part. Nothing was moved.
@@ -303,7 +303,7 @@ pub struct Unavailable {
 }
 
 /// Whoever waits for a specimen is asked this often whether its answer is still wanted.
-pub(crate) const LISTEN_NS: u64 = 50_000_000;
+pub const LISTEN_NS: u64 = 50_000_000;
 
 /// Anything that answers a displacement with a force.
 pub trait Substructure: Send {
