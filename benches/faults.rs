@@ -17,7 +17,7 @@ use gusset::config;
 use gusset::config::LimitsSpec;
 use gusset::config::fault_script::Script;
 use gusset::engine::{Connected, Control, Ending};
-use gusset::law::LawSpec;
+use gusset_numerics::law::LawSpec;
 use gusset::link::server::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{FolderImage, Recorder, TimedEvent};

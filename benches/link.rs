@@ -16,7 +16,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use gusset::config::Carrier;
-use gusset::law::{LawSpec, LinearSpec};
+use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::secret::read_key;
 use gusset::link::server::{Host, ServeOptions, Server};

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex};
 
 use gusset::config;
 use gusset::engine::{Connected, Control, Side};
-use gusset::integrate::Integrator;
+use gusset_numerics::integrate::Integrator;
 use gusset::record::{RingSize, WhenFull, ring};
 use gusset::rt::os::monotonic_ns;
 use gusset::setup;
@@ -224,13 +224,13 @@ fn bare_steps(steps: usize) -> Vec<u64> {
     let n = numerical.structure.dofs();
     let structure = test.facts.structure.expect("a structure");
     let lambda = structure.lambda.expect("a member of the family");
-    let mut gui = gusset::integrate::Gui::new(
+    let mut gui = gusset_numerics::integrate::Gui::new(
         numerical.structure.mass(),
         &numerical.structure.reference_damping(),
         &numerical.structure.reference_stiffness(),
         test.facts.dt,
         lambda,
-        gusset::integrate::Start::Published,
+        gusset_numerics::integrate::Start::Published,
     )
     .expect("positive definite");
     let (mut residual, mut reported) = (vec![0.0; n], vec![0.0; n]);
@@ -239,7 +239,7 @@ fn bare_steps(steps: usize) -> Vec<u64> {
             let began = monotonic_ns();
             numerical.excitation.load_into(step, &mut residual);
             let state = &mut numerical.state;
-            let base = gusset::model::Base::default();
+            let base = gusset_numerics::model::Base::default();
             let dt = test.facts.dt;
             numerical
                 .structure

@@ -1,6 +1,6 @@
 //! Banded models: the solve of one step beside a straightforward banded Cholesky solve.
 
-use gusset::linalg::{Spd, Storage, SymMatrix};
+use gusset_numerics::linalg::{Spd, Storage, SymMatrix};
 
 use crate::{timed, verdict};
 

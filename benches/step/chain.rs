@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use gusset::integrate::{Gui, Integrator, Lambda, RowForces, Start, State};
-use gusset::linalg::{Aligned, Lanes};
-use gusset::model::{Base, Motion, Structure};
+use gusset_numerics::integrate::{Gui, Integrator, Lambda, RowForces, Start, State};
+use gusset_numerics::linalg::{Aligned, Lanes};
+use gusset_numerics::model::{Base, Motion, Structure};
 use gusset::verify::{TABLE_2, chain_of_example_4_3};
 
 use crate::opponents::{DT, LAMBDA, base, dense, newton, plain_sweeps};

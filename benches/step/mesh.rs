@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use gusset::frontier::plane_frame;
-use gusset::linalg::{Spd, Storage, SymMatrix};
+use gusset_numerics::linalg::{Spd, Storage, SymMatrix};
 
 use crate::timed;
 

@@ -6,11 +6,11 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use gusset::law::{
+use gusset_numerics::law::{
     BilinearSpec, BiviscousSpec, BoucWenSpec, Law, LinearSpec, Reach, SquareRootSpec,
 };
-use gusset::linalg::{Lanes, SymMatrix};
-use gusset::model::{Element, End, Structure};
+use gusset_numerics::linalg::{Lanes, SymMatrix};
+use gusset_numerics::model::{Element, End, Structure};
 
 use crate::chain::Chain;
 use crate::opponents::{DAMPER, DAMPING, MASS, STIFFNESS, springs};

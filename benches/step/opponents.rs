@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use gusset::linalg::{Spd, SymMatrix};
+use gusset_numerics::linalg::{Spd, SymMatrix};
 
 use crate::timed;
 

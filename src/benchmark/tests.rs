@@ -358,7 +358,7 @@ fn drawn_plants_have_the_published_spread_and_come_again() {
 
 #[test]
 fn the_count_of_unstable_roots_says_the_same_of_the_cases() {
-    use crate::spectral::unstable_roots;
+    use gusset_numerics::spectral::unstable_roots;
     use crate::transfer::TransferSpec;
     let plant: TransferSpec = toml::from_str("actuator.servo_hydraulic = {}").unwrap();
     let (m, c, k) = SPECIMEN;

@@ -6,7 +6,7 @@ use super::CampaignError;
 use gusset_quantity::catalog::column;
 use crate::config::{Finding, KeyPath, LoadedStudy, nearest};
 use crate::engine::{Experiment, Phase};
-use crate::model::StructureSpec;
+use gusset_numerics::model::StructureSpec;
 use crate::record::{Column, Recorder, TimedEvent};
 
 /// Time at the end of a test over which a residual displacement is averaged, s.

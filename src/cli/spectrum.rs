@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::table::Table;
 use crate::record::{atomic, make_free};
-use crate::spectral::delay::{DelayError, DiscreteLimit};
+use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
 use crate::stability::{
     CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams,
 };

@@ -14,7 +14,7 @@ use super::timetable::TimeTable;
 use super::timing_table::TimingSpec;
 use super::value::{DofChoice, LambdaValue};
 use super::variant;
-use crate::model::{DampingSpec, ElementSpec, StructureSpec};
+use gusset_numerics::model::{DampingSpec, ElementSpec, StructureSpec};
 
 /// One hybrid test: the structure, its excitation, its specimens, its limits and its record. Values
 /// are in SI units unless the key or a unit beside it says otherwise.

@@ -5,7 +5,7 @@
 //! displacements and forces. Their difference is roundoff as long as every step was made with the forces that it closed
 //! with and no state was changed between two steps. It audits this program, not a specimen. Real-time after `new`.
 
-use crate::linalg::SymMatrix;
+use gusset_numerics::linalg::SymMatrix;
 use gusset_quantity::state::Visit;
 
 /// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
@@ -128,7 +128,7 @@ impl StepAudit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::{Gui, Integrator, Lambda, Start, State};
+    use gusset_numerics::integrate::{Gui, Integrator, Lambda, Start, State};
     use gusset_quantity::state::TestState;
 
     const DT: f64 = 0.02;

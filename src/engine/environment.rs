@@ -10,7 +10,7 @@ use super::place::Place;
 use super::supervision::Supervision;
 use super::tick::Tick;
 use super::{Ending, Stop};
-use crate::integrate::StepError;
+use gusset_numerics::integrate::StepError;
 use crate::record::{Event, GridOf, Standing, TimedEvent};
 use crate::rt::timing::TickStamps;
 use gusset_quantity::time::Nanos;

@@ -5,7 +5,7 @@
 //! reaction q = ιᵀ(r − F) that it gives; both relative to where x is measured from. The motion that a test begins with is
 //! taken in, too: the largest kinetic energy counts. Real-time after `new`.
 
-use crate::model::Base;
+use gusset_numerics::model::Base;
 use gusset_quantity::state::Visit;
 
 /// The account of one run, begun by its first step.

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::audit::StepAudit;
 use super::intake::{Closed, Intake};
-use crate::integrate::{Loaded, RowForces, State, StepError, Stepper};
-use crate::linalg::Aligned;
-use crate::model::{Acceleration, Base, Motion, Structure};
+use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
+use gusset_numerics::linalg::Aligned;
+use gusset_numerics::model::{Acceleration, Base, Motion, Structure};
 use crate::motion::{Excitation, Prescribed};
 use crate::port::Port;
 use gusset_quantity::state::{TestState, Visit};

@@ -1,7 +1,7 @@
 //! Peaks over all degrees of freedom, recorded or not.
 
-use crate::linalg::Lanes;
-use crate::linalg::lanes::{Isa, Kernel};
+use gusset_numerics::linalg::Lanes;
+pub use gusset_numerics::linalg::lanes::{Isa, Kernel};
 use gusset_quantity::state::Visit;
 
 /// Largest absolute displacement, velocity and acceleration of each DOF.

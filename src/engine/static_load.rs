@@ -1,6 +1,6 @@
 //! The static load of a test, as data.
 
-use crate::linalg::Spd;
+use gusset_numerics::linalg::Spd;
 
 /// How the static load is applied.
 #[derive(Debug)]

@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::test_hit::TestHit;
 use gusset_quantity::catalog::ending::Cause;
 use crate::geometry::Fault;
-use crate::integrate::StepError;
+use gusset_numerics::integrate::StepError;
 use crate::port::WiringFault;
 use crate::port::limits::Hit;
 use gusset_quantity::substructure::LinkFault;

@@ -9,7 +9,7 @@ use super::phase::Phase;
 use super::ramping::HoldRamp;
 use super::tick::Tick;
 use super::{Ending, Side, Stop};
-use crate::integrate::State;
+use gusset_numerics::integrate::State;
 use crate::port::{Port, Probe};
 use crate::record::{Event, GridOf};
 use crate::rt::timing::TickStamps;

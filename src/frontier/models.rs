@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use thiserror::Error;
 
 use crate::engine::{Numerical, Side};
-use crate::integrate::{Gui, GuiError, Integrator, Lambda, Start, State};
-use crate::law::{BilinearSpec, LawError, Reach};
-use crate::linalg::{NotPositiveDefinite, SymMatrix};
-use crate::model::{self, Acceleration, Element, End, Structure};
+use gusset_numerics::integrate::{Gui, GuiError, Integrator, Lambda, Start, State};
+use gusset_numerics::law::{BilinearSpec, LawError, Reach};
+use gusset_numerics::linalg::{NotPositiveDefinite, SymMatrix};
+use gusset_numerics::model::{self, Acceleration, Element, End, Structure};
 use crate::motion::{Excitation, LoadTerm, MotionError};
 use crate::verify::chain_of_example_4_3;
 
@@ -258,7 +258,7 @@ mod tests {
         // flexibility of the members takes a little of it away.
         let (_, stiffness) = plane_frame(2, 1);
         let mut force = vec![1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
-        let mut factor = crate::linalg::Spd::factor(&stiffness).unwrap();
+        let mut factor = gusset_numerics::linalg::Spd::factor(&stiffness).unwrap();
         factor.solve_in_place(&mut force);
         let sway = 2.0 / ((force[0] + force[3]) / 2.0);
         let closed_form = 24.0 * BENDING / MEMBER.powi(3) * 0.7;

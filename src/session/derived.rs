@@ -15,7 +15,7 @@ use thiserror::Error;
 use gusset_quantity::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
 use crate::config::{self, ConfigError, TestFile, Weighting};
 use crate::engine::Phase;
-use crate::model::{BuildError, StructureSpec};
+use gusset_numerics::model::{BuildError, StructureSpec};
 use crate::record::export::{Rows, Sum};
 use crate::record::{FolderError, Run};
 

@@ -7,7 +7,7 @@ use crate::config;
 use crate::engine::Side;
 use crate::metrics::energy::Model;
 use crate::metrics::falsified::Mode;
-use crate::model::{Base, Structure};
+use gusset_numerics::model::{Base, Structure};
 use crate::motion::Excitation;
 use crate::record::Column;
 use crate::setup;

@@ -2,7 +2,7 @@
 
 use crate::config::Method;
 use crate::geometry::LawPlace;
-use crate::integrate::Lambda;
+use gusset_numerics::integrate::Lambda;
 use crate::setup::{Facts, StructureFacts};
 use crate::stability::{Stability, grows, is_stable};
 use gusset_quantity::units::{compared, number};

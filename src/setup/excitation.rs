@@ -4,7 +4,7 @@ use super::specimens::Specimens;
 use super::structure::vector;
 use super::{Refused, Site, path};
 use crate::config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
-use crate::model::Structure;
+use gusset_numerics::model::Structure;
 use crate::motion::{
     Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, Signal,
     Unit, base_motion, parse_table,

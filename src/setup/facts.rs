@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::LimitFacts;
 use crate::config::{ClockChoice, Method, TimingSpec};
-use crate::integrate::Lambda;
+use gusset_numerics::integrate::Lambda;
 use crate::motion::RecordFacts;
 use crate::stability::{Analysis, LambdaChoice, OnlineLimit, Stability};
 

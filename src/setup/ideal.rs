@@ -9,12 +9,12 @@ use super::gear::scaled;
 use super::specimens::{IdealLaw, IdealPort};
 use super::{Initial, Refused, Site, Trial, excitation, method, proof, specimens, structure};
 use crate::config::{ConfigError, LambdaValue, Loaded};
-use crate::integrate::{
+use gusset_numerics::integrate::{
     Forces, Lambda, MethodError, Moment, Newmark, NewmarkBeta, NewtonSettings, State, Stepper,
     Tangents,
 };
-use crate::linalg::{Spd, SymMatrix};
-use crate::model::{Base, Structure};
+use gusset_numerics::linalg::{Spd, SymMatrix};
+use gusset_numerics::model::{Base, Structure};
 use crate::motion::Excitation;
 use crate::port::Axis;
 

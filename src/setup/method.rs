@@ -2,12 +2,12 @@
 
 use super::{Refused, Site, path};
 use crate::config::{Finding, Method, Start, Weighting};
-use crate::integrate::{
+use gusset_numerics::integrate::{
     self, AlphaWeights, CentralDifference, Chang2002, Gui, Integrator, KrAlpha, KrAlphaAtState,
     Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
 };
-use crate::linalg::SymMatrix;
-use crate::model::Structure;
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::Structure;
 
 /// What a method is made of, besides M.
 pub(super) struct Initial<'a> {

@@ -427,7 +427,7 @@ fn numerical(
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
     plausible::units(site, specimens, &facts);
-    let accel = match crate::model::Acceleration::new(structure.mass()) {
+    let accel = match gusset_numerics::model::Acceleration::new(structure.mass()) {
         Ok(accel) => accel,
         Err(error) => {
             let at = structure::mass_of(site, error.dof);

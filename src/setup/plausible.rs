@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use super::specimens::Specimens;
 use super::{Site, StructureFacts, path};
 use crate::config::{Finding, KeyPath};
-use crate::model::StructureSpec;
+use gusset_numerics::model::StructureSpec;
 use crate::motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
 use crate::stability::Kind;
 use gusset_quantity::units::{duration, number, quantity};

@@ -5,10 +5,10 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, LambdaValue, Method, Severity};
 use gusset_quantity::finding::KeyPath;
-use crate::integrate::{Gui, Lambda, Start};
-use crate::linalg::SymMatrix;
-use crate::model::{ModelError, Part, Structure};
-use crate::spectral::Weights;
+use gusset_numerics::integrate::{Gui, Lambda, Start};
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::{ModelError, Part, Structure};
+use gusset_numerics::spectral::Weights;
 use crate::stability::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Proven, Request, Stability, StabilityError,
     StabilityProof, alpha_stability, lambda_path,

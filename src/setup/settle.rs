@@ -3,7 +3,7 @@
 use super::{Refused, Site, path};
 use crate::config::Finding;
 use crate::engine::StaticLoad;
-use crate::linalg::{Spd, SymMatrix};
+use gusset_numerics::linalg::{Spd, SymMatrix};
 
 /// Equal parts in which a static load is brought on.
 const SETTLING_PARTS: u32 = 20;

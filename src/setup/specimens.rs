@@ -15,14 +15,14 @@ use crate::config::{Finding, LinkSpec, Loaded, ProbeChoice};
 use crate::geometry::Geometry;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
-use crate::model::StructureSpec;
+use gusset_numerics::model::StructureSpec;
 use crate::port::limits::AxisLimits;
 use crate::port::{
     Axis, Declared, LinearStandIn, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
     WiringCheck,
 };
 use crate::specimen::{InProcess, InUnits, Specimen};
-use crate::spectral::delay::Weights;
+use gusset_numerics::spectral::delay::Weights;
 use crate::stability::Attached;
 use gusset_quantity::substructure::Substructure;
 use entry::entry;
@@ -52,7 +52,7 @@ struct Entry {
     bounds: Result<(Rows, Rows), usize>,
     /// How much of its damping counts in a sawtooth of period 2 steps, in parts of that at the integrator's own velocity.
     sawtooth: f64,
-    /// What its commands are made of, as [`crate::spectral::delay::Delayed::ticks`].
+    /// What its commands are made of, as [`gusset_numerics::spectral::delay::Delayed::ticks`].
     ticks: Vec<Weights>,
     mass_in_force: f64,
 }

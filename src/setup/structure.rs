@@ -3,9 +3,9 @@
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath};
-use crate::integrate::{GuiError, State};
-use crate::linalg::{self, MatrixError, Spd, SymMatrix};
-use crate::model::{
+use gusset_numerics::integrate::{GuiError, State};
+use gusset_numerics::linalg::{self, MatrixError, Spd, SymMatrix};
+use gusset_numerics::model::{
     BuildError, MatrixFiles, ModelError, SpecimenShare, Structure, StructureSpec, parse_matrix,
 };
 

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Specimen;
-use crate::law::{LawError, Reach};
+use gusset_numerics::law::{LawError, Reach};
 use gusset_quantity::state::Visit;
 
 /// Linear specimen with full matrices, one row for each axis. Each matrix is symmetric without

@@ -239,11 +239,11 @@ impl<S: Specimen> Substructure for InProcess<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::LawSpec;
+    use gusset_numerics::law::LawSpec;
     use crate::specimen::{SpecimenLaw, Uniaxial};
     use gusset_quantity::state::{StateError, TestState};
 
-    fn laws() -> Vec<Box<dyn crate::law::Law>> {
+    fn laws() -> Vec<Box<dyn gusset_numerics::law::Law>> {
         let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, \
                     post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2.5 }";
         let spec: LawSpec = toml::from_str(text).unwrap();
@@ -397,7 +397,7 @@ mod tests {
         fn tangent(&self, _: &mut [f64]) {}
         fn bound(
             &self,
-            _: &[crate::law::Reach],
+            _: &[gusset_numerics::law::Reach],
             _: &mut [f64],
             _: &mut [f64],
         ) -> Result<(), usize> {

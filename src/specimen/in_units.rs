@@ -2,7 +2,7 @@
 //! millimetres with a force in kilonewtons, as the controller of a real rig does.
 
 use super::Specimen;
-use crate::law::Reach;
+use gusset_numerics::law::Reach;
 
 /// A specimen in SI units behind axes that do not count in SI.
 #[derive(Debug)]
@@ -135,7 +135,7 @@ impl<S: Specimen> Specimen for InUnits<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::{LawSpec, LinearSpec};
+    use gusset_numerics::law::{LawSpec, LinearSpec};
     use crate::specimen::SpecimenLaw;
 
     #[test]

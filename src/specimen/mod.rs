@@ -54,7 +54,7 @@ pub use spec::SpecimenLaw;
 pub use stiffened::Stiffened;
 pub use uniaxial::Uniaxial;
 
-use crate::law::Reach;
+use gusset_numerics::law::Reach;
 use gusset_quantity::state::Visit;
 
 /// What can stand behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
@@ -110,7 +110,7 @@ pub trait Specimen: Send + std::fmt::Debug {
         self.reference(&mut stiffness, damping, &mut mass);
     }
 
-    /// Part of the reference damping that acts around rest only, n × n; see [`crate::law::Law::rest_damping`]. Default: none.
+    /// Part of the reference damping that acts around rest only, n × n; see [`gusset_numerics::law::Law::rest_damping`]. Default: none.
     fn rest_damping(&self, damping: &mut [f64]) {
         damping.fill(0.0);
     }

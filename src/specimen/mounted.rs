@@ -1,7 +1,7 @@
 //! A specimen that does not stand at the zero of its axes, and whose load cells do not read zero at rest: f(d − d₀) + f₀.
 
 use super::Specimen;
-use crate::law::Reach;
+use gusset_numerics::law::Reach;
 
 /// A specimen whose deformation is zero where its axes stand at an offset. Everything in SI.
 #[derive(Debug)]
@@ -96,7 +96,7 @@ impl Specimen for Mounted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::LawSpec;
+    use gusset_numerics::law::LawSpec;
     use crate::specimen::SpecimenLaw;
 
     fn plastic() -> Box<dyn Specimen> {

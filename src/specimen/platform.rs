@@ -6,7 +6,7 @@
 
 use super::Specimen;
 use crate::geometry::{Geometry, MOST, Placed};
-use crate::law::Reach;
+use gusset_numerics::law::Reach;
 
 /// What lies between an actuator's stroke and the number that its axis is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -182,7 +182,7 @@ impl<S: Specimen> Specimen for Platform<S> {
 mod tests {
     use super::*;
     use crate::geometry::{Coordinate, GeometrySpec, PlanePins};
-    use crate::law::LawSpec;
+    use gusset_numerics::law::LawSpec;
     use crate::specimen::SpecimenLaw;
     use gusset_quantity::state::TestState;
 

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CoupledSpec, Specimen, Uniaxial};
-use crate::law::{LawError, LawSpec};
+use gusset_numerics::law::{LawError, LawSpec};
 
 /// Behaviour of a simulated specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,7 +1,7 @@
 //! A specimen that is stiffer or softer than is declared of it: f(s·d) in place of f(d).
 
 use super::Specimen;
-use crate::law::Reach;
+use gusset_numerics::law::Reach;
 
 /// A specimen whose stiffness and damping are `factor` times those of the law inside, at the same strength: what yields, yields
 /// at the same force. What it declares of itself is what the law inside declares: nobody knows better.

@@ -1,7 +1,7 @@
 //! Axes that do not know of each other: one law each.
 
 use super::Specimen;
-use crate::law::{Law, LawError, Reach};
+use gusset_numerics::law::{Law, LawError, Reach};
 use gusset_quantity::state::Visit;
 
 /// A specimen with one independent law per axis. Declares no mass.
@@ -113,7 +113,7 @@ impl Specimen for Uniaxial {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::LawSpec;
+    use gusset_numerics::law::LawSpec;
     use gusset_quantity::state::TestState;
 
     fn two() -> Uniaxial {

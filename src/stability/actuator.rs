@@ -4,7 +4,7 @@ use nalgebra::Complex;
 
 use crate::compensation::CompensationSpec;
 use gusset_quantity::finding::KeyPath;
-use crate::spectral::delay::Delayed;
+use gusset_numerics::spectral::delay::Delayed;
 use crate::transfer::TransferSpec;
 
 /// One specimen and what is declared of its actuator.

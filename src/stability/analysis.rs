@@ -4,12 +4,12 @@
 
 use nalgebra::DMatrix;
 
-use crate::integrate::Lambda;
-use crate::linalg::{self, SymMatrix};
-use crate::spectral::delay::{
+use gusset_numerics::integrate::Lambda;
+use gusset_numerics::linalg::{self, SymMatrix};
+use gusset_numerics::spectral::delay::{
     Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete,
 };
-use crate::spectral::{Apparent, Locus};
+use gusset_numerics::spectral::{Apparent, Locus};
 
 /// Largest structure of which anything is analysed: some dozens of factorisations and a few vectors of its size.
 const LARGEST: usize = 50_000;

@@ -1,6 +1,6 @@
 //! The smallest critical delay of a specimen that is known, and the condition to which it belongs.
 
-use crate::spectral::delay::{Critical, DelayError, DiscreteLimit};
+use gusset_numerics::spectral::delay::{Critical, DelayError, DiscreteLimit};
 use gusset_quantity::units::duration;
 
 /// What grows in continuous time with nothing delayed.

@@ -18,9 +18,9 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::integrate::Lambda;
-use crate::linalg::{Spd, SymMatrix};
-use crate::model::Part;
+use gusset_numerics::integrate::Lambda;
+use gusset_numerics::linalg::{Spd, SymMatrix};
+use gusset_numerics::model::Part;
 use gusset_quantity::units::quantity;
 
 /// λ of least period error over the usual steps (Gui et al. 2014, section 3.2); `auto` never exceeds it.

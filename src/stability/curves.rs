@@ -2,8 +2,8 @@
 
 use super::analysis::ModeFacts;
 use super::spectrum::{CriticalDelays, Spectrum};
-use crate::spectral::delay::{DiscreteLimit, recursion};
-use crate::spectral::{Apparent, Locus, spectral_radius};
+use gusset_numerics::spectral::delay::{DiscreteLimit, recursion};
+use gusset_numerics::spectral::{Apparent, Locus, spectral_radius};
 
 /// One curve, or the dots on it.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use super::analysis::{Analysis, Attached};
 use super::case::Case;
 use super::kind::Kind;
 use gusset_quantity::finding::{Finding, KeyPath};
-use crate::linalg;
+use gusset_numerics::linalg;
 use gusset_quantity::units::number;
 
 /// Share of the damping of a mode that the actuators may take before a finding.

@@ -14,7 +14,7 @@ use super::case::Case;
 use super::kind::Kind;
 use super::state::{Bears, State};
 use gusset_quantity::finding::{Finding, KeyPath};
-use crate::spectral::delay::{DelayError, DiscreteLimit};
+use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
 use gusset_quantity::units::duration;
 
 /// What is known of one specimen behind a declared actuator.

@@ -6,9 +6,9 @@ use super::integration::Stability;
 use super::kind::Kind;
 use super::online::OnlineLimit;
 use gusset_quantity::finding::{Finding, KeyPath};
-use crate::integrate::Lambda;
-use crate::linalg::{Spd, SymMatrix};
-use crate::model::Part;
+use gusset_numerics::integrate::Lambda;
+use gusset_numerics::linalg::{Spd, SymMatrix};
+use gusset_numerics::model::Part;
 
 /// Degrees of freedom up to which the limit of λ is found again and again while a test runs: milliseconds each time.
 const MOST_ONLINE: usize = 200;

@@ -5,8 +5,8 @@
 //! thread that has time, not for the loop.
 
 use super::criterion::StabilityProof;
-use crate::linalg::SymMatrix;
-use crate::model::Part;
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::Part;
 
 /// What the answer follows from.
 #[derive(Debug, Clone)]

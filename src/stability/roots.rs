@@ -9,8 +9,8 @@ use std::f64::consts::PI;
 use nalgebra::{Complex, DMatrix};
 
 use super::actuator::Follows;
-use crate::spectral::delay::Delayed;
-use crate::spectral::unstable_roots;
+use gusset_numerics::spectral::delay::Delayed;
+use gusset_numerics::spectral::unstable_roots;
 
 /// Frequencies that count are below this share of half the rate.
 const HIGHEST: f64 = 0.9;

@@ -4,8 +4,8 @@
 
 use super::analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
 use super::bound::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
-use crate::integrate::Lambda;
-use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
+use gusset_numerics::integrate::Lambda;
+use gusset_numerics::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
 
 /// Modes and critical delays of a test.
 #[derive(Debug)]

@@ -4,7 +4,7 @@
 use super::actuator::Follows;
 use super::bound::{DelayBound, INERTIA, growing};
 use super::roots::roots;
-use crate::spectral::delay::{Critical, DelayError, Delayed, continuous};
+use gusset_numerics::spectral::delay::{Critical, DelayError, Delayed, continuous};
 
 /// Share of the lag that counts as left where a delay decides: less is rounding of a compensation.
 const LEFT: f64 = 0.05;

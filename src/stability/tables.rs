@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use super::analysis::{Analysis, Attached, Own, delayed};
 use super::critical::CriticalDelay;
-use crate::spectral::delay::{DelayError, Delayed, DiscreteLimit, continuous, discrete};
+use gusset_numerics::spectral::delay::{DelayError, Delayed, DiscreteLimit, continuous, discrete};
 
 /// Entries of a table at equal steps.
 const ENTRIES: usize = 33;
@@ -127,7 +127,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::spectral::delay::sdof;
+    use gusset_numerics::spectral::delay::sdof;
 
     fn analysis(text: &str) -> Analysis {
         let loaded = crate::config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
@@ -364,7 +364,7 @@ mod tests {
             // Their shares of K0 and C0 are in M_eff all the same: the recursion has more inertia and other poles.
             let recursion = |analysis: &Analysis| {
                 let limit = analysis.loops[0].discrete(1e-3, 4.0).unwrap();
-                let crate::spectral::delay::DiscreteLimit::At(delay) = limit else {
+                let gusset_numerics::spectral::delay::DiscreteLimit::At(delay) = limit else {
                     panic!("{limit:?}");
                 };
                 delay

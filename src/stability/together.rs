@@ -6,7 +6,7 @@ use super::case::Case;
 use super::kind::Kind;
 use super::roots::roots;
 use gusset_quantity::finding::{Finding, KeyPath};
-use crate::spectral::delay::Delayed;
+use gusset_numerics::spectral::delay::Delayed;
 
 /// The finding on all actuators together; none for a single axis, and where the loop is stable.
 pub(super) fn together(case: &Case<'_>) -> Option<(Kind, Finding)> {

@@ -270,9 +270,9 @@ fn unknown_actuators(case: &Case<'_>) -> Vec<Finding> {
 mod tests {
     use super::super::{Actuator, Analysis, AtRest, Attached, Machine, Matrices};
     use super::*;
-    use crate::integrate::Lambda;
-    use crate::linalg::SymMatrix;
-    use crate::spectral::delay::sdof;
+    use gusset_numerics::integrate::Lambda;
+    use gusset_numerics::linalg::SymMatrix;
+    use gusset_numerics::spectral::delay::sdof;
     use crate::transfer::TransferSpec;
 
     const MASS: f64 = 1000.0;

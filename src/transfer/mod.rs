@@ -32,7 +32,7 @@ pub use spec::{
     TransferSpec,
 };
 
-use crate::law::Reach;
+use gusset_numerics::law::Reach;
 use crate::specimen::Specimen;
 use gusset_quantity::state::Visit;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::law::{LawSpec, LinearSpec};
+use gusset_numerics::law::{LawSpec, LinearSpec};
 use crate::specimen::SpecimenLaw;
 use gusset_quantity::state::{TestState, Visit};
 use std::f64::consts::PI;
@@ -448,7 +448,7 @@ fn growth(ratio: f64, share: f64, transfer: &str) -> f64 {
 
 #[test]
 fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
-    use crate::spectral::delay::{critical_lag, sdof};
+    use gusset_numerics::spectral::delay::{critical_lag, sdof};
     let omega = 2.0 * PI;
     for (ratio, share) in [(0.02, 0.5), (0.05, 0.8), (0.01, 1.0)] {
         let (k, c) = (omega * omega, 2.0 * ratio * omega);

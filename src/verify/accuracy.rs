@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Proof};
-use crate::integrate::{Gui, Integrator, Lambda, Start, State};
-use crate::linalg::SymMatrix;
-use crate::spectral::{
+use gusset_numerics::integrate::{Gui, Integrator, Lambda, Start, State};
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::spectral::{
     Apparent, amplitude_decay as decay_of, apparent, chang, newmark, omega_limit, period_error,
     principal, quadratic, zero_period_error_lambda,
 };

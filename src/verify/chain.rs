@@ -10,11 +10,11 @@ use super::dense::{DAMPER, DAMPING, Dense, MASS, STIFFNESS, Way};
 use super::drive::{Method, Walk, peak};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, number};
-use crate::integrate::{Lambda, NewmarkBeta};
-use crate::law::{Law, Reach};
-use crate::linalg::SymMatrix;
-use crate::model::{Base, Element, End, Structure};
-use crate::spectral::lambda_limit;
+use gusset_numerics::integrate::{Lambda, NewmarkBeta};
+use gusset_numerics::law::{Law, Reach};
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::{Base, Element, End, Structure};
+use gusset_numerics::spectral::lambda_limit;
 use crate::stability::StabilityProof;
 
 pub(super) const METHODS: [Method; 6] = [

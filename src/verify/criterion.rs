@@ -5,9 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use super::drive::{Random, solved, transition_of};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, Proof};
-use crate::integrate::Lambda;
-use crate::linalg::{SymMatrix, modes};
-use crate::spectral::{lambda_limit_changed, spectral_radius};
+use gusset_numerics::integrate::Lambda;
+use gusset_numerics::linalg::{SymMatrix, modes};
+use gusset_numerics::spectral::{lambda_limit_changed, spectral_radius};
 use crate::stability::StabilityProof;
 
 /// Random storeys with grown tangents.

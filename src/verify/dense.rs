@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::law::BiviscousSpec;
+use gusset_numerics::law::BiviscousSpec;
 
 pub(super) const MASS: f64 = 150.0;
 pub(super) const STIFFNESS: f64 = 2.5e5;

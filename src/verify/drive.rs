@@ -4,12 +4,12 @@ use nalgebra::{DMatrix, Matrix2};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
-use crate::integrate::{
+use gusset_numerics::integrate::{
     Chang2002, Forces, Gui, Integrator, Lambda, Loaded, MethodError, Moment, Newmark, NewmarkBeta,
     NewtonSettings, Start, State, Stepper,
 };
-use crate::linalg::SymMatrix;
-use crate::model::{Base, Structure};
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::{Base, Structure};
 use crate::stability::StabilityProof;
 
 /// A seeded stream of numbers.

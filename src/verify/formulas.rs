@@ -4,12 +4,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::drive::{Random, invariants, transition};
 use super::{Check, Effort, Proof};
-use crate::integrate::{
+use gusset_numerics::integrate::{
     Forces, Gui, Integrator, Lambda, Moment, Newmark, NewmarkBeta, NewtonSettings, Offline, Start,
     State, Tangents,
 };
-use crate::linalg::SymMatrix;
-use crate::spectral::{self, Tabulated, Transfer};
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::spectral::{self, Tabulated, Transfer};
 
 const OMEGAS: [f64; 9] = [0.01, 0.1, 0.4, 0.9, 1.5, 1.99, 2.6, 4.0, 9.0];
 const RATIOS: [f64; 6] = [0.0, 0.02, 0.1, 0.5, 1.0, 1.6];

@@ -6,8 +6,8 @@ use super::drive::{Method, peak};
 use super::figure::{Figure, Scale, Series};
 use super::storeys::TwoStoreys;
 use super::{Check, Proof};
-use crate::integrate::NewmarkBeta;
-use crate::spectral::{lambda_limit, period_error};
+use gusset_numerics::integrate::NewmarkBeta;
+use gusset_numerics::spectral::{lambda_limit, period_error};
 
 const STRUCTURE: TwoStoreys = TwoStoreys {
     mass: [1e3, 4e3],

@@ -5,8 +5,8 @@ use super::figure::{Figure, Scale, Series};
 use super::linear::behaves;
 use super::storeys::TwoStoreys;
 use super::{Check, Effort, Proof};
-use crate::integrate::NewmarkBeta;
-use crate::spectral::lambda_limit_changed;
+use gusset_numerics::integrate::NewmarkBeta;
+use gusset_numerics::spectral::lambda_limit_changed;
 
 const DT: f64 = 0.05;
 const FINE: f64 = 1e-4;

@@ -7,12 +7,12 @@ use std::f64::consts::TAU;
 use super::drive::transition;
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Proof};
-use crate::integrate::{
+use gusset_numerics::integrate::{
     Forces, Gui, Integrator, Lambda, Moment, Newmark, NewmarkBeta, NewtonSettings, Offline, Start,
     State, Tangents,
 };
-use crate::linalg::SymMatrix;
-use crate::spectral::period_error;
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::spectral::period_error;
 
 /// One oscillator: m = 1, T = 1 s.
 const OMEGA: f64 = TAU;

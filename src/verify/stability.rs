@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use super::drive::{Random, invariants, jury, transition};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, Proof};
-use crate::spectral::{
+use gusset_numerics::spectral::{
     coefficients, discriminant, omega_limit, poles, spectral_radius, unconditional_lambda,
 };
 use nalgebra::DMatrix;

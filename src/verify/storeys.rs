@@ -1,9 +1,9 @@
 //! The two-storey structures of examples 4.1 and 4.2.
 
 use super::drive::{Method, histories};
-use crate::law::SquareRootSpec;
-use crate::linalg::SymMatrix;
-use crate::model::{Element, End, Structure};
+use gusset_numerics::law::SquareRootSpec;
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::{Element, End, Structure};
 use crate::stability::StabilityProof;
 
 /// Two storeys of the examples: masses and stiffnesses from the ground up, no damping.
@@ -34,7 +34,7 @@ impl TwoStoreys {
                 from,
                 to: End::Dof(storey),
                 law: Box::new(law.build().ok()?),
-                reach: crate::law::Reach::default(),
+                reach: gusset_numerics::law::Reach::default(),
                 hardening_ratio: None,
                 damping_ratio: None,
             });

@@ -6,7 +6,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use gusset::config::Carrier;
-use gusset::law::{LawSpec, LinearSpec};
+use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::server::{Host, ServeOptions, Server};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions};

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use gusset::config::{Carrier, ServeTlsSpec, TlsSpec};
-use gusset::law::{LawSpec, LinearSpec};
+use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::server::{Host, ServeError, ServeOptions, Server};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};

@@ -261,7 +261,7 @@ fn storey(more: &str) -> String {
 fn an_identified_delay_is_compared_with_the_critical_one_and_acts_in_the_trials() {
     let folder = tempfile::tempdir().unwrap();
     // About 2ξ/(pω) = 8.5 ms.
-    let critical = gusset::spectral::delay::sdof(0.04, 0.5, 3.0 * TAU).unwrap();
+    let critical = gusset_numerics::spectral::delay::sdof(0.04, 0.5, 3.0 * TAU).unwrap();
     for (share, spread, go, carried) in [
         (0.8, 0.0, true, true),
         (1.2, 0.0, false, false),

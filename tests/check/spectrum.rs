@@ -118,7 +118,7 @@ fn modes_have_the_period_and_damping_error_of_the_closed_form() {
 
 #[test]
 fn the_critical_delay_is_that_of_the_closed_form_both_ways() {
-    let closed = gusset::spectral::delay::sdof(0.02, 0.5, TAU).unwrap();
+    let closed = gusset_numerics::spectral::delay::sdof(0.02, 0.5, TAU).unwrap();
     let (_, text, _) = check(TEST, &["--json"]);
     let facts: Value = serde_json::from_str(&text).unwrap();
     let delay = &facts["structure"]["critical_delays"][0];

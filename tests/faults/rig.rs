@@ -9,7 +9,7 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset::config::{
     AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
 };
-use gusset::law::{LawSpec, Reach};
+use gusset_numerics::law::{LawSpec, Reach};
 use gusset::link::NativeSetup;
 use gusset::link::server::Host;
 use gusset::specimen::{Specimen, Uniaxial};

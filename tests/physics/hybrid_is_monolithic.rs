@@ -7,7 +7,7 @@
 
 use crate::common::engine::{Run, distance, run};
 use gusset::engine::Phase;
-use gusset::law::LawSpec;
+use gusset_numerics::law::LawSpec;
 use gusset::view::report::metrics::identify;
 
 const ROUNDOFF: f64 = 2.3e-12;

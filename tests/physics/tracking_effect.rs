@@ -5,7 +5,7 @@ use crate::common::{FRAME, completed, json, write};
 use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::record::{Event, Run};
-use gusset::spectral::delay::sdof;
+use gusset_numerics::spectral::delay::sdof;
 use nalgebra::{Complex, DMatrix};
 
 /// Three floors by matrices, with two specimens of one and of two axes: one carries mass in its force, the axes of the other

@@ -8,7 +8,7 @@ use crate::config::document::KeyPath;
 use crate::config::excitation::{ExcitationTable, PrescribedPlace};
 use crate::config::schema::TestFile;
 use crate::config::suggest::{listed, nearest};
-use crate::model::{End, StructureSpec};
+use gusset_numerics::model::{End, StructureSpec};
 
 /// The whole of `[excitation]`.
 pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {

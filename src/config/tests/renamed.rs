@@ -1,7 +1,7 @@
 //! Old names of keys and laws: read, noted, overridden, refused beside the new name; and removed keys.
 
 use super::*;
-use crate::law::LawSpec;
+use gusset_numerics::law::LawSpec;
 use crate::specimen::SpecimenLaw;
 
 fn law(text: &str) -> LawSpec {

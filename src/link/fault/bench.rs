@@ -432,7 +432,7 @@ impl Substructure for Bench {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::LawSpec;
+    use gusset_numerics::law::LawSpec;
     use crate::link::served::Computed;
     use crate::specimen::Uniaxial;
 

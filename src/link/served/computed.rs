@@ -252,7 +252,7 @@ impl Substructure for Computed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::LawSpec;
+    use gusset_numerics::law::LawSpec;
     use crate::specimen::Uniaxial;
 
     fn spring() -> Box<dyn Specimen> {

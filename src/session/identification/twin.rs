@@ -17,7 +17,7 @@ use crate::config::{
     SpecimenTable, TestFile,
 };
 use crate::identify::{Estimate, Fit, Identification, Model};
-use crate::law::{LawSpec, LinearSpec};
+use gusset_numerics::law::{LawSpec, LinearSpec};
 use crate::specimen::{CoupledSpec, SpecimenLaw};
 use crate::transfer::{
     ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,

@@ -2,7 +2,7 @@
 
 use super::Rehearsal;
 use crate::config::{Finding, KeyPath, Loaded};
-use crate::model::StructureSpec;
+use gusset_numerics::model::StructureSpec;
 use gusset_quantity::units::quantity;
 
 /// Largest drift of a storey that is not doubted, m.

@@ -12,7 +12,7 @@ use super::{Staging, StandIn, staged_with};
 use gusset_quantity::catalog::column;
 use crate::config::{ConfigError, Loaded};
 use crate::engine::{Control, Ending, Experiment, Phase};
-use crate::model::StructureSpec;
+use gusset_numerics::model::StructureSpec;
 use crate::motion::Excitation;
 use crate::record::{Recorder, TimedEvent};
 use crate::setup::{self, Ideal, IdealCourse, NoCourse};

@@ -5,7 +5,7 @@ use gusset_quantity::catalog::limit::Limit;
 use crate::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
 use crate::config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};
-use crate::integrate::{AlphaWeights, MethodError};
+use gusset_numerics::integrate::{AlphaWeights, MethodError};
 
 /// Commands over a target at rest that no sound actuator needs to leave.
 const USUAL_GAINS: std::ops::RangeInclusive<f64> = 0.5..=2.0;

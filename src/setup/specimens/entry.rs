@@ -8,12 +8,12 @@ use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, 
 use super::{Entry, Stand, order, rest, stand_in};
 use crate::config::echo::number;
 use crate::config::{Finding, KeyPath, LinkSpec, Loaded, MatrixValue, Protocol, SpecimenTable};
-use crate::law::Reach;
-use crate::linalg::SymMatrix;
-use crate::model::BuildError;
+use gusset_numerics::law::Reach;
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::BuildError;
 use crate::port::{Axis, shares};
 use crate::specimen::{Specimen, SpecimenLaw};
-use crate::spectral::delay::Weights;
+use gusset_numerics::spectral::delay::Weights;
 use crate::stability::Kind;
 use gusset_quantity::units::{compared, quantity};
 

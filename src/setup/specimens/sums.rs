@@ -1,8 +1,8 @@
 //! What all specimens together add to the matrices of the structure: Σ Bᵀ (·) B, n × n in the structure's units.
 
 use super::{Entry, Rows, Specimens};
-use crate::linalg::SymMatrix;
-use crate::model::Part;
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::Part;
 use crate::stability::{Advice, SpecimenShare};
 
 impl Specimens {

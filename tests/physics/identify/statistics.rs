@@ -3,7 +3,7 @@
 use gusset::identify::{
     Band, Course, Identification, IdentifyError, Model, Record, Shape, identify,
 };
-use gusset::law::LawSpec;
+use gusset_numerics::law::LawSpec;
 use gusset::motion::{Grid, Quantity};
 use gusset::specimen::{Specimen, SpecimenLaw};
 use gusset::transfer::{Transfer, TransferSpec};

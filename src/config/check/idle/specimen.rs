@@ -11,7 +11,7 @@ use crate::config::link_table::{
 };
 use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
 use crate::config::specimen::SpecimenTable;
-use crate::law::Reach;
+use gusset_numerics::law::Reach;
 use crate::transfer::{BetweenTicks, TransferSpec};
 
 /// One specimen; `safety` is that of the test, and absent where the file is only served.

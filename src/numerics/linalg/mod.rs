@@ -24,7 +24,7 @@ mod condition;
 mod dense;
 mod dissection;
 mod eigen;
-pub(crate) mod lanes;
+pub mod lanes;
 mod matrix;
 mod ordering;
 mod panels;
