@@ -1,6 +1,6 @@
 //! J1 … J9 as the benchmark's released code computes them.
 
-use crate::metrics::tracking::delay;
+use gusset_motion::metrics::tracking::delay;
 
 /// What a run left behind, tick by tick: m.
 #[derive(Debug, Clone, Default)]

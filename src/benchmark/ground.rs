@@ -1,6 +1,6 @@
 //! The synthetic earthquake of the benchmark.
 
-use crate::motion::{
+use gusset_motion::{
     CloughPenzien, Envelope, JenningsHousner, KanaiTajimi, Motion, Processing, Signal,
 };
 

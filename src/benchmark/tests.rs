@@ -2,7 +2,7 @@ use nalgebra::Complex;
 
 use super::*;
 use crate::compensation::CompensationSpec;
-use crate::motion::{Grid, Motion as GroundMotion, Quantity};
+use gusset_motion::{Grid, Motion as GroundMotion, Quantity};
 use crate::transfer::BetweenTicks;
 
 const DT: f64 = 1.0 / RATE_HZ;

@@ -6,7 +6,7 @@ use std::{fs, io};
 
 use super::CampaignError;
 use crate::config::{Finding, InputStore, Inputs, Intensity, KeyPath, LoadedStudy, RecordsTable};
-use crate::motion::{FileSignal, Quantity, ReadOptions, Resample, Signal, Unit, parse_record};
+use gusset_motion::{FileSignal, Quantity, ReadOptions, Resample, Signal, Unit, parse_record};
 
 const GROUND: &str = "excitation.ground_acceleration";
 /// What helps with a file that is no acceleration.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::table::{Table, misses};
-use crate::metrics::Tracking;
+use gusset_motion::metrics::Tracking;
 use crate::record::{Run, Summary};
 use crate::rt::timing::Quantity;
 use crate::session::{self, Finished, Page, integration};

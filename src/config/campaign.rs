@@ -10,7 +10,7 @@ use super::check::check_samples;
 use super::document::{Datum, KeyPath, Node};
 use super::{ConfigError, Diagnostics, Finding, Loaded, Locator, Purpose, Severity};
 use super::{judge, open, parse, read_text};
-use crate::motion::Quantity;
+use gusset_motion::Quantity;
 
 /// A study that has been read and checked.
 #[derive(Debug, Clone)]

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::certificate::UncertaintyTable;
-use crate::motion::Unit;
+use gusset_motion::Unit;
 
 /// Most values of one range, and most motions of one table.
 pub(super) const MOST_VALUES: usize = 100_000;

@@ -13,7 +13,7 @@ use super::{
 };
 use gusset_quantity::catalog::limit::{CheckedBy, Limit};
 use crate::compensation::CompensationSpec;
-use crate::motion::Motion;
+use gusset_motion::Motion;
 use gusset_quantity::time::Ratio;
 
 /// The motion of one axis.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::motion::{Processing, Signal};
+use gusset_motion::{Processing, Signal};
 
 /// Excitation of the structure, or of the specimens in a test without a structure. Several
 /// contributions are added.

@@ -7,7 +7,7 @@ use super::intake::{Closed, Intake};
 use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
 use gusset_numerics::linalg::Aligned;
 use gusset_numerics::model::{Acceleration, Base, Motion, Structure};
-use crate::motion::{Excitation, Prescribed};
+use gusset_motion::{Excitation, Prescribed};
 use crate::port::Port;
 use gusset_quantity::state::{TestState, Visit};
 

@@ -9,7 +9,7 @@ use gusset_numerics::integrate::{Gui, GuiError, Integrator, Lambda, Start, State
 use gusset_numerics::law::{BilinearSpec, LawError, Reach};
 use gusset_numerics::linalg::{NotPositiveDefinite, SymMatrix};
 use gusset_numerics::model::{self, Acceleration, Element, End, Structure};
-use crate::motion::{Excitation, LoadTerm, MotionError};
+use gusset_motion::{Excitation, LoadTerm, MotionError};
 use crate::verify::chain_of_example_4_3;
 
 /// A model that comes in any size.

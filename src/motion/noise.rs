@@ -424,7 +424,7 @@ fn synthetic(values: Vec<f64>, dt: f64, start: f64, duration: f64, top_hz: f64) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Grid, Motion, Processing, Signal};
+    use crate::{Grid, Motion, Processing, Signal};
 
     fn noise() -> BandLimitedNoise {
         BandLimitedNoise {

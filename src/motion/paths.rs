@@ -272,7 +272,7 @@ impl Cyclic {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::shapes::tests::rate_is_the_derivative;
+    use crate::shapes::tests::rate_is_the_derivative;
 
     fn cyclic() -> Cyclic {
         Cyclic {

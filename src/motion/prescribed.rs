@@ -235,7 +235,7 @@ impl Prescribed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Cyclic, CyclicShape, Signal, Sine, Unit};
+    use crate::{Cyclic, CyclicShape, Signal, Sine, Unit};
 
     fn no_files(_: &str) -> std::io::Result<Vec<u8>> {
         Err(std::io::ErrorKind::NotFound.into())

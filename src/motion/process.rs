@@ -399,7 +399,7 @@ impl Processing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{
+    use crate::{
         BandLimitedNoise, Constant, FileSignal, Resample, Sine, Step, Values, base_motion,
         central_difference,
     };

@@ -394,7 +394,7 @@ pub(super) mod tests {
     use super::*;
 
     /// The rate agrees with a difference of the values, away from `corners`.
-    pub(in crate::motion) fn rate_is_the_derivative(curve: &Curve, end: f64, corners: &[f64]) {
+    pub(crate) fn rate_is_the_derivative(curve: &Curve, end: f64, corners: &[f64]) {
         let h = 1e-5;
         let mut time = 0.003_1;
         let size = (0..2000)

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use crate::config;
 use crate::engine::Side;
-use crate::metrics::energy::Model;
-use crate::metrics::falsified::Mode;
+use gusset_motion::metrics::energy::Model;
+use gusset_motion::metrics::falsified::Mode;
 use gusset_numerics::model::{Base, Structure};
-use crate::motion::Excitation;
+use gusset_motion::Excitation;
 use crate::record::Column;
 use crate::setup;
 use crate::stability::Analysis;

@@ -12,7 +12,7 @@ use super::energetics::{Without, known};
 use super::lineage::{Generation, Lineage, Origin, way_from};
 use super::replay_error::ReplayError;
 use gusset_quantity::catalog::phase::Phase;
-use crate::metrics::energy::Model;
+use gusset_motion::metrics::energy::Model;
 use crate::record::summary::Status;
 use crate::record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use crate::view::report::{

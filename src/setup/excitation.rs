@@ -5,7 +5,7 @@ use super::structure::vector;
 use super::{Refused, Site, path};
 use crate::config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
 use gusset_numerics::model::Structure;
-use crate::motion::{
+use gusset_motion::{
     Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, Signal,
     Unit, base_motion, parse_table,
 };
@@ -63,7 +63,7 @@ pub(super) fn with_files<T>(
     site: &mut Site<'_>,
     at: &KeyPath,
     signal: &Signal,
-    evaluate: impl FnOnce(&crate::motion::Files<'_>) -> Result<T, MotionError>,
+    evaluate: impl FnOnce(&gusset_motion::Files<'_>) -> Result<T, MotionError>,
 ) -> Result<T, Refused> {
     let mut bytes = None;
     let place = source(site, at, signal);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::LimitFacts;
 use crate::config::{ClockChoice, Method, TimingSpec};
 use gusset_numerics::integrate::Lambda;
-use crate::motion::RecordFacts;
+use gusset_motion::RecordFacts;
 use crate::stability::{Analysis, LambdaChoice, OnlineLimit, Stability};
 
 /// What is known about a test before it runs.

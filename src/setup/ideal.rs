@@ -15,7 +15,7 @@ use gusset_numerics::integrate::{
 };
 use gusset_numerics::linalg::{Spd, SymMatrix};
 use gusset_numerics::model::{Base, Structure};
-use crate::motion::Excitation;
+use gusset_motion::Excitation;
 use crate::port::Axis;
 
 /// Parts in which a static load is applied.

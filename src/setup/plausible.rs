@@ -6,7 +6,7 @@ use super::specimens::Specimens;
 use super::{Site, StructureFacts, path};
 use crate::config::{Finding, KeyPath};
 use gusset_numerics::model::StructureSpec;
-use crate::motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
+use gusset_motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
 use crate::stability::Kind;
 use gusset_quantity::units::{duration, number, quantity};
 

@@ -6,7 +6,7 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath, PrescribedPlace, PrescribedTable};
 use crate::geometry::{Fault, Geometry, MOST};
-use crate::motion::{Grid, Prescribed, PrescribedSpec};
+use gusset_motion::{Grid, Prescribed, PrescribedSpec};
 
 /// The histories of one specimen.
 struct Moved<'a> {

@@ -2,7 +2,7 @@
 
 use super::{Dial, Trial};
 use crate::config::{Finding, Inputs, KeyPath, Loaded};
-use crate::motion::RecordFacts;
+use gusset_motion::RecordFacts;
 use crate::stability::Kind;
 
 /// Findings so far, and the files read so far.

@@ -29,7 +29,7 @@ pub use timing::{Percentiles, TimingEntry, Timings};
 
 use std::collections::BTreeMap;
 
-use crate::metrics::falsified::Mode;
+use gusset_motion::metrics::falsified::Mode;
 use crate::record::{Column, EventLine};
 use report::Digest;
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::common::{Said, say, write};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset::compensation::CompensationSpec;
-use gusset::motion::{Grid, Motion, Quantity};
+use gusset_motion::{Grid, Motion, Quantity};
 use gusset::session::rehearsal::{Budget, carry_out};
 use serde_json::Value;
 

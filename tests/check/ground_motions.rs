@@ -3,7 +3,7 @@
 
 use crate::common::refusal::{plain, with_record};
 use crate::common::{Said, say, write};
-use gusset::motion::STANDARD_GRAVITY;
+use gusset_motion::STANDARD_GRAVITY;
 use serde_json::Value;
 
 /// `check` of a frame under the record `bytes`, with further keys of its table.

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use gusset::metrics::tracking::Tracking;
+use gusset_motion::metrics::tracking::Tracking;
 use gusset::record::Run;
 use gusset::record::summary::Status;
 

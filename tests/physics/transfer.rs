@@ -5,7 +5,7 @@ use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run
 use gusset_quantity::catalog::limit::Limit;
 use gusset::compensation::CompensationSpec;
 use gusset::engine::{Ending, Stop};
-use gusset::motion::{Grid, Motion, Quantity};
+use gusset_motion::{Grid, Motion, Quantity};
 use gusset::record::{Event, Run};
 use gusset::session::replay;
 use gusset::transfer::BetweenTicks;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::TestRunArgs;
-use crate::identify::Shape;
+use gusset_motion::identify::Shape;
 
 #[derive(Debug, Args)]
 #[command(

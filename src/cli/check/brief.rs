@@ -6,7 +6,7 @@ use super::super::table::Table;
 use super::{Checked, needs};
 use crate::config::{ClockChoice, Loaded};
 use crate::engine::{Ending, Stop};
-use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
+use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::integration;
 use crate::session::rehearsal::{FullRehearsal, Need};
 use crate::setup::{Facts, StructureFacts};

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::super::spectrum::{delays_json, modes_json};
 use super::super::{certificate, rehearsed};
 use super::{Checked, commands};
-use crate::motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
+use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
 use crate::setup::StructureFacts;
 use crate::stability::{Spectrum, Stability};
 

@@ -4,7 +4,7 @@ use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
 use crate::config::ClockChoice;
 use gusset_numerics::integrate::Lambda;
-use crate::motion::{Quantity, STANDARD_GRAVITY};
+use gusset_motion::{Quantity, STANDARD_GRAVITY};
 use crate::session::integration::{self, method_name};
 use crate::setup::{Facts, StructureFacts};
 use crate::stability::{Errors, Spectrum, per_cent};

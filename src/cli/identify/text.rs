@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::super::table::Table;
-use crate::identify::Identification;
+use gusset_motion::identify::Identification;
 use crate::session::identification::{Axis, Outcome, felt, of_specimen, parameters, with_error};
 use gusset_quantity::units::{duration, quantity};
 

@@ -140,7 +140,7 @@ fn told(template: &Template, name: &str, files: &[(String, String)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{
+    use gusset_motion::{
         CloughPenzien, Envelope, Grid, JenningsHousner, KanaiTajimi, Motion, Quantity, Signal, Unit,
     };
 

@@ -5,8 +5,8 @@ use super::peer::chosen_step;
 use super::text::shorten;
 use super::uniform::Times;
 use super::{Column, RawTable, ReadOptions, Record, RecordSource};
-use crate::motion::error::{MotionError, Short};
-use crate::motion::unit::TimeUnit;
+use crate::error::{MotionError, Short};
+use crate::unit::TimeUnit;
 
 /// Chooses the columns and makes a record of them.
 pub(super) fn record(
@@ -260,8 +260,8 @@ fn available(table: &RawTable) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::read::{RecordFormat, parse_record};
-    use crate::motion::unit::Unit;
+    use crate::read::{RecordFormat, parse_record};
+    use crate::unit::Unit;
 
     fn read(name: &str, text: &str) -> Result<Record, MotionError> {
         parse_record(name, text.as_bytes(), &ReadOptions::default())

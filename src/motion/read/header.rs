@@ -3,7 +3,7 @@
 use super::label::Label;
 use super::remark::{has_other_time, unit_in_text};
 use super::text::{fields, is_comment, number, words};
-use crate::motion::unit::{TimeUnit, Unit};
+use crate::unit::{TimeUnit, Unit};
 
 /// A line before the first row of numbers.
 #[derive(Debug, Clone, Copy)]
@@ -359,8 +359,8 @@ pub(super) fn begins_like_a_number(field: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::error::MotionError;
-    use crate::motion::read::{Column, ReadOptions, parse_record, parse_table};
+    use crate::error::MotionError;
+    use crate::read::{Column, ReadOptions, parse_record, parse_table};
 
     #[test]
     fn a_header_line_is_parted_into_as_many_names_as_there_are_columns() {

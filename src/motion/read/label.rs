@@ -1,7 +1,7 @@
 //! The name of a column and the unit in it, however these are spelled.
 
 use super::text::number;
-use crate::motion::unit::{TimeUnit, Unit, is_time_but_no_second};
+use crate::unit::{TimeUnit, Unit, is_time_but_no_second};
 
 /// The name of a column, and the unit that stands with it.
 #[derive(Debug, Clone, PartialEq)]

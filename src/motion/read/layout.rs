@@ -11,7 +11,7 @@ use super::RawTable;
 use super::header::{HeaderLine, begins_like_a_number, cells, is_rule, stated_separator};
 use super::rows::{Delimiter, Rows, Settings, pointed};
 use super::text::{decode, finite_number, is_comment, lines, number};
-use crate::motion::error::MotionError;
+use crate::error::MotionError;
 
 /// Lines of a header that are looked at: the last before the table.
 const MOST_HEADER_LINES: usize = 100;

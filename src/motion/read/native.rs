@@ -33,8 +33,8 @@ mod tests;
 use super::peer::chosen_step;
 use super::text::{lines, shorten_to};
 use super::{Column, ReadOptions, Record, RecordFormat, RecordSource};
-use crate::motion::error::{MotionError, all_finite, positive};
-use crate::motion::unit::{Quantity, Unit};
+use crate::error::{MotionError, all_finite, positive};
+use crate::unit::{Quantity, Unit};
 
 use self::lines::Lines;
 pub(super) use binary::refuse as refuse_binary;

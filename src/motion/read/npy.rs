@@ -11,7 +11,7 @@
 
 use super::text::shorten;
 use super::{MOST_COLUMNS, MOST_VALUES, Print, RawTable};
-use crate::motion::error::MotionError;
+use crate::error::MotionError;
 
 /// First bytes of every such file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";

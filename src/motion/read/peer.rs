@@ -20,8 +20,8 @@ use std::ops::Range;
 
 use super::text::{self, finite_number, lines, number, refuse_decimal_comma, shorten, words};
 use super::{MOST_VALUES, Record, RecordSource, has_ending};
-use crate::motion::error::{MotionError, Short, inside};
-use crate::motion::unit::{Unit, is_time_but_no_second};
+use crate::error::{MotionError, Short, inside};
+use crate::unit::{Unit, is_time_but_no_second};
 
 /// Lines among which the header must end.
 const LONGEST_HEADER: usize = 40;
@@ -381,7 +381,7 @@ fn title(head: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::read::{ReadOptions, parse_record};
+    use crate::read::{ReadOptions, parse_record};
 
     const VALUES: &str =
         "  .1297983E-02  .2000000E-02 -.3000000E-02  .4000000E+00  .5000000E-02\n  .6000000E-02\n";
@@ -642,7 +642,7 @@ mod tests {
             "{error}"
         );
         let as_table = ReadOptions {
-            format: Some(crate::motion::read::RecordFormat::Table),
+            format: Some(crate::read::RecordFormat::Table),
             ..ReadOptions::default()
         };
         let record = parse_record("a.txt", text.as_bytes(), &as_table).unwrap();

@@ -2,7 +2,7 @@
 
 use super::label::Label;
 use super::text::{number, words};
-use crate::motion::unit::{TimeUnit, Unit, is_time_but_no_second};
+use crate::unit::{TimeUnit, Unit, is_time_but_no_second};
 
 /// Words that say what a unit in running text belongs to.
 const QUANTITIES: [&str; 10] = [

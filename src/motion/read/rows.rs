@@ -3,7 +3,7 @@
 use super::header::{Header, HeaderLine};
 use super::text::{fields, finite_number, number, refuse_decimal_comma, shorten};
 use super::{MOST_COLUMNS, MOST_VALUES, Print, RawTable, RecordFormat};
-use crate::motion::error::MotionError;
+use crate::error::MotionError;
 
 /// Least count of values that a line before them may state: fewer may as well be a row of the table.
 const LEAST_COUNT: usize = 3;

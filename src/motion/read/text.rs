@@ -5,7 +5,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::motion::error::MotionError;
+use crate::error::MotionError;
 
 /// The text of a file. End-of-file marks of DOS and zero bytes that fill the last block are left out.
 pub(super) fn decode<'a>(name: &str, bytes: &'a [u8]) -> Result<Cow<'a, str>, MotionError> {

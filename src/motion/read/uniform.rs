@@ -5,8 +5,8 @@
 //! recur at equal distances, as rounding makes them.
 
 use super::{Print, RawTable};
-use crate::motion::error::MotionError;
-use crate::motion::unit::TimeUnit;
+use crate::error::MotionError;
+use crate::unit::TimeUnit;
 
 /// A column of uniform times.
 pub(super) struct Axis {

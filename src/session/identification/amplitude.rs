@@ -3,7 +3,7 @@
 use super::{IdentificationError, refusal};
 use gusset_quantity::catalog::limit::Limit;
 use crate::config::{LimitsSpec, RangeSpec, SpecimenTable};
-use crate::identify::{Band, Course};
+use gusset_motion::identify::{Band, Course};
 use gusset_quantity::units::{compared, number, quantity};
 
 /// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.

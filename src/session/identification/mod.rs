@@ -20,7 +20,7 @@ pub use plan::{Driven, Plan};
 pub use words::{felt, of_specimen, parameters, with_error};
 
 use crate::config::{ConfigError, Loaded};
-use crate::identify::Shape;
+use gusset_motion::identify::Shape;
 use crate::record::FolderError;
 
 /// Folder of the pictures in the run folder.

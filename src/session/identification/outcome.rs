@@ -9,7 +9,7 @@ use super::plan::{Driven, Plan, gear};
 use gusset_quantity::catalog::column;
 use crate::config::Loaded;
 use crate::engine::Phase;
-use crate::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
+use gusset_motion::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
 use crate::record::Run;
 use gusset_quantity::substructure::Status;
 

@@ -3,7 +3,7 @@
 use super::outcome::{Axis, Outcome};
 use super::words::{felt, of_specimen, parameters, with_error};
 use crate::config::Loaded;
-use crate::identify::Identification;
+use gusset_motion::identify::Identification;
 use gusset_quantity::units::quantity;
 use crate::view::report::{
     Curve, Curves, Look, Scale, banner, escape, frame, note, section, tiles,
@@ -219,7 +219,7 @@ fn compared(
     up: Scale<'_>,
     found: &Identification,
     measured: (Vec<f64>, Vec<f64>),
-    of_model: &dyn Fn(&crate::identify::Fit, f64) -> f64,
+    of_model: &dyn Fn(&gusset_motion::identify::Fit, f64) -> f64,
 ) -> Picture {
     let at = frequencies(found);
     let models: Vec<(String, Vec<f64>)> = found
@@ -287,7 +287,7 @@ fn gain(axis: &Axis, found: &Identification) -> Picture {
 }
 
 fn delay(axis: &Axis, found: &Identification) -> Picture {
-    let is_known = |point: &&crate::identify::Point| {
+    let is_known = |point: &&gusset_motion::identify::Point| {
         point.trusted && point.delay_std_s < KNOWN * point.delay_s.abs().max(axis.tick)
     };
     let points = found.response.iter().filter(is_known);

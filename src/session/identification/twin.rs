@@ -16,7 +16,7 @@ use crate::config::{
     ClockChoice, IdentifiedTable, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable,
     SpecimenTable, TestFile,
 };
-use crate::identify::{Estimate, Fit, Identification, Model};
+use gusset_motion::identify::{Estimate, Fit, Identification, Model};
 use gusset_numerics::law::{LawSpec, LinearSpec};
 use crate::specimen::{CoupledSpec, SpecimenLaw};
 use crate::transfer::{

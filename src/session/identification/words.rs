@@ -1,7 +1,7 @@
 //! Identified properties in words.
 
 use super::outcome::Axis;
-use crate::identify::{Estimate, Felt, Fit, SpecimenFit};
+use gusset_motion::identify::{Estimate, Felt, Fit, SpecimenFit};
 
 /// A number with its standard error, both with the same prefix and as many digits as are known.
 #[must_use]

@@ -13,7 +13,7 @@ use gusset_quantity::catalog::column;
 use crate::config::{ConfigError, Loaded};
 use crate::engine::{Control, Ending, Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
-use crate::motion::Excitation;
+use gusset_motion::Excitation;
 use crate::record::{Recorder, TimedEvent};
 use crate::setup::{self, Ideal, IdealCourse, NoCourse};
 use crate::stability::{AddedDamping, DriftError, Errors, TestError};

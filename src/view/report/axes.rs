@@ -7,10 +7,10 @@ use super::columns::SpecimenAxis;
 use super::sieve::{HOLDING, RUNNING, TRIPPED, is_even};
 use super::table::Table;
 use super::thin;
-use crate::metrics::fourier::{Spectrum, evaluate};
-use crate::metrics::tracking::Noise;
-use crate::metrics::windows::{self, Histories};
-use crate::metrics::{self, Identified, Peak, Tracking};
+use gusset_motion::metrics::fourier::{Spectrum, evaluate};
+use gusset_motion::metrics::tracking::Noise;
+use gusset_motion::metrics::windows::{self, Histories};
+use gusset_motion::metrics::{self, Identified, Peak, Tracking};
 
 /// Share of the largest displacement that counts as first loading.
 pub(super) const FIRST_LOADING: f64 = 0.2;

@@ -11,7 +11,7 @@ use super::sieve::Passed;
 use super::source::Earlier;
 use super::table::Table;
 use super::worst::WorstTick;
-use crate::metrics::falsified::Scale;
+use gusset_motion::metrics::falsified::Scale;
 
 /// Everything a page needs of the rows.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -9,8 +9,8 @@ use super::html::{details, note, table_without};
 use super::rows::Rows;
 use super::text::{NOTHING, number, plural, quantity};
 use super::tracked::Tracked;
-use crate::metrics::Judged;
-use crate::metrics::falsified::{Falsified, Margin, together};
+use gusset_motion::metrics::Judged;
+use gusset_motion::metrics::falsified::{Falsified, Margin, together};
 
 /// Modes that are listed; the summary has them all.
 const MOST_MODES: usize = 12;

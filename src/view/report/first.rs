@@ -14,8 +14,8 @@ use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;
 use gusset_quantity::catalog::phase::Phase;
-use crate::metrics::energy::{Balance, Energies, Model};
-use crate::metrics::tracking::Noise;
+use gusset_motion::metrics::energy::{Balance, Energies, Model};
+use gusset_motion::metrics::tracking::Noise;
 use crate::record::Column;
 
 /// Readings at rest that are kept at most.
@@ -364,7 +364,7 @@ impl<'a> First<'a> {
         let last = digest.passed.steps as usize / TAIL;
         let residuals = self.tails.iter().filter_map(|(dof, _, kept)| {
             let kept: Vec<f64> = kept.iter().copied().collect();
-            Some((*dof, crate::metrics::residual(&kept, last)?))
+            Some((*dof, gusset_motion::metrics::residual(&kept, last)?))
         });
         digest.residuals = residuals.collect();
         if let Some(energy) = self.energy.filter(|_| whole) {

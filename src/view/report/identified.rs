@@ -10,7 +10,7 @@ use super::html::{note, table};
 use super::rows::Rows;
 use super::text::{NOTHING, number, plural, quantity};
 use super::tracked::{Tracked, tracking};
-use crate::metrics::Estimate;
+use gusset_motion::metrics::Estimate;
 use crate::record::COMMITS;
 
 /// A share in percent; below what matters it is only said to be small.
@@ -187,7 +187,7 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<St
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::identify;
+    use gusset_motion::metrics::identify;
 
     /// 5 mm at 1 Hz, whose force is cut off at `yields` of its peak.
     fn whole(yields: f64) -> [String; 2] {

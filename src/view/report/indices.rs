@@ -5,8 +5,8 @@ use super::axes::AxisDigest;
 use super::html::{note, table_without};
 use super::text::{NOTHING, number, plural, quantity};
 use super::tracked::Tracked;
-use crate::metrics::Judged;
-use crate::metrics::tracking::Tracking;
+use gusset_motion::metrics::Judged;
+use gusset_motion::metrics::tracking::Tracking;
 
 /// How a number is written.
 type Written<'a> = &'a dyn Fn(f64) -> String;

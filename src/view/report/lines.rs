@@ -6,7 +6,7 @@ use super::charts::{
     Area, FOOT, HEAD, LABEL, Plot, Quantity, Scaled, TITLE, linear, sentence, title,
 };
 use super::thin;
-use crate::metrics;
+use gusset_motion::metrics;
 
 /// One line of a picture.
 #[derive(Debug, Clone, Copy)]

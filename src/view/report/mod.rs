@@ -106,7 +106,7 @@ pub(crate) use tornado::{Tornado, TornadoBar};
 use std::borrow::Cow;
 
 pub use super::{Percentiles, RunView};
-pub use crate::metrics;
+pub use gusset_motion::metrics;
 
 impl RunView {
     /// The digest: the one that is given, or that of the rows in memory.

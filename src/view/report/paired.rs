@@ -9,7 +9,7 @@ use super::response;
 use super::rows::Rows;
 use super::text::{NOTHING, count, micros, number, quantity};
 use super::tracked::{self, Tracked};
-use crate::metrics::Judged;
+use gusset_motion::metrics::Judged;
 
 /// A heading and the value of each run.
 type Row = Vec<String>;

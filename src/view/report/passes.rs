@@ -12,8 +12,8 @@ use super::shaking::Shaking;
 use super::source::Source;
 use super::table::Table;
 use gusset_quantity::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
-use crate::metrics::energy::Model;
-use crate::metrics::tracking::Noise;
+use gusset_motion::metrics::energy::Model;
+use gusset_motion::metrics::tracking::Noise;
 use crate::record::Column;
 
 /// DOFs of which spectra are made.

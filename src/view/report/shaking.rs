@@ -1,8 +1,8 @@
 //! The ground motion of a test: intensity, response spectrum and Fourier amplitudes.
 
 use super::axes::envelope;
-use crate::metrics::ground::{Intensity, intensity};
-use crate::metrics::spectrum::{Ordinate, periods, response_spectrum};
+use gusset_motion::metrics::ground::{Intensity, intensity};
+use gusset_motion::metrics::spectrum::{Ordinate, periods, response_spectrum};
 
 /// Damping of the response spectrum.
 pub(super) const RATIO: f64 = 0.05;
@@ -23,7 +23,7 @@ pub(super) struct Shaking {
 impl Shaking {
     /// Of a record in m/s² or m with this interval in s; none if nothing moves.
     pub fn of(ground: &[f64], unit: &str, dt: f64) -> Option<Self> {
-        crate::metrics::peak(ground).filter(|peak| peak.value != 0.0)?;
+        gusset_motion::metrics::peak(ground).filter(|peak| peak.value != 0.0)?;
         let is_accel = unit != "m";
         let span = dt * ground.len() as f64;
         // Longer periods than the record say nothing; shorter ones than two samples are not in it.

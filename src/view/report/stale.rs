@@ -117,7 +117,7 @@ mod tests {
         let mut run = whole.clone();
         let [meas, force, status] =
             ["meas_1_1", "force_1_1", "status_1"].map(|name| place(&run, name));
-        let peak = crate::metrics::peak(&run.data[force]).unwrap();
+        let peak = gusset_motion::metrics::peak(&run.data[force]).unwrap();
         let from = peak.index - 1;
         for row in from..from + 4 {
             run.data[meas][row] = run.data[meas][from - 1];

@@ -1,10 +1,10 @@
 //! The mathematics on records of simulated actuators: truth, bias and spread.
 
-use gusset::identify::{
+use gusset_motion::identify::{
     Band, Course, Identification, IdentifyError, Model, Record, Shape, identify,
 };
 use gusset_numerics::law::LawSpec;
-use gusset::motion::{Grid, Quantity};
+use gusset_motion::{Grid, Quantity};
 use gusset::specimen::{Specimen, SpecimenLaw};
 use gusset::transfer::{Transfer, TransferSpec};
 

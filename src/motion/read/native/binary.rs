@@ -1,12 +1,12 @@
 //! Binary records that are recognised and refused by name: SAC and miniSEED.
 
-use crate::motion::error::MotionError;
+use crate::error::MotionError;
 
 /// Refuses the bytes of a SAC or miniSEED file.
 ///
 /// # Errors
 /// [`MotionError::UnsupportedRecord`], which names the format and says how to convert it.
-pub(in crate::motion::read) fn refuse(name: &str, bytes: &[u8]) -> Result<(), MotionError> {
+pub(in crate::read) fn refuse(name: &str, bytes: &[u8]) -> Result<(), MotionError> {
     let format = if is_mini_seed(bytes) {
         "miniSEED"
     } else if is_sac(bytes) {

@@ -2,8 +2,8 @@
 
 use super::lines::{Lines, is_text, leading_number, number_after, uniform_step, unit_and_factor};
 use super::{Channel, Recording, StatedDuration};
-use crate::motion::error::{MotionError, Short};
-use crate::motion::unit::Unit;
+use crate::error::{MotionError, Short};
+use crate::unit::Unit;
 
 /// Lines that a header may have.
 const LONGEST_HEADER: usize = 400;

@@ -7,8 +7,8 @@
 
 use super::lines::{BlockEnd, Lines, ends_channel, field_width, leading_number, number_after};
 use super::{Channel, Recording, StatedDuration};
-use crate::motion::error::MotionError;
-use crate::motion::unit::{Quantity, Unit};
+use crate::error::MotionError;
+use crate::unit::{Quantity, Unit};
 
 const FORMAT: &str = "COSMOS";
 /// Text lines that a header may have.

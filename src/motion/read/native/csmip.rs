@@ -16,8 +16,8 @@ use super::lines::{
     uniform_step, unit_and_factor,
 };
 use super::{Channel, Recording, StatedDuration};
-use crate::motion::error::{MotionError, Short};
-use crate::motion::unit::{Quantity, Unit};
+use crate::error::{MotionError, Short};
+use crate::unit::{Quantity, Unit};
 
 const FORMAT: &str = "CSMIP";
 /// Lines of integers and reals of a V1 header: 100 in `16I5`, 50 in `8F10`.

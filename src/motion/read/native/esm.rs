@@ -2,7 +2,7 @@
 
 use super::lines::{BlockEnd, Lines, is_text, leading_number, unit_and_factor};
 use super::{Channel, Recording, StatedDuration};
-use crate::motion::error::MotionError;
+use crate::error::MotionError;
 
 /// Lines that a header may have.
 const LONGEST_HEADER: usize = 200;

@@ -6,8 +6,8 @@
 
 use super::lines::{BlockEnd, Lines, is_text, number_after};
 use super::{Channel, Recording};
-use crate::motion::error::{MotionError, Short};
-use crate::motion::unit::Unit;
+use crate::error::{MotionError, Short};
+use crate::unit::Unit;
 
 /// Text lines that a component may have.
 const LONGEST_TEXT: usize = 40;

@@ -5,8 +5,8 @@
 
 use super::lines::{BlockEnd, Lines, leading_number, unit_and_factor};
 use super::{Channel, Recording};
-use crate::motion::error::MotionError;
-use crate::motion::unit::Unit;
+use crate::error::MotionError;
+use crate::unit::Unit;
 
 /// Lines among which the header must end with `Memo.`.
 const LONGEST_HEADER: usize = 24;

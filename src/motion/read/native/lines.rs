@@ -2,11 +2,11 @@
 
 use std::iter::Peekable;
 
-use crate::motion::error::MotionError;
-use crate::motion::read::peer::read_numbers;
-use crate::motion::read::text::{lines, number, shorten};
-use crate::motion::read::{MOST_COLUMNS, MOST_VALUES};
-use crate::motion::unit::Unit;
+use crate::error::MotionError;
+use crate::read::peer::read_numbers;
+use crate::read::text::{lines, number, shorten};
+use crate::read::{MOST_COLUMNS, MOST_VALUES};
+use crate::unit::Unit;
 
 /// Where a block of values ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,8 +5,8 @@
 
 use super::lines::{BlockEnd, Lines};
 use super::{Channel, Recording};
-use crate::motion::error::MotionError;
-use crate::motion::unit::Unit;
+use crate::error::MotionError;
+use crate::unit::Unit;
 
 const TEXT_LINES: usize = 11;
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::Band;
-use crate::motion::{
+use crate::{
     BandLimitedNoise, Grid, Motion, MotionError, Quantity, RampAndHold, RampShape, Signal, Sweep,
     SweepKind,
 };
