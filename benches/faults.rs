@@ -22,7 +22,7 @@ use gusset::link::server::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{FolderImage, Recorder, TimedEvent};
 use gusset::setup;
-use gusset::specimen::{Specimen, Uniaxial};
+use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_quantity::time::SimClock;
 
 const TEST: &str = r#"

@@ -5,7 +5,7 @@
 //! an actuator, a hundredth of the amplitude.
 
 use divan::{Bencher, black_box};
-use gusset::geometry::{Coordinate, Geometry, GeometrySpec, PlanePins, SpacePins};
+use gusset_actuator::geometry::{Coordinate, Geometry, GeometrySpec, PlanePins, SpacePins};
 
 fn main() {
     divan::main();

@@ -27,7 +27,7 @@ use gusset::link::{
 use gusset::record::writer::{Clocks, Writer, WriterSettings};
 use gusset::record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
 use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
-use gusset::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset::wire::Side;

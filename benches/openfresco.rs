@@ -11,7 +11,7 @@ use gusset::link::openfresco::{Host, Nature, Remote, RemoteSettings, Role, Serve
 use gusset::link::server::{ServeOptions, Server};
 use gusset::link::{SocketOptions, TcpTransport, Transport, UdpTransport};
 use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
-use gusset::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset::wire::openfresco::{Carrier, Peer};

@@ -9,10 +9,10 @@
 
 use std::hint::black_box;
 
-use gusset::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset::rt::os::monotonic_ns;
-use gusset::specimen::{Specimen, SpecimenLaw};
-use gusset::transfer::{Transfer, TransferSpec};
+use gusset_actuator::specimen::{Specimen, SpecimenLaw};
+use gusset_actuator::transfer::{Transfer, TransferSpec};
 
 const DT: f64 = 1.0 / 4096.0;
 const BATCH: usize = 64;

@@ -23,10 +23,10 @@ pub use frame::{DURATION_S, Frame, Motion, Part, RATE_HZ, SPECIMEN};
 pub use ground::synthetic;
 pub use trials::{Job, Line, Trials, controllers, jobs};
 
-use crate::compensation::Compensator;
-use crate::transfer::exact::Ramped;
-use crate::transfer::noise::normal_pair;
-use crate::transfer::{BetweenTicks, ServoHydraulicSpec, servo_tick};
+use gusset_actuator::compensation::Compensator;
+use gusset_actuator::transfer::exact::Ramped;
+use gusset_actuator::transfer::noise::normal_pair;
+use gusset_actuator::transfer::{BetweenTicks, ServoHydraulicSpec, servo_tick};
 
 /// How the two sides are joined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 use nalgebra::Complex;
 
 use super::*;
-use crate::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset_motion::{Grid, Motion as GroundMotion, Quantity};
-use crate::transfer::BetweenTicks;
+use gusset_actuator::transfer::BetweenTicks;
 
 const DT: f64 = 1.0 / RATE_HZ;
 
@@ -359,7 +359,7 @@ fn drawn_plants_have_the_published_spread_and_come_again() {
 #[test]
 fn the_count_of_unstable_roots_says_the_same_of_the_cases() {
     use gusset_numerics::spectral::unstable_roots;
-    use crate::transfer::TransferSpec;
+    use gusset_actuator::transfer::TransferSpec;
     let plant: TransferSpec = toml::from_str("actuator.servo_hydraulic = {}").unwrap();
     let (m, c, k) = SPECIMEN;
     for case in 1..=4 {

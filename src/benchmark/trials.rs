@@ -3,7 +3,7 @@
 use super::{
     Criteria, FORCE_LIMIT_N, Frame, Plant, QUANTUM, RATE_HZ, Setup, Wiring, reference, run,
 };
-use crate::compensation::{CompensationError, CompensationSpec, ModelInverseSpec};
+use gusset_actuator::compensation::{CompensationError, CompensationSpec, ModelInverseSpec};
 
 /// Controllers of the table, tuned to this plant (lag 24 ms).
 const CONTROLLERS: [(&str, &str); 11] = [

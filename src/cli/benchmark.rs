@@ -14,7 +14,7 @@ use super::{answer, tell};
 use crate::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use gusset_quantity::time::Clock;
-use crate::transfer::BetweenTicks;
+use gusset_actuator::transfer::BetweenTicks;
 use gusset_quantity::work::{Work, each, processors};
 
 #[derive(Debug, Subcommand)]

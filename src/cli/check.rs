@@ -21,7 +21,7 @@ use crate::session::certificate::Certificate;
 use crate::setup;
 use crate::stability::Spectrum;
 use crate::stability::{Outcome, RecordedVerdict};
-use crate::transfer::BetweenTicks;
+use gusset_actuator::transfer::BetweenTicks;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {

@@ -1,7 +1,7 @@
 //! Limits as `gusset check --verbose` shows them: the levels, the program that checks them, and the consequences.
 
 use super::table::Table;
-use crate::geometry::LawPlace;
+use gusset_actuator::geometry::LawPlace;
 use crate::setup::{LimitFact, LimitFacts, LoadingFacts};
 use gusset_quantity::units::{number, quantity};
 

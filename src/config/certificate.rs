@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::document::{KeyPath, Segment};
 use super::{ConfigError, Loaded, parse, renamed};
-use crate::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
+use gusset_actuator::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
 
 /// Measured properties of a specimen with its actuator and sensors, written by `gusset identify`. A
 /// certificate compares the delay with the critical delay and varies all values that have a

@@ -12,7 +12,7 @@ use super::{
     PrescribedPlace, PrescribedTable, TestFile, Time, TimeTable, parse,
 };
 use gusset_quantity::catalog::limit::{CheckedBy, Limit};
-use crate::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset_motion::Motion;
 use gusset_quantity::time::Ratio;
 

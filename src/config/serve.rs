@@ -12,7 +12,7 @@ use super::{
     ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
     plain, read_text,
 };
-use crate::geometry::Geometry;
+use gusset_actuator::geometry::Geometry;
 
 /// Longest silence in s after which a client counts as gone: a day.
 const IDLE_S: f64 = 86_400.0;

@@ -9,10 +9,10 @@ use super::limit_table::LimitsSpec;
 use super::link_table::LinkSpec;
 use super::value::MatrixValue;
 use super::variant;
-use crate::compensation::CompensationSpec;
-use crate::geometry::{GeometrySpec, LawPlace};
-use crate::specimen::SpecimenLaw;
-use crate::transfer::TransferSpec;
+use gusset_actuator::compensation::CompensationSpec;
+use gusset_actuator::geometry::{GeometrySpec, LawPlace};
+use gusset_actuator::specimen::SpecimenLaw;
+use gusset_actuator::transfer::TransferSpec;
 use gusset_quantity::units::AxisUnits;
 use crate::wire::openfresco::Peer;
 

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::test_hit::TestHit;
 use gusset_quantity::catalog::ending::Cause;
-use crate::geometry::Fault;
+use gusset_actuator::geometry::Fault;
 use gusset_numerics::integrate::StepError;
 use crate::port::WiringFault;
 use crate::port::limits::Hit;

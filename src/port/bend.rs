@@ -11,7 +11,7 @@
 //! It is zero at both ends: what strokes have beside poses, by a compensator or where there are more of them than coordinates,
 //! goes straight as before. Where the poses in between cannot be, all of it does.
 
-use crate::geometry::{Fault, Geometry, MOST, Placed};
+use gusset_actuator::geometry::{Fault, Geometry, MOST, Placed};
 
 /// Parts of a way after each of which it is looked at before it is gone.
 const PARTS: u32 = 16;

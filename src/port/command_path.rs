@@ -12,7 +12,7 @@ use super::loading_unit::LoadingUnit;
 use super::ramp::Ramp;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
-use crate::geometry::MOST;
+use gusset_actuator::geometry::MOST;
 use gusset_quantity::state::Visit;
 
 /// Which moment the velocity that belongs to a target is of.

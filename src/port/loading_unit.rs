@@ -14,7 +14,7 @@ use std::ops::Range;
 use super::axis::dots;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
-use crate::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
+use gusset_actuator::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
 use gusset_quantity::state::Visit;
 
 /// One row of B: what a coordinate is of the structure's displacements.
@@ -290,7 +290,7 @@ impl LoadingUnit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{GeometrySpec, PlanePins};
+    use gusset_actuator::geometry::{GeometrySpec, PlanePins};
     use crate::port::{Axis, Exit, Exits, Port};
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

@@ -76,8 +76,8 @@ pub use gusset_quantity::catalog::phase::Stage;
 
 use std::ops::Range;
 
-use crate::compensation::Parameter;
-use crate::geometry::{Coordinate, Fault, Geometry};
+use gusset_actuator::compensation::Parameter;
+use gusset_actuator::geometry::{Coordinate, Fault, Geometry};
 use gusset_quantity::state::{TestState, Visit};
 use gusset_quantity::substructure::{
     Coupling, Freshness, Holder, Introduction, LinkFault, Measurement, Retirement, Substructure,

@@ -1,7 +1,7 @@
 //! The stability of the integration in words, for `check`, the certificate and the end of `run`.
 
 use crate::config::Method;
-use crate::geometry::LawPlace;
+use gusset_actuator::geometry::LawPlace;
 use gusset_numerics::integrate::Lambda;
 use crate::setup::{Facts, StructureFacts};
 use crate::stability::{Stability, grows, is_stable};

@@ -5,7 +5,7 @@ use super::excitation::{grid, motion, warn, with_files};
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath, PrescribedPlace, PrescribedTable};
-use crate::geometry::{Fault, Geometry, MOST};
+use gusset_actuator::geometry::{Fault, Geometry, MOST};
 use gusset_motion::{Grid, Prescribed, PrescribedSpec};
 
 /// The histories of one specimen.

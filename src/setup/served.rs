@@ -12,9 +12,9 @@ use crate::config::{
 use crate::link::openfresco::{Role, Transformation};
 use crate::link::secret::read_key;
 use crate::link::server::Host;
-use crate::specimen::{InUnits, Mounted, Specimen};
+use gusset_actuator::specimen::{InUnits, Mounted, Specimen};
 use crate::stability::{Accepts, Kind, Verdict};
-use crate::transfer::Transfer;
+use gusset_actuator::transfer::Transfer;
 use crate::wire::key::PreSharedKey;
 use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 

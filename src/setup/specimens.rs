@@ -12,7 +12,7 @@ use super::gear::Rows;
 use super::{Estimate, Refused, Site, path, safety};
 use crate::config::check::measured::needing_measured_disp;
 use crate::config::{Finding, LinkSpec, Loaded, ProbeChoice};
-use crate::geometry::Geometry;
+use gusset_actuator::geometry::Geometry;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use gusset_numerics::model::StructureSpec;
@@ -21,7 +21,7 @@ use crate::port::{
     Axis, Declared, LinearStandIn, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
     WiringCheck,
 };
-use crate::specimen::{InProcess, InUnits, Specimen};
+use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_numerics::spectral::delay::Weights;
 use crate::stability::Attached;
 use gusset_quantity::substructure::Substructure;

@@ -2,10 +2,10 @@
 
 use nalgebra::Complex;
 
-use crate::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset_quantity::finding::KeyPath;
 use gusset_numerics::spectral::delay::Delayed;
-use crate::transfer::TransferSpec;
+use gusset_actuator::transfer::TransferSpec;
 
 /// One specimen and what is declared of its actuator.
 #[derive(Debug, Clone)]

@@ -273,7 +273,7 @@ mod tests {
     use gusset_numerics::integrate::Lambda;
     use gusset_numerics::linalg::SymMatrix;
     use gusset_numerics::spectral::delay::sdof;
-    use crate::transfer::TransferSpec;
+    use gusset_actuator::transfer::TransferSpec;
 
     const MASS: f64 = 1000.0;
     const DAMPING: f64 = 400.0;

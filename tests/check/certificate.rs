@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{Said, say, write};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
-use gusset::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset::session::rehearsal::{Budget, carry_out};
 use serde_json::Value;
@@ -118,7 +118,7 @@ fn misjudged(case: usize, ground: &[f64]) -> Vec<String> {
         let setup = Setup {
             frame: &Frame::case(case).unwrap(),
             plant: Plant::default(),
-            wiring: Wiring::InTick(gusset::transfer::BetweenTicks::Ramped),
+            wiring: Wiring::InTick(gusset_actuator::transfer::BetweenTicks::Ramped),
             quantum: 0.0,
             noise: Some(1),
             ground,

@@ -12,7 +12,7 @@ use gusset::config::{
 use gusset_numerics::law::{LawSpec, Reach};
 use gusset::link::NativeSetup;
 use gusset::link::server::Host;
-use gusset::specimen::{Specimen, Uniaxial};
+use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_quantity::state::Visit;
 
 use crate::campaign::Chance;

@@ -12,7 +12,7 @@ use gusset::config::LimitsSpec;
 use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset::record::Run;
 use gusset::record::summary::Status;
-use gusset::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
 

@@ -14,7 +14,7 @@ use gusset::link::openfresco::{End, Host, Nature, RemoteSettings, Role, ServeSet
 use gusset::link::served::{Computed, ServedSpecimen};
 use gusset::link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};
 use gusset::link::tls::TlsServer;
-use gusset::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
@@ -189,7 +189,7 @@ pub fn drive(port: &mut dyn Substructure, steps: u64) -> Vec<(Vec<f64>, Vec<f64>
 pub fn in_process(axes: usize, steps: u64) -> Vec<(Vec<f64>, Vec<f64>)> {
     let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
     drive(
-        &mut gusset::specimen::InProcess::new(law.build(axes).unwrap()),
+        &mut gusset_actuator::specimen::InProcess::new(law.build(axes).unwrap()),
         steps,
     )
 }

@@ -3,7 +3,7 @@
 
 use crate::programs::{LONG, Peer, free_port, python};
 use gusset::link::openfresco::{Remote, RemoteSettings};
-use gusset::specimen::{InProcess, SpecimenLaw};
+use gusset_actuator::specimen::{InProcess, SpecimenLaw};
 use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset::wire::openfresco as of;

@@ -3,12 +3,12 @@
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_quantity::catalog::limit::Limit;
-use gusset::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset::engine::{Ending, Stop};
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset::record::{Event, Run};
 use gusset::session::replay;
-use gusset::transfer::BetweenTicks;
+use gusset_actuator::transfer::BetweenTicks;
 
 /// An actuator with everything that may depend on when and how often it is asked.
 const ACTUATOR: &str = "[specimen.transfer]\ndelay_s = 0.0037\nactuator = { servo_hydraulic = {} }\nseed = 4\n\

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::common::engine::prepare;
 use crossbeam_channel::{Receiver, Sender, bounded};
-use gusset::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
 use gusset::port::{Axis, Order, Port};
 use gusset::record::{Column, Event, Recorder, TimedEvent};

@@ -4,7 +4,7 @@ use super::Findings;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
-use crate::geometry::{Geometry, GeometryError};
+use gusset_actuator::geometry::{Geometry, GeometryError};
 
 /// The loading unit of one specimen; `seen` is the number of rows of B, if they are given.
 pub(super) fn check_geometry(

@@ -7,7 +7,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
 use crate::config::value::MatrixValue;
-use crate::transfer::TransferSpec;
+use gusset_actuator::transfer::TransferSpec;
 
 /// What gives the displacements that a specimen sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

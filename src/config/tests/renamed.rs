@@ -2,7 +2,7 @@
 
 use super::*;
 use gusset_numerics::law::LawSpec;
-use crate::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 
 fn law(text: &str) -> LawSpec {
     toml::from_str(text).unwrap()

@@ -434,7 +434,7 @@ mod tests {
     use super::*;
     use gusset_numerics::law::LawSpec;
     use crate::link::served::Computed;
-    use crate::specimen::Uniaxial;
+    use gusset_actuator::specimen::Uniaxial;
 
     /// A spring of 1000 N/m in millimetres and newtons, played with these faults.
     fn play(kinds: &[(Option<u64>, Option<u64>, Kind)], commands: &[f64]) -> Vec<(f64, f64)> {

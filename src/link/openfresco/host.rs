@@ -16,7 +16,7 @@ use super::tally::Tally;
 use super::trials::Trials;
 use gusset_quantity::catalog::ending::Cause;
 use crate::link::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
-use crate::specimen::Specimen;
+use gusset_actuator::specimen::Specimen;
 use gusset_quantity::substructure::{Command, Measurement};
 use crate::wire::openfresco::{Course, Matrix, Response};
 

@@ -75,7 +75,7 @@ mod tests {
     use super::*;
     use gusset_quantity::catalog::limit::Limit;
     use crate::link::served::{Computed, ServedSpecimen};
-    use crate::specimen::SpecimenLaw;
+    use gusset_actuator::specimen::SpecimenLaw;
     use gusset_quantity::substructure::{Command, Measurement, Status};
     use crate::wire::handshake::Limits;
 

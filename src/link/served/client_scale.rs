@@ -4,7 +4,7 @@
 //! with a geometry, a similitude or gears offers deformations at the structure's scale, or the coordinates of a loading unit.
 //! Its port converts them as in a test.
 
-use crate::geometry::{Coordinate, Fault};
+use gusset_actuator::geometry::{Coordinate, Fault};
 use crate::port::Port;
 use gusset_quantity::substructure::Measurement;
 use gusset_quantity::units::AxisUnits;

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::specimen::{Specimen, status};
+use gusset_actuator::specimen::{Specimen, status};
 use gusset_quantity::state::TestState;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
@@ -253,7 +253,7 @@ impl Substructure for Computed {
 mod tests {
     use super::*;
     use gusset_numerics::law::LawSpec;
-    use crate::specimen::Uniaxial;
+    use gusset_actuator::specimen::Uniaxial;
 
     fn spring() -> Box<dyn Specimen> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 4e5 }").unwrap();

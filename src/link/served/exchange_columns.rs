@@ -3,7 +3,7 @@
 use super::Trip;
 use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
 use gusset_quantity::catalog::phase::Phase;
-use crate::geometry::Coordinate;
+use gusset_actuator::geometry::Coordinate;
 use crate::port::Port;
 use crate::record::Column;
 use gusset_quantity::substructure::{Command, Measurement};

@@ -50,7 +50,7 @@ pub use session_record::RecordSettings;
 pub use whereabouts::Whereabouts;
 
 use gusset_quantity::catalog::ending::Cause;
-use crate::geometry::Fault;
+use gusset_actuator::geometry::Fault;
 use crate::port::limits::Hit;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::units::{compared, quantity};

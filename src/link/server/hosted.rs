@@ -12,7 +12,7 @@ use crate::link::served::{
 };
 use crate::port::limits::AxisLimits;
 use crate::port::{Port, WiringCheck};
-use crate::specimen::Specimen;
+use gusset_actuator::specimen::Specimen;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
 use crate::wire::handshake::{Axis, Capabilities};

@@ -187,7 +187,7 @@ impl Transport for Simulated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::specimen::SpecimenLaw;
+    use gusset_actuator::specimen::SpecimenLaw;
     use crate::wire::handshake::{Axis, Limits, Unit};
 
     fn host() -> Host {

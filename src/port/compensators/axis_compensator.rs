@@ -1,7 +1,7 @@
 //! The compensator of one axis, and the two points of the grid between which its lead is.
 
 use super::gap::Gap;
-use crate::compensation::Compensator;
+use gusset_actuator::compensation::Compensator;
 use crate::port::Axis;
 use gusset_quantity::state::Visit;
 

@@ -6,7 +6,7 @@
 //! change of the lead from point to point, and the lead over the ticks of easing. At full pace and on the grid it is the
 //! compensator's own command, to the last bit. A tick without a fresh measurement is filled in when the next one comes. While the
 //! pace is eased, and as long after that as is remembered, nothing is learned. Limits: a specimen that is commanded once a step
-//! is compensated from target to target. The compensators themselves are in [`crate::compensation`].
+//! is compensated from target to target. The compensators themselves are in [`gusset_actuator::compensation`].
 
 mod axis_compensator;
 mod gap;
@@ -17,7 +17,7 @@ use super::axis::Axis;
 use super::axis_motion::AxisMotion;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
-use crate::compensation::{Compensator, Parameter};
+use gusset_actuator::compensation::{Compensator, Parameter};
 use gusset_quantity::state::{TestState, Visit};
 
 /// Which time a compensated delay is of.

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use crate::port::{Axis, Order, Port, StepPacer};
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::substructure::{Command, Coupling, Freshness, LinkFault, Measurement, Retirement};

@@ -10,7 +10,7 @@
 //!
 //! Real-time: yes.
 
-use crate::geometry::{Fault, Geometry, MOST, Placed};
+use gusset_actuator::geometry::{Fault, Geometry, MOST, Placed};
 
 /// Where a platform is led to, and where it was measured.
 #[derive(Debug)]

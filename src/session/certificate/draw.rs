@@ -4,7 +4,7 @@
 
 use crate::config::{Loaded, Uncertain};
 use crate::setup::{Drawn, Trial};
-use crate::transfer::noise::normal_pair;
+use gusset_actuator::transfer::noise::normal_pair;
 
 /// Channel of the numbers of the file, of what was identified (one per specimen), and of seeds.
 const OF_KEYS: u64 = 1 << 32;

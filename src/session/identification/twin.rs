@@ -10,7 +10,7 @@ use super::IdentificationError;
 use super::matrices::{self, Found, rows};
 use super::outcome::{Axis, Outcome};
 use super::plan::Plan;
-use crate::compensation::{CompensationSpec, ModelInverseSpec};
+use gusset_actuator::compensation::{CompensationSpec, ModelInverseSpec};
 use crate::config::TimingSpec;
 use crate::config::{
     ClockChoice, IdentifiedTable, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable,
@@ -18,8 +18,8 @@ use crate::config::{
 };
 use gusset_motion::identify::{Estimate, Fit, Identification, Model};
 use gusset_numerics::law::{LawSpec, LinearSpec};
-use crate::specimen::{CoupledSpec, SpecimenLaw};
-use crate::transfer::{
+use gusset_actuator::specimen::{CoupledSpec, SpecimenLaw};
+use gusset_actuator::transfer::{
     ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,
 };
 

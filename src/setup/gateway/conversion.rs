@@ -11,7 +11,7 @@ use super::super::specimens::loading::{Loading, at_actuators, loading_of};
 use super::following::Following;
 use super::{check_estimate, reply_limit_ns, wiring_check};
 use crate::config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
-use crate::geometry::{Coordinate, LawPlace};
+use gusset_actuator::geometry::{Coordinate, LawPlace};
 use crate::link::announce::announce;
 use crate::link::served::{AxesBehind, LinkBuild};
 use crate::link::server::{Conversion, Host, PortBuild};

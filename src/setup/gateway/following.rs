@@ -1,7 +1,7 @@
 //! How a gateway that paces makes up for the lag of its specimen, and how it sees whether that follows: as the loop of a test does.
 
 use super::super::specimens::compensation::{TRACKED, usual_gain};
-use crate::compensation::{CompensationSpec, Compensator};
+use gusset_actuator::compensation::{CompensationSpec, Compensator};
 use crate::config::{Finding, KeyPath, LimitsSpec, ServedFile, SpecimenTable};
 use crate::port::{NeedsMeasuredDisp, Port};
 

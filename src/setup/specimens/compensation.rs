@@ -2,7 +2,7 @@
 
 use super::super::{Refused, Site, path};
 use gusset_quantity::catalog::limit::Limit;
-use crate::compensation::{CompensationSpec, Compensator};
+use gusset_actuator::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
 use crate::config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};
 use gusset_numerics::integrate::{AlphaWeights, MethodError};

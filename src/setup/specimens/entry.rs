@@ -12,7 +12,7 @@ use gusset_numerics::law::Reach;
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::BuildError;
 use crate::port::{Axis, shares};
-use crate::specimen::{Specimen, SpecimenLaw};
+use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_numerics::spectral::delay::Weights;
 use crate::stability::Kind;
 use gusset_quantity::units::{compared, quantity};

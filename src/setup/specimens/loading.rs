@@ -10,9 +10,9 @@ use serde::Serialize;
 use super::super::gear::Rows;
 use super::super::{Refused, Site};
 use crate::config::{AxisTable, KeyPath, SpecimenTable};
-use crate::geometry::{Geometry, GeometryError, GeometrySpec, LawPlace, MOST};
+use gusset_actuator::geometry::{Geometry, GeometryError, GeometrySpec, LawPlace, MOST};
 use crate::port::PoseRow;
-use crate::specimen::{Gear, Platform, Specimen};
+use gusset_actuator::specimen::{Gear, Platform, Specimen};
 
 /// A geometry at the structure's scale, and what its coordinates are of the structure.
 #[derive(Debug)]

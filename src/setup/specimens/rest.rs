@@ -5,7 +5,7 @@ use super::super::gear::axis;
 use super::loading::{offsets, own_offsets};
 
 use crate::config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
-use crate::specimen::Specimen;
+use gusset_actuator::specimen::Specimen;
 
 /// Share of what a zero shifted by the offsets would do that is roundoff.
 const ROUNDOFF: f64 = 1e-9;

@@ -6,8 +6,8 @@ use super::loading::offsets;
 use super::{Stand, compensation};
 use crate::config::{KeyPath, SpecimenTable};
 use crate::port::Axis;
-use crate::specimen::{CoupledSpec, Mounted, Specimen, Stiffened};
-use crate::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
+use gusset_actuator::specimen::{CoupledSpec, Mounted, Specimen, Stiffened};
+use gusset_actuator::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
 
 /// The law as it was drawn, mounted off the zero of its axes by `offsets` (m, N), behind the actuator and the sensors of its
 /// table, if there are any.

@@ -5,8 +5,8 @@ use gusset_motion::identify::{
 };
 use gusset_numerics::law::LawSpec;
 use gusset_motion::{Grid, Quantity};
-use gusset::specimen::{Specimen, SpecimenLaw};
-use gusset::transfer::{Transfer, TransferSpec};
+use gusset_actuator::specimen::{Specimen, SpecimenLaw};
+use gusset_actuator::transfer::{Transfer, TransferSpec};
 
 const RATE: f64 = 512.0;
 const BAND: Band = Band {

@@ -2,7 +2,7 @@
 
 use super::Findings;
 use gusset_quantity::catalog::limit::Limit;
-use crate::compensation::CompensationSpec;
+use gusset_actuator::compensation::CompensationSpec;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::limit_table::LimitsSpec;
@@ -12,7 +12,7 @@ use crate::config::link_table::{
 use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
 use crate::config::specimen::SpecimenTable;
 use gusset_numerics::law::Reach;
-use crate::transfer::{BetweenTicks, TransferSpec};
+use gusset_actuator::transfer::{BetweenTicks, TransferSpec};
 
 /// One specimen; `safety` is that of the test, and absent where the file is only served.
 pub(in crate::config::check) fn check_idle_specimen(

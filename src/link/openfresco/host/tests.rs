@@ -1,5 +1,5 @@
 use super::*;
-use crate::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
 

@@ -7,7 +7,7 @@ use crate::link::Transport;
 use crate::link::served::LinkBuild;
 use crate::link::server::{Host, ServerEvent, Simulated, Tap, Tapped};
 use crate::port::{Pace, WiringCheck};
-use crate::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,

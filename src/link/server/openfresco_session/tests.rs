@@ -9,7 +9,7 @@ use crate::link::openfresco::{Nature, Role};
 use crate::link::served::{Computed, ServedSpecimen, Trip};
 use crate::link::server::connection::Connection;
 use crate::link::server::wire_end::WireEnd;
-use crate::specimen::SpecimenLaw;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

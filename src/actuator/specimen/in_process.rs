@@ -93,7 +93,7 @@ fn break_down(time: f64) -> ! {
 }
 
 /// What a specimen says of itself.
-pub(crate) fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
+pub fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
     let mut status = Status::default();
     if specimen.is_saturated() {
         status.0 |= Status::SATURATED.0;

@@ -46,7 +46,7 @@ mod restored;
 
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
-pub(crate) use in_process::status;
+pub use in_process::status;
 pub use in_units::InUnits;
 pub use mounted::Mounted;
 pub use platform::{Gear, Platform};

@@ -1,0 +1,6 @@
+//! actuator
+
+pub mod compensation;
+pub mod geometry;
+pub mod specimen;
+pub mod transfer;
