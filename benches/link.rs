@@ -30,10 +30,10 @@ use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::Side;
-use gusset::wire::handshake::{Axis, Sampling, Unit};
-use gusset::wire::key::PreSharedKey;
-use gusset::wire::native::{Decoder, Encoder, Frame, Kind, Moment, frame_len};
+use gusset_wire::Side;
+use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::key::PreSharedKey;
+use gusset_wire::native::{Decoder, Encoder, Frame, Kind, Moment, frame_len};
 
 const ROUNDS: usize = 7;
 const EXCHANGES: usize = 20_000;

@@ -14,7 +14,7 @@ use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::openfresco::{Carrier, Peer};
+use gusset_wire::openfresco::{Carrier, Peer};
 
 const STEPS: u64 = 20_000;
 const FAR: Nanos = Nanos(u64::MAX);

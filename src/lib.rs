@@ -73,4 +73,3 @@ pub mod setup;
 pub mod stability;
 pub mod verify;
 pub mod view;
-pub mod wire;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::limit_table::LimitsSpec;
 use super::safety::ZeroChoice;
 use gusset_quantity::units::AxisUnits;
-use crate::wire::handshake::Unit;
+use gusset_wire::handshake::Unit;
 
 /// Conversion between the deformation and the command and measurement of one axis.
 ///

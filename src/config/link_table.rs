@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::address::share_a_port;
 use super::openfresco_table::{OpenFrescoSpec, ServerKind};
 use super::tls_table::TlsSpec;
-use crate::wire::openfresco::{Counts, Peer};
+use gusset_wire::openfresco::{Counts, Peer};
 
 /// Longest allowed `watchdog_s`, for every server and client.
 pub const WATCHDOG_MAX_S: f64 = 3600.0;

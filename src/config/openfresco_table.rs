@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::wire::openfresco::{MAX_COUNT, MAX_DATA_SIZE, SignalOrder};
+use gusset_wire::openfresco::{MAX_COUNT, MAX_DATA_SIZE, SignalOrder};
 
 /// Settings that a connection by an OpenFresco protocol cannot determine itself. The defaults suit
 /// the current programs. More: guide, opensees.

@@ -14,7 +14,7 @@ use gusset_actuator::geometry::{GeometrySpec, LawPlace};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_actuator::transfer::TransferSpec;
 use gusset_quantity::units::AxisUnits;
-use crate::wire::openfresco::Peer;
+use gusset_wire::openfresco::Peer;
 
 /// One specimen: simulated by exactly one of `law`, `laws` and `coupled`, or reached by a `link`. In a
 /// test with a structure, also give exactly one of `storey` and `rows`.

@@ -7,7 +7,7 @@
 use gusset_quantity::catalog::limit::Limit;
 use crate::port::limits::{AxisLimits, Bound, Range};
 use gusset_quantity::units::AxisUnits;
-use crate::wire::handshake::{Axis, Limits, Unit};
+use gusset_wire::handshake::{Axis, Limits, Unit};
 
 /// What the specimen's end adds to an announced bound of commands, for the rounding of units.
 const ROUNDING: f64 = 1e-9;

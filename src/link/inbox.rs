@@ -5,8 +5,8 @@
 
 use std::ops::Range;
 
-use crate::wire::native::{LARGEST_FRAME, split};
-use crate::wire::{Progress, WireError};
+use gusset_wire::native::{LARGEST_FRAME, split};
+use gusset_wire::{Progress, WireError};
 
 /// Reassembles a stream, or holds one datagram.
 #[derive(Debug)]
@@ -95,8 +95,8 @@ impl Inbox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Side;
-    use crate::wire::native::Encoder;
+    use gusset_wire::Side;
+    use gusset_wire::native::Encoder;
 
     impl Inbox {
         fn preload(&mut self, bytes: &[u8]) {

@@ -1,7 +1,7 @@
 //! Links: a protocol and a transport joined to a [`Substructure`](gusset_quantity::substructure::Substructure), and the far end
 //! that hosts specimens.
 //!
-//! [`crate::wire`] knows bytes and no sockets; a [`Transport`] knows sockets and no bytes. On the loop's thread there
+//! [`gusset_wire`] knows bytes and no sockets; a [`Transport`] knows sockets and no bytes. On the loop's thread there
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use thiserror::Error;
 
 use crate::rt::secret_file::{SecretError, open_secret};
-use crate::wire::key::{LONGEST_KEY, PreSharedKey};
+use gusset_wire::key::{LONGEST_KEY, PreSharedKey};
 
 /// Why there is no key.
 #[derive(Debug, Error)]

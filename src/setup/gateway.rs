@@ -27,7 +27,7 @@ use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
 use crate::port::{Pace, WiringCheck};
 use gusset_quantity::units::AxisUnits;
-use crate::wire::handshake::Sampling;
+use gusset_wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.
 const USUAL_WATCHDOG_S: f64 = 10.0;

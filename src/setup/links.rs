@@ -19,8 +19,8 @@ use crate::port::{OnStale, WaitRules};
 use crate::rt::throttle::Throttle;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::Ratio;
-use crate::wire::handshake::{Axis, Limits, Sampling, Unit};
-use crate::wire::key::PreSharedKey;
+use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
+use gusset_wire::key::PreSharedKey;
 
 /// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
 const WATCHDOG_S: f64 = 0.25;

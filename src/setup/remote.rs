@@ -3,7 +3,7 @@
 use crate::config::{Carrier, LinkSpec};
 use crate::link::Wait;
 use crate::link::openfresco::RemoteSettings;
-use crate::wire::openfresco::Carrier as Bytes;
+use gusset_wire::openfresco::Carrier as Bytes;
 
 /// The settings for a specimen of `axes` axes; none if its link has the protocol of Gusset. The check of the file has found every
 /// number in its range.
@@ -37,7 +37,7 @@ pub(super) fn remote_settings(link: &LinkSpec, axes: usize) -> Option<RemoteSett
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::openfresco::{Counts, Peer, UdpGreeting};
+    use gusset_wire::openfresco::{Counts, Peer, UdpGreeting};
 
     fn settings(text: &str) -> RemoteSettings {
         let spec: LinkSpec = toml::from_str(text).unwrap();

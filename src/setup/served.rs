@@ -15,8 +15,8 @@ use crate::link::server::Host;
 use gusset_actuator::specimen::{InUnits, Mounted, Specimen};
 use crate::stability::{Accepts, Kind, Verdict};
 use gusset_actuator::transfer::Transfer;
-use crate::wire::key::PreSharedKey;
-use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
+use gusset_wire::key::PreSharedKey;
+use gusset_wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 
 /// A specimen that is ready to be served.
 #[derive(Debug)]

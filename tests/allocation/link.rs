@@ -14,8 +14,8 @@ use gusset::rt::os::monotonic_ns;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Freshness, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::handshake::{Axis, Sampling, Unit};
-use gusset::wire::key::PreSharedKey;
+use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::key::PreSharedKey;
 
 fn axes() -> Vec<Axis> {
     (1..=2)

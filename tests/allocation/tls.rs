@@ -17,7 +17,7 @@ use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::Nanos;
-use gusset::wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::handshake::{Axis, Sampling, Unit};
 
 /// Threads are counted, so these tests run one after another.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());

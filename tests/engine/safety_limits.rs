@@ -17,7 +17,7 @@ use gusset::port::limits::{AxisLimits, Bound};
 use gusset::record::Event;
 use gusset_quantity::substructure::Status;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
-use gusset::wire::handshake::Limits;
+use gusset_wire::handshake::Limits;
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
 

@@ -17,11 +17,11 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_quantity::units::AxisUnits;
-use gusset::wire::Side;
-use gusset::wire::handshake::{
+use gusset_wire::Side;
+use gusset_wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,
 };
-use gusset::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice};
+use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice};
 
 use crate::campaign::Chance;
 

@@ -7,7 +7,7 @@ use gusset::link::server::Tapped;
 use gusset::port::limits::AxisLimits;
 use gusset::record::{End, Event, Journal};
 use gusset_quantity::time::Nanos;
-use gusset::wire::native::Kind;
+use gusset_wire::native::Kind;
 
 use crate::lab::Played;
 

@@ -12,7 +12,7 @@ use crate::link_common::{
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset_quantity::substructure::Status;
-use gusset::wire::native::{Cause, Frame};
+use gusset_wire::native::{Cause, Frame};
 
 const STEPS: u32 = 100;
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";

@@ -14,8 +14,8 @@ use gusset::engine::NOT_AWAITED;
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset_quantity::substructure::Status;
-use gusset::wire::handshake::{Bye, Control};
-use gusset::wire::native::{Cause, Frame};
+use gusset_wire::handshake::{Bye, Control};
+use gusset_wire::native::{Cause, Frame};
 
 const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.

@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 
 use gusset_quantity::substructure::{Command, Measurement, Status};
-use gusset::wire::handshake::{
+use gusset_wire::handshake::{
     self, Arm, Axis, Bye, Capabilities, Control, Hello, Limits, Refuse, RefuseCode, Sampling, Unit,
     Versions, Welcome, layout_hash,
 };
-use gusset::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, Moment, Notice};
-use gusset::wire::{Side, native};
+use gusset_wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, Moment, Notice};
+use gusset_wire::{Side, native};
 
 const SESSION: u64 = 0x1122_3344_5566_7788;
 

@@ -33,11 +33,11 @@ use crate::link_common::{
     run, summary, test_file, write,
 };
 use gusset::record::summary::Status;
-use gusset::wire::Side;
-use gusset::wire::handshake::{
+use gusset_wire::Side;
+use gusset_wire::handshake::{
     self, Arm, Bye, Capabilities, Control, Refuse, RefuseCode, Versions, Welcome,
 };
-use gusset::wire::native::{Cause, Decoder, Frame};
+use gusset_wire::native::{Cause, Decoder, Frame};
 
 const STEPS: u32 = 50;
 

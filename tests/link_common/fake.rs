@@ -5,9 +5,9 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 
 use gusset_quantity::substructure::{Measurement, Status};
-use gusset::wire::handshake::{self, Capabilities, Control, Hello, Welcome, layout_hash};
-use gusset::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Moment, Notice, split};
-use gusset::wire::{Progress, Side};
+use gusset_wire::handshake::{self, Capabilities, Control, Hello, Welcome, layout_hash};
+use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Moment, Notice, split};
+use gusset_wire::{Progress, Side};
 
 use super::PATIENCE;
 

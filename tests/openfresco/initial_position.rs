@@ -11,8 +11,8 @@ use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset::record::Run;
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::handshake::{Capabilities, Welcome};
-use gusset::wire::openfresco::{Carrier, Peer};
+use gusset_wire::handshake::{Capabilities, Welcome};
+use gusset_wire::openfresco::{Carrier, Peer};
 
 const STEPS: u32 = 100;
 const K: f64 = 4e5;

@@ -10,7 +10,7 @@ use crate::openfresco_ends::{LONG, Listen, Server, drive, in_process, path, sett
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, UdpGreeting, write_action};
+use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, UdpGreeting, write_action};
 
 #[test]
 fn over_every_dialect_and_carrier_a_test_is_bit_for_bit_the_one_in_process() {
@@ -183,7 +183,7 @@ fn our_laboratory_controllers_follow_generic_tcp_and_sim_simulink() {
             }
             [0, 8, 16].map(|at| f64::from_le_bytes(answer[at..at + 8].try_into().unwrap()))
         };
-        let all = Action::Read(gusset::wire::openfresco::Reading::All);
+        let all = Action::Read(gusset_wire::openfresco::Reading::All);
         let expected = in_process(1, 50);
         for (k, (disp, force)) in expected.iter().enumerate() {
             let target = path(k as u64, 0);

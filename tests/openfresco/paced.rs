@@ -9,11 +9,11 @@ use crate::link_common::{PATIENCE, Served};
 use gusset::record::Run;
 use gusset::record::summary::Status;
 use gusset_quantity::substructure::Command;
-use gusset::wire::handshake::{
+use gusset_wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,
 };
-use gusset::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME, split};
-use gusset::wire::{Progress, Side};
+use gusset_wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME, split};
+use gusset_wire::{Progress, Side};
 
 /// Doubles of a vector.
 const N: usize = 16;

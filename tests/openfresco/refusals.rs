@@ -11,7 +11,7 @@ use gusset::link::openfresco::{
 use gusset::link::server::ServerEvent;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
+use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
 
 #[test]
 fn a_second_controller_is_turned_away_and_the_first_does_not_notice() {
@@ -218,7 +218,7 @@ fn a_step_taken_back_ends_the_test_of_a_physical_specimen_only() {
         say(Action::Trial, 0.5, 0.02);
         say(Action::Trial, 0.004, 0.01);
         say(
-            Action::Read(gusset::wire::openfresco::Reading::Force),
+            Action::Read(gusset_wire::openfresco::Reading::Force),
             0.0,
             0.0,
         );

@@ -18,7 +18,7 @@ use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
-use gusset::wire::openfresco::{Carrier, Peer};
+use gusset_wire::openfresco::{Carrier, Peer};
 
 pub const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
 /// Nothing here takes longer unless it hangs.

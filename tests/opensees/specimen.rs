@@ -6,8 +6,8 @@ use gusset::link::openfresco::{Remote, RemoteSettings};
 use gusset_actuator::specimen::{InProcess, SpecimenLaw};
 use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::openfresco as of;
-use gusset::wire::openfresco::Carrier;
+use gusset_wire::openfresco as of;
+use gusset_wire::openfresco::Carrier;
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
 

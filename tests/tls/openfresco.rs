@@ -12,7 +12,7 @@ use gusset::link::server::ServerEvent;
 use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::openfresco::{Carrier, Peer};
+use gusset_wire::openfresco::{Carrier, Peer};
 
 fn client(folder: &Path) -> TlsClient {
     TlsClient::new(

@@ -13,7 +13,7 @@ use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeS
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_quantity::substructure::{Command as Move, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset::wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes, write_action};
+use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes, write_action};
 
 /// The files, or `None` without openssl.
 fn made() -> Option<tempfile::TempDir> {

@@ -9,7 +9,7 @@ use gusset::config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_quantity::substructure::{Retirement, Substructure};
-use gusset::wire::openfresco::{Carrier, Peer};
+use gusset_wire::openfresco::{Carrier, Peer};
 
 const STEPS: u32 = 600;
 

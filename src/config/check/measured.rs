@@ -10,7 +10,7 @@ use crate::config::limit_table::LimitsSpec;
 use crate::config::safety::ZeroChoice;
 use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
-use crate::wire::openfresco::Peer;
+use gusset_wire::openfresco::Peer;
 
 /// Refuses every key of a specimen that needs a measured displacement where its link answers with none.
 pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {

@@ -12,7 +12,7 @@ use crate::link::Transport;
 use crate::link::tls::TlsFault;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
-use crate::wire::native::{Kind as FrameKind, forge_force, forge_length, forge_sequence, peek};
+use gusset_wire::native::{Kind as FrameKind, forge_force, forge_length, forge_sequence, peek};
 
 /// The stream of chance on the link.
 const STREAM: u64 = 1;

@@ -6,8 +6,8 @@ use super::refused::{SetupError, parting};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use gusset_quantity::substructure::LISTEN_NS;
-use crate::wire::WireError;
-use crate::wire::handshake::{Control, Welcome};
+use gusset_wire::WireError;
+use gusset_wire::handshake::{Control, Welcome};
 
 /// A question whose answer is missing is repeated after so long, over UDP.
 const REPEAT_NS: u64 = 200_000_000;

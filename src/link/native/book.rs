@@ -4,9 +4,9 @@
 //! or duplicate.
 
 use gusset_quantity::substructure::{LinkStats, Measurement, Status};
-use crate::wire::WireError;
-use crate::wire::native::{Earlier, MeasurementFrame};
-use crate::wire::window::{Arrival, SequenceWindow};
+use gusset_wire::WireError;
+use gusset_wire::native::{Earlier, MeasurementFrame};
+use gusset_wire::window::{Arrival, SequenceWindow};
 
 /// Recovered answers that are kept until they are taken, which is once a tick.
 const KEPT: usize = 64;
@@ -170,8 +170,8 @@ impl Book {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Side;
-    use crate::wire::native::{Decoder, Encoder, Frame, Moment};
+    use gusset_wire::Side;
+    use gusset_wire::native::{Decoder, Encoder, Frame, Moment};
 
     /// A specimen's encoder and the controller's decoder and book, one axis.
     struct Ends {

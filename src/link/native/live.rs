@@ -16,9 +16,9 @@ use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,
 };
 use gusset_quantity::time::Nanos;
-use crate::wire::WireError;
-use crate::wire::handshake::{self, Control, Welcome};
-use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
+use gusset_wire::WireError;
+use gusset_wire::handshake::{self, Control, Welcome};
+use gusset_wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
 
 /// How often a stop is said over UDP before the way out begins.
 const HALTS: u32 = 4;

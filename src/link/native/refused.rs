@@ -5,9 +5,9 @@ use thiserror::Error;
 use crate::link::ConnectError;
 use crate::link::tls::TlsFault;
 use gusset_quantity::substructure::{LinkFault, Unavailable};
-use crate::wire::WireError;
-use crate::wire::handshake::{RefuseCode, Wider};
-use crate::wire::native::Cause;
+use gusset_wire::WireError;
+use gusset_wire::handshake::{RefuseCode, Wider};
+use gusset_wire::native::Cause;
 
 /// Why a set-up failed. Nothing was moved.
 #[derive(Debug, Error)]

@@ -9,8 +9,8 @@ use crate::link::announce;
 use crate::link::secret::random;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::text::is_hidden;
-use crate::wire::handshake::{self, Axis, Hello, Limits, Sampling, Versions, Welcome, layout_hash};
-use crate::wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
+use gusset_wire::handshake::{self, Axis, Hello, Limits, Sampling, Versions, Welcome, layout_hash};
+use gusset_wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 
 /// The program, as it calls itself to peers.
 pub(in crate::link) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VERSION"));

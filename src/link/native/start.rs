@@ -9,9 +9,9 @@ use crate::link::inbox::Inbox;
 use crate::link::tls::{TlsClient, is_alert};
 use crate::link::{ConnectError, TcpTransport, Transport, UdpTransport};
 use gusset_quantity::substructure::{Introduction, LinkFault};
-use crate::wire::handshake::{self, Capabilities, Control};
-use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
-use crate::wire::{Side, WireError};
+use gusset_wire::handshake::{self, Capabilities, Control};
+use gusset_wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
+use gusset_wire::{Side, WireError};
 
 /// Connects and agrees. Blocks, up to twice the time limit.
 pub(super) fn connect(

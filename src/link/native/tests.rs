@@ -7,11 +7,11 @@ use std::time::Duration;
 use super::*;
 use crate::link::SocketOptions;
 use gusset_quantity::substructure::{Command, Freshness, Measurement, Status};
-use crate::wire::Side;
-use crate::wire::handshake::{
+use gusset_wire::Side;
+use gusset_wire::handshake::{
     self, Bye, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, Unit, Versions, Welcome,
 };
-use crate::wire::native::{
+use gusset_wire::native::{
     Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Moment, Notice,
 };
 

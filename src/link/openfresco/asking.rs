@@ -9,9 +9,9 @@ use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTranspor
 use crate::rt::os;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement};
 use gusset_quantity::time::Nanos;
-use crate::wire::WireError;
-use crate::wire::openfresco::Peer;
-use crate::wire::openfresco::{
+use gusset_wire::WireError;
+use gusset_wire::openfresco::Peer;
+use gusset_wire::openfresco::{
     Asked, Carrier, Client, ClientDialect, ClientEvent, ClientSettings, DATAGRAM_LIMIT, Shadow,
     ShadowEvent, ShadowSettings, datagrams,
 };

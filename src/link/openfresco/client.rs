@@ -21,8 +21,8 @@ use gusset_quantity::substructure::{
     Unavailable,
 };
 use gusset_quantity::time::Nanos;
-use crate::wire::not_foreign;
-use crate::wire::openfresco::Peer;
+use gusset_wire::not_foreign;
+use gusset_wire::openfresco::Peer;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {

@@ -7,7 +7,7 @@ use gusset_quantity::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::tls::TlsFault;
 use gusset_quantity::substructure::LinkFault;
-use crate::wire::WireError;
+use gusset_wire::WireError;
 
 /// Why an exchange fails.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

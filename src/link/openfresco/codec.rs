@@ -7,8 +7,8 @@
 //! Flags of the Simulink model need no specimen: the codec answers them.
 
 use super::role::Role;
-use crate::wire::WireError;
-use crate::wire::openfresco::{
+use gusset_wire::WireError;
+use gusset_wire::openfresco::{
     Actor, ActorEvent, Carrier, Course, Event, Interface, Matrix, Response, Server, ServerDialect,
     SignalOrder, Simulink, SimulinkEvent, Sizes,
 };

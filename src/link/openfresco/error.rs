@@ -5,8 +5,8 @@ use thiserror::Error;
 use super::settings::RemoteSettings;
 use crate::link::socket::ConnectError;
 use gusset_quantity::substructure::LinkFault;
-use crate::wire::WireError;
-use crate::wire::openfresco::Carrier;
+use gusset_wire::WireError;
+use gusset_wire::openfresco::Carrier;
 
 /// Why there is no link to a specimen. Nothing was moved.
 #[derive(Debug, Clone, PartialEq, Error)]

@@ -18,7 +18,7 @@ use gusset_quantity::catalog::ending::Cause;
 use crate::link::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
 use gusset_actuator::specimen::Specimen;
 use gusset_quantity::substructure::{Command, Measurement};
-use crate::wire::openfresco::{Course, Matrix, Response};
+use gusset_wire::openfresco::{Course, Matrix, Response};
 
 /// Why a host refuses to go on. A formula is left at its last committed state, what moves where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

@@ -2,7 +2,7 @@
 
 use super::Transformation;
 use crate::link::served::ServedSpecimen;
-use crate::wire::openfresco::Matrix;
+use gusset_wire::openfresco::Matrix;
 
 /// The matrices of one specimen.
 #[derive(Debug)]

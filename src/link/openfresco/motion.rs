@@ -1,6 +1,6 @@
 //! The motion that a client commands, in its displacements.
 
-use crate::wire::openfresco::Response;
+use gusset_wire::openfresco::Response;
 
 /// The signals of the last command, and the displacements of the last commit.
 #[derive(Debug)]

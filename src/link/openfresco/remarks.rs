@@ -4,7 +4,7 @@
 use super::role::{Nature, Role};
 use super::tally::Tally;
 use gusset_quantity::catalog::event as catalog;
-use crate::wire::openfresco::Sizes;
+use gusset_wire::openfresco::Sizes;
 
 /// A warning about a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,7 +122,7 @@ impl Remarks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::openfresco::Counts;
+    use gusset_wire::openfresco::Counts;
 
     fn remarks(role: Role, time: usize) -> Remarks {
         let counts = Counts::new(1, 0, 0, 0, time);

@@ -3,8 +3,8 @@
 use super::role::Role;
 use crate::link::socket::Wait;
 use crate::link::tls::TlsClient;
-use crate::wire::WireError;
-use crate::wire::openfresco::{
+use gusset_wire::WireError;
+use gusset_wire::openfresco::{
     Carrier, Counts, DEFAULT_DATA_SIZE, Peer, SignalOrder, Sizes, UdpGreeting,
 };
 

@@ -77,7 +77,7 @@ mod tests {
     use crate::link::served::{Computed, ServedSpecimen};
     use gusset_actuator::specimen::SpecimenLaw;
     use gusset_quantity::substructure::{Command, Measurement, Status};
-    use crate::wire::handshake::Limits;
+    use gusset_wire::handshake::Limits;
 
     /// A spring of 1 MN/m in mm and kN, which is 1 kN/mm, for a controller that announces 50 mm, 500 mm/s and 30 kN.
     fn served() -> ServedSpecimen {

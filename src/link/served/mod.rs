@@ -54,7 +54,7 @@ use gusset_actuator::geometry::Fault;
 use crate::port::limits::Hit;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::units::{compared, quantity};
-use crate::wire::handshake::{Limits, Sampling};
+use gusset_wire::handshake::{Limits, Sampling};
 
 /// From one command to the next in s, until it is known.
 const USUAL_TICK_S: f64 = 0.01;

@@ -3,7 +3,7 @@
 //! Such a specimen gets the newest command that came while it was busy, never a burst. A notice that follows the waiting
 //! command must reach the specimen after it, because a command ends a hold.
 
-use crate::wire::native::Cause;
+use gusset_wire::native::Cause;
 
 /// A command that has come and was not passed on yet. Its vectors are the next ones of the command in force.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,7 +9,7 @@ use crate::link::native::with_words;
 use crate::link::served::TestEnd;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
-use crate::wire::native;
+use gusset_wire::native;
 
 /// The connection to one client, with its address.
 pub(super) struct Channel {

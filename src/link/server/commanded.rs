@@ -1,8 +1,8 @@
 //! The command in force of a native session, and the count of commands.
 
 use gusset_quantity::substructure::{Command, Measurement, Status};
-use crate::wire::WireError;
-use crate::wire::native::CommandFrame;
+use gusset_wire::WireError;
+use gusset_wire::native::CommandFrame;
 
 /// Test time may pass this many times as fast as the announced rate says that wall time does.
 const FASTEST: f64 = 1000.0;

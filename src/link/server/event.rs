@@ -5,7 +5,7 @@
 use std::net::SocketAddr;
 
 use crate::link::openfresco::{End, Tally};
-use crate::wire::openfresco::Sizes;
+use gusset_wire::openfresco::Sizes;
 
 /// An event of a server.
 #[derive(Debug, Clone, PartialEq)]

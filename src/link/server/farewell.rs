@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use crate::link::Transport;
 use crate::rt::os;
 use gusset_quantity::time::Nanos;
-use crate::wire::native::{Kind, LARGEST_FRAME, peek};
+use gusset_wire::native::{Kind, LARGEST_FRAME, peek};
 
 /// The server repeats the answer for this time after the session. A controller waits for less time.
 const AGAIN_NS: u64 = 500_000_000;
@@ -62,8 +62,8 @@ impl Farewell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Side;
-    use crate::wire::native::{Cause, Encoder, Notice};
+    use gusset_wire::Side;
+    use gusset_wire::native::{Cause, Encoder, Notice};
 
     #[test]
     fn a_retire_of_that_session_is_answered_again_for_a_while_and_nothing_else_is() {

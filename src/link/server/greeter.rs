@@ -8,7 +8,7 @@ use super::native_handshake::{Medium, NativeHandshake, Offer};
 use super::openfresco_handshake::OpenFrescoHandshake;
 use crate::link::inbox::Inbox;
 use crate::link::openfresco::{Codec, Nature, ServeSettings};
-use crate::wire::openfresco::Carrier;
+use gusset_wire::openfresco::Carrier;
 
 /// What happens to other clients while one is served.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

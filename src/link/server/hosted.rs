@@ -15,7 +15,7 @@ use crate::port::{Port, WiringCheck};
 use gusset_actuator::specimen::Specimen;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
-use crate::wire::handshake::{Axis, Capabilities};
+use gusset_wire::handshake::{Axis, Capabilities};
 
 /// A specimen to be hosted, and how to make it anew for each test.
 pub struct Host {

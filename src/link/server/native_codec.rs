@@ -9,9 +9,9 @@ use super::native_handshake::Greeted;
 use crate::link::inbox::Inbox;
 use gusset_quantity::substructure::Measurement;
 use gusset_quantity::text::is_hidden;
-use crate::wire::WireError;
-use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
-use crate::wire::native::{
+use gusset_wire::WireError;
+use gusset_wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
+use gusset_wire::native::{
     Cause, Decoder, Encoder, Heartbeat, LARGEST_FRAME, Moment, Notice, Received,
 };
 

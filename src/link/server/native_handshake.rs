@@ -18,13 +18,13 @@ use crate::link::secret::random;
 use crate::link::served::elsewhere;
 use crate::link::tls::is_client_hello;
 use gusset_quantity::text::is_hidden;
-use crate::wire::handshake::{
+use gusset_wire::handshake::{
     self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,
     Welcome, layout_hash,
 };
-use crate::wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
-use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
-use crate::wire::{Side, WireError};
+use gusset_wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
+use gusset_wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
+use gusset_wire::{Side, WireError};
 
 /// Most commands per second that are taken on.
 const RATE_MAX_HZ: f64 = 100_000.0;

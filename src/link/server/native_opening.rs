@@ -15,8 +15,8 @@ use crate::link::served::{Controller, ServedSpecimen, TestEnd};
 use crate::link::socket::LOOK;
 use crate::rt::throttle::Throttle;
 use gusset_quantity::time::Nanos;
-use crate::wire::handshake::{self, Control};
-use crate::wire::native::Frame;
+use gusset_wire::handshake::{self, Control};
+use gusset_wire::native::Frame;
 
 /// Over UDP a client repeats its Arm until it is answered. A client that is silent for this time, and for the time of its watchdog,
 /// is gone: many repetitions would have been lost in a row.

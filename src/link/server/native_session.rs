@@ -26,9 +26,9 @@ use crate::link::served::{ServedSpecimen, TestEnd};
 use crate::link::socket::LOOK;
 use gusset_quantity::substructure::{LinkFault, Status};
 use gusset_quantity::time::Nanos;
-use crate::wire::WireError;
-use crate::wire::handshake::Arm;
-use crate::wire::native::{Cause, Frame, Heartbeat, Moment, Notice};
+use gusset_wire::WireError;
+use gusset_wire::handshake::Arm;
+use gusset_wire::native::{Cause, Frame, Heartbeat, Moment, Notice};
 use ends::Wrong;
 
 /// Reads of the messages that came while the specimen was busy, before the newest command is passed on.

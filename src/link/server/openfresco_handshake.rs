@@ -10,7 +10,7 @@ use crate::link::Transport;
 use crate::link::openfresco::{Codec, End, Request, lost};
 use crate::link::tls::is_client_hello;
 use gusset_quantity::substructure::LinkFault;
-use crate::wire::openfresco::{Carrier, Sizes, datagrams};
+use gusset_wire::openfresco::{Carrier, Sizes, datagrams};
 
 /// A client that has named its sizes.
 pub(super) struct OpenFrescoOpening {

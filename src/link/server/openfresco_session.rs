@@ -21,7 +21,7 @@ use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
-use crate::wire::openfresco::{Action, Course, Sizes, datagrams};
+use gusset_wire::openfresco::{Action, Course, Sizes, datagrams};
 
 /// After its goodbye the client has this time to close first.
 const LINGER_NS: u64 = 500_000_000;

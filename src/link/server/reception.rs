@@ -25,7 +25,7 @@ use super::listener::{Arrival, Listener, pause, probe_silence};
 use super::shared::{Occupancy, Shared};
 use super::waiting::{Route, WaitingClient};
 use crate::rt::os::monotonic_ns;
-use crate::wire::native::LARGEST_FRAME;
+use gusset_wire::native::LARGEST_FRAME;
 
 /// Longest wait for a socket: the stop flag and the time limits are checked this often.
 const LOOK: Duration = Duration::from_millis(50);
@@ -372,7 +372,7 @@ mod tests {
     use crate::link::openfresco::{Nature, Role, ServeSettings};
     use crate::link::server::ServeOptions;
     use crate::link::server::listener::Access;
-    use crate::wire::openfresco::Carrier;
+    use gusset_wire::openfresco::Carrier;
 
     const PEER: ([u8; 4], u16) = ([127, 0, 0, 1], 9);
 

@@ -17,7 +17,7 @@ use super::{Host, ServerEvent};
 use crate::link::Transport;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
-use crate::wire::native::{Kind, commanded, peek};
+use gusset_wire::native::{Kind, commanded, peek};
 
 /// A frame that the client sent, or an event of the server.
 #[derive(Debug, Clone, PartialEq)]
@@ -188,7 +188,7 @@ impl Transport for Simulated {
 mod tests {
     use super::*;
     use gusset_actuator::specimen::SpecimenLaw;
-    use crate::wire::handshake::{Axis, Limits, Unit};
+    use gusset_wire::handshake::{Axis, Limits, Unit};
 
     fn host() -> Host {
         let axis = Axis {

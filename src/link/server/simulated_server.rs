@@ -18,7 +18,7 @@ use super::wire_end::WireEnd;
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use gusset_quantity::time::Nanos;
-use crate::wire::native::LARGEST_FRAME;
+use gusset_wire::native::LARGEST_FRAME;
 
 /// The life of a server on simulated time.
 pub(super) enum SimulatedServer {

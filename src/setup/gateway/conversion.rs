@@ -19,7 +19,7 @@ use crate::port::limits::AxisLimits;
 use crate::port::{Axis, Port, WiringCheck};
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
-use crate::wire::handshake::{Axis as WireAxis, Limits, Unit};
+use gusset_wire::handshake::{Axis as WireAxis, Limits, Unit};
 
 /// The axes of a specimen with everything that lies between them and the structure of a client.
 struct Converted<'a> {

@@ -3,7 +3,7 @@
 use super::{
     Axis, Hello, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Versions, Welcome, layout_hash,
 };
-use crate::wire::{Side, WireError};
+use crate::{Side, WireError};
 
 /// What a specimen's end offers; the controller's wish must fit into it.
 #[derive(Debug, Clone, PartialEq)]
@@ -124,7 +124,7 @@ pub fn check_welcome(hello: &Hello, welcome: &Welcome) -> Result<(), WireError> 
             found: welcome.keyed,
         });
     }
-    crate::wire::bytes::same_length("axes of the specimen", hello.axes.len(), welcome.axes.len())?;
+    crate::bytes::same_length("axes of the specimen", hello.axes.len(), welcome.axes.len())?;
     let same = hello.axes.iter().zip(&welcome.axes).all(|(mine, theirs)| {
         mine.name == theirs.name
             && mine.disp_unit == theirs.disp_unit

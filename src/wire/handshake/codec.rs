@@ -9,10 +9,10 @@ use super::{
     Arm, Axis, Bye, Control, Hello, Limits, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
 };
 use gusset_quantity::text::is_hidden;
-use crate::wire::bytes::{finite, same_length};
-use crate::wire::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
-use crate::wire::native::{CONTROL_LIMIT, Cause, MAX_AXES};
-use crate::wire::{ControlFault, Side, WireError};
+use crate::bytes::{finite, same_length};
+use crate::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
+use crate::native::{CONTROL_LIMIT, Cause, MAX_AXES};
+use crate::{ControlFault, Side, WireError};
 
 /// Largest control message in bytes.
 pub const LIMIT: usize = CONTROL_LIMIT;
@@ -138,11 +138,11 @@ fn signed(message: &[u8]) -> Result<&[u8], WireError> {
 }
 
 fn read_proof(message: &[u8]) -> Result<Proof, WireError> {
-    crate::wire::bytes::array(message, PROOF_AT.start)
+    crate::bytes::array(message, PROOF_AT.start)
 }
 
 fn write_proof(message: &mut [u8], proof: Proof) -> Result<(), WireError> {
-    crate::wire::bytes::put(message, PROOF_AT.start, proof)
+    crate::bytes::put(message, PROOF_AT.start, proof)
 }
 
 fn check(message: &Control) -> Result<(), WireError> {

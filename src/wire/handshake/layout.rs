@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use sha2::{Digest, Sha256};
 
 use super::Axis;
-use crate::wire::native::{HISTORY, VERSION};
+use crate::native::{HISTORY, VERSION};
 
 /// The canonical text: one line for the frame layout, one for each axis, each ended by one line feed.
 ///

@@ -16,7 +16,7 @@
 //! A message is a bincode enum in the fixed-width little-endian configuration: the bytes are the fields in
 //! order, packed; a text or list is its length as u64 and then its content; the variant is a u32 in front.
 //! Golden-byte tests pin them, so they do not depend on the crate. The envelope (length, checksum) is the
-//! control frame of [`crate::wire::native`]. Nothing here reads more than [`LIMIT`] bytes, or allocates more
+//! control frame of [`crate::native`]. Nothing here reads more than [`LIMIT`] bytes, or allocates more
 //! than that for what a message claims to hold.
 //!
 //! With a pre-shared key the Hello carries a proof over itself, and the Welcome one over both messages made
@@ -164,7 +164,7 @@ pub struct Arm {
 /// Orderly end.
 #[derive(Debug, Clone, PartialEq, Encode, Decode)]
 pub struct Bye {
-    /// Why, with the codes of [`crate::wire::native::Cause`].
+    /// Why, with the codes of [`crate::native::Cause`].
     pub cause: u32,
     /// For people; may be empty.
     pub text: String,

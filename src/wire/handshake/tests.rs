@@ -5,9 +5,9 @@ use proptest::prelude::*;
 
 use super::*;
 use gusset_quantity::substructure::Command;
-use crate::wire::key::{PreSharedKey, SessionKey};
-use crate::wire::native::{Decoder, Encoder, Frame, MAX_AXES};
-use crate::wire::{ControlFault, Side, WireError};
+use crate::key::{PreSharedKey, SessionKey};
+use crate::native::{Decoder, Encoder, Frame, MAX_AXES};
+use crate::{ControlFault, Side, WireError};
 
 fn axis(name: &str) -> Axis {
     Axis {

@@ -8,10 +8,10 @@ use super::layout::{
 };
 use super::view::{Cause, CommandFrame, Frame, Heartbeat, MeasurementFrame, Notice};
 use gusset_quantity::substructure::Status;
-use crate::wire::bytes::{Word, array, finite, finite_words, halves};
-use crate::wire::key::{MAC_LEN, SessionKey};
-use crate::wire::window::{Arrival, SequenceWindow};
-use crate::wire::{Progress, Side, WireError};
+use crate::bytes::{Word, array, finite, finite_words, halves};
+use crate::key::{MAC_LEN, SessionKey};
+use crate::window::{Arrival, SequenceWindow};
+use crate::{Progress, Side, WireError};
 
 /// Finds the end of the first frame in a stream. Only the header is looked at, every length in it is bounded
 /// by [`super::LARGEST_FRAME`], and a wrong protocol shows with its first byte. An error is final: a stream

@@ -7,9 +7,9 @@ use super::layout::{
 };
 use super::view::{Heartbeat, Notice};
 use gusset_quantity::substructure::{Command, Measurement};
-use crate::wire::bytes::{Word, finite, joined, put, same_length};
-use crate::wire::key::{MAC_LEN, SessionKey};
-use crate::wire::{Side, WireError};
+use crate::bytes::{Word, finite, joined, put, same_length};
+use crate::key::{MAC_LEN, SessionKey};
+use crate::{Side, WireError};
 
 /// What a specimen says about the moment of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -171,7 +171,7 @@ impl Encoder {
         self.notice(Kind::Goodbye, notice, out)
     }
 
-    /// Writes a control message, already encoded by [`crate::wire::handshake`]; returns the frame's length.
+    /// Writes a control message, already encoded by [`crate::handshake`]; returns the frame's length.
     ///
     /// # Errors
     /// A message beyond [`CONTROL_LIMIT`], a buffer too small.

@@ -6,8 +6,8 @@ use super::layout::{
     CONTROL_LIMIT, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, MAGIC, VERSION, WORD,
     body_end, trailer_len,
 };
-use crate::wire::bytes::halves;
-use crate::wire::{Side, WireError};
+use crate::bytes::halves;
+use crate::{Side, WireError};
 
 /// As much of a header as is here.
 pub(super) fn begins_right(bytes: &[u8]) -> Result<(), WireError> {

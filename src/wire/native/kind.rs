@@ -1,6 +1,6 @@
 //! The kinds of frames and their codes.
 
-use crate::wire::WireError;
+use crate::WireError;
 
 /// The kinds of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -4,7 +4,7 @@
 //! codecs take frames apart word by word.
 
 use super::kind::Kind;
-use crate::wire::key::MAC_LEN;
+use crate::key::MAC_LEN;
 
 /// The first four bytes of every frame.
 pub const MAGIC: [u8; 4] = *b"GUST";

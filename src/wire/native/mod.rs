@@ -45,7 +45,7 @@
 //! Heartbeat (kind 3, either): 32 u64 newest sequence sent or in force; 40 f64 the sender's time, s; 48 u32
 //! status; 52 u32 reserved, zero. Hold (4, controller), retire (5, controller), goodbye (6, either): 32 u64
 //! last sequence that counts; 40 u32 cause, see [`Cause`]; 44 u32 reserved, zero. Control (16, either): from
-//! 32 on one message of [`crate::wire::handshake`].
+//! 32 on one message of [`crate::handshake`].
 //!
 //! Trailer, all kinds: if keyed, 16 bytes MAC over everything before it; then u32 CRC-32 (IEEE 802.3, as in
 //! zlib and Ethernet) over everything before it.

@@ -6,7 +6,7 @@
 
 use super::kind::Kind;
 use super::layout::{COMMAND_WORDS, CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
-use crate::wire::bytes::{Word, halves, put};
+use crate::bytes::{Word, halves, put};
 
 /// What a frame says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,8 +92,8 @@ fn seal(frame: &mut [u8]) {
 mod tests {
     use super::*;
     use gusset_quantity::substructure::{Command, Measurement};
-    use crate::wire::native::{Decoder, Encoder, Frame, Moment};
-    use crate::wire::{Side, WireError};
+    use crate::native::{Decoder, Encoder, Frame, Moment};
+    use crate::{Side, WireError};
 
     fn measurement() -> Vec<u8> {
         let measured = Measurement {

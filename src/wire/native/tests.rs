@@ -7,9 +7,9 @@ use proptest::prelude::*;
 use super::layout::*;
 use super::*;
 use gusset_quantity::substructure::{Command, Measurement, Status};
-use crate::wire::key::{PreSharedKey, SessionKey};
-use crate::wire::window::Arrival;
-use crate::wire::{Progress, Side, WireError};
+use crate::key::{PreSharedKey, SessionKey};
+use crate::window::Arrival;
+use crate::{Progress, Side, WireError};
 
 const SESSION: u64 = 0xA1B2_C3D4_E5F6_0718;
 

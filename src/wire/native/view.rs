@@ -6,8 +6,8 @@
 use super::layout::{NO_SEQUENCE, earlier_words};
 use gusset_quantity::catalog::ending;
 use gusset_quantity::substructure::{Measurement, Retirement, Status};
-use crate::wire::WireError;
-use crate::wire::bytes::{Word, copy_words, same_length};
+use crate::WireError;
+use crate::bytes::{Word, copy_words, same_length};
 
 /// Why a test holds, retires or ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -1,6 +1,6 @@
 //! The action codes: double 0 of what a client sends.
 
-use crate::wire::WireError;
+use crate::WireError;
 
 /// A request for measured signals. The answer always holds all of them; the code only says what is wanted most.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -12,8 +12,8 @@ use super::inbox::{Carrier, Inbox};
 use super::opening::NOT_READY;
 use super::sizes::{BLOCK_LEN, Counts, DEFAULT_DATA_SIZE, Interface, Sizes, inside};
 use super::vector::{Response, read_lead};
-use crate::wire::WireError;
-use crate::wire::bytes::{array, finite, get_f64, put};
+use crate::WireError;
+use crate::bytes::{array, finite, get_f64, put};
 
 /// The endian check over a stream: the integer 1, both ways.
 pub(super) const ENDIAN_CHECK: [u8; 4] = 1_i32.to_le_bytes();
@@ -219,7 +219,7 @@ impl Actor {
     fn endian(&mut self) -> Result<ActorEvent, WireError> {
         // The check is answered even if it looks swapped; but all numbers that follow would be nonsense.
         let found: [u8; 4] = array(self.inbox.message(), 0)?;
-        crate::wire::not_foreign(&found)?;
+        crate::not_foreign(&found)?;
         if found != ENDIAN_CHECK && found != ENDIAN_SWAPPED {
             return Err(WireError::Magic {
                 expected: ENDIAN_CHECK,
@@ -335,7 +335,7 @@ impl Actor {
         self.outbox.fill(0);
         let fitting = values.len().min(self.outbox.len() / 8);
         let values = values.get(..fitting).unwrap_or_default();
-        crate::wire::bytes::put_doubles(&mut self.outbox, 0, values)?;
+        crate::bytes::put_doubles(&mut self.outbox, 0, values)?;
         self.reply_len = self.vector_len;
         Ok(())
     }

@@ -10,7 +10,7 @@ use super::inbox::Carrier;
 use super::sizes::{SIZES_LEN, Sizes};
 use super::vector::Response;
 use gusset_quantity::substructure::{Command, Measurement};
-use crate::wire::WireError;
+use crate::WireError;
 
 /// What listens at the other end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -260,7 +260,7 @@ impl Client {
         match self.asking.hear(bytes)? {
             Came::Nothing(used) => Ok((used, ClientEvent::NeedMore)),
             Came::Greeting => {
-                crate::wire::bytes::same_length("bytes of a hello answer", 1, bytes.len())?;
+                crate::bytes::same_length("bytes of a hello answer", 1, bytes.len())?;
                 self.asking.enter(Phase::Running);
                 self.reply_len = SIZES_LEN;
                 Ok((1, ClientEvent::Greeted))

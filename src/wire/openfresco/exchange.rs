@@ -7,8 +7,8 @@ use super::inbox::{Carrier, Inbox};
 use super::sizes::Counts;
 use super::vector::{Response, Signals, read_matrix, write_action, write_matrix, write_vector};
 use gusset_quantity::substructure::{Command, Measurement};
-use crate::wire::WireError;
-use crate::wire::bytes::{finite, get_f64, same_length};
+use crate::WireError;
+use crate::bytes::{finite, get_f64, same_length};
 
 /// What a server owes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -303,7 +303,7 @@ impl Asking {
         if let Some(time) = time.filter(|_| self.ctrl.time == 1) {
             finite("time of the commit", &[time])?;
             let at = 8 * (1 + self.ctrl.before_time());
-            crate::wire::bytes::put(first, at, time.to_le_bytes())?;
+            crate::bytes::put(first, at, time.to_le_bytes())?;
         }
         Ok(self.first())
     }

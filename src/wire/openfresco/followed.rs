@@ -3,7 +3,7 @@
 use super::course::{Course, Tracker};
 use super::sizes::Counts;
 use super::vector::{Response, Signals};
-use crate::wire::WireError;
+use crate::WireError;
 
 /// The last command and its course.
 #[derive(Debug)]

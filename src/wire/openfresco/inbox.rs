@@ -1,6 +1,6 @@
 //! Messages of a known length, put together from whatever pieces the network brings.
 
-use crate::wire::WireError;
+use crate::WireError;
 
 /// The longest datagram that OpenSees and OpenFresco send.
 pub const DATAGRAM_LIMIT: usize = 9126;

@@ -4,7 +4,7 @@
 use super::hello::{HELLO, HELLO_ANSWER};
 use super::inbox::{Carrier, Inbox};
 use super::sizes::{Interface, SIZES_LEN, Sizes};
-use crate::wire::WireError;
+use crate::WireError;
 
 /// An answer before the sizes.
 pub(super) const NOT_READY: WireError = WireError::Order {

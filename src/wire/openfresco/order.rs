@@ -5,7 +5,7 @@
 //! quantities, the order must be known from elsewhere. The time is one of the quantities: any control point may hold it.
 
 use super::sizes::Counts;
-use crate::wire::WireError;
+use crate::WireError;
 
 /// The order of the signals of a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

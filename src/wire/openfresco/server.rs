@@ -11,7 +11,7 @@ use super::inbox::Carrier;
 use super::opening::{Came, NOT_READY, Opening};
 use super::sizes::{Interface, Sizes};
 use super::vector::{Response, read_lead};
-use crate::wire::WireError;
+use crate::WireError;
 
 /// Length of a line of `GenericTCP`'s init file.
 const LINE_LEN: usize = 16_385;

@@ -11,8 +11,8 @@ use super::inbox::{Carrier, Inbox};
 use super::sizes::{BLOCK_LEN, DEFAULT_DATA_SIZE, Sizes};
 use super::vector::Response;
 use gusset_quantity::substructure::{Command, Measurement};
-use crate::wire::WireError;
-use crate::wire::bytes::{array, finite, get_f64, put_doubles};
+use crate::WireError;
+use crate::bytes::{array, finite, get_f64, put_doubles};
 
 /// How to talk to an actor.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,8 +12,8 @@ use super::opening::{Came, NOT_READY, Opening};
 use super::order::SignalOrder;
 use super::sizes::{Counts, Interface, Sizes};
 use super::vector::{Response, read_lead};
-use crate::wire::WireError;
-use crate::wire::bytes::{array, finite, put, put_doubles, same_length};
+use crate::WireError;
+use crate::bytes::{array, finite, put, put_doubles, same_length};
 
 /// What came.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,8 +3,8 @@
 //! Invariant: an object of this module is valid. Every count is between 0 and [`MAX_COUNT`], and N holds what it
 //! must and is at most [`MAX_DATA_SIZE`]. The real programs check none of this and write past their buffers.
 
-use crate::wire::WireError;
-use crate::wire::bytes::{get_i32, put};
+use crate::WireError;
+use crate::bytes::{get_i32, put};
 
 /// Length of the first message in dialects A, C and D.
 pub const SIZES_LEN: usize = 44;
@@ -183,7 +183,7 @@ impl Sizes {
     /// # Errors
     /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for what cannot be.
     pub fn parse(bytes: &[u8]) -> Result<Self, WireError> {
-        crate::wire::not_foreign(bytes)?;
+        crate::not_foreign(bytes)?;
         let ctrl = Counts::parse(bytes, 0)?;
         let daq = Counts::parse(bytes, BLOCK_LEN)?;
         let found = i64::from(get_i32(bytes, 2 * BLOCK_LEN)?);
@@ -305,7 +305,7 @@ pub(super) fn inside(
 }
 
 fn exactly(field: &'static str, expected: usize, found: usize) -> Result<(), WireError> {
-    crate::wire::bytes::same_length(field, expected, found)
+    crate::bytes::same_length(field, expected, found)
 }
 
 fn none_or(field: &'static str, expected: usize, found: usize) -> Result<(), WireError> {

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use super::*;
 use gusset_quantity::substructure::{Command, Measurement};
-use crate::wire::WireError;
+use crate::WireError;
 
 const ONE: Interface = Interface { axes: 1, forces: 1 };
 

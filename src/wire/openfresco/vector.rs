@@ -5,8 +5,8 @@
 
 use super::action::Action;
 use super::sizes::Counts;
-use crate::wire::WireError;
-use crate::wire::bytes::{finite_words, get_f64, put, put_doubles, same_length, words};
+use crate::WireError;
+use crate::bytes::{finite_words, get_f64, put, put_doubles, same_length, words};
 
 /// Signals of a command or an answer. Slices for kinds that the layout does not have are ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -88,7 +88,7 @@ pub fn write_vector(
             continue;
         }
         same_length(field, count, values.len())?;
-        crate::wire::bytes::finite(field, values)?;
+        crate::bytes::finite(field, values)?;
         put_doubles(out, at, values)?;
         at += 8 * count;
     }
@@ -112,7 +112,7 @@ pub fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
 /// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Room`].
 pub fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireError> {
     same_length("entries of the matrix", n.saturating_mul(n), rows.len())?;
-    crate::wire::bytes::finite("matrix", rows)?;
+    crate::bytes::finite("matrix", rows)?;
     let mut at = 0;
     for column in 0..n {
         for value in rows.iter().skip(column).step_by(n) {
@@ -179,7 +179,7 @@ impl Signals {
     ) -> Result<(), WireError> {
         let words = words(vector, 8 * lead, self.values.len())?;
         finite_words(field, words)?;
-        crate::wire::bytes::copy_words(field, words, &mut self.values)
+        crate::bytes::copy_words(field, words, &mut self.values)
     }
 
     pub(super) const fn counts(&self) -> &Counts {

@@ -1,12 +1,12 @@
 //! Control messages: what agrees on everything before anything moves.
 
-use gusset::wire::handshake::{
+use gusset_wire::handshake::{
     Arm, Axis, Bye, Capabilities, Control, Hello, Limits, Refuse, RefuseCode, Sampling, Terms,
     Unit, Versions, Welcome, agree, check_welcome, decode, encode, layout_hash, verify_hello,
     verify_welcome,
 };
-use gusset::wire::key::PreSharedKey;
-use gusset::wire::native::CONTROL_LIMIT;
+use gusset_wire::key::PreSharedKey;
+use gusset_wire::native::CONTROL_LIMIT;
 
 use super::{Dice, Target, mutate};
 

@@ -1,12 +1,12 @@
 //! Our own frames, with and without a key.
 
 use gusset_quantity::substructure::{Command, Measurement, Status};
-use gusset::wire::key::{MAC_LEN, PreSharedKey, SessionKey};
-use gusset::wire::native::{
+use gusset_wire::key::{MAC_LEN, PreSharedKey, SessionKey};
+use gusset_wire::native::{
     CRC_LEN, Cause, Decoder, Encoder, Frame, HEADER_LEN, Heartbeat, LARGEST_FRAME, Moment, Notice,
     Received, split,
 };
-use gusset::wire::{Progress, Side, WireError};
+use gusset_wire::{Progress, Side, WireError};
 
 use super::{Dice, Target, corpus, mutate};
 
@@ -285,7 +285,7 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
     let again = decoder.open(&out[..length]).unwrap();
     match (received.frame, again.frame) {
         (Frame::Command(one), Frame::Command(two)) => {
-            let read = |frame: gusset::wire::native::CommandFrame<'_>| {
+            let read = |frame: gusset_wire::native::CommandFrame<'_>| {
                 let (mut disp, mut vel) = (vec![0.0; axes], vec![0.0; axes]);
                 frame.read(&mut disp, &mut vel).unwrap();
                 let numbers = [disp, vel, vec![frame.time(), frame.dt()]].concat();
@@ -294,7 +294,7 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
             assert_eq!(read(one), read(two));
         }
         (Frame::Measurement(one), Frame::Measurement(two)) => {
-            let read = |frame: gusset::wire::native::MeasurementFrame<'_>| {
+            let read = |frame: gusset_wire::native::MeasurementFrame<'_>| {
                 let mut into = Measurement::zeros(axes);
                 frame.read(&mut into).unwrap();
                 let times = vec![frame.time(), frame.sampled_after()];
@@ -303,7 +303,7 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
                 (codes, bits(&numbers))
             };
             assert_eq!(read(one), read(two));
-            let history = |frame: gusset::wire::native::MeasurementFrame<'_>| -> Vec<_> {
+            let history = |frame: gusset_wire::native::MeasurementFrame<'_>| -> Vec<_> {
                 let mut force = vec![0.0; axes];
                 let entries = frame.earlier().map(|entry| {
                     entry.read(&mut force).unwrap();

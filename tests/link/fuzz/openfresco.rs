@@ -3,8 +3,8 @@
 use std::fmt::{Debug, Write};
 
 use gusset_quantity::substructure::{Command, Measurement};
-use gusset::wire::WireError;
-use gusset::wire::openfresco::{
+use gusset_wire::WireError;
+use gusset_wire::openfresco::{
     Actor, ActorEvent, Carrier, Client, ClientDialect, ClientEvent, ClientSettings, Counts, Event,
     Interface, Response, Server, ServerDialect, Shadow, ShadowEvent, ShadowSettings, Simulink,
     SimulinkEvent, Sizes, UdpGreeting,

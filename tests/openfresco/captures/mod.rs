@@ -10,8 +10,8 @@ mod others;
 
 use std::fs;
 
-use gusset::wire::WireError;
-use gusset::wire::openfresco::{
+use gusset_wire::WireError;
+use gusset_wire::openfresco::{
     Action, Actor, ActorEvent, Asked, Carrier, Client, ClientDialect, ClientEvent, ClientSettings,
     Counts, Course, DATAGRAM_LIMIT, Event, Interface, Matrix, Reading, Response, Server,
     ServerDialect, Shadow, ShadowEvent, ShadowSettings, Simulink, SimulinkEvent, Sizes,

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use gusset::wire::handshake::{Capabilities, Welcome};
+use gusset_wire::handshake::{Capabilities, Welcome};
 
 use super::command::{SHORT, TEST, identify, served};
 use crate::common::{Said, write};

@@ -5,8 +5,8 @@ use crate::link::native::ask::{ask, explained, not_welcome};
 use crate::link::native::refused::SetupError;
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::Nanos;
-use crate::wire::handshake::{self, Arm, Bye, Control};
-use crate::wire::native::{Cause, Frame, Notice};
+use gusset_wire::handshake::{self, Arm, Bye, Control};
+use gusset_wire::native::{Cause, Frame, Notice};
 
 /// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
 const GOODBYE_NS: u64 = 300_000_000;

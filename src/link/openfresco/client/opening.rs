@@ -6,8 +6,8 @@ use crate::link::openfresco::error::{Lost, RemoteError, Saying};
 use crate::rt::os;
 use gusset_quantity::substructure::{LinkFault, Measurement};
 use gusset_quantity::time::Nanos;
-use crate::wire::WireError;
-use crate::wire::openfresco::{Client, Matrix, Reading};
+use gusset_wire::WireError;
+use gusset_wire::openfresco::{Client, Matrix, Reading};
 
 impl Remote {
     pub(super) fn set_up(&mut self, until: Nanos) -> Result<(), RemoteError> {

@@ -9,9 +9,9 @@ use crate::link::server::backlog::Backlog;
 use crate::link::server::channel::{Channel, said_goodbye};
 use crate::link::server::native_handshake;
 use crate::link::server::shared::Shared;
-use crate::wire::WireError;
-use crate::wire::handshake::{self, Arm, Control, Refuse};
-use crate::wire::native::{Cause, Notice};
+use gusset_wire::WireError;
+use gusset_wire::handshake::{self, Arm, Control, Refuse};
+use gusset_wire::native::{Cause, Notice};
 
 /// The end of a session, or a frame that failed a check.
 pub(super) enum Wrong {

@@ -17,8 +17,8 @@ use crate::link::server::shared::Shared;
 use crate::link::socket::LOOK;
 use gusset_quantity::substructure::{LinkFault, Status};
 use gusset_quantity::time::Nanos;
-use crate::wire::handshake::{self, Arm, Control};
-use crate::wire::native::Notice;
+use gusset_wire::handshake::{self, Arm, Control};
+use gusset_wire::native::Notice;
 
 /// Why a specimen comes to rest on its way to a target.
 enum Interruption {

@@ -13,11 +13,11 @@ use gusset_quantity::substructure::{
     Substructure, Unavailable,
 };
 use gusset_quantity::time::{Clock, Nanos, SimClock};
-use crate::wire::Side;
-use crate::wire::handshake::{
+use gusset_wire::Side;
+use gusset_wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, RefuseCode, Sampling, Unit, Versions, layout_hash,
 };
-use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
+use gusset_wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
 
 /// A controller of 1000 commands a second, armed at zero for command 0, of a spring of 8 N/mm.
 struct Controller {

@@ -15,8 +15,8 @@ use gusset_quantity::substructure::{
     Unavailable,
 };
 use gusset_quantity::units::AxisUnits;
-use crate::wire::WireError;
-use crate::wire::openfresco::Carrier;
+use gusset_wire::WireError;
+use gusset_wire::openfresco::Carrier;
 
 const LINEAR: &str = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
 const VISCOUS: &str = "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }";
