@@ -13,9 +13,9 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use gusset::config;
-use gusset::config::LimitsSpec;
-use gusset::config::fault_script::Script;
+use gusset_config as config;
+use gusset_config::LimitsSpec;
+use gusset_config::fault_script::Script;
 use gusset::engine::{Connected, Control, Ending};
 use gusset_numerics::law::LawSpec;
 use gusset::link::server::{Host, Simulated};

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use gusset::config::Carrier;
+use gusset_config::Carrier;
 use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::secret::read_key;

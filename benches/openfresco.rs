@@ -6,7 +6,7 @@
 use std::net::{TcpListener, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use gusset::config;
+use gusset_config as config;
 use gusset::link::openfresco::{Host, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::server::{ServeOptions, Server};
 use gusset::link::{SocketOptions, TcpTransport, Transport, UdpTransport};

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex};
 
-use gusset::config;
+use gusset_config as config;
 use gusset::engine::{Connected, Control, Side};
 use gusset_numerics::integrate::Integrator;
 use gusset::record::{RingSize, WhenFull, ring};

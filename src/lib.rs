@@ -60,7 +60,6 @@ pub mod assets;
 pub mod benchmark;
 pub mod campaign;
 pub mod cli;
-pub mod config;
 pub mod engine;
 pub mod frontier;
 pub mod guide;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use serde::Serialize;
 
-use crate::config::Scalar;
+use gusset_config::Scalar;
 
 /// A column of the table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -4,7 +4,7 @@ use std::f64::consts::SQRT_2;
 
 use super::random::bits;
 use super::sobol;
-use crate::config::{Design, Sampling, Scalar};
+use gusset_config::{Design, Sampling, Scalar};
 
 /// A key with its values.
 #[derive(Debug, Clone)]

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::CampaignError;
 use gusset_quantity::catalog::column;
-use crate::config::{Finding, KeyPath, LoadedStudy, nearest};
+use gusset_config::{Finding, KeyPath, LoadedStudy, nearest};
 use crate::engine::{Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
 use crate::record::{Column, Recorder, TimedEvent};

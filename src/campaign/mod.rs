@@ -67,7 +67,7 @@ pub use submit::{Engine, Prepared, prepare, start};
 pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
-use crate::config::ConfigError;
+use gusset_config::ConfigError;
 use crate::record::FolderError;
 
 /// Why a campaign cannot go on.

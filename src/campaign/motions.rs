@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::{fs, io};
 
 use super::CampaignError;
-use crate::config::{Finding, InputStore, Inputs, Intensity, KeyPath, LoadedStudy, RecordsTable};
+use gusset_config::{Finding, InputStore, Inputs, Intensity, KeyPath, LoadedStudy, RecordsTable};
 use gusset_motion::{FileSignal, Quantity, ReadOptions, Resample, Signal, Unit, parse_record};
 
 const GROUND: &str = "excitation.ground_acceleration";

@@ -11,7 +11,7 @@ use super::pairs::pairs;
 use super::plan::Campaign;
 use super::sensitivity::sensitivity;
 use super::study::Study;
-use crate::config::Design;
+use gusset_config::Design;
 use crate::view::report::{Look, Scale, count, definitions, details, escape, frame, note, section};
 
 /// Most points of the design with separate pictures.

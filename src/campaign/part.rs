@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use super::perform::Performed;
 use super::{CampaignError, at};
-use crate::config::read_input;
+use gusset_config::read_input;
 use crate::record::atomic;
 
 /// First words of a part, before the identity of its campaign.

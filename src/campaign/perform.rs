@@ -4,7 +4,7 @@ use super::measure::{End, Taker, storeys};
 use super::study::Study;
 use super::task::Task;
 use gusset_quantity::catalog::ending::Cause;
-use crate::config::ConfigError;
+use gusset_config::ConfigError;
 use crate::engine::{Ending, Experiment};
 use crate::session::certificate::MOST_ATTEMPTS;
 use crate::session::rehearsal::{Staging, staged};

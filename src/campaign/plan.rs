@@ -10,7 +10,7 @@ use super::perform::{INVALID, perform, why_invalid};
 use super::study::{MOST_TASKS, Study};
 use super::task::Task;
 use super::{CampaignError, at};
-use crate::config::read_text;
+use gusset_config::read_text;
 use crate::record::{atomic, make_free};
 use crate::rt::os;
 

@@ -7,7 +7,7 @@ use super::drawing::{SIZE, figure, headed, of, short};
 use super::found::Shown;
 use super::measure::Measure;
 use super::study::Study;
-use crate::config::Scalar;
+use gusset_config::Scalar;
 use gusset_quantity::units::{number, unit_in_name};
 use crate::view::report::{Tornado, TornadoBar, note, table};
 

@@ -9,7 +9,7 @@ use super::measure::{Measure, measures};
 use super::motions::{Motions, motions};
 use super::sobol;
 use super::{CampaignError, at};
-use crate::config::{
+use gusset_config::{
     ConfigError, Finding, InputStore, KeyPath, LoadedStudy, Sampling, Scalar, Uncertain, load_study,
 };
 use crate::setup;

@@ -11,7 +11,7 @@ use super::perform::Performed;
 use super::study::Study;
 use super::task::Task;
 use super::{CampaignError, at};
-use crate::config::Scalar;
+use gusset_config::Scalar;
 use crate::record::atomic::AtomicFile;
 use gusset_quantity::units::unit_in_name;
 

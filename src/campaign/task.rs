@@ -3,7 +3,7 @@
 use super::design::{Draws, again, point};
 use super::random::bits;
 use super::study::Study;
-use crate::config::Scalar;
+use gusset_config::Scalar;
 
 /// One simulated test of a campaign.
 #[derive(Debug, Clone)]

@@ -15,7 +15,7 @@ use super::spectrum;
 use super::table::Table;
 use super::test_file::{load, refused};
 use super::{answer, tell, warn};
-use crate::config::Loaded;
+use gusset_config::Loaded;
 use crate::session::Judged;
 use crate::session::certificate::Certificate;
 use crate::setup;
@@ -25,7 +25,7 @@ use gusset_actuator::transfer::BetweenTicks;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
-    if crate::config::is_for_a_server(&args.test) {
+    if gusset_config::is_for_a_server(&args.test) {
         return served::check(args);
     }
     if args.specimen.is_some() {

@@ -9,7 +9,7 @@ use super::attend::Attendant;
 use super::exit::{Exit, WithExit};
 use super::screen::in_colour;
 use super::{tell, warn};
-use crate::config::Locator;
+use gusset_config::Locator;
 use crate::engine::{Control, PhaseCell};
 use crate::record::RunFolder;
 use crate::rt::wall::Wall;

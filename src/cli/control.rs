@@ -9,7 +9,7 @@ use super::exit::{Exit, WithExit};
 use super::question::{Answered, Question};
 use super::test_file::refused;
 use super::{answer, tell};
-use crate::config::{Protocol, SpecimenTable, specimens_of};
+use gusset_config::{Protocol, SpecimenTable, specimens_of};
 use crate::link::served::{Latch, LinkMaker};
 use crate::link::server::Host;
 use crate::record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};

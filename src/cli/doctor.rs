@@ -4,7 +4,7 @@ use super::answer;
 use super::args::DoctorArgs;
 use super::exit::Exit;
 use super::table::Table;
-use crate::config::TimingSpec;
+use gusset_config::TimingSpec;
 use crate::rt::doctor::{Finding, Verdict, examine, fitness};
 use crate::setup::rt_plan;
 

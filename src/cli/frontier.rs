@@ -9,7 +9,7 @@ use super::args::{JitterArgs, ModelArg};
 use super::exit::{Exit, WithExit};
 use super::table::Table;
 use super::{answer, tell};
-use crate::config::TimingSpec;
+use gusset_config::TimingSpec;
 use crate::frontier::{Point, Scalable, csv, svg};
 use crate::record::{RunFolder, atomic};
 use crate::rt::wall::Wall;

@@ -11,7 +11,7 @@ use super::args::GuideArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use gusset_quantity::catalog::explained::explain;
-use crate::config::nearest;
+use gusset_config::nearest;
 use crate::guide::{self, CONTENTS, Entry, MANUAL_LIST, PAGES, plain_text};
 
 /// The widest text.

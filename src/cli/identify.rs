@@ -14,7 +14,7 @@ use super::exit::{Exit, WithExit};
 use super::progress::ProgressLine;
 use super::test_file::refused;
 use super::{answer, tell, warn};
-use crate::config::{ConfigError, Loaded};
+use gusset_config::{ConfigError, Loaded};
 use crate::record::{Progress, RunFolder};
 use crate::session::identification::{
     IdentificationError, Outcome, PICTURES, Plan, Request, files,

@@ -6,7 +6,7 @@ use super::answer;
 use super::args::ListArgs;
 use super::drawn::cut;
 use super::exit::Exit;
-use crate::config::printable;
+use gusset_config::printable;
 use crate::record::FolderError;
 use crate::record::listing::{Listed, Peak, State, listed};
 use gusset_quantity::units::{duration, quantity};

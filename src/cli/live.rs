@@ -13,8 +13,8 @@ use super::exit::{Exit, WithExit};
 #[cfg(feature = "monitor")]
 use super::tell;
 #[cfg(feature = "monitor")]
-use crate::config::Carrier;
-use crate::config::ClockChoice;
+use gusset_config::Carrier;
+use gusset_config::ClockChoice;
 #[cfg(feature = "monitor")]
 use crate::engine::Operator;
 use crate::engine::PhaseCell;

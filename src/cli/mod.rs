@@ -61,7 +61,7 @@ pub use log::tell_panics;
 use args::{Cli, Command, LogArg};
 use clap::ValueEnum as _;
 
-use crate::config::Diagnostics;
+use gusset_config::Diagnostics;
 use crate::rt::os;
 use gusset_quantity::text::printable;
 

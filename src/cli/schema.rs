@@ -3,7 +3,7 @@
 use super::answer;
 use super::args::SchemaArgs;
 use super::exit::Exit;
-use crate::config;
+use gusset_config as config;
 
 /// Prints the JSON Schema of the test file, of the file of `gusset serve`, or of a study.
 pub fn schema(args: &SchemaArgs) -> anyhow::Result<Exit> {

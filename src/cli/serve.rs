@@ -10,7 +10,7 @@ use super::serve_reports::Reports;
 use super::serve_start::{misasked, run_until_signal, unbound};
 use super::test_file::refused;
 use super::{serve_openfresco, serve_tls, tell};
-use crate::config::{self, Carrier, ClientCertificate, Offer, SignalOrderSpec};
+use gusset_config::{self as config, Carrier, ClientCertificate, Offer, SignalOrderSpec};
 use crate::link::openfresco::Role;
 use crate::link::secret::read_key;
 use crate::link::served::RecordSettings;

@@ -5,7 +5,7 @@ use super::exit::Exit;
 use super::serve_start::{misasked, run_until_signal, unbound};
 use super::serve_tls;
 use super::tell;
-use crate::config::Carrier;
+use gusset_config::Carrier;
 use crate::link::openfresco::{Host, Nature, Role, ServeSettings};
 use crate::link::server::{ServeOptions, Server};
 use crate::link::socket::{resolve, resolve_host};

@@ -13,7 +13,7 @@ use super::exit::{Exit, WithExit};
 use super::log::remark;
 use super::test_file::refused;
 use super::{answer, tell};
-use crate::config::{Finding, KeyPath, Locator};
+use gusset_config::{Finding, KeyPath, Locator};
 use crate::link::server::{ServeError, Server};
 use crate::session::{Signal, Signals, missing};
 

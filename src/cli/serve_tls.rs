@@ -6,7 +6,7 @@ use super::args::{ServeArgs, TlsArgs};
 use super::exit::{Exit, WithExit};
 use super::serve_start::misasked;
 use super::tell;
-use crate::config::{Carrier, ClientCertificate};
+use gusset_config::{Carrier, ClientCertificate};
 use crate::link::tls::{TlsFiles, TlsServer};
 use crate::setup::Served;
 

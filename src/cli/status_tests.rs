@@ -23,7 +23,7 @@ fn board_of(rows: u64, seen: Glimpse, events: &[Event]) -> Arc<Board> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("test.toml");
     std::fs::write(&path, text).unwrap();
-    let loaded = crate::config::load(&path, &[]).unwrap();
+    let loaded = gusset_config::load(&path, &[]).unwrap();
     let prepared = crate::setup::build(&loaded).unwrap();
     let about = About {
         title: "Frame".into(),

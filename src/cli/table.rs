@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde_json::Value;
 
-use crate::config::printable;
+use gusset_config::printable;
 use crate::record::Summary;
 use crate::rt::timing::Quantity;
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::exit::Mistakes;
 use super::screen;
-use crate::config::{self, ConfigError, Loaded};
+use gusset_config::{self as config, ConfigError, Loaded};
 
 /// Reads a test file; its mistakes are shown with file, line and caret.
 pub fn load(path: &Path, sets: &[String]) -> anyhow::Result<Loaded> {

@@ -10,7 +10,7 @@ const MOST_DIGITS: usize = 24;
 const LONGEST_WORD: usize = 300;
 
 /// A number as a person writes it: without rows of zeros.
-pub(crate) fn number(value: f64) -> String {
+pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() || (1e-5..1e15).contains(&value.abs()) {
         value.to_string()
     } else {

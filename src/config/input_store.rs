@@ -55,7 +55,7 @@ pub(super) fn read_at_most(longest_mib: u64, path: &Path) -> io::Result<Vec<u8>>
 ///
 /// # Errors
 /// The system refuses, or the file is longer than any record.
-pub(crate) fn read_input(path: &Path) -> io::Result<Vec<u8>> {
+pub fn read_input(path: &Path) -> io::Result<Vec<u8>> {
     read_at_most(LONGEST_MIB, path)
 }
 

@@ -16,7 +16,7 @@ use super::summary::finite;
 use gusset_quantity::catalog::ending::{Cause, Kind};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Part;
-use crate::config::{Time, TimeTable};
+use gusset_config::{Time, TimeTable};
 use crate::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
 use crate::record::summary::{Peak, Status};
 use crate::record::{Event, EventLine, FolderError, Run, Summary};

@@ -11,7 +11,7 @@ use crossbeam_channel::{Receiver, Sender};
 
 use super::lineage::ACCEPT;
 use gusset_quantity::catalog::event::Remark;
-use crate::config::ClockChoice;
+use gusset_config::ClockChoice;
 use crate::engine::{Control, Experiment, Operator};
 use crate::port::Port;
 use crate::record::{Event, FolderError, Run, Writer};

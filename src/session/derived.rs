@@ -13,7 +13,7 @@
 use thiserror::Error;
 
 use gusset_quantity::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
-use crate::config::{self, ConfigError, TestFile, Weighting};
+use gusset_config::{self as config, ConfigError, TestFile, Weighting};
 use crate::engine::Phase;
 use gusset_numerics::model::{BuildError, StructureSpec};
 use crate::record::export::{Rows, Sum};

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::config;
+use gusset_config as config;
 use crate::engine::Side;
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::falsified::Mode;

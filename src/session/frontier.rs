@@ -7,7 +7,7 @@ use thiserror::Error;
 use tracing::subscriber::NoSubscriber;
 
 use super::{SessionError, Signals, Watches, loop_round, run};
-use crate::config::TimingSpec;
+use gusset_config::TimingSpec;
 use crate::frontier::{Length, ModelError, Point, Scalable, Search, Trial, largest};
 use crate::record::{FolderError, Progress, RunFolder};
 use gusset_quantity::time::Ratio;

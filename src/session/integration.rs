@@ -1,6 +1,6 @@
 //! The stability of the integration in words, for `check`, the certificate and the end of `run`.
 
-use crate::config::Method;
+use gusset_config::Method;
 use gusset_actuator::geometry::LawPlace;
 use gusset_numerics::integrate::Lambda;
 use crate::setup::{Facts, StructureFacts};

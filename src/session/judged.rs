@@ -1,7 +1,7 @@
 //! A test with its verdict: what every command that moves a specimen obeys before anything connects.
 
 use super::rehearsal::{FullRehearsal, errors};
-use crate::config::{ConfigError, DIVERGENCE_M, KeyPath};
+use gusset_config::{ConfigError, DIVERGENCE_M, KeyPath};
 use crate::setup::{self, Prepared};
 use crate::stability::Kind;
 use crate::stability::{Following, Verdict, added_damping};

@@ -85,7 +85,7 @@ use specimen_records::HeldRecords;
 
 use gusset_quantity::catalog::ending::{Cause, Exit};
 use gusset_quantity::catalog::event::Remark;
-use crate::config::ConfigError;
+use gusset_config::ConfigError;
 use crate::engine::Control;
 use crate::record::writer::WriterError;
 use crate::record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};

@@ -7,7 +7,7 @@ use super::guarded::{Ended, run_to_the_end};
 use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive};
 use gusset_quantity::catalog::event::{Remark, Severity};
-use crate::config::ClockChoice;
+use gusset_config::ClockChoice;
 use crate::engine::{Connected, Control, Experiment};
 use crate::record::writer::Clocks;
 use crate::record::{

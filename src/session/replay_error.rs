@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::config::ConfigError;
+use gusset_config::ConfigError;
 use crate::record::FolderError;
 
 /// Why a folder cannot be replayed.

@@ -24,7 +24,7 @@ use super::retrace::{
     unusable_states,
 };
 use super::row_peaks::{earlier_peaks, peak_of};
-use crate::config::Loaded;
+use gusset_config::Loaded;
 use crate::port::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};

@@ -15,7 +15,7 @@ use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::row_peaks::earlier_peaks;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
-use crate::config::{self, ConfigError, Loaded};
+use gusset_config::{self as config, ConfigError, Loaded};
 use crate::engine::{
     Connected, Control, Ending, Experiment, Resumption, Retraced as Followed, Side,
 };

@@ -9,7 +9,7 @@ use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::reason::{ending, last_words};
 use gusset_quantity::catalog::ending::Cause;
-use crate::config::ClockChoice;
+use gusset_config::ClockChoice;
 use crate::engine::{Gaps, Outcome};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};
 use crate::record::{FolderError, Recorded, RunFolder, Summary, times};

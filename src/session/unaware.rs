@@ -1,7 +1,7 @@
 //! A test with drawn numbers, by a controller that does not know them: what is drawn is the truth, and the estimates k̂, ĉ and λ
 //! of the controller stay those of the file.
 
-use crate::config::{ConfigError, LambdaValue, Loaded};
+use gusset_config::{ConfigError, LambdaValue, Loaded};
 use crate::setup::{self, Trial};
 
 /// Estimates and λ of a controller, which no draw changes.

@@ -1,7 +1,7 @@
 //! A prepared test as its verdict sees it.
 
 use super::Prepared;
-use crate::config::{ClockChoice, IntegratorTable, SafetyTable, SpecimenTable};
+use gusset_config::{ClockChoice, IntegratorTable, SafetyTable, SpecimenTable};
 use crate::stability::{Accepts, Actuator, Case, Machine};
 
 impl Prepared {

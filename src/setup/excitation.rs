@@ -3,7 +3,7 @@
 use super::specimens::Specimens;
 use super::structure::vector;
 use super::{Refused, Site, path};
-use crate::config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
+use gusset_config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
 use gusset_numerics::model::Structure;
 use gusset_motion::{
     Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, Signal,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::LimitFacts;
-use crate::config::{ClockChoice, Method, TimingSpec};
+use gusset_config::{ClockChoice, Method, TimingSpec};
 use gusset_numerics::integrate::Lambda;
 use gusset_motion::RecordFacts;
 use crate::stability::{Analysis, LambdaChoice, OnlineLimit, Stability};

@@ -17,7 +17,7 @@ use following::Following;
 use super::links::{beside, folder, native_setup, tls_client, wire_axes};
 use super::remote::remote_settings;
 use super::specimens::loading::at_actuators;
-use crate::config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTable};
+use gusset_config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTable};
 use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;

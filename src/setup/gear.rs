@@ -1,6 +1,6 @@
 //! What lies between a deformation of the structure and the numbers of an axis: gear, scale and units.
 
-use crate::config::{AxisTable, SpecimenTable};
+use gusset_config::{AxisTable, SpecimenTable};
 use crate::port::Axis;
 
 /// A square matrix by rows, one row per axis.

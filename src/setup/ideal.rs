@@ -8,7 +8,7 @@ use std::cell::{Cell, RefCell};
 use super::gear::scaled;
 use super::specimens::{IdealLaw, IdealPort};
 use super::{Initial, Refused, Site, Trial, excitation, method, proof, specimens, structure};
-use crate::config::{ConfigError, LambdaValue, Loaded};
+use gusset_config::{ConfigError, LambdaValue, Loaded};
 use gusset_numerics::integrate::{
     Forces, Lambda, MethodError, Moment, Newmark, NewmarkBeta, NewtonSettings, State, Stepper,
     Tangents,

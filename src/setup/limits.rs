@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::specimens::loading::LoadingFacts;
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{ClockChoice, ExitChoice, TestFile, Time};
+use gusset_config::{ClockChoice, ExitChoice, TestFile, Time};
 use crate::engine::{Limits, OnMiss};
 use crate::port::Port;
 use crate::port::limits::Bound;

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::remote::remote_settings;
 use super::{Refused, Site};
-use crate::config::{
+use gusset_config::{
     Carrier, ClockChoice, Finding, KeyPath, LinkCoupling, LinkSpec, SpecimenTable, StaleChoice,
     TestFile, TlsSpec, WATCHDOG_MAX_S,
 };

@@ -1,7 +1,7 @@
 //! The tables of critical delays of the ports whose lag is estimated.
 
 use super::{Refused, Site, StructureFacts, path};
-use crate::config::Finding;
+use gusset_config::Finding;
 use crate::port::Port;
 
 /// Gives the tables to each port whose lag is estimated. Without tables, the facts of the structure keep the reason. A test that

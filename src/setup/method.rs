@@ -1,7 +1,7 @@
 //! The integration method of a test file, made of the initial matrices.
 
 use super::{Refused, Site, path};
-use crate::config::{Finding, Method, Start, Weighting};
+use gusset_config::{Finding, Method, Start, Weighting};
 use gusset_numerics::integrate::{
     self, AlphaWeights, CentralDifference, Chang2002, Gui, Integrator, KrAlpha, KrAlphaAtState,
     Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,

@@ -36,7 +36,7 @@ mod trial;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use crate::config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
+use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
 use crate::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
@@ -256,7 +256,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     if let Some(share) = facts.structure.as_ref().and_then(|s| s.rest_damping_share) {
         named.integrator.rest_damping_share = Some(share);
     }
-    let resolved = match crate::config::resolve(&named, facts.lambda(), &site.inputs) {
+    let resolved = match gusset_config::resolve(&named, facts.lambda(), &site.inputs) {
         Ok(resolved) => resolved,
         Err(error) => return site.refuse(Finding::error(KeyPath::root(), error.to_string())),
     };

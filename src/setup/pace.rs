@@ -3,7 +3,7 @@
 use toml_edit::{DocumentMut, Item};
 
 use super::Prepared;
-use crate::config::{self, DIVERGENCE_M, Policy, TestFile, Time, TimingSpec};
+use gusset_config::{self as config, DIVERGENCE_M, Policy, TestFile, Time, TimingSpec};
 use crate::engine::{Limits, OnMiss, Pacing};
 use crate::rt::RtPlan;
 

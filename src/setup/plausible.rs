@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::specimens::Specimens;
 use super::{Site, StructureFacts, path};
-use crate::config::{Finding, KeyPath};
+use gusset_config::{Finding, KeyPath};
 use gusset_numerics::model::StructureSpec;
 use gusset_motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
 use crate::stability::Kind;

@@ -4,7 +4,7 @@
 use super::excitation::{grid, motion, warn, with_files};
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use crate::config::{Finding, KeyPath, PrescribedPlace, PrescribedTable};
+use gusset_config::{Finding, KeyPath, PrescribedPlace, PrescribedTable};
 use gusset_actuator::geometry::{Fault, Geometry, MOST};
 use gusset_motion::{Grid, Prescribed, PrescribedSpec};
 

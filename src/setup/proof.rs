@@ -3,7 +3,7 @@
 use super::method::Initial;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use crate::config::{Finding, LambdaValue, Method, Severity};
+use gusset_config::{Finding, LambdaValue, Method, Severity};
 use gusset_quantity::finding::KeyPath;
 use gusset_numerics::integrate::{Gui, Lambda, Start};
 use gusset_numerics::linalg::SymMatrix;

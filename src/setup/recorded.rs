@@ -2,7 +2,7 @@
 
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use crate::config::{DispUnit, DofChoice, Finding};
+use gusset_config::{DispUnit, DofChoice, Finding};
 
 /// Largest model whose DOFs are all recorded unless the test says otherwise.
 const RECORD_ALL: usize = 64;

@@ -1,6 +1,6 @@
 //! From `[specimen.link]` to the settings of a client of OpenFresco and OpenSees.
 
-use crate::config::{Carrier, LinkSpec};
+use gusset_config::{Carrier, LinkSpec};
 use crate::link::Wait;
 use crate::link::openfresco::RemoteSettings;
 use gusset_wire::openfresco::Carrier as Bytes;

@@ -3,7 +3,7 @@
 use super::gear::Rows;
 use super::{Refused, Site, path};
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{
+use gusset_config::{
     AxisTable, BoundSpec, ExitChoice, Finding, LimitsSpec, ShareSpec, SpecimenTable, TestFile,
     Time, ZeroChoice,
 };

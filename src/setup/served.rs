@@ -6,7 +6,7 @@ use super::gateway;
 use super::links::{beside, wire_axes};
 use super::specimens::loading::{behind_actuators, own_offsets};
 use super::speed;
-use crate::config::{
+use gusset_config::{
     ConfigError, Finding, KeyPath, Offer, ServedFile, SpecimenTable, load_serve_file,
 };
 use crate::link::openfresco::{Role, Transformation};

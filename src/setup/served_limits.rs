@@ -4,7 +4,7 @@ use super::gateway::signal_units;
 use super::gear;
 use super::specimens::loading::loading_of;
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{ServedFile, SpecimenTable};
+use gusset_config::{ServedFile, SpecimenTable};
 use gusset_quantity::units::AxisUnits;
 
 /// Trip levels of one axis, or the range that they allow for one signal of the client. Infinite without a level.
@@ -142,7 +142,7 @@ mod tests {
         let path = folder.path().join("gateway.toml");
         let text = format!("[safety]\nunlimited = \"a test\"\n{text}");
         std::fs::write(&path, text).unwrap();
-        served_limits(&crate::config::load_serve_file(&path, None).unwrap())
+        served_limits(&gusset_config::load_serve_file(&path, None).unwrap())
     }
 
     fn near(found: [f64; 2], wanted: [f64; 2]) {

@@ -1,7 +1,7 @@
 //! The way of a static load onto the structure before t = 0.
 
 use super::{Refused, Site, path};
-use crate::config::Finding;
+use gusset_config::Finding;
 use crate::engine::StaticLoad;
 use gusset_numerics::linalg::{Spd, SymMatrix};
 

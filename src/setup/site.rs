@@ -1,7 +1,7 @@
 //! What a build has found so far, and read; and how it refuses: a finding at its place in the file.
 
 use super::{Dial, Trial};
-use crate::config::{Finding, Inputs, KeyPath, Loaded};
+use gusset_config::{Finding, Inputs, KeyPath, Loaded};
 use gusset_motion::RecordFacts;
 use crate::stability::Kind;
 

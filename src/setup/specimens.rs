@@ -10,8 +10,8 @@ mod unwatched;
 
 use super::gear::Rows;
 use super::{Estimate, Refused, Site, path, safety};
-use crate::config::check::measured::needing_measured_disp;
-use crate::config::{Finding, LinkSpec, Loaded, ProbeChoice};
+pub use gusset_config::check::measured::needing_measured_disp;
+use gusset_config::{Finding, LinkSpec, Loaded, ProbeChoice};
 use gusset_actuator::geometry::Geometry;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;

@@ -1,7 +1,7 @@
 //! Velocities of a specimen behind a link: they are those of the laboratory, and can differ from those of the test.
 
 use super::Site;
-use crate::config::{Finding, KeyPath, Loaded, Offer, ServedFile, SpecimenTable};
+use gusset_config::{Finding, KeyPath, Loaded, Offer, ServedFile, SpecimenTable};
 use gusset_quantity::units::number;
 
 /// Velocities that differ by less than this share count as those of the test.

@@ -2,7 +2,7 @@
 
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use crate::config::{Finding, KeyPath};
+use gusset_config::{Finding, KeyPath};
 use gusset_numerics::integrate::{GuiError, State};
 use gusset_numerics::linalg::{self, MatrixError, Spd, SymMatrix};
 use gusset_numerics::model::{

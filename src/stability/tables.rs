@@ -130,7 +130,7 @@ mod tests {
     use gusset_numerics::spectral::delay::sdof;
 
     fn analysis(text: &str) -> Analysis {
-        let loaded = crate::config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
+        let loaded = gusset_config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
         let prepared = crate::setup::build(&loaded).unwrap();
         prepared.facts.structure.unwrap().analysis.unwrap()
     }

@@ -1,7 +1,7 @@
 //! What a server does for an exchange allocates nothing: limits, formula, log.
 
 use gusset_quantity::catalog::ending::Cause;
-use gusset::config::LimitsSpec;
+use gusset_config::LimitsSpec;
 use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset::record::Run;
 use gusset_actuator::specimen::SpecimenLaw;

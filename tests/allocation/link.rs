@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::mpsc;
 use std::time::Duration;
 
-use gusset::config::Carrier;
+use gusset_config::Carrier;
 use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::server::{Host, ServeOptions, Server};

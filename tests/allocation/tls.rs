@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::Mutex;
 use std::time::Duration;
 
-use gusset::config::{Carrier, ServeTlsSpec, TlsSpec};
+use gusset_config::{Carrier, ServeTlsSpec, TlsSpec};
 use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::server::{Host, ServeError, ServeOptions, Server};

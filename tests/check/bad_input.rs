@@ -388,7 +388,7 @@ fn a_share_of_energy_that_means_nothing_is_refused_with_its_place() {
     let refused = |safety: &str, words: &[&str]| {
         let text = format!("{}\n[safety]\n{safety}\n", FRAME);
         let path = Path::new("test.toml");
-        let said = gusset::config::parse(path, text, &[])
+        let said = gusset_config::parse(path, text, &[])
             .map(|_| ())
             .unwrap_err();
         for words in words {
@@ -417,7 +417,7 @@ fn a_share_of_energy_that_means_nothing_is_refused_with_its_place() {
     let prescribed = "[time]\nrate_hz = 100\nduration_s = 1\n[[specimen]]\nname = \"a\"\n[specimen.law.linear]\n\
                       stiffness_n_per_m = 1e5\n[safety]\nadded_energy_share = { trip = 0.1, floor_j = 1 }\n";
     let path = Path::new("test.toml");
-    let said = gusset::config::parse(path, prescribed.to_owned(), &[]).map(|_| ());
+    let said = gusset_config::parse(path, prescribed.to_owned(), &[]).map(|_| ());
     let said = said.unwrap_err().to_string();
     assert!(said.contains("this test has no structure"), "{said}");
 }
@@ -502,7 +502,7 @@ fn warnings_of_a_prescribed_displacement_name_its_own_axis() {
 fn a_slip_in_the_number_of_a_fault_is_refused_in_few_digits_with_both_bounds() {
     let complaint = |fault: &str| {
         let text = format!("title = \"a\"\n[[fault]]\nat = 3\nkind = {{ {fault} }}\n");
-        let script = gusset::config::parse_script(Path::new("fault.toml"), text);
+        let script = gusset_config::parse_script(Path::new("fault.toml"), text);
         script.unwrap_err().to_string()
     };
     for (fault, words) in [

@@ -227,7 +227,7 @@ fn a_trial_has_the_damping_of_the_test() {
         [[specimen]]\nname = \"gap\"\nstorey = 1\nlaw.parallel = [ { linear.stiffness_n_per_m = 1e4 }, \
         { gap = { stiffness_n_per_m = 1e7, gap_m = 1.0, side = \"tension\" } } ]\n\
         [specimen.transfer]\ndelay_s = 0.001\n";
-    let loaded = gusset::config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
+    let loaded = gusset_config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
     let itself = gusset::setup::build(&loaded).unwrap();
     let trial = gusset::setup::Trial {
         believed: gusset::setup::estimates(&loaded).unwrap(),

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Stdio;
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
-use gusset::config::{self, Offer};
+use gusset_config::{self as config, Offer};
 use gusset::setup;
 
 /// What is said of a test with these keys in its link and its specimen.
@@ -175,7 +175,7 @@ fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_
         shows(&found, "\"column\"");
         let beside = format!("{alone}\n[[specimen]]\nname = \"other\"\nstorey = 2\n{ONE_AXIS_LAW}");
         let loaded = config::parse(Path::new("test.toml"), beside, &[]).unwrap();
-        let warned = gusset::config::Diagnostics(loaded.warnings).to_string();
+        let warned = gusset_config::Diagnostics(loaded.warnings).to_string();
         shows(&warned, &format!("`{key}` does not check \"column\""));
         let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
         let found = complaint(&measures);

@@ -4,7 +4,7 @@ use std::net::TcpListener;
 use std::path::Path;
 
 use assert_cmd::Command;
-use gusset::config;
+use gusset_config as config;
 use gusset::session::Judged;
 use gusset::setup;
 use serde_json::Value;

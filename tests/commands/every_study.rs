@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::{PATIENT, completed, json, same_physics, say};
-use gusset::config;
+use gusset_config as config;
 use gusset::record::Run;
 use gusset::setup;
 

@@ -61,7 +61,7 @@ impl Run {
 
 /// Reads and builds a test; its mistakes are the test's.
 pub fn prepare(text: &str) -> Prepared {
-    let read = gusset::config::parse(Path::new("test.toml"), text.to_owned(), &[]);
+    let read = gusset_config::parse(Path::new("test.toml"), text.to_owned(), &[]);
     let loaded = read.unwrap_or_else(|error| panic!("{error}"));
     gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"))
 }

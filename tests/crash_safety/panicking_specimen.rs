@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use crate::common::{FRAME, PATIENT, json, say, write};
 use crate::link_common::Served;
 use gusset_quantity::catalog::ending::Cause;
-use gusset::config;
+use gusset_config as config;
 use gusset::port::{Axis, Port};
 use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};

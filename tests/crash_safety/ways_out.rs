@@ -52,7 +52,7 @@ fn leave(
         _ => {}
     }
     let file = write(folder, &format!("{number}.toml"), &text);
-    let loaded = gusset::config::load(&file, &[]).unwrap_or_else(|error| panic!("{error}"));
+    let loaded = gusset_config::load(&file, &[]).unwrap_or_else(|error| panic!("{error}"));
     let mut test = gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
     attach(
         &mut test.experiment,

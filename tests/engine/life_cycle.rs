@@ -647,7 +647,7 @@ fn a_trip_of_one_specimen_costs_no_other_its_link() {
 fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
     let viscous = "law.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e5 }";
     let text = two_along(ELASTIC, viscous, "at_end = \"zero_force\"");
-    let read = gusset::config::parse(std::path::Path::new("test.toml"), text, &[]);
+    let read = gusset_config::parse(std::path::Path::new("test.toml"), text, &[]);
     let loaded = read.unwrap_or_else(|error| panic!("{error}"));
     let refused = gusset::setup::build(&loaded).unwrap_err().to_string();
     assert!(

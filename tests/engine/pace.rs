@@ -237,7 +237,7 @@ fn recorded_of(
 ) -> PathBuf {
     let path = home.join("test.toml");
     std::fs::write(&path, text).unwrap();
-    let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = gusset_config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
     let mut test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     // They are polled as partners on the real clock would be, which a socket under the simulated clock is not.
     for (port, partner) in test.experiment.ports[1..].iter_mut().zip(partners) {
@@ -524,7 +524,7 @@ fn a_pace_that_makes_no_sense_is_refused() {
             "must be greater than zero",
         ),
     ] {
-        let read = gusset::config::parse(Path::new("test.toml"), text.clone(), &[]);
+        let read = gusset_config::parse(Path::new("test.toml"), text.clone(), &[]);
         let error = read.expect_err(&text).to_string();
         assert!(error.contains(word), "{error}");
     }
@@ -594,7 +594,7 @@ fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
             frame(ticks, "safety.ease_s = 0.1").replace("step_s = 0.01", "step_s = 0.002")
         );
         let path = crate::common::write(home.path(), "test.toml", &text);
-        let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let loaded = gusset_config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
         let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
         let folder = RunFolder::create(&home.path().join("run")).unwrap();
         let words = a_hold(250 * ticks as usize, 150 * ticks as usize);

@@ -11,7 +11,7 @@ use crate::link_common::{
     test_file, write,
 };
 use gusset_quantity::catalog::limit::{Kind, Limit, Scope};
-use gusset::config;
+use gusset_config as config;
 use gusset::engine::{Ending, Stop};
 use gusset::port::limits::{AxisLimits, Bound};
 use gusset::record::Event;

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use gusset::config::fault_script::Script;
-use gusset::config::{Loaded, parse};
+use gusset_config::fault_script::Script;
+use gusset_config::{Loaded, parse};
 use gusset::record::Journal;
 
 use crate::invariants;

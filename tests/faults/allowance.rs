@@ -7,7 +7,7 @@
 use std::sync::{Arc, Mutex};
 
 use gusset_quantity::catalog::ending;
-use gusset::config::LimitsSpec;
+use gusset_config::LimitsSpec;
 use gusset::link::Transport;
 use gusset::link::served::{Controller, Latch, LinkBuild, ServedSpecimen};
 use gusset::link::server::{Host, Simulated};

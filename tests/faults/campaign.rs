@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use gusset::config::fault_script::{Channel, Fault, Kind, Script, Way};
-use gusset::config::{Loaded, load};
+use gusset_config::fault_script::{Channel, Fault, Kind, Script, Way};
+use gusset_config::{Loaded, load};
 use gusset::engine::Operator;
 
 use crate::invariants;
@@ -212,7 +212,7 @@ pub fn script(seed: u64, chance: &mut Chance) -> Script {
         ..Script::default()
     };
     assert_eq!(
-        gusset::config::check_script(&script, Some(1)),
+        gusset_config::check_script(&script, Some(1)),
         Ok(()),
         "{script:?}"
     );

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use gusset::config::fault_script::{Fault, Kind, Script};
-use gusset::config::{load, parse};
+use gusset_config::fault_script::{Fault, Kind, Script};
+use gusset_config::{load, parse};
 use gusset::engine::{GIVEN_UP, Operator, Phase};
 use gusset::record::Journal;
 

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
 
-use gusset::config::Loaded;
-use gusset::config::fault_script::Script;
+use gusset_config::Loaded;
+use gusset_config::fault_script::Script;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::NativeSetup;
 use gusset::link::server::Host;

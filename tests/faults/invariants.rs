@@ -1,7 +1,7 @@
 //! What holds in every test, whatever goes wrong. Each check says what it found.
 
 use gusset_quantity::catalog::limit::Limit;
-use gusset::config::{CommandPace, Loaded};
+use gusset_config::{CommandPace, Loaded};
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::server::Tapped;
 use gusset::port::limits::AxisLimits;

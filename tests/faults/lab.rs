@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::{Receiver, Sender};
-use gusset::config::Loaded;
-use gusset::config::fault_script::Script;
+use gusset_config::Loaded;
+use gusset_config::fault_script::Script;
 use gusset::engine::{Connected, Control, Notice, Operator, Outcome, Phase, Stopped};
 use gusset::link::fault::StallingClock;
 use gusset::link::server::{Host, Simulated, Tap, Tapped};

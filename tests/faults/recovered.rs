@@ -1,8 +1,8 @@
 //! A reply that is lost costs nothing: its force stands in a later one, and comes into the record by an event that tells to which
 //! command it belongs.
 
-use gusset::config::fault_script::Script;
-use gusset::config::load;
+use gusset_config::fault_script::Script;
+use gusset_config::load;
 use gusset::record::{Event, Journal};
 
 use crate::lab::{Extra, play};

@@ -6,7 +6,7 @@
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use gusset_quantity::catalog::limit::Limit;
-use gusset::config::{
+use gusset_config::{
     AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
 };
 use gusset_numerics::law::{LawSpec, Reach};

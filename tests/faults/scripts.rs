@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gusset::config::fault_script::Script;
-use gusset::config::{load, load_script};
+use gusset_config::fault_script::Script;
+use gusset_config::{load, load_script};
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};
@@ -13,7 +13,7 @@ pub fn folder() -> PathBuf {
 }
 
 /// Plays a script of the folder in the laboratory that stands beside it.
-fn play_script(script: &Script) -> Result<(Played, gusset::config::Loaded), String> {
+fn play_script(script: &Script) -> Result<(Played, gusset_config::Loaded), String> {
     let folder = folder();
     let loaded = load(&folder.join("laboratory.toml"), &script.set).map_err(|e| e.to_string())?;
     let extra = Extra {

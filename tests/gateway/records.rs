@@ -8,7 +8,7 @@ use crate::link_common::{
     gusset, run, summary, test_file,
 };
 use gusset_quantity::catalog::ending::Cause;
-use gusset::config::LimitsSpec;
+use gusset_config::LimitsSpec;
 use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset::record::Run;
 use gusset::record::summary::Status;

@@ -23,18 +23,18 @@ fn folders() -> Vec<PathBuf> {
 /// The schemas of all kinds of files, with a heading for each.
 pub fn schemas() -> [(&'static str, Schema); 4] {
     [
-        ("Test file", Schema::new(&gusset::config::json_schema())),
+        ("Test file", Schema::new(&gusset_config::json_schema())),
         (
             "Study file",
-            Schema::new(&gusset::config::study_json_schema()),
+            Schema::new(&gusset_config::study_json_schema()),
         ),
         (
             "Served file",
-            Schema::new(&gusset::config::serve_json_schema()),
+            Schema::new(&gusset_config::serve_json_schema()),
         ),
         (
             "Fault script",
-            Schema::new(&gusset::config::script_json_schema()),
+            Schema::new(&gusset_config::script_json_schema()),
         ),
     ]
 }

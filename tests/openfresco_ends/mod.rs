@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gusset::config::{self, LimitsSpec};
+use gusset_config::{self as config, LimitsSpec};
 use gusset::link::openfresco::{End, Host, Nature, RemoteSettings, Role, ServeSettings};
 use gusset::link::served::{Computed, ServedSpecimen};
 use gusset::link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};

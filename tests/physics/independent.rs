@@ -5,7 +5,7 @@
 //! halvings of Δt is the test.
 
 use crate::common::engine::{Run, distance, prepare, run};
-use gusset::config::ClockChoice;
+use gusset_config::ClockChoice;
 use gusset::record::RunFolder;
 use gusset::session;
 

@@ -508,7 +508,7 @@ fn one_late_axis_of_several_grows_at_the_delay_of_its_table() {
 fn where_no_critical_delay_can_be_known_the_reason_is_given() {
     let refused = |text: &str, words: &str| {
         let path = std::path::Path::new("test.toml");
-        let said = gusset::config::parse(path, text.to_owned(), &[])
+        let said = gusset_config::parse(path, text.to_owned(), &[])
             .and_then(|loaded| gusset::setup::build(&loaded).map(|_| ()));
         let said = said.unwrap_err().to_string();
         assert!(

@@ -193,7 +193,7 @@ fn shipped(name: &str, duration_s: f64, more: &[&str]) -> Experiment {
         format!("time.duration_s={duration_s}"),
     ];
     sets.extend(more.iter().map(|set| (*set).to_owned()));
-    let loaded = gusset::config::load(&path, &sets).unwrap_or_else(|error| panic!("{error}"));
+    let loaded = gusset_config::load(&path, &sets).unwrap_or_else(|error| panic!("{error}"));
     let prepared = gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
     prepared.experiment
 }

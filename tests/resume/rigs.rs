@@ -125,7 +125,7 @@ pub fn run_rigs(
 }
 
 pub fn built(test: &Path) -> gusset::setup::Prepared {
-    let loaded = gusset::config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = gusset_config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
     gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
 

@@ -267,7 +267,7 @@ fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
             frame(400, ticks, 2.0, 0.2)
         );
         let test = test_in(home.path(), &text);
-        let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
         let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
         let folder = RunFolder::create(&at("whole")).unwrap();
         let mut words = vec![Operator::Continue; 500 * ticks as usize];

@@ -80,7 +80,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
     };
     let conclude = |test, off, out: &str| under(test, off, out, Vec::new());
-    let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
     let whole = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(conclude(whole, 0.0, "whole").cause, Cause::Done);
     killed(&at("whole"), &at("first"), 400);
@@ -189,7 +189,7 @@ fn damped(home: &Path, safety: &str, specimen: &str) -> gusset::setup::Prepared 
         + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n"
         + specimen;
     let test = test_in(home, &linked);
-    let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
     gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
 

@@ -59,7 +59,7 @@ fn record(home: &Path, words: &[Operator]) -> PathBuf {
 }
 
 fn record_of(test: &Path, words: &[Operator]) -> PathBuf {
-    let loaded = gusset::config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = gusset_config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
     let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     let path = loaded.path.with_file_name("run");
     let folder = RunFolder::create(&path).unwrap();
@@ -632,7 +632,7 @@ fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
     }
     // The rows of another test of the same shape: whole, in order, and not what comes out.
     let other = tempfile::tempdir().unwrap();
-    let loaded = gusset::config::load(
+    let loaded = gusset_config::load(
         &test_in(other.path(), ""),
         &["structure.initial_displacement_m=[0.001,0.001]".to_owned()],
     );

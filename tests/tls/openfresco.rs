@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::openfresco_ends::{Listen, Server, drive, in_process, settings};
 use crate::tls_common::{Authority, EXPIRED, LOCAL, VALID};
-use gusset::config::{ServeTlsSpec, TlsSpec};
+use gusset_config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::server::ServerEvent;
 use gusset::link::tls::{TlsClient, TlsFault, TlsFiles, TlsServer};

@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
 use crate::openfresco_ends::{Listen, in_process, path, settings};
-use gusset::config::{ServeTlsSpec, TlsSpec};
+use gusset_config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_quantity::substructure::{Command as Move, Measurement, Retirement, Substructure};

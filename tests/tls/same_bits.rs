@@ -5,7 +5,7 @@ use crate::link_common::{
     test_file,
 };
 use crate::openfresco_ends::{Listen, drive, in_process, settings};
-use gusset::config::{ServeTlsSpec, TlsSpec};
+use gusset_config::{ServeTlsSpec, TlsSpec};
 use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_quantity::substructure::{Retirement, Substructure};

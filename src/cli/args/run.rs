@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use crate::cli::test_file::load;
-use crate::config::Loaded;
+use gusset_config::Loaded;
 use gusset_quantity::text::is_reason;
 
 /// A reason in words.

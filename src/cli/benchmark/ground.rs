@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::benchmark::{DURATION_S, RATE_HZ, synthetic};
 use crate::cli::tell;
-use crate::config::read_input;
+use gusset_config::read_input;
 use gusset_motion::{
     FileSignal, Grid, Motion, MotionError, Processing, Quantity, Resample, Signal, Unit,
 };

@@ -4,7 +4,7 @@ use super::super::rehearsed::tabulate_speeds;
 use super::super::spectrum;
 use super::super::table::Table;
 use super::{Checked, needs};
-use crate::config::{ClockChoice, Loaded};
+use gusset_config::{ClockChoice, Loaded};
 use crate::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::integration;

@@ -2,7 +2,7 @@
 
 use super::super::table::{COLUMNS, Table};
 use super::Checked;
-use crate::config::ClockChoice;
+use gusset_config::ClockChoice;
 use crate::stability::Outcome;
 
 /// Columns in front of a command, and between it and its purpose.

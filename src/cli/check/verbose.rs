@@ -2,7 +2,7 @@
 
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
-use crate::config::ClockChoice;
+use gusset_config::ClockChoice;
 use gusset_numerics::integrate::Lambda;
 use gusset_motion::{Quantity, STANDARD_GRAVITY};
 use crate::session::integration::{self, method_name};

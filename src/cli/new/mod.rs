@@ -12,7 +12,7 @@ use self::template::{PYTHON_PROTOCOL, SERVE_SCHEMA, Template};
 use super::args::{NewArgs, TemplateArg};
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::config;
+use gusset_config as config;
 
 /// Writes the files of a template into the current folder: all of them, or none.
 pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {

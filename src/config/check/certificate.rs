@@ -1,12 +1,12 @@
 //! What a certificate goes by: ranges, and numbers that are not there.
 
 use super::Findings;
-use crate::config::certificate::{UncertaintyTable, current_key, number_at};
-use crate::config::diagnose::Finding;
-use crate::config::document::{KeyPath, Segment};
-use crate::config::schema::TestFile;
-use crate::config::specimen::SpecimenTable;
-use crate::config::suggest::nearest;
+use crate::certificate::{UncertaintyTable, current_key, number_at};
+use crate::diagnose::Finding;
+use crate::document::{KeyPath, Segment};
+use crate::schema::TestFile;
+use crate::specimen::SpecimenTable;
+use crate::suggest::nearest;
 
 /// Tables whose numbers may be uncertain.
 const UNCERTAIN: [&str; 3] = ["structure", "excitation", "specimen"];
@@ -168,7 +168,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
 }
 
 /// Everything that is wrong with the `samples` of a study of the test `file`. The paths begin with `sample`.
-pub(in crate::config) fn check_samples(
+pub(crate) fn check_samples(
     file: &TestFile,
     samples: &[UncertaintyTable],
 ) -> Vec<Finding> {

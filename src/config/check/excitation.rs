@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::Findings;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::excitation::{ExcitationTable, PrescribedPlace};
-use crate::config::schema::TestFile;
-use crate::config::suggest::{listed, nearest};
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::excitation::{ExcitationTable, PrescribedPlace};
+use crate::schema::TestFile;
+use crate::suggest::{listed, nearest};
 use gusset_numerics::model::{End, StructureSpec};
 
 /// The whole of `[excitation]`.

@@ -1,9 +1,9 @@
 //! `[specimen.geometry]`: a geometry that is one, and that fits what the specimen sees.
 
 use super::Findings;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::specimen::SpecimenTable;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::specimen::SpecimenTable;
 use gusset_actuator::geometry::{Geometry, GeometryError};
 
 /// The loading unit of one specimen; `seen` is the number of rows of B, if they are given.

@@ -8,15 +8,15 @@ mod specimen;
 pub(super) use specimen::{check_idle_link, check_idle_specimen};
 
 use super::Findings;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::excitation::PrescribedPlace;
-use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
-use crate::config::schema::{IntegratorTable, RecordTable, TestFile};
-use crate::config::specimen::SpecimenTable;
-use crate::config::timetable::{ClockChoice, TimeTable};
-use crate::config::timing_table::{OnMiss, Policy, TimingSpec};
-use crate::config::value::LambdaValue;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::excitation::PrescribedPlace;
+use crate::safety::{ExitChoice, SafetyTable, ZeroChoice};
+use crate::schema::{IntegratorTable, RecordTable, TestFile};
+use crate::specimen::SpecimenTable;
+use crate::timetable::{ClockChoice, TimeTable};
+use crate::timing_table::{OnMiss, Policy, TimingSpec};
+use crate::value::LambdaValue;
 
 impl Findings {
     /// `key` of the table at `at`, if it is given: it has no effect, for this reason.

@@ -3,11 +3,11 @@
 
 use super::Findings;
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::limit_table::LimitsSpec;
-use crate::config::safety::{ExitChoice, SafetyTable};
-use crate::config::specimen::SpecimenTable;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::limit_table::LimitsSpec;
+use crate::safety::{ExitChoice, SafetyTable};
+use crate::specimen::SpecimenTable;
 use gusset_quantity::text::is_reason;
 
 /// A range, the place of its key, why a position outside it is impossible, and its label.

@@ -1,11 +1,11 @@
 //! `[specimen.link]`: numbers inside their ranges, and what our own protocol cannot say.
 
 use super::Findings;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::link_table::{Carrier, LinkCoupling, LinkSpec, Protocol};
-use crate::config::schema::TestFile;
-use crate::config::specimen::SpecimenTable;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::link_table::{Carrier, LinkCoupling, LinkSpec, Protocol};
+use crate::schema::TestFile;
+use crate::specimen::SpecimenTable;
 use gusset_quantity::text::is_hidden;
 
 /// The link of one specimen.

@@ -4,12 +4,12 @@
 //! never trip, and a compensator that adapts to it learns nothing.
 
 use super::Findings;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::limit_table::LimitsSpec;
-use crate::config::safety::ZeroChoice;
-use crate::config::schema::TestFile;
-use crate::config::specimen::SpecimenTable;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::limit_table::LimitsSpec;
+use crate::safety::ZeroChoice;
+use crate::schema::TestFile;
+use crate::specimen::SpecimenTable;
 use gusset_wire::openfresco::Peer;
 
 /// Refuses every key of a specimen that needs a measured displacement where its link answers with none.
@@ -68,7 +68,7 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
 
 /// The keys of a specimen that need a measured displacement, each with its place. The check of the file refuses them where the
 /// link is known to answer without one, the controller where that shows only once it has connected.
-pub(crate) fn needing_measured_disp(
+pub fn needing_measured_disp(
     specimen: &SpecimenTable,
     at: &KeyPath,
 ) -> Vec<(KeyPath, &'static str)> {

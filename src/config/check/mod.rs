@@ -9,7 +9,7 @@ mod geometry;
 mod idle;
 mod limits;
 mod link;
-pub(crate) mod measured;
+pub mod measured;
 mod safety;
 mod specimen;
 mod waits;

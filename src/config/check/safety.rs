@@ -1,7 +1,7 @@
 //! `[safety]`, and what belongs to it at the specimens.
 
 use super::{Finding, Findings, KeyPath, TestFile};
-use crate::config::{ExitChoice, ShareSpec, ZeroChoice};
+use crate::{ExitChoice, ShareSpec, ZeroChoice};
 
 pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     let safety = &file.safety;

@@ -3,10 +3,10 @@
 use super::Findings;
 use super::geometry::check_geometry;
 use super::link::check_link;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::specimen::SpecimenTable;
-use crate::config::value::MatrixValue;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::specimen::SpecimenTable;
+use crate::value::MatrixValue;
 use gusset_actuator::transfer::TransferSpec;
 
 /// What gives the displacements that a specimen sees.

@@ -2,15 +2,15 @@
 //! anything moves and not while it does.
 
 use super::Findings;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::echo::number;
-use crate::config::link_table::{LinkSpec, WATCHDOG_MAX_S};
-use crate::config::safety::SafetyTable;
-use crate::config::schema::{RecordTable, TestFile};
-use crate::config::steps::Time;
-use crate::config::timetable::ClockChoice;
-use crate::config::timing_table::TimingSpec;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::echo::number;
+use crate::link_table::{LinkSpec, WATCHDOG_MAX_S};
+use crate::safety::SafetyTable;
+use crate::schema::{RecordTable, TestFile};
+use crate::steps::Time;
+use crate::timetable::ClockChoice;
+use crate::timing_table::TimingSpec;
 
 /// Longest time in s in which the specimens hold and nothing happens yet: zeroing, warming up, easing.
 const STANDING_S: f64 = 600.0;

@@ -1,11 +1,11 @@
 //! The way between two targets, and what of it a compensator sees.
 
 use super::Findings;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::link_table::LinkSpec;
-use crate::config::schema::TestFile;
-use crate::config::specimen::SpecimenTable;
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::link_table::LinkSpec;
+use crate::schema::TestFile;
+use crate::specimen::SpecimenTable;
 
 /// Value and slope of the way are continuous, its curvature is not: what takes it from tick to tick hands its jumps on.
 pub(super) fn check_way(

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::super::ForToml;
 use super::*;
-use crate::config::fault_script::Script;
+use crate::fault_script::Script;
 use schemars::transform::Transform;
 
 /// Most words of a sentence.

@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 
 use super::dice::Dice;
-use crate::config::fault_script::{Channel, Fault, Kind, MEMORY, Place, Script};
+use gusset_config::fault_script::{Channel, Fault, Kind, MEMORY, Place, Script};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement,
     Status, Substructure, Unavailable,
@@ -455,7 +455,7 @@ mod tests {
             fault: kinds.iter().map(fault).collect(),
             ..Script::default()
         };
-        crate::config::check_script(&script, Some(1)).unwrap();
+        gusset_config::check_script(&script, Some(1)).unwrap();
         let units = AxisUnits {
             metres: 1e-3,
             ..AxisUnits::SI
@@ -488,7 +488,7 @@ mod tests {
             fault: vec![fault],
             ..Script::default()
         };
-        crate::config::check_script(&script, Some(1)).unwrap();
+        gusset_config::check_script(&script, Some(1)).unwrap();
         let rig = Box::new(Computed::new(Box::new(law), false));
         let mut bench = Bench::around(rig, &script, vec![AxisUnits::SI]);
         bench.commanded_every(0.1);

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use super::Queue;
 use super::dice::Dice;
-use crate::config::fault_script::{Fault, Kind, MEMORY, Place, Script, Way};
+use gusset_config::fault_script::{Fault, Kind, MEMORY, Place, Script, Way};
 use crate::link::Transport;
 use crate::link::tls::TlsFault;
 use gusset_quantity::substructure::LinkFault;

@@ -17,7 +17,7 @@ pub(super) use refused::with_words;
 pub use setup::{NativeSetup, unlimited_axis};
 pub(in crate::link) use setup::{SOFTWARE, fit};
 
-use crate::config::Carrier;
+use gusset_config::Carrier;
 use crate::link::Transport;
 use crate::link::tls::TlsClient;
 use gusset_quantity::substructure::{

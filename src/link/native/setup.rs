@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::refused::SetupError;
-use crate::config::Carrier;
+use gusset_config::Carrier;
 use crate::link::SocketOptions;
 use crate::link::announce;
 use crate::link::secret::random;

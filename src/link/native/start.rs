@@ -4,7 +4,7 @@ use super::ask::{ask, explained, not_welcome};
 use super::live::Live;
 use super::refused::SetupError;
 use super::setup::NativeSetup;
-use crate::config::Carrier;
+use gusset_config::Carrier;
 use crate::link::inbox::Inbox;
 use crate::link::tls::{TlsClient, is_alert};
 use crate::link::{ConnectError, TcpTransport, Transport, UdpTransport};

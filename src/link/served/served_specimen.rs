@@ -15,7 +15,7 @@ use super::speed_allowance::SpeedAllowance;
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted, with_last_words};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::Remark;
-use crate::config::LimitsSpec;
+use gusset_config::LimitsSpec;
 use crate::port::limits::AxisLimits;
 use crate::port::{Guard, Port, WiringCheck};
 use gusset_quantity::substructure::{Command, LinkStats, Measurement, Substructure};

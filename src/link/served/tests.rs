@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use super::{GuardStore, Latch, ServedSpecimen};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::LimitsSpec;
+use gusset_config::LimitsSpec;
 use crate::link::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
 use crate::port::{Pace, WiringCheck};
 use crate::record::lasting::{LastingRecord, SpecimenKey};

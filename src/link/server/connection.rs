@@ -5,7 +5,7 @@
 use std::os::fd::BorrowedFd;
 
 use super::wire_end::WireEnd;
-use crate::config::fault_script::Script;
+use gusset_config::fault_script::Script;
 use crate::link::fault::FaultyWire;
 use crate::link::tls::{TlsFault, TlsStream};
 use crate::link::{TcpTransport, Transport, UdpTransport, Wait};

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::config::fault_script::Script;
-use crate::config::{LimitsSpec, ScriptError, check_script};
+use gusset_config::fault_script::Script;
+use gusset_config::{LimitsSpec, ScriptError, check_script};
 use crate::link::announce::units_of;
 use crate::link::fault::Bench;
 use crate::link::served::{

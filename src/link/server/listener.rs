@@ -16,7 +16,7 @@ use rustix::net::sockopt;
 
 use super::connection::Connection;
 use super::{ServeError, ServeOptions};
-use crate::config::Carrier;
+use gusset_config::Carrier;
 use crate::link::socket::{SocketOptions, TcpTransport, UdpTransport, beside, resolve};
 use crate::link::tls::{TlsServer, TlsStream};
 

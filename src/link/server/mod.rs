@@ -56,7 +56,7 @@ use thiserror::Error;
 use super::openfresco::{Host as OpenFrescoHost, ServeSettings};
 use super::tls::TlsServer;
 use super::{ConnectError, socket};
-use crate::config::Carrier;
+use gusset_config::Carrier;
 use crate::rt::{Granted, RtPlan, apply};
 use gusset_wire::key::PreSharedKey;
 use gusset_wire::openfresco::Carrier as Bytes;

@@ -11,7 +11,7 @@ use super::ServerEvent;
 use super::handshake_step::{Failure, Step};
 use super::hosted::Host;
 use super::shared::{Occupancy, Shared};
-use crate::config::WATCHDOG_MAX_S;
+use gusset_config::WATCHDOG_MAX_S;
 use crate::link::inbox::Inbox;
 use crate::link::native::{SOFTWARE, fit};
 use crate::link::secret::random;

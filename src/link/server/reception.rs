@@ -368,7 +368,7 @@ mod tests {
     use crossbeam_channel::{Receiver, bounded, unbounded};
 
     use super::*;
-    use crate::config;
+    use gusset_config as config;
     use crate::link::openfresco::{Nature, Role, ServeSettings};
     use crate::link::server::ServeOptions;
     use crate::link::server::listener::Access;

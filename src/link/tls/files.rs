@@ -13,7 +13,7 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{Error, InconsistentKeys, RootCertStore};
 use thiserror::Error as Thiserror;
 
-use crate::config::{ServeTlsSpec, TlsSpec};
+use gusset_config::{ServeTlsSpec, TlsSpec};
 use crate::link::tls_fault::TlsFault;
 use crate::rt::secret_file::{SecretError, open_secret};
 

@@ -18,7 +18,7 @@ pub use judge::RECORDED;
 pub use watch::{Estimated, Watch};
 
 use gusset_quantity::catalog::limit::{AXIS_LIMITS, Kind, Limit};
-use crate::config::{BoundSpec, DIVERGENCE_M, LimitsSpec, RangeSpec};
+use gusset_config::{BoundSpec, DIVERGENCE_M, LimitsSpec, RangeSpec};
 use gusset_quantity::units::compared;
 
 /// How bad it is.

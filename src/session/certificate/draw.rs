@@ -2,7 +2,7 @@
 //!
 //! Every number is a function of the seed, the trial and its own place, so that a trial is the same whichever thread runs it.
 
-use crate::config::{Loaded, Uncertain};
+use gusset_config::{Loaded, Uncertain};
 use crate::setup::{Drawn, Trial};
 use gusset_actuator::transfer::noise::normal_pair;
 

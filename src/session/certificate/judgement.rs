@@ -9,7 +9,7 @@ use super::super::rehearsal::{AxisNeed, FullRehearsal, NEEDS};
 use super::draw::Plan;
 use super::proportion::interval;
 use super::{Band, Rehearsed as Trial, Trials, carry_out};
-use crate::config::{ConfigError, Loaded, SpecimenTable, missing_limits};
+use gusset_config::{ConfigError, Loaded, SpecimenTable, missing_limits};
 use crate::setup::Facts;
 use gusset_quantity::units::quantity;
 use gusset_quantity::work::Work;

@@ -22,7 +22,7 @@ use course::{Course, Reference};
 
 use super::rehearsal::{AxisNeed, Staging, staged};
 use super::unaware::Unaware;
-use crate::config::{ConfigError, Finding, KeyPath, Loaded};
+use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
 use crate::engine::{Ending, Experiment, Stop, TestLimits};
 use crate::rt::os;
 use crate::setup::{self, Trial};

@@ -2,7 +2,7 @@
 
 use super::{IdentificationError, refusal};
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{LimitsSpec, RangeSpec, SpecimenTable};
+use gusset_config::{LimitsSpec, RangeSpec, SpecimenTable};
 use gusset_motion::identify::{Band, Course};
 use gusset_quantity::units::{compared, number, quantity};
 

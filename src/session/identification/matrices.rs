@@ -7,7 +7,7 @@
 use nalgebra::DMatrix;
 
 use super::outcome::Axis;
-use crate::config::SpecimenTable;
+use gusset_config::SpecimenTable;
 use gusset_actuator::geometry::{GeometrySpec, LawPlace};
 use gusset_motion::identify::{Estimate, Felt, Identification, SpecimenFit};
 

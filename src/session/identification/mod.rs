@@ -19,7 +19,7 @@ pub use outcome::{Axis, Outcome};
 pub use plan::{Driven, Plan};
 pub use words::{felt, of_specimen, parameters, with_error};
 
-use crate::config::{ConfigError, Loaded};
+use gusset_config::{ConfigError, Loaded};
 use gusset_motion::identify::Shape;
 use crate::record::FolderError;
 

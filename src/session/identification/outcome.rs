@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::IdentificationError as Error;
 use super::plan::{Driven, Plan, gear};
 use gusset_quantity::catalog::column;
-use crate::config::Loaded;
+use gusset_config::Loaded;
 use crate::engine::Phase;
 use gusset_motion::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
 use crate::record::Run;

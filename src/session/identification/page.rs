@@ -2,7 +2,7 @@
 
 use super::outcome::{Axis, Outcome};
 use super::words::{felt, of_specimen, parameters, with_error};
-use crate::config::Loaded;
+use gusset_config::Loaded;
 use gusset_motion::identify::Identification;
 use gusset_quantity::units::quantity;
 use crate::view::report::{

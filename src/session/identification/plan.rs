@@ -3,7 +3,7 @@
 use super::super::rehearsal::FullRehearsal;
 use super::amplitude::{amplitude, rounded_down};
 use super::{IdentificationError, Request, refusal};
-use crate::config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
+use gusset_config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
 use gusset_motion::identify::{Band, Course, Shape};
 use gusset_quantity::units::{duration, quantity, rate};
 

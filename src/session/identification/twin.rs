@@ -11,8 +11,8 @@ use super::matrices::{self, Found, rows};
 use super::outcome::{Axis, Outcome};
 use super::plan::Plan;
 use gusset_actuator::compensation::{CompensationSpec, ModelInverseSpec};
-use crate::config::TimingSpec;
-use crate::config::{
+use gusset_config::TimingSpec;
+use gusset_config::{
     ClockChoice, IdentifiedTable, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable,
     SpecimenTable, TestFile,
 };
@@ -73,7 +73,7 @@ pub(super) fn text(
     );
     let text = format!("# {said}\n\n{document}");
     // What is written must be what a test file may say.
-    crate::config::parse(&driven.path, text.clone(), &[])?;
+    gusset_config::parse(&driven.path, text.clone(), &[])?;
     Ok(Some(text))
 }
 

@@ -1,7 +1,7 @@
 //! What a test asks of a rig beside what its file says that the rig can give (`[specimen.capacity]`).
 
 use super::{AxisNeed, Needs, Rehearsal, StandIn};
-use crate::config::{Finding, KeyPath};
+use gusset_config::{Finding, KeyPath};
 
 /// One number of a capacity, and what the test needs of it.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
 //! A drift that no storey survives: some number is in another unit.
 
 use super::Rehearsal;
-use crate::config::{Finding, KeyPath, Loaded};
+use gusset_config::{Finding, KeyPath, Loaded};
 use gusset_numerics::model::StructureSpec;
 use gusset_quantity::units::quantity;
 

@@ -10,7 +10,7 @@ use std::thread;
 use super::budget::Budget;
 use super::{Staging, StandIn, staged_with};
 use gusset_quantity::catalog::column;
-use crate::config::{ConfigError, Loaded};
+use gusset_config::{ConfigError, Loaded};
 use crate::engine::{Control, Ending, Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
 use gusset_motion::Excitation;

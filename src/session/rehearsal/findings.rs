@@ -3,7 +3,7 @@
 use super::hold::depends_on_pace;
 use super::{Held, Need, Needs, Rehearsal};
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{ClockChoice, Finding, KeyPath, Loaded};
+use gusset_config::{ClockChoice, Finding, KeyPath, Loaded};
 use crate::engine::{Ending, Stop};
 use crate::port::Poses;
 use gusset_quantity::units::quantity;

@@ -4,7 +4,7 @@
 use super::prompter::Prompter;
 use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{ConfigError, Loaded};
+use gusset_config::{ConfigError, Loaded};
 use crate::engine::{Control, Operator};
 use crate::record::{Recorder, TimedEvent};
 use crate::setup;

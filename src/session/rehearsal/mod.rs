@@ -42,7 +42,7 @@ use prompter::Prompter;
 
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use gusset_config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
 use crate::port::Poses;
 use crate::port::limits::{AxisLimits, Range};

@@ -2,7 +2,7 @@
 //! the velocities of the test.
 
 use super::{AxisNeed, Budget, Rehearsal, carry_out};
-use crate::config::{ConfigError, Loaded};
+use gusset_config::{ConfigError, Loaded};
 use crate::setup;
 
 /// Largest velocity in m/s and force in N of one axis, at the specimen's scale.

@@ -3,7 +3,7 @@
 use super::findings::short;
 use super::prompter::Prompter;
 use super::{Budget, Need, Rehearsal, Staging, carry_out_with, expected};
-use crate::config::{ConfigError, Finding, KeyPath, Loaded};
+use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
 use crate::engine::{Control, Ending, Stop};
 use crate::port::limits::AxisLimits;
 use crate::setup;

@@ -4,7 +4,7 @@ use super::{
     AxisNeed, Budget, Held, Rehearsal, Speeds, Tried, compare_speeds, large_drift, rehearse,
     rehearse_hold, try_limits,
 };
-use crate::config::{ConfigError, Finding, Loaded, Severity};
+use gusset_config::{ConfigError, Finding, Loaded, Severity};
 use crate::engine::Ending;
 
 /// A test's rehearsals, and what they found.

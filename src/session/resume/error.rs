@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::config::ConfigError;
+use gusset_config::ConfigError;
 use crate::port::limits::Hit;
 use crate::record::{FolderError, MissingEnd};
 use crate::session::continued::{Now, WentOn};

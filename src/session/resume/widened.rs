@@ -6,7 +6,7 @@ use toml::Value;
 
 use super::ResumeError;
 use gusset_quantity::catalog::limit::{Scope, TABLE};
-use crate::config::{Loaded, TestFile};
+use gusset_config::{Loaded, TestFile};
 
 /// What differs between two test files: the key with its value before and now.
 type Difference = (String, Option<Value>, Option<Value>);
@@ -92,7 +92,7 @@ fn differences(key: &str, old: Option<&Value>, new: Option<&Value>, into: &mut V
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::parse;
+    use gusset_config::parse;
     use std::path::Path;
 
     const TEST: &str = "[time]\nrate_hz = 200\nduration_s = 1\n[structure.shear_building]\nmass_kg = [1]\n\

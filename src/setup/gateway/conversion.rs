@@ -10,7 +10,7 @@ use super::super::links::wire_axes;
 use super::super::specimens::loading::{Loading, at_actuators, loading_of};
 use super::following::Following;
 use super::{check_estimate, reply_limit_ns, wiring_check};
-use crate::config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
+use gusset_config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
 use gusset_actuator::geometry::{Coordinate, LawPlace};
 use crate::link::announce::announce;
 use crate::link::served::{AxesBehind, LinkBuild};

@@ -2,7 +2,7 @@
 
 use super::super::specimens::compensation::{TRACKED, usual_gain};
 use gusset_actuator::compensation::{CompensationSpec, Compensator};
-use crate::config::{Finding, KeyPath, LimitsSpec, ServedFile, SpecimenTable};
+use gusset_config::{Finding, KeyPath, LimitsSpec, ServedFile, SpecimenTable};
 use crate::port::{NeedsMeasuredDisp, Port};
 
 /// Compensators and tracking of a port whose commands come every `tick` s of wall time.

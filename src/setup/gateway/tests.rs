@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 use super::conversion::{self, Client};
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
+use gusset_config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
 use crate::link::served::{
     Controller, LinkBuild, Pacing, ServedSpecimen, Trip, simulated_pace as simulated,
 };

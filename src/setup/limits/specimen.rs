@@ -4,7 +4,7 @@ use super::super::links;
 use super::super::specimens::loading;
 use super::{LimitFact, SpecimenLimits};
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
+use gusset_config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
 use crate::port::limits::{AxisLimits, listed};
 use crate::port::{Port, WiringCheck};
 use gusset_quantity::substructure::Coupling;

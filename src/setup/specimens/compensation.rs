@@ -3,8 +3,8 @@
 use super::super::{Refused, Site, path};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::{CompensationSpec, Compensator};
-use crate::config::steps::Time;
-use crate::config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};
+use gusset_config::steps::Time;
+use gusset_config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};
 use gusset_numerics::integrate::{AlphaWeights, MethodError};
 
 /// Commands over a target at rest that no sound actuator needs to leave.

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::super::gear::Rows;
 use super::super::{Refused, Site};
-use crate::config::{AxisTable, KeyPath, SpecimenTable};
+use gusset_config::{AxisTable, KeyPath, SpecimenTable};
 use gusset_actuator::geometry::{Geometry, GeometryError, GeometrySpec, LawPlace, MOST};
 use crate::port::PoseRow;
 use gusset_actuator::specimen::{Gear, Platform, Specimen};

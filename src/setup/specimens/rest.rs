@@ -4,7 +4,7 @@ use super::super::Site;
 use super::super::gear::axis;
 use super::loading::{offsets, own_offsets};
 
-use crate::config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
+use gusset_config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
 use gusset_actuator::specimen::Specimen;
 
 /// Share of what a zero shifted by the offsets would do that is roundoff.
@@ -90,7 +90,7 @@ mod tests {
              stiffness_n_per_m = [1e5]\n[excitation.ground_acceleration.signal.sine]\namplitude = 1.0\n\
              frequency_hz = 1.0\n[[specimen]]\nname = \"brace\"\nstorey = 1\n{specimen}"
         );
-        let loaded = crate::config::parse(Path::new("test.toml"), text, &[]).unwrap();
+        let loaded = gusset_config::parse(Path::new("test.toml"), text, &[]).unwrap();
         crate::setup::build(&loaded).unwrap().warnings.to_string()
     }
 

@@ -2,7 +2,7 @@
 
 use super::super::{Site, path};
 use gusset_quantity::catalog::limit::Limit;
-use crate::config::{Finding, KeyPath, LimitsSpec};
+use gusset_config::{Finding, KeyPath, LimitsSpec};
 use crate::port::Declared;
 
 /// Warns of each such limit of one specimen.

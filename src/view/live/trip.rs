@@ -127,7 +127,7 @@ mod tests {
             "name = \"ground-storey\"",
             "name = \"ground-storey\"\nlimits = { command_disp_m = { trip = [-0.1, 0.1] } }",
         );
-        let loaded = crate::config::parse(Path::new("test.toml"), text, &[]).unwrap();
+        let loaded = gusset_config::parse(Path::new("test.toml"), text, &[]).unwrap();
         let experiment = crate::setup::build(&loaded).unwrap().experiment;
         let about = About {
             real_clock: true,

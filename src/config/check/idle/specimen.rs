@@ -3,19 +3,19 @@
 use super::Findings;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::CompensationSpec;
-use crate::config::diagnose::Finding;
-use crate::config::document::KeyPath;
-use crate::config::limit_table::LimitsSpec;
-use crate::config::link_table::{
+use crate::diagnose::Finding;
+use crate::document::KeyPath;
+use crate::limit_table::LimitsSpec;
+use crate::link_table::{
     Carrier, CommandPace, LinkCoupling, LinkSpec, Protocol, StaleChoice,
 };
-use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
-use crate::config::specimen::SpecimenTable;
+use crate::safety::{ExitChoice, SafetyTable, ZeroChoice};
+use crate::specimen::SpecimenTable;
 use gusset_numerics::law::Reach;
 use gusset_actuator::transfer::{BetweenTicks, TransferSpec};
 
 /// One specimen; `safety` is that of the test, and absent where the file is only served.
-pub(in crate::config::check) fn check_idle_specimen(
+pub(in crate::check) fn check_idle_specimen(
     specimen: &SpecimenTable,
     with_structure: bool,
     safety: Option<&SafetyTable>,
@@ -224,7 +224,7 @@ fn refuse_relative_zeros(specimen: &SpecimenTable, at: &KeyPath, findings: &mut 
 
 /// The link of one specimen of a test; `at` is its place. On the simulated clock every link is lockstep, whatever the file
 /// says for the real one.
-pub(in crate::config::check) fn check_idle_link(
+pub(in crate::check) fn check_idle_link(
     link: &LinkSpec,
     at: &KeyPath,
     findings: &mut Findings,

@@ -1,7 +1,7 @@
 //! Compensators of a gateway: the same commands and the same tracking as a test gives for the same targets.
 
 use super::*;
-use crate::config::ServedFile;
+use gusset_config::ServedFile;
 use crate::port::Port;
 use crate::setup::gateway::following::Following;
 
@@ -88,14 +88,14 @@ fn table_of(compensation: &str) -> String {
 }
 
 /// The compensators as a served file asks for them.
-pub fn following(table: &str) -> Result<Option<Following>, Box<crate::config::Finding>> {
+pub fn following(table: &str) -> Result<Option<Following>, Box<gusset_config::Finding>> {
     let text = format!(
         "[safety]\nunlimited = \"a test\"\n[serve]\npace = {{ ticks_per_step = 20, rate_hz = 1000.0 }}\n[[specimen]]\n{table}"
     );
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("gateway.toml");
     std::fs::write(&path, text).unwrap();
-    let source: ServedFile = crate::config::load_serve_file(&path, None).unwrap();
+    let source: ServedFile = gusset_config::load_serve_file(&path, None).unwrap();
     let pace = source.file.serve.pace.unwrap();
     assert_eq!((pace.ticks_per_step, pace.settle_ticks), (20, 0));
     Following::of(&source, source.specimen().unwrap(), &source.place)

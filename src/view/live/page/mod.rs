@@ -376,7 +376,7 @@ mod tests {
         let path = folder.path().join("test.toml");
         let text = include_str!("../../../../config/paper-4-2-hardening.toml");
         std::fs::write(&path, text).unwrap();
-        let loaded = crate::config::load(&path, &[]).unwrap();
+        let loaded = gusset_config::load(&path, &[]).unwrap();
         let prepared = crate::setup::build(&loaded).unwrap();
         let about = About {
             real_clock: true,

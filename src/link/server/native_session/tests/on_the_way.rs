@@ -7,7 +7,7 @@ use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
 
 use super::*;
-use crate::config::Carrier;
+use gusset_config::Carrier;
 use crate::link::inbox::Inbox;
 use crate::link::server::acting::{Acting, PACING, TICKS};
 use crate::link::server::{RunningServer, ServeOptions, Server};

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::config::fault_script::Script;
+use gusset_config::fault_script::Script;
 use crate::link::served::RecordSettings;
 use crate::record::Run;
 use crate::record::summary::{Status as Ended, Summary};
