@@ -69,6 +69,5 @@ pub mod record;
 pub mod rt;
 pub mod session;
 pub mod setup;
-pub mod stability;
 pub mod verify;
 pub mod view;

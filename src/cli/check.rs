@@ -19,8 +19,8 @@ use gusset_config::Loaded;
 use crate::session::Judged;
 use crate::session::certificate::Certificate;
 use crate::setup;
-use crate::stability::Spectrum;
-use crate::stability::{Outcome, RecordedVerdict};
+use gusset_proof::Spectrum;
+use gusset_proof::{Outcome, RecordedVerdict};
 use gusset_actuator::transfer::BetweenTicks;
 
 /// Checks one test.

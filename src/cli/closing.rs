@@ -8,7 +8,7 @@ use crate::record::{Run, Summary};
 use crate::rt::timing::Quantity;
 use crate::session::{self, Finished, Page, integration};
 use crate::setup::{Facts, StructureFacts};
-use crate::stability::RecordedVerdict;
+use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};
 use crate::view::report::told;
 

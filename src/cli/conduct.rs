@@ -15,7 +15,7 @@ use crate::record::RunFolder;
 use crate::rt::wall::Wall;
 use crate::session::{Finished, Judged, SessionError, Signals};
 use crate::setup::Facts;
-use crate::stability::Verdict;
+use gusset_proof::Verdict;
 
 /// Notices of the loop that may wait to be read.
 const NOTICES: usize = 1024;

@@ -17,7 +17,7 @@ use crate::link::served::RecordSettings;
 use crate::link::server::{Host, ServeOptions, Server, USUAL_LISTEN};
 use crate::session::Judged;
 use crate::setup::{self, Served, load_served, openfresco_role, rt_plan};
-use crate::stability::Verdict;
+use gusset_proof::Verdict;
 use anyhow::Context;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.

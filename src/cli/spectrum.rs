@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::table::Table;
 use crate::record::{atomic, make_free};
 use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
-use crate::stability::{
+use gusset_proof::{
     CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams,
 };
 use gusset_quantity::units::{duration, number, quantity};

@@ -9,7 +9,7 @@ use super::*;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::Compensator;
 use gusset_actuator::geometry::LawPlace;
-use crate::stability::CriticalDelay;
+use gusset_proof::CriticalDelay;
 use gusset_quantity::state::TestState;
 use limits::AxisLimits;
 

@@ -8,7 +8,7 @@
 
 use super::command_path::VelocityOf;
 use super::estimates::Observation;
-use crate::stability::CriticalDelay;
+use gusset_proof::CriticalDelay;
 use gusset_quantity::state::Visit;
 
 /// Time in which the window forgets, s of test time.

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::MissClasses;
 pub use gusset_quantity::catalog::ending::Status;
-pub use crate::stability::RecordedVerdict;
+pub use gusset_proof::RecordedVerdict;
 
 /// Which clock a run used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -11,7 +11,7 @@ use gusset_numerics::model::{Base, Structure};
 use gusset_motion::Excitation;
 use crate::record::Column;
 use crate::setup;
-use crate::stability::Analysis;
+use gusset_proof::Analysis;
 
 /// The numerical side of a test without its integrator.
 pub(super) struct Energetics {

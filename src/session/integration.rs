@@ -4,7 +4,7 @@ use gusset_config::Method;
 use gusset_actuator::geometry::LawPlace;
 use gusset_numerics::integrate::Lambda;
 use crate::setup::{Facts, StructureFacts};
-use crate::stability::{Stability, grows, is_stable};
+use gusset_proof::{Stability, grows, is_stable};
 use gusset_quantity::units::{compared, number};
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";

@@ -3,8 +3,8 @@
 use super::rehearsal::{FullRehearsal, errors};
 use gusset_config::{ConfigError, DIVERGENCE_M, KeyPath};
 use crate::setup::{self, Prepared};
-use crate::stability::Kind;
-use crate::stability::{Following, Verdict, added_damping};
+use gusset_proof::Kind;
+use gusset_proof::{Following, Verdict, added_damping};
 
 /// Least default of `safety.divergence_m` in m for a test that moves a specimen behind a link.
 const LEAST_DIVERGENCE_M: f64 = 0.1;

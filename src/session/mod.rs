@@ -92,7 +92,7 @@ use crate::record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, 
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
 use crate::setup::{Facts, Prepared};
-use crate::stability::RecordedVerdict;
+use gusset_proof::RecordedVerdict;
 
 /// Why a test could not be run at all. Nothing was moved.
 #[derive(Debug, Error)]

@@ -2,7 +2,7 @@
 
 use super::Prepared;
 use gusset_config::{ClockChoice, IntegratorTable, SafetyTable, SpecimenTable};
-use crate::stability::{Accepts, Actuator, Case, Machine};
+use gusset_proof::{Accepts, Actuator, Case, Machine};
 
 impl Prepared {
     /// What its verdict follows from; none of a trial, and of a loop that has no file.

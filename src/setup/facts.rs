@@ -7,7 +7,7 @@ use super::LimitFacts;
 use gusset_config::{ClockChoice, Method, TimingSpec};
 use gusset_numerics::integrate::Lambda;
 use gusset_motion::RecordFacts;
-use crate::stability::{Analysis, LambdaChoice, OnlineLimit, Stability};
+use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
 
 /// What is known about a test before it runs.
 #[derive(Debug, Clone)]

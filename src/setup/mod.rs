@@ -40,7 +40,7 @@ use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, Specimen
 use crate::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
-use crate::stability::{Analysis, AtRest, Kind, Matrices, Stability};
+use gusset_proof::{Analysis, AtRest, Kind, Matrices, Stability};
 pub use facts::{Facts, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;

@@ -7,7 +7,7 @@ use super::{Site, StructureFacts, path};
 use gusset_config::{Finding, KeyPath};
 use gusset_numerics::model::StructureSpec;
 use gusset_motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
-use crate::stability::Kind;
+use gusset_proof::Kind;
 use gusset_quantity::units::{duration, number, quantity};
 
 /// First periods of structures that are tested, s.

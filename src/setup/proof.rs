@@ -9,7 +9,7 @@ use gusset_numerics::integrate::{Gui, Lambda, Start};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{ModelError, Part, Structure};
 use gusset_numerics::spectral::Weights;
-use crate::stability::{
+use gusset_proof::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Proven, Request, Stability, StabilityError,
     StabilityProof, alpha_stability, lambda_path,
 };

@@ -13,7 +13,7 @@ use crate::link::openfresco::{Role, Transformation};
 use crate::link::secret::read_key;
 use crate::link::server::Host;
 use gusset_actuator::specimen::{InUnits, Mounted, Specimen};
-use crate::stability::{Accepts, Kind, Verdict};
+use gusset_proof::{Accepts, Kind, Verdict};
 use gusset_actuator::transfer::Transfer;
 use gusset_wire::key::PreSharedKey;
 use gusset_wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};

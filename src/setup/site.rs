@@ -3,7 +3,7 @@
 use super::{Dial, Trial};
 use gusset_config::{Finding, Inputs, KeyPath, Loaded};
 use gusset_motion::RecordFacts;
-use crate::stability::Kind;
+use gusset_proof::Kind;
 
 /// Findings so far, and the files read so far.
 pub(super) struct Site<'a> {

@@ -23,7 +23,7 @@ use crate::port::{
 };
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_numerics::spectral::delay::Weights;
-use crate::stability::Attached;
+use gusset_proof::Attached;
 use gusset_quantity::substructure::Substructure;
 use entry::entry;
 use loading::Loading;

@@ -15,7 +15,7 @@ use gusset_numerics::law::{Law, Reach};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{Base, Element, End, Structure};
 use gusset_numerics::spectral::lambda_limit;
-use crate::stability::StabilityProof;
+use gusset_proof::StabilityProof;
 
 pub(super) const METHODS: [Method; 6] = [
     Method::Newmark(NewmarkBeta::Average),

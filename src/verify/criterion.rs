@@ -8,7 +8,7 @@ use super::{Check, Effort, Proof};
 use gusset_numerics::integrate::Lambda;
 use gusset_numerics::linalg::{SymMatrix, modes};
 use gusset_numerics::spectral::{lambda_limit_changed, spectral_radius};
-use crate::stability::StabilityProof;
+use gusset_proof::StabilityProof;
 
 /// Random storeys with grown tangents.
 pub(super) fn storeys(random: &mut Random, n: usize, size: f64) -> SymMatrix {

@@ -10,7 +10,7 @@ use gusset_numerics::integrate::{
 };
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{Base, Structure};
-use crate::stability::StabilityProof;
+use gusset_proof::StabilityProof;
 
 /// A seeded stream of numbers.
 pub(super) struct Random(Pcg64);

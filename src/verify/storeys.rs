@@ -4,7 +4,7 @@ use super::drive::{Method, histories};
 use gusset_numerics::law::SquareRootSpec;
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{Element, End, Structure};
-use crate::stability::StabilityProof;
+use gusset_proof::StabilityProof;
 
 /// Two storeys of the examples: masses and stiffnesses from the ground up, no damping.
 #[derive(Debug, Clone, Copy)]

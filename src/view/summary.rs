@@ -11,7 +11,7 @@ use super::timing::Timings;
 use gusset_quantity::catalog::ending::Status;
 use crate::record::MissClasses;
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};
-use crate::stability::RecordedVerdict;
+use gusset_proof::RecordedVerdict;
 
 /// How far a test came, and what it lost.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]

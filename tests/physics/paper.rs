@@ -6,7 +6,7 @@
 
 use crate::common::engine::{distance, prepare, run_with_facts};
 use gusset::setup::Facts;
-use gusset::stability::Kind;
+use gusset_proof::Kind;
 
 const STEP: f64 = 0.05;
 

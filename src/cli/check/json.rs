@@ -7,7 +7,7 @@ use super::super::{certificate, rehearsed};
 use super::{Checked, commands};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
 use crate::setup::StructureFacts;
-use crate::stability::{Spectrum, Stability};
+use gusset_proof::{Spectrum, Stability};
 
 /// The whole document.
 pub(super) fn document(checked: &Checked<'_>) -> Value {
@@ -61,7 +61,7 @@ fn structure_json(structure: &StructureFacts, spectrum: Option<&Spectrum>) -> Va
         "lambda_limit": choice.map(|choice| choice.limit),
         "criterion": choice.map(|_| "S(lambda) positive semi-definite at the declared bounds"),
         "margin": choice.map(|choice| number(choice.margin)),
-        "stable": crate::stability::is_stable(&structure.stability, structure.analysis.as_ref()),
+        "stable": gusset_proof::is_stable(&structure.stability, structure.analysis.as_ref()),
         "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
         "gain_bound": structure.gain.is_finite().then_some(structure.gain),
         "spectral_radius_at_bounds": match structure.stability {

@@ -3,7 +3,7 @@
 use super::super::table::{COLUMNS, Table};
 use super::Checked;
 use gusset_config::ClockChoice;
-use crate::stability::Outcome;
+use gusset_proof::Outcome;
 
 /// Columns in front of a command, and between it and its purpose.
 const GAPS: usize = "    # ".len();

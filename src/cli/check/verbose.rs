@@ -7,7 +7,7 @@ use gusset_numerics::integrate::Lambda;
 use gusset_motion::{Quantity, STANDARD_GRAVITY};
 use crate::session::integration::{self, method_name};
 use crate::setup::{Facts, StructureFacts};
-use crate::stability::{Errors, Spectrum, per_cent};
+use gusset_proof::{Errors, Spectrum, per_cent};
 use gusset_quantity::units::{duration, number, quantity, rate};
 
 /// Everything that is known of the test without a rehearsal.

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::setup::{Facts, build};
-use crate::stability::Kind;
+use gusset_proof::Kind;
 
 /// One mass in m, all of whose stiffness and damping are those of a specimen.
 fn one(time: &str, mass: f64, rest: &str) -> String {

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! α and inverses are never formed, so the factor is as sparse as M + C0 + K0 and massless degrees of freedom
-//! work. Whether the chosen λ is stable is not asked here but in `crate::stability`.
+//! work. Whether the chosen λ is stable is not asked here but in `gusset_proof`.
 
 use std::ops::Range;
 

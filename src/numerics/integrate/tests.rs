@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::linalg::SymMatrix;
 use crate::model::Part;
-use crate::stability::*;
+use gusset_proof::*;
 
 mod by_rows;
 mod companions;

@@ -16,7 +16,7 @@ use gusset_numerics::model::StructureSpec;
 use gusset_motion::Excitation;
 use crate::record::{Recorder, TimedEvent};
 use crate::setup::{self, Ideal, IdealCourse, NoCourse};
-use crate::stability::{AddedDamping, DriftError, Errors, TestError};
+use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
 
 /// Most numbers of one course.
 const MOST: u64 = 4_000_000;

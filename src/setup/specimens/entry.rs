@@ -14,7 +14,7 @@ use gusset_numerics::model::BuildError;
 use crate::port::{Axis, shares};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_numerics::spectral::delay::Weights;
-use crate::stability::Kind;
+use gusset_proof::Kind;
 use gusset_quantity::units::{compared, quantity};
 
 /// A ratio of an estimate to what is known, or its inverse, that nobody means.

@@ -3,7 +3,7 @@
 use super::{Entry, Rows, Specimens};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Part;
-use crate::stability::{Advice, SpecimenShare};
+use gusset_proof::{Advice, SpecimenShare};
 
 impl Specimens {
     /// Σ Bᵀ k̂ B.

@@ -11,7 +11,7 @@ use super::subject::Subject;
 use super::trip::Trip;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::record::MissClasses;
-use crate::stability::OnlineLimit;
+use gusset_proof::OnlineLimit;
 use gusset_quantity::text::printable;
 
 /// Time over which the stiffest tangent is kept: once to twice this, ns.

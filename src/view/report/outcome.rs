@@ -9,7 +9,7 @@ use super::text::{count, exact, plural, quantity};
 use gusset_quantity::catalog::ending::Status;
 use gusset_quantity::catalog::event::Remark;
 use crate::record::{Event, EventLine, MissCause};
-use crate::stability::{RecordedFinding, RecordedVerdict, per_cent};
+use gusset_proof::{RecordedFinding, RecordedVerdict, per_cent};
 use crate::view::{Feature, SummaryView};
 
 /// How good the news is; decides the colour of the banner.
