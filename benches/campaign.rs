@@ -18,7 +18,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use gusset::campaign::{Campaign, Task, plan, work};
-use gusset::record::{Recorder, TimedEvent};
+use gusset_record::{Recorder, TimedEvent};
 use gusset::session::rehearsal::{Staging, staged};
 use gusset::setup;
 

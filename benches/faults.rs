@@ -20,7 +20,7 @@ use gusset::engine::{Connected, Control, Ending};
 use gusset_numerics::law::LawSpec;
 use gusset::link::server::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};
-use gusset::record::{FolderImage, Recorder, TimedEvent};
+use gusset_record::{FolderImage, Recorder, TimedEvent};
 use gusset::setup;
 use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_quantity::time::SimClock;

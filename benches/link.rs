@@ -24,9 +24,9 @@ use gusset::link::{
     NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
 };
 
-use gusset::record::writer::{Clocks, Writer, WriterSettings};
-use gusset::record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
-use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
+use gusset_record::writer::{Clocks, Writer, WriterSettings};
+use gusset_record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
+use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;

@@ -10,7 +10,7 @@ use gusset_config as config;
 use gusset::link::openfresco::{Host, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset::link::server::{ServeOptions, Server};
 use gusset::link::{SocketOptions, TcpTransport, Transport, UdpTransport};
-use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
+use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;

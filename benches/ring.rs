@@ -9,8 +9,8 @@ use std::hint::black_box;
 use crossbeam_channel::{Receiver, Sender};
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
-use gusset::record::journal::{Journal, encode};
-use gusset::record::{Recorder, RingReader, RingRecorder, RingSize, WhenFull, ring};
+use gusset_record::journal::{Journal, encode};
+use gusset_record::{Recorder, RingReader, RingRecorder, RingSize, WhenFull, ring};
 
 const COLUMNS: usize = 40;
 const ROWS: usize = 4096;

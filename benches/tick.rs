@@ -14,8 +14,8 @@ use std::sync::{Arc, Mutex};
 use gusset_config as config;
 use gusset::engine::{Connected, Control, Side};
 use gusset_numerics::integrate::Integrator;
-use gusset::record::{RingSize, WhenFull, ring};
-use gusset::rt::os::monotonic_ns;
+use gusset_record::{RingSize, WhenFull, ring};
+use gusset_record::rt::os::monotonic_ns;
 use gusset::setup;
 use gusset_quantity::time::{Clock, Nanos};
 

@@ -10,7 +10,7 @@
 use std::hint::black_box;
 
 use gusset_actuator::compensation::CompensationSpec;
-use gusset::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_actuator::transfer::{Transfer, TransferSpec};
 

@@ -65,8 +65,6 @@ pub mod frontier;
 pub mod guide;
 pub mod link;
 pub mod port;
-pub mod record;
-pub mod rt;
 pub mod session;
 pub mod setup;
 pub mod verify;

@@ -19,8 +19,8 @@ use common::rig::{Act, Log, Phase, attach, storey};
 use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Connected, Control, Ending, Experiment, OnMiss, Operator};
 use gusset::port::limits::Bound;
-use gusset::record::{RingReader, RingSize, WhenFull, ring};
-use gusset::rt::clock::MonotonicClock;
+use gusset_record::{RingReader, RingSize, WhenFull, ring};
+use gusset_record::rt::clock::MonotonicClock;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter};
@@ -140,7 +140,7 @@ impl Clock for Jumpy {
 }
 
 /// Rows and events enough for every run here.
-fn recorder(experiment: &Experiment) -> (gusset::record::RingRecorder, RingReader) {
+fn recorder(experiment: &Experiment) -> (gusset_record::RingRecorder, RingReader) {
     let size = RingSize {
         rows: 4096,
         events: 1024,

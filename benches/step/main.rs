@@ -21,7 +21,7 @@ mod mesh;
 mod opponent;
 mod opponents;
 
-use gusset::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
+use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use gusset_quantity::time::Clock;
 
 fn main() {

@@ -23,7 +23,7 @@ use super::table::{Tables, cells, columns};
 use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};
-use crate::record::atomic;
+use gusset_record::atomic;
 
 const SUMMARY: &str = "summary.json";
 const REPORT: &str = "report.html";

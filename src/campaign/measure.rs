@@ -7,7 +7,7 @@ use gusset_quantity::catalog::column;
 use gusset_config::{Finding, KeyPath, LoadedStudy, nearest};
 use crate::engine::{Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
-use crate::record::{Column, Recorder, TimedEvent};
+use gusset_record::{Column, Recorder, TimedEvent};
 
 /// Time at the end of a test over which a residual displacement is averaged, s.
 const RESIDUAL_S: f64 = 1.0;

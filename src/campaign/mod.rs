@@ -68,7 +68,7 @@ pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
 use gusset_config::ConfigError;
-use crate::record::FolderError;
+use gusset_record::FolderError;
 
 /// Why a campaign cannot go on.
 #[derive(Debug, Error)]

@@ -17,7 +17,7 @@ use parquet::schema::types::{ColumnPath, Type};
 
 use super::cell::{Cell, CellKind, TableColumn};
 use super::{CampaignError, at};
-use crate::record::atomic::AtomicFile;
+use gusset_record::atomic::AtomicFile;
 
 /// Most values in memory.
 const MOST_VALUES: usize = 1 << 20;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::perform::Performed;
 use super::{CampaignError, at};
 use gusset_config::read_input;
-use crate::record::atomic;
+use gusset_record::atomic;
 
 /// First words of a part, before the identity of its campaign.
 const HEAD: &str = "gusset campaign part 2 ";

@@ -9,7 +9,7 @@ use super::plan::Campaign;
 use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};
-use crate::record::atomic::random_number;
+use gusset_record::atomic::random_number;
 use gusset_quantity::work::each;
 
 /// How many tasks are computed again, and the seed of their choice.

@@ -10,7 +10,7 @@ use super::bundle::{bundles, open};
 use super::launcher::{Worker, hyperqueue, lines, quoted, slurm};
 use super::plan::Campaign;
 use super::{CampaignError, at};
-use crate::record::atomic;
+use gusset_record::atomic;
 
 /// `MaxArraySize` of Slurm without a setting. The numbers of array elements are below it.
 const MAX_ARRAY_SIZE: u64 = 1001;

@@ -12,7 +12,7 @@ use super::study::Study;
 use super::task::Task;
 use super::{CampaignError, at};
 use gusset_config::Scalar;
-use crate::record::atomic::AtomicFile;
+use gusset_record::atomic::AtomicFile;
 use gusset_quantity::units::unit_in_name;
 
 /// Kind of a column with these values of an axis.

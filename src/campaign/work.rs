@@ -7,7 +7,7 @@ use super::perform::perform;
 use super::plan::{Campaign, Plan, read};
 use super::task::Task;
 use super::{CampaignError, at};
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::work::each;
 
 /// Results are written at least this often, in ns.

@@ -12,7 +12,7 @@ use self::ground::GroundArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
-use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
+use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use gusset_quantity::time::Clock;
 use gusset_actuator::transfer::BetweenTicks;
 use gusset_quantity::work::{Work, each, processors};

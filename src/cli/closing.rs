@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::table::{Table, misses};
 use gusset_motion::metrics::Tracking;
-use crate::record::{Run, Summary};
-use crate::rt::timing::Quantity;
+use gusset_record::{Run, Summary};
+use gusset_record::rt::timing::Quantity;
 use crate::session::{self, Finished, Page, integration};
 use crate::setup::{Facts, StructureFacts};
 use gusset_proof::RecordedVerdict;

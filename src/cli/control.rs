@@ -12,7 +12,7 @@ use super::{answer, tell};
 use gusset_config::{Protocol, SpecimenTable, specimens_of};
 use crate::link::served::{Latch, LinkMaker};
 use crate::link::server::Host;
-use crate::record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};
+use gusset_record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};
 use crate::session::{
     self, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, SpecimenRecords,
 };

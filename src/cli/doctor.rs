@@ -5,7 +5,7 @@ use super::args::DoctorArgs;
 use super::exit::Exit;
 use super::table::Table;
 use gusset_config::TimingSpec;
-use crate::rt::doctor::{Finding, Verdict, examine, fitness};
+use gusset_record::rt::doctor::{Finding, Verdict, examine, fitness};
 use crate::setup::rt_plan;
 
 /// Length of a tick for which the machine is examined.

@@ -7,8 +7,8 @@ use anyhow::Context;
 use super::args::{DerivedArg, ExportArgs, FormatArg, RateArg};
 use super::exit::{Exit, WithExit};
 use super::tell;
-use crate::record::Run;
-use crate::record::export::{self, Choice, Extra, Format, Rows};
+use gusset_record::Run;
+use gusset_record::export::{self, Choice, Extra, Format, Rows};
 use crate::session::{self, Derived};
 
 /// Writes a run in a form that other programs read.

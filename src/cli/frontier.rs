@@ -11,8 +11,8 @@ use super::table::Table;
 use super::{answer, tell};
 use gusset_config::TimingSpec;
 use crate::frontier::{Point, Scalable, csv, svg};
-use crate::record::{RunFolder, atomic};
-use crate::rt::wall::Wall;
+use gusset_record::{RunFolder, atomic};
+use gusset_record::rt::wall::Wall;
 use crate::session::frontier::{Trials, WANTED};
 use crate::session::{Signal, Signals};
 use gusset_quantity::time::Ratio;
@@ -194,7 +194,7 @@ pub(super) fn timing(args: &JitterArgs) -> anyhow::Result<TimingSpec> {
     };
     timing.check().context("--priority")?;
     timing
-        .check_cpu(&crate::rt::os::process_cpus())
+        .check_cpu(&gusset_record::rt::os::process_cpus())
         .context("--cpu")?;
     Ok(timing)
 }

@@ -15,7 +15,7 @@ use super::progress::ProgressLine;
 use super::test_file::refused;
 use super::{answer, tell, warn};
 use gusset_config::{ConfigError, Loaded};
-use crate::record::{Progress, RunFolder};
+use gusset_record::{Progress, RunFolder};
 use crate::session::identification::{
     IdentificationError, Outcome, PICTURES, Plan, Request, files,
 };

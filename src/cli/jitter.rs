@@ -12,8 +12,8 @@ use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
 use gusset_quantity::catalog::ending::Cause;
-use crate::record::{Progress, RunFolder};
-use crate::rt::load::{Load, USUAL_BYTES};
+use gusset_record::{Progress, RunFolder};
+use gusset_record::rt::load::{Load, USUAL_BYTES};
 use crate::session::fitness::Measured;
 use crate::session::{self, Finished, Signals, Watches, bare_loop};
 use crate::setup::Prepared;
@@ -46,7 +46,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     let facts = test.facts.clone();
     let cpu = args
         .cpu
-        .or_else(|| crate::rt::os::process_cpus().last().copied())
+        .or_else(|| gusset_record::rt::os::process_cpus().last().copied())
         .unwrap_or(0);
     let load = args.load.then(|| start_load(cpu)).transpose()?;
     let line = ProgressLine::new(&facts, true);

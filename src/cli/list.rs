@@ -7,8 +7,8 @@ use super::args::ListArgs;
 use super::drawn::cut;
 use super::exit::Exit;
 use gusset_config::printable;
-use crate::record::FolderError;
-use crate::record::listing::{Listed, Peak, State, listed};
+use gusset_record::FolderError;
+use gusset_record::listing::{Listed, Peak, State, listed};
 use gusset_quantity::units::{duration, quantity};
 
 /// Widest line.

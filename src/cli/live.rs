@@ -19,8 +19,8 @@ use gusset_config::ClockChoice;
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
-use crate::record::Note;
-use crate::record::Onlooker;
+use gusset_record::Note;
+use gusset_record::Onlooker;
 #[cfg(feature = "monitor")]
 use crate::session::Attendance;
 #[cfg(feature = "monitor")]

@@ -62,7 +62,7 @@ use args::{Cli, Command, LogArg};
 use clap::ValueEnum as _;
 
 use gusset_config::Diagnostics;
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::text::printable;
 
 /// Runs the command line and returns the exit code: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real

@@ -10,9 +10,9 @@ use super::args::OperateArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::engine::{Glimpse, Phase};
-use crate::record::Run;
-use crate::record::summary::Status;
-use crate::rt::os::monotonic_ns;
+use gusset_record::Run;
+use gusset_record::summary::Status;
+use gusset_record::rt::os::monotonic_ns;
 use crate::session::{Answer, Request, Unanswered, ask, pause};
 
 /// How long a test that answers may take to do what it is told, unless it is told to end.

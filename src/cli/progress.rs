@@ -7,8 +7,8 @@ use std::sync::{Mutex, PoisonError};
 
 use super::drawn::bar;
 use super::screen;
-use crate::record::Progress;
-use crate::rt::os::monotonic_ns;
+use gusset_record::Progress;
+use gusset_record::rt::os::monotonic_ns;
 use crate::setup::Facts;
 use gusset_quantity::work::{self, Watcher};
 

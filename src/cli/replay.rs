@@ -6,8 +6,8 @@ use super::answer;
 use super::args::ReplayArgs;
 use super::exit::{Exit, WithExit};
 use super::tell;
-use crate::record::Run;
-use crate::record::export::Notice;
+use gusset_record::Run;
+use gusset_record::export::Notice;
 use crate::session;
 
 /// Replays one run folder.

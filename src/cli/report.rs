@@ -7,8 +7,8 @@ use std::path::Path;
 use super::args::ReportArgs;
 use super::exit::{Exit, WithExit};
 use super::tell;
-use crate::record::export::Notice;
-use crate::record::{Run, Summary};
+use gusset_record::export::Notice;
+use gusset_record::{Run, Summary};
 use crate::session;
 
 /// Writes report.html again, from the run folder alone; or the page of two runs.

@@ -11,7 +11,7 @@ use super::live;
 use super::status::Status;
 use super::test_file::refused;
 use super::{answer, only_with, tell, warn};
-use crate::record::Progress;
+use gusset_record::Progress;
 use crate::session::{self, Allowed, Judged, ReplayError, ResumeError, Signals, Watches};
 use crate::setup::{self, Prepared};
 

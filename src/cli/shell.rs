@@ -10,7 +10,7 @@ use clap_mangen::Man;
 use super::args::{Cli, CompletionsArgs, ManArgs, ShellArg};
 use super::exit::Exit;
 use super::{answer, tell};
-use crate::record::atomic;
+use gusset_record::atomic;
 
 /// Prints the completions of a shell.
 pub fn completions(args: &CompletionsArgs) -> anyhow::Result<Exit> {

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::table::Table;
-use crate::record::{atomic, make_free};
+use gusset_record::{atomic, make_free};
 use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
 use gusset_proof::{
     CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams,

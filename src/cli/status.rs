@@ -11,7 +11,7 @@ use super::drawn::{bar, cut, gauge, short, width};
 use super::progress::remaining;
 use super::screen;
 use crate::engine::Phase;
-use crate::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 use crate::setup::Facts;
 use crate::view::live::{Board, Margin, Mark, Snapshot, share};
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::engine::{Glimpse, Phase, PhaseCell};
-use crate::record::{Event, LimitReached, Onlooker, Progress, TimedEvent};
+use gusset_record::{Event, LimitReached, Onlooker, Progress, TimedEvent};
 use crate::view::live::{About, LambdaUse, Subject, Tap};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.

@@ -5,8 +5,8 @@ use std::fmt;
 use serde_json::Value;
 
 use gusset_config::printable;
-use crate::record::Summary;
-use crate::rt::timing::Quantity;
+use gusset_record::Summary;
+use gusset_record::rt::timing::Quantity;
 
 /// Columns of a terminal that the pages of the commands fit into.
 pub const COLUMNS: usize = 100;

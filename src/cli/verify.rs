@@ -9,8 +9,8 @@ use serde_json::json;
 use super::args::VerifyArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, screen, tell};
-use crate::record::make_free;
-use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
+use gusset_record::make_free;
+use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 use gusset_quantity::work::Work;
 
@@ -130,7 +130,7 @@ fn columns(table: &Tabulation) -> String {
 fn write(out: &Path, parts: &[Part]) -> anyhow::Result<()> {
     for (name, text) in verify::files(parts) {
         let path = out.join(name);
-        crate::record::atomic::write(&path, text.as_bytes())
+        gusset_record::atomic::write(&path, text.as_bytes())
             .with_context(|| path.display().to_string())?;
     }
     Ok(())

@@ -16,8 +16,8 @@ use gusset_quantity::catalog::column::{
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
-use crate::record::Column;
-use crate::rt::timing::TickStamps;
+use gusset_record::Column;
+use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::state::Visit;
 use gusset_quantity::time::Nanos;
 

@@ -3,8 +3,8 @@
 use super::columns::{Lateness, Row, number};
 use super::misses::MissWindow;
 use super::{OnMiss, Pace, TestLimits};
-use crate::record::MissCause;
-use crate::rt::timing::{Miss, Suspect, TickStamps, Timing};
+use gusset_record::MissCause;
+use gusset_record::rt::timing::{Miss, Suspect, TickStamps, Timing};
 
 /// Times in which no command left although each tick has one, outside of the ticks of the test, where such are misses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

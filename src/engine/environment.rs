@@ -11,8 +11,8 @@ use super::supervision::Supervision;
 use super::tick::Tick;
 use super::{Ending, Stop};
 use gusset_numerics::integrate::StepError;
-use crate::record::{Event, GridOf, Standing, TimedEvent};
-use crate::rt::timing::TickStamps;
+use gusset_record::{Event, GridOf, Standing, TimedEvent};
+use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::time::Nanos;
 
 /// Longest wait for an edge in which no request of the operator is taken.

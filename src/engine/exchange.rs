@@ -15,8 +15,8 @@ use super::{Limits, Stop};
 use gusset_quantity::catalog::phase::NOT_AWAITED;
 use crate::port::limits::{Found, Hit, Level};
 use crate::port::{OnStale, Port};
-use crate::record::{Event, LimitReached};
-use crate::rt::timing::TickStamps;
+use gusset_record::{Event, LimitReached};
+use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::substructure::{Coupling, Freshness, Holder, LISTEN_NS, LinkFault, Status};
 use gusset_quantity::time::Nanos;
 

@@ -3,7 +3,7 @@
 use super::columns::Row;
 use super::{Limits, Pacing, Resumption, Side, StartupSettings, StaticLoad};
 use crate::port::Port;
-use crate::record::Column;
+use gusset_record::Column;
 use gusset_quantity::time::Ratio;
 
 /// Everything a test needs, as plain data.

@@ -4,7 +4,7 @@
 
 use super::columns::Row;
 use super::operator::OperatorCommands;
-use crate::record::{Recorder, TimedEvent, WarmUpRows};
+use gusset_record::{Recorder, TimedEvent, WarmUpRows};
 
 /// Ticks of a warm-up whose rows can be held back until it is known whether they matter.
 const MOST_HELD_BACK: u64 = 10_000;

@@ -19,8 +19,8 @@ use super::{Ending, Stop};
 use gusset_numerics::integrate::State;
 use gusset_numerics::model::Base;
 use crate::port::{MotionCheck, Port, Rest, UNBOUNDED_RAMP_S};
-use crate::record::Event;
-use crate::rt::timing::TickStamps;
+use gusset_record::Event;
+use gusset_record::rt::timing::TickStamps;
 
 /// Relative unbalance at which all parts but the last are taken for carried.
 const ROUGHLY: f64 = 1e-3;

@@ -2,7 +2,7 @@
 
 use super::phase::Phase;
 use super::tick::Tick;
-use crate::record::WarmUpRows;
+use gusset_record::WarmUpRows;
 
 /// Which command leaves in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use super::{EndPosition, Ending, Gaps, IncompleteShutdown, Peaks};
 use crate::port::LinkCount;
-use crate::rt::timing::Timing;
+use gusset_record::rt::timing::Timing;
 use gusset_quantity::substructure::Holder;
 
 /// The results of a test beside its rows and events.

@@ -22,8 +22,8 @@ use super::{
     Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Side, StaticLoad, Stop,
 };
 use crate::port::Port;
-use crate::record::{Column, Event, Recorder};
-use crate::rt::timing::Timing;
+use gusset_record::{Column, Event, Recorder};
+use gusset_record::rt::timing::Timing;
 use gusset_quantity::state::TestState;
 use gusset_quantity::time::Clock;
 

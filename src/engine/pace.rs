@@ -4,7 +4,7 @@
 //! specimens see slower time and never a burst of commands.
 
 use super::OnMiss;
-use crate::rt::timing::TickStamps;
+use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::time::{Clock, Nanos, Ratio, Schedule};
 
 /// From the end of the set-up to the first edge, so that the first edge can be met.

@@ -11,7 +11,7 @@ use gusset_quantity::catalog::column::{
     STALE, STATUS, STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
 };
 use crate::port::Port;
-use crate::record::Column;
+use gusset_record::Column;
 
 /// The numbers of a port, in the order of its columns. Real-time: yes.
 #[inline]

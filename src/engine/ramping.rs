@@ -8,7 +8,7 @@ use super::order::Order;
 use super::phase::Phase;
 use super::{Ending, Stop};
 use crate::port::{Port, SHARE_OF_SPEED};
-use crate::rt::timing::TickStamps;
+use gusset_record::rt::timing::TickStamps;
 
 /// The operator's hold over a motion: its pace falls from 1 to 0 and rises again.
 #[derive(Debug, Clone, Copy)]

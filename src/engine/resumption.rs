@@ -15,7 +15,7 @@ use super::stepping::Stepping;
 use super::warm_up::WarmUp;
 use super::{Peaks, Stop};
 use crate::port::{Port, Reading};
-use crate::record::{Event, GridOf, Standing};
+use gusset_record::{Event, GridOf, Standing};
 
 /// Multiple of the noise of a reading beyond which it differs, and share of it up to which a difference is roundoff.
 const NOISE: f64 = 5.0;

@@ -18,8 +18,8 @@ use super::{Ending, Stop};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::GIVEN_UP;
 use crate::port::{Brake, Port, ReturnMove, UnloadFailure};
-use crate::record::Event;
-use crate::rt::timing::TickStamps;
+use gusset_record::Event;
+use gusset_record::rt::timing::TickStamps;
 
 /// The shutdown of one specimen.
 #[derive(Debug, Default)]

@@ -6,8 +6,8 @@ use super::order::Order;
 use super::phase::Phase;
 use super::{Ending, Stop};
 use crate::port::Port;
-use crate::record::Event;
-use crate::rt::timing::TickStamps;
+use gusset_record::Event;
+use gusset_record::rt::timing::TickStamps;
 
 /// Most readings of a specimen before the static load is applied, and the longest time in s that they may take.
 const AT_REST: f64 = 16.0;

@@ -12,7 +12,7 @@ use super::warm_up::WarmUp;
 use super::wiring_check::WiringCheck;
 use super::{Resumption, Stop};
 use crate::port::Port;
-use crate::record::{Event, GridOf};
+use gusset_record::{Event, GridOf};
 
 /// Repetitions of the numerical path on scratch state before the first edge.
 const REHEARSALS: usize = 300;

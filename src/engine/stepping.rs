@@ -14,8 +14,8 @@ use super::tick::Tick;
 use super::{Ending, Stop};
 use gusset_quantity::catalog::ending::Cause;
 use crate::port::{PacerTick, Port};
-use crate::record::Event;
-use crate::rt::timing::TickStamps;
+use gusset_record::Event;
+use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::state::{Digest, TestState};
 
 /// Where the stepping is beside its steps.

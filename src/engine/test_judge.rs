@@ -9,7 +9,7 @@ use super::tick::Tick;
 use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::Level;
-use crate::record::{Event, LimitReached};
+use gusset_record::{Event, LimitReached};
 use gusset_quantity::state::Visit;
 
 /// Judges the limits of the test as a whole, and remembers what was warned of.

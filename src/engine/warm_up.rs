@@ -14,8 +14,8 @@ use super::test_hit::TestHit;
 use super::{Ending, Stop};
 use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
-use crate::record::{Event, WarmUp as WarmUpEvent, WarmUpRows};
-use crate::rt::timing::TickStamps;
+use gusset_record::{Event, WarmUp as WarmUpEvent, WarmUpRows};
+use gusset_record::rt::timing::TickStamps;
 
 /// Standard deviations of a count by which it may be too large by chance.
 const CHANCE: f64 = 3.0;

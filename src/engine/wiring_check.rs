@@ -11,8 +11,8 @@ use super::tick::Tick;
 use super::{Ending, Side, Stop};
 use gusset_numerics::integrate::State;
 use crate::port::{Port, Probe};
-use crate::record::{Event, GridOf};
-use crate::rt::timing::TickStamps;
+use gusset_record::{Event, GridOf};
+use gusset_record::rt::timing::TickStamps;
 
 /// The check of one specimen.
 pub(super) struct WiringCheck {

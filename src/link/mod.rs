@@ -23,7 +23,7 @@ pub use server::Simulated;
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
 
 use self::tls::TlsFault;
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 

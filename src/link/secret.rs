@@ -6,7 +6,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use crate::rt::secret_file::{SecretError, open_secret};
+use gusset_record::rt::secret_file::{SecretError, open_secret};
 use gusset_wire::key::{LONGEST_KEY, PreSharedKey};
 
 /// Why there is no key.

@@ -3,7 +3,7 @@
 use rustls::{AlertDescription, CertificateError, Error, InvalidMessage};
 use thiserror::Error as Thiserror;
 
-use crate::record::utc;
+use gusset_record::utc;
 use gusset_quantity::substructure::LinkFault;
 
 /// Why a TLS session does not come about, or ends; "it" is the peer.

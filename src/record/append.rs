@@ -260,10 +260,10 @@ pub(super) mod tests {
 
     /// A disk that takes `room` bytes in all and then says that it is full.
     #[derive(Debug, Clone, Default)]
-    pub(in crate::record) struct SmallDisk(pub(in crate::record) Arc<Mutex<DiskState>>);
+    pub(crate) struct SmallDisk(pub(crate) Arc<Mutex<DiskState>>);
 
     #[derive(Debug, Default)]
-    pub(in crate::record) struct DiskState {
+    pub(crate) struct DiskState {
         pub bytes: Vec<u8>,
         pub room: usize,
         pub cuts_refused: bool,
@@ -271,15 +271,15 @@ pub(super) mod tests {
     }
 
     impl SmallDisk {
-        pub(in crate::record) fn with_room(room: usize) -> Self {
+        pub(crate) fn with_room(room: usize) -> Self {
             let disk = Self::default();
             disk.0.lock().unwrap().room = room;
             disk
         }
-        pub(in crate::record) fn bytes(&self) -> Vec<u8> {
+        pub(crate) fn bytes(&self) -> Vec<u8> {
             self.0.lock().unwrap().bytes.clone()
         }
-        pub(in crate::record) fn set_room(&self, room: usize) {
+        pub(crate) fn set_room(&self, room: usize) {
             self.0.lock().unwrap().room = room;
         }
     }

@@ -265,9 +265,9 @@ impl StateFolder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::Layout as RecordLayout;
-    use crate::record::writer::Clocks;
-    use crate::record::{
+    use crate::Layout as RecordLayout;
+    use crate::writer::Clocks;
+    use crate::{
         Column, Recorder, RingSize, Run, RunFolder, WhenFull, Writer, WriterSettings, ring,
     };
 

@@ -11,7 +11,8 @@ use super::TimedEvent;
 use super::append::{Appender, Flushed, Store, Unit};
 use super::events::{Event, EventLine};
 use super::intact::Extent;
-use super::miss::{MissClasses, SampleWindow, SchedSample, classify};
+use super::miss::{MissClasses, SampleWindow, classify};
+use crate::rt::sampler::SchedSample;
 use super::note::{Note, Position};
 use super::warned::Warned;
 use gusset_quantity::catalog::event::Severity;
@@ -303,7 +304,7 @@ impl<S: Store> EventLog<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::MissCause;
+    use crate::MissCause;
     use gusset_quantity::substructure::LinkFault;
     use serde_json::{Value, json};
 

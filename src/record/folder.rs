@@ -459,14 +459,14 @@ fn file_safe(name: Option<&std::ffi::OsStr>) -> String {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::record::Run;
-    use crate::record::journal::encode;
-    use crate::record::layout::tests::named;
-    use crate::record::summary::tests::example;
+    use crate::Run;
+    use crate::journal::encode;
+    use crate::layout::tests::named;
+    use crate::summary::tests::example;
     use std::io::Write as _;
 
     /// A folder with these columns and rows, unfinished.
-    pub(in crate::record) fn recorded(path: &Path, names: &[&str], rows: &[&[f64]]) -> RunFolder {
+    pub(crate) fn recorded(path: &Path, names: &[&str], rows: &[&[f64]]) -> RunFolder {
         let folder = RunFolder::create(path).unwrap();
         let mut samples = folder.open_samples(&named(names)).unwrap();
         let mut bytes = Vec::new();

@@ -298,8 +298,8 @@ fn sound(record: &[u8]) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::append::tests::SmallDisk;
-    use crate::record::strides::BUFFER;
+    use crate::append::tests::SmallDisk;
+    use crate::strides::BUFFER;
     use proptest::prelude::*;
 
     fn file_of(rows: u64, columns: usize) -> Vec<u8> {

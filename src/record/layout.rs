@@ -347,7 +347,7 @@ impl From<&Layout> for Described {
 pub(super) mod tests {
     use super::*;
 
-    pub(in crate::record) fn named(names: &[&str]) -> Layout {
+    pub(crate) fn named(names: &[&str]) -> Layout {
         let columns = names.iter().map(|name| Column {
             name: (*name).to_owned(),
             unit: "m".to_owned(),

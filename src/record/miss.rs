@@ -22,36 +22,20 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::MissCause;
+use crate::rt::sampler::SchedSample;
 use gusset_quantity::units::duration;
 
 /// Key of the limit that a tick breaks which is late by a whole period, with `timing.on_miss = "stop"`.
-pub(crate) const ON_MISS: &str = "on_miss";
+pub const ON_MISS: &str = "on_miss";
 
 /// Why a tick ended the test that was late by a whole period, in words. Times in s.
-pub(crate) fn late_words(late_s: f64, period_s: f64) -> String {
+pub fn late_words(late_s: f64, period_s: f64) -> String {
     format!(
         "a tick was late by {}, and a period is {}; `timing.on_miss = \"stop\"` ends the test for that, \"stretch\" delays the \
          later ticks instead",
         duration(late_s),
         duration(period_s)
     )
-}
-
-/// What the scheduler had counted for the loop's thread, and the hypervisor for its core, at one moment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct SchedSample {
-    /// Nanoseconds of the loop's clock.
-    pub clock_ns: u64,
-    /// Involuntary context switches of the loop's thread since its start.
-    pub involuntary_switches: u64,
-    /// Minor page faults of the loop's thread since its start.
-    pub minor_faults: u64,
-    /// Ticks of 10 ms (USER_HZ) that the hypervisor has withheld, from /proc/stat.
-    pub steal_ticks: u64,
-    /// Nanoseconds that the loop's thread was ready to run and waited for a processor.
-    pub waited_ns: u64,
-    /// Times the process was continued after a stop.
-    pub continued: u64,
 }
 
 /// One tick of /proc/stat in ms: USER_HZ is 100 on every architecture that has this interface to user space.

@@ -178,7 +178,7 @@ impl std::fmt::Display for MissingEnd {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::summary::tests::example;
+    use crate::summary::tests::example;
     use serde_json::{Value, json};
 
     #[test]

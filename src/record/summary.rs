@@ -189,7 +189,7 @@ pub struct Summary {
 pub(super) mod tests {
     use super::*;
 
-    pub(in crate::record) fn example() -> Summary {
+    pub(crate) fn example() -> Summary {
         Summary {
             status: Status::Completed,
             reason: "end of the record".to_owned(),

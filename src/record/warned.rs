@@ -112,7 +112,7 @@ impl Warned {
 }
 
 /// "once", "2 times".
-pub(crate) fn times(count: u64) -> String {
+pub fn times(count: u64) -> String {
     match count {
         1 => "once".to_owned(),
         count => format!("{count} times"),
@@ -122,7 +122,7 @@ pub(crate) fn times(count: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::TimedEvent;
+    use crate::TimedEvent;
 
     #[test]
     fn each_limit_is_told_once_with_its_number_and_how_it_began() {

@@ -18,8 +18,8 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Part;
 use gusset_config::{Time, TimeTable};
 use crate::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
-use crate::record::summary::{Peak, Status};
-use crate::record::{Event, EventLine, FolderError, Run, Summary};
+use gusset_record::summary::{Peak, Status};
+use gusset_record::{Event, EventLine, FolderError, Run, Summary};
 use gusset_quantity::substructure::LinkFault;
 use rows::Rows;
 

@@ -2,7 +2,7 @@
 
 use super::checksum::sha256;
 use super::lineage::{ORIGIN, Origin};
-use crate::record::{Event, FolderError, Layout, RunFolder};
+use gusset_record::{Event, FolderError, Layout, RunFolder};
 use crate::setup::Files;
 
 /// Keeps all of it.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest as _, Sha256};
 
 use super::replay_error::ReplayError;
-use crate::record::{Checksum, Event, FolderError, Run, keeps_waiting};
+use gusset_record::{Checksum, Event, FolderError, Run, keeps_waiting};
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
     let bytes = if keeps_waiting(path) {

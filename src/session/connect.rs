@@ -14,7 +14,7 @@ use gusset_quantity::catalog::event::Remark;
 use gusset_config::ClockChoice;
 use crate::engine::{Control, Experiment, Operator};
 use crate::port::Port;
-use crate::record::{Event, FolderError, Run, Writer};
+use gusset_record::{Event, FolderError, Run, Writer};
 use gusset_quantity::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// How often the operator's line is looked at meanwhile.

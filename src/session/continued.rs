@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 use super::lineage::{Generation, Lineage, Origin, places, way_from};
 use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use crate::port::Port;
-use crate::record::summary::Status;
-use crate::record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
+use gusset_record::summary::Status;
+use gusset_record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
 use crate::setup::Files;
 
 /// Name of the file in the folder of an interrupted test.

@@ -16,8 +16,8 @@ use gusset_quantity::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
 use gusset_config::{self as config, ConfigError, TestFile, Weighting};
 use crate::engine::Phase;
 use gusset_numerics::model::{BuildError, StructureSpec};
-use crate::record::export::{Rows, Sum};
-use crate::record::{FolderError, Run};
+use gusset_record::export::{Rows, Sum};
+use gusset_record::{FolderError, Run};
 
 /// A kind of column that follows from recorded ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,7 +5,7 @@
 //! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Nobody
 //! waits at the desk for another, nor its end for anybody. Who asks keeps apart a test that is over from one that does not
 //! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak
-//! ([`crate::rt::control_socket`]).
+//! ([`gusset_record::rt::control_socket`]).
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -19,9 +19,9 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::engine::{Glimpse, Operator, PhaseCell};
-use crate::record::is_claimed;
-use crate::rt::control_socket::{ControlSocket, connect};
-use crate::rt::os::monotonic_ns;
+use gusset_record::is_claimed;
+use gusset_record::rt::control_socket::{ControlSocket, connect};
+use gusset_record::rt::os::monotonic_ns;
 
 /// The socket's name in the run folder.
 pub(super) const SOCKET: &str = "control.sock";
@@ -367,7 +367,7 @@ mod tests {
 
     use super::*;
     use crate::engine::Phase;
-    use crate::record::RunFolder;
+    use gusset_record::RunFolder;
 
     #[test]
     fn a_request_reaches_the_queue_and_the_socket_goes_with_the_desk() {

@@ -5,7 +5,7 @@
 
 use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
 use crate::engine::OperatorCommands;
-use crate::record::{Column, Layout};
+use gusset_record::{Column, Layout};
 
 /// Physical columns that recordings of earlier versions do not have.
 const NEWER: [&str; 2] = ["operator", "cause"];

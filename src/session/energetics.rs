@@ -9,7 +9,7 @@ use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::falsified::Mode;
 use gusset_numerics::model::{Base, Structure};
 use gusset_motion::Excitation;
-use crate::record::Column;
+use gusset_record::Column;
 use crate::setup;
 use gusset_proof::Analysis;
 

@@ -9,7 +9,7 @@
 
 use serde_json::{Value, json};
 
-use crate::record::MissClasses;
+use gusset_record::MissClasses;
 use gusset_quantity::units::{duration, number, rate};
 
 /// Rates of usual hybrid tests, Hz.

@@ -9,7 +9,7 @@ use tracing::subscriber::NoSubscriber;
 use super::{SessionError, Signals, Watches, loop_round, run};
 use gusset_config::TimingSpec;
 use crate::frontier::{Length, ModelError, Point, Scalable, Search, Trial, largest};
-use crate::record::{FolderError, Progress, RunFolder};
+use gusset_record::{FolderError, Progress, RunFolder};
 use gusset_quantity::time::Ratio;
 
 /// Share of the deadlines that a model must keep.

@@ -4,7 +4,7 @@
 
 use super::connect::Unconnected;
 use crate::engine::{Connected, Control, Outcome};
-use crate::rt::os;
+use gusset_record::rt::os;
 
 /// How the loop's thread ended.
 pub(super) struct Ended {

@@ -1,6 +1,6 @@
 //! What became of the record while the test ran: others may have moved, deleted or changed what was being written.
 
-use crate::record::{FolderError, Meddled, Recorded, Run, RunFolder, Whereabouts};
+use gusset_record::{FolderError, Meddled, Recorded, Run, RunFolder, Whereabouts};
 use crate::setup::Facts;
 
 /// Finds the folder again and counts as lost what cannot be read in it any more.

@@ -12,8 +12,8 @@ use super::checksum::{read, rows_sha256, same};
 use super::replay_error::ReplayError;
 use crate::engine::Place;
 use crate::port::Port;
-use crate::record::Run;
-use crate::record::summary::Peak;
+use gusset_record::Run;
+use gusset_record::summary::Peak;
 
 /// Name of the file in the folder of a resumed test.
 pub(super) const ORIGIN: &str = "resumed.json";

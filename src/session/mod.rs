@@ -87,10 +87,10 @@ use gusset_quantity::catalog::ending::{Cause, Exit};
 use gusset_quantity::catalog::event::Remark;
 use gusset_config::ConfigError;
 use crate::engine::Control;
-use crate::record::writer::WriterError;
-use crate::record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};
-use crate::rt::wall::Wall;
-use crate::rt::{Granted, os};
+use gusset_record::writer::WriterError;
+use gusset_record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};
+use gusset_record::rt::wall::Wall;
+use gusset_record::rt::{Granted, os};
 use crate::setup::{Facts, Prepared};
 use gusset_proof::RecordedVerdict;
 

@@ -13,8 +13,8 @@ use super::lineage::{Generation, Lineage, Origin, way_from};
 use super::replay_error::ReplayError;
 use gusset_quantity::catalog::phase::Phase;
 use gusset_motion::metrics::energy::Model;
-use crate::record::summary::Status;
-use crate::record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
+use gusset_record::summary::Status;
+use gusset_record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use crate::view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,

@@ -9,13 +9,13 @@ use super::{SessionError, Watches, archive};
 use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_config::ClockChoice;
 use crate::engine::{Connected, Control, Experiment};
-use crate::record::writer::Clocks;
-use crate::record::{
+use gusset_record::writer::Clocks;
+use gusset_record::{
     Event, Layout, Note, RingSize, RunFolder, WhenFull, Writer, WriterSettings, ring,
 };
-use crate::rt::sampler::Sampler;
-use crate::rt::wall::Wall;
-use crate::rt::{Granted, apply, os, pin_away};
+use gusset_record::rt::sampler::Sampler;
+use gusset_record::rt::wall::Wall;
+use gusset_record::rt::{Granted, apply, os, pin_away};
 use crate::setup::{Facts, Files, rt_plan};
 use gusset_quantity::time::{Clock, SimClock};
 

@@ -17,7 +17,7 @@ use super::replay_error::ReplayError;
 use super::retrace::{prepared, same_columns};
 use super::tape::{Comparing, Difference, Recording, Tape, with};
 use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
-use crate::record::{End, Layout, MissingEnd, Run};
+use gusset_record::{End, Layout, MissingEnd, Run};
 
 /// What a replay came to.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use gusset_config::ConfigError;
-use crate::record::FolderError;
+use gusset_record::FolderError;
 
 /// Why a folder cannot be replayed.
 #[derive(Debug, Error)]

@@ -26,8 +26,8 @@ use super::retrace::{
 use super::row_peaks::{earlier_peaks, peak_of};
 use gusset_config::Loaded;
 use crate::port::Port;
-use crate::record::summary::Status;
-use crate::record::{MissingEnd, Run, ToldBy};
+use gusset_record::summary::Status;
+use gusset_record::{MissingEnd, Run, ToldBy};
 use crate::setup::{self, Dial, Facts, Prepared};
 use gusset_quantity::units::duration;
 pub use error::ResumeError;

@@ -20,7 +20,7 @@ use crate::engine::{
     Connected, Control, Ending, Experiment, Resumption, Retraced as Followed, Side,
 };
 use crate::port::Port;
-use crate::record::{Column, Run};
+use gusset_record::{Column, Run};
 use crate::setup::{self, Prepared};
 
 /// Makes the experiment of a test file.
@@ -277,7 +277,7 @@ fn judged(followed: Followed, tape: &Arc<Mutex<Tape>>, until: Option<u64>) -> Re
     let state = state.filter(|_| !completed);
     with(tape, |tape| {
         let damage = tape.end().filter(|end| {
-            use crate::record::End::{Clean, Torn};
+            use gusset_record::End::{Clean, Torn};
             // A kill ends the file in the middle of a row.
             !matches!(end, Clean | Torn { .. })
         });

@@ -7,8 +7,8 @@
 use gusset_quantity::catalog::phase::Part;
 use crate::engine::{EarlierPeaks, Peaks};
 use crate::port::Port;
-use crate::record::summary::Peak;
-use crate::record::{FolderError, Run};
+use gusset_record::summary::Peak;
+use gusset_record::{FolderError, Run};
 use gusset_quantity::substructure::Status;
 
 /// Largest magnitudes of a test and of those that it went on with, which came to `before`: as its summary has them, of a test

@@ -2,9 +2,8 @@
 
 use crossbeam_channel::Sender;
 
-use crate::record::SchedSample;
-use crate::rt::Granted;
-use crate::rt::sampler::{Sampler, SchedSample as SamplerReading};
+use gusset_record::rt::Granted;
+use gusset_record::rt::sampler::{Sampler, SchedSample};
 
 /// Watches the loop's thread; without it misses are not classed.
 pub(super) fn spawn_sampler(
@@ -20,19 +19,6 @@ pub(super) fn spawn_sampler(
                 "misses cannot be classed: the loop's thread cannot be watched: {error}"
             );
             None
-        }
-    }
-}
-
-impl From<SamplerReading> for SchedSample {
-    fn from(reading: SamplerReading) -> Self {
-        Self {
-            clock_ns: reading.clock_ns,
-            involuntary_switches: reading.involuntary_switches,
-            minor_faults: reading.minor_faults,
-            steal_ticks: reading.steal_ticks,
-            waited_ns: reading.waited_ns,
-            continued: reading.continued,
         }
     }
 }

@@ -11,8 +11,8 @@ use rustix::process::Signal as Raw;
 use tokio::signal::unix::{self, SignalKind, signal};
 
 use crate::engine::Operator;
-use crate::rt::os;
-use crate::rt::sampler::count_continuation;
+use gusset_record::rt::os;
+use gusset_record::rt::sampler::count_continuation;
 
 /// A signal that ended a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,11 +10,11 @@ use super::lineage::itself;
 use gusset_quantity::catalog::ending::Cause;
 use crate::engine::EndPosition;
 use crate::port::Port;
-use crate::record::lasting::{
+use gusset_record::lasting::{
     Kept, LastingError, LastingRecord, Place, SpecimenKey, is_same, state_folder,
 };
-use crate::record::utc::rfc3339;
-use crate::rt::wall::Wall;
+use gusset_record::utc::rfc3339;
+use gusset_record::rt::wall::Wall;
 use crate::setup::Facts;
 
 /// The lasting records of a test that its caller knows.

@@ -11,12 +11,12 @@ use super::reason::{ending, last_words};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config::ClockChoice;
 use crate::engine::{Gaps, Outcome};
-use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};
-use crate::record::{FolderError, Recorded, RunFolder, Summary, times};
-use crate::rt::Granted;
-use crate::rt::timing::export::write_hgrm;
-use crate::rt::timing::{Quantity, Timing};
-use crate::rt::wall::Wall;
+use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
+use gusset_record::{FolderError, Recorded, RunFolder, Summary, times};
+use gusset_record::rt::Granted;
+use gusset_record::rt::timing::export::write_hgrm;
+use gusset_record::rt::timing::{Quantity, Timing};
+use gusset_record::rt::wall::Wall;
 use crate::setup::Facts;
 
 /// When the loop began, and how long it took on the wall.
@@ -196,7 +196,7 @@ const MACHINE: [&str; 5] = [
 
 /// What this machine's own files say of it, by topic.
 fn machine() -> Value {
-    let found = crate::rt::doctor::read();
+    let found = gusset_record::rt::doctor::read();
     let told = found
         .into_iter()
         .filter(|finding| MACHINE.contains(&finding.topic));

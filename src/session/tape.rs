@@ -16,7 +16,7 @@ use super::replay_error::ReplayError;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
-use crate::record::{
+use gusset_record::{
     Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent,
     WarmUpRows,
 };
@@ -186,7 +186,7 @@ impl Tape {
     }
 
     /// How the recording ends, as far as it was read.
-    pub const fn end(&self) -> Option<crate::record::End> {
+    pub const fn end(&self) -> Option<gusset_record::End> {
         self.journal.end()
     }
 
@@ -464,7 +464,7 @@ impl Recorder for Comparing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::journal::encode;
+    use gusset_record::journal::encode;
 
     const TEST: &str = "title = \"a mass\"\n[time]\nstep_s = 0.01\nduration_s = 0.2\nclock = \"simulated\"\n\
         [structure.shear_building]\nmass_kg = [1e3]\nstiffness_n_per_m = [1e5]\n";

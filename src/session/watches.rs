@@ -2,7 +2,7 @@
 
 use super::SpecimenRecords;
 use crate::engine::Watch;
-use crate::record::Onlooker;
+use gusset_record::Onlooker;
 
 /// What a caller may put round the ticks, on the loop's own thread and on the others.
 #[derive(Default)]

@@ -16,7 +16,7 @@ use crate::link::tls::{FileError, TlsClient, TlsFiles};
 use crate::link::{NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::port::limits::AxisLimits;
 use crate::port::{OnStale, WaitRules};
-use crate::rt::throttle::Throttle;
+use gusset_record::rt::throttle::Throttle;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::Ratio;
 use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};

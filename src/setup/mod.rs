@@ -39,7 +39,7 @@ use std::path::PathBuf;
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
 use crate::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
 use crate::link::{NativeSetup, Transport};
-use crate::rt;
+use gusset_record::rt;
 use gusset_proof::{Analysis, AtRest, Kind, Matrices, Stability};
 pub use facts::{Facts, StructureFacts};
 pub use gateway::position_reader;

@@ -5,7 +5,7 @@ use toml_edit::{DocumentMut, Item};
 use super::Prepared;
 use gusset_config::{self as config, DIVERGENCE_M, Policy, TestFile, Time, TimingSpec};
 use crate::engine::{Limits, OnMiss, Pacing};
-use crate::rt::RtPlan;
+use gusset_record::rt::RtPlan;
 
 /// Longest wait for a partner that owes a reply.
 const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;

@@ -30,7 +30,7 @@ pub use timing::{Percentiles, TimingEntry, Timings};
 use std::collections::BTreeMap;
 
 use gusset_motion::metrics::falsified::Mode;
-use crate::record::{Column, EventLine};
+use gusset_record::{Column, EventLine};
 use report::Digest;
 
 /// What of the record of a run is missing or wrong, in words.

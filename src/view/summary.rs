@@ -1,4 +1,4 @@
-//! `summary.json` of any version. The writer's own type is [`crate::record::Summary`].
+//! `summary.json` of any version. The writer's own type is [`gusset_record::Summary`].
 
 use std::collections::BTreeMap;
 
@@ -9,8 +9,8 @@ use super::lenient;
 use super::limits::LimitsView;
 use super::timing::Timings;
 use gusset_quantity::catalog::ending::Status;
-use crate::record::MissClasses;
-use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak};
+use gusset_record::MissClasses;
+use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
 use gusset_proof::RecordedVerdict;
 
 /// How far a test came, and what it lost.

@@ -10,7 +10,7 @@ use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
 use gusset::link::server::{Host, ServeOptions, Server};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions};
-use gusset::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Freshness, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;

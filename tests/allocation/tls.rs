@@ -11,7 +11,7 @@ use gusset::link::native::unlimited_axis;
 use gusset::link::server::{Host, ServeError, ServeOptions, Server};
 use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset::link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
-use gusset::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

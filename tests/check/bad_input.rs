@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::common::refusal::{MATRICES, peer, pictured, plain, refused, with_record, wrong_line};
 use crate::common::{FRAME, completed, names, run, say, write};
-use gusset::record::Run;
+use gusset_record::Run;
 
 #[test]
 fn a_syntax_error_is_shown_where_it_stands() {

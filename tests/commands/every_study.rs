@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::common::{PATIENT, completed, json, same_physics, say};
 use gusset_config as config;
-use gusset::record::Run;
+use gusset_record::Run;
 use gusset::setup;
 
 fn studies() -> Vec<PathBuf> {

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use crate::common::{FRAME, Said, completed, gusset, say, write};
-use gusset::record::{Run, RunFolder};
+use gusset_record::{Run, RunFolder};
 use serde_json::Value;
 
 /// Runs the binary in `folder`.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use gusset::record::Run;
+use gusset_record::Run;
 use rustix::process::{Pid, Signal, kill_process};
 
 const GUSSET: &str = env!("CARGO_BIN_EXE_gusset");

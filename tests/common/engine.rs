@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use gusset::engine::{Connected, Control, Experiment, Outcome, Phase};
-use gusset::record::{Column, MemoryRecorder, Recorder, TimedEvent};
+use gusset_record::{Column, MemoryRecorder, Recorder, TimedEvent};
 use gusset::setup::{Facts, Prepared};
 use gusset_quantity::time::{Clock, SimClock};
 

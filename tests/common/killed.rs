@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gusset::record::Run;
+use gusset_record::Run;
 
 use super::copy;
 

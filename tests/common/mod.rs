@@ -13,7 +13,7 @@ pub mod spring;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use gusset::record::{Journal, Layout, Run, journal};
+use gusset_record::{Journal, Layout, Run, journal};
 
 /// A frame of two storeys at 200 Hz whose bottom storey is a Bouc–Wen specimen: half a second, simulated clock.
 pub const FRAME: &str = r#"title = "Frame"

@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use crate::common::{FRAME, PATIENT, Said, completed, json, run, say, write};
-use gusset::record::Run;
+use gusset_record::Run;
 
 /// A test that lasts longer than this file may, on the real clock.
 fn long(folder: &Path) -> std::path::PathBuf {

@@ -87,13 +87,13 @@ fn a_folder_that_is_moved_in_mid_test_ends_nothing_and_gets_all_that_belongs_to_
     assert_eq!(code, 130, "{said}");
     assert!(said.contains("was moved to "), "{said}");
     assert!(!said.contains("not written: "), "{said}");
-    let left = gusset::record::Run::open(&folder.path().join("elsewhere")).unwrap();
+    let left = gusset_record::Run::open(&folder.path().join("elsewhere")).unwrap();
     let warnings = &left.summary().unwrap().warnings;
     assert!(
         warnings.iter().any(|text| text.contains("was moved to ")),
         "{warnings:?}"
     );
-    assert_eq!(crate::rows(&left).1, gusset::record::End::Clean);
+    assert_eq!(crate::rows(&left).1, gusset_record::End::Clean);
     assert!(!out.exists());
 }
 

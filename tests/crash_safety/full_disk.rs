@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::common::{FRAME, PATIENT, Said, completed, gusset, json, say, write};
-use gusset::record::Run;
+use gusset_record::Run;
 
 /// The binary with no file longer than so many kB.
 fn under_limit(kilobytes: u32) -> Command {

@@ -21,7 +21,7 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
-use gusset::record::{End, Run};
+use gusset_record::{End, Run};
 
 /// Says something for whoever reads the log of the tests.
 fn note(text: &str) {

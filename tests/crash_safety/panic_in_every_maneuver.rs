@@ -9,7 +9,7 @@ use gusset::engine::{
     Connected, Control, Ending, Experiment, Notice, Operator, Phase, PhaseCell, Stop,
 };
 use gusset::port::{Pace, WiringCheck};
-use gusset::record::MemoryRecorder;
+use gusset_record::MemoryRecorder;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };

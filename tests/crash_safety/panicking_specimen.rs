@@ -11,8 +11,8 @@ use crate::link_common::Served;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config as config;
 use gusset::port::{Axis, Port};
-use gusset::record::summary::Status;
-use gusset::record::{Run, RunFolder};
+use gusset_record::summary::Status;
+use gusset_record::{Run, RunFolder};
 use gusset::session::{self, Finished, Watches};
 use gusset::setup::{self, Prepared};
 use gusset_quantity::substructure::{

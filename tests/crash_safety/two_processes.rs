@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use gusset::record::summary::Status;
-use gusset::record::{End, Run};
+use gusset_record::summary::Status;
+use gusset_record::{End, Run};
 
 use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Running, Served, finish, gateway, gusset, linked, run, summary,

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use gusset_quantity::catalog::ending::Cause;
 use gusset::engine::{Control, Ending, Operator};
-use gusset::record::RunFolder;
-use gusset::record::summary::Status;
+use gusset_record::RunFolder;
+use gusset_record::summary::Status;
 use gusset::session::{self, Watches};
 use gusset_quantity::substructure::{Coupling, LinkFault};
 use gusset_quantity::time::{Clock, Nanos, SimClock};

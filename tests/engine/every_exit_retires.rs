@@ -6,7 +6,7 @@ use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset_quantity::catalog::ending::Cause;
 use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset::port::{Axis, Exit};
-use gusset::record::{Event, RunFolder};
+use gusset_record::{Event, RunFolder};
 use gusset::session::{self, Watches};
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::SimClock;

@@ -11,8 +11,8 @@ use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
 use gusset::port::limits::Bound;
-use gusset::record::Event;
-use gusset::rt::timing::Quantity;
+use gusset_record::Event;
+use gusset_record::rt::timing::Quantity;
 use gusset_quantity::substructure::{Coupling, Retirement};
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 

@@ -11,7 +11,7 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset::port::limits::{AxisLimits, Bound, Hit, Range};
 use gusset::port::{Axis, Exit, Exits, Port, Reference, UnloadFailure, Zero};
-use gusset::record::{Event, Word};
+use gusset_record::{Event, Word};
 use gusset::session::ending;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;

@@ -8,7 +8,7 @@ use crate::common::engine::{Run, prepare, run, run_on, run_under};
 use crate::common::spring::Spring;
 use gusset::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset::port::{Axis, HOLD_AT, Order, Port};
-use gusset::record::RunFolder;
+use gusset_record::RunFolder;
 use gusset::session::{self, Watches, replay};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
@@ -144,7 +144,7 @@ fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
     // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
     assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
     let pace =
-        |e: &&gusset::record::TimedEvent| matches!(e.kind, gusset::record::Event::Pace { .. });
+        |e: &&gusset_record::TimedEvent| matches!(e.kind, gusset_record::Event::Pace { .. });
     assert!(slow.events.iter().filter(pace).count() > 20);
     assert_eq!(within.events.iter().filter(pace).count(), 0);
 }
@@ -262,7 +262,7 @@ fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
     words.extend([Operator::Hold; 20]);
     words.push(Operator::Continue);
     let run = recorded(home.path(), &[13, 0, 17, 5, 40, 9, 12], &words, 10);
-    let states = gusset::record::Run::open(&run)
+    let states = gusset_record::Run::open(&run)
         .unwrap()
         .columns(&["state"])
         .unwrap();
@@ -291,7 +291,7 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
         std::fs::create_dir(&home).unwrap();
         recorded_of(&home, &text, vec![Late::boxed(0.4, asked)], &[])
     });
-    let read = |run: &Path| gusset::record::Run::open(run).unwrap();
+    let read = |run: &Path| gusset_record::Run::open(run).unwrap();
     let states = read(&silent).columns(&["state"]).unwrap();
     assert!(states[0].iter().filter(|state| **state == 13.0).count() > 200);
     for held in [false, true] {
@@ -407,7 +407,7 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
     words.push(Operator::Stop);
     let partners = [u32::MAX, 300, 900].map(|asked| Late::boxed(0.2, asked));
     let run = recorded_of(home.path(), &text, partners.into(), &words);
-    let read = gusset::record::Run::open(&run).unwrap();
+    let read = gusset_record::Run::open(&run).unwrap();
     let summary = read.summary().unwrap();
     assert_eq!(
         format!("{:?}", summary.status),
@@ -608,7 +608,7 @@ fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
         .unwrap();
         let run = home.path().join("run");
         let columns = ["state", "cmd_1_1", "target_1_1"];
-        let columns = gusset::record::Run::open(&run)
+        let columns = gusset_record::Run::open(&run)
             .unwrap()
             .columns(&columns)
             .unwrap();
@@ -693,7 +693,7 @@ fn a_wait_that_the_operator_ends_is_ended_there_in_the_replay() {
         });
         let run = recorded_of(home.path(), &text, partners.into(), &words);
         let case = format!("{first:?} {second:?} {exits}");
-        let read = gusset::record::Run::open(&run).unwrap();
+        let read = gusset_record::Run::open(&run).unwrap();
         let columns = read.columns(&["state", "status_2", "cmd_1_1"]).unwrap();
         let end = columns[0].iter().position(|state| *state == NOT_AWAITED);
         let end = end.unwrap_or_else(|| panic!("{case}"));
@@ -798,7 +798,7 @@ fn a_partner_that_is_lost_outside_of_an_exchange_is_lost_there_in_the_replay() {
             calls_left: calls,
         };
         let run = recorded_of(home.path(), &text, vec![Box::new(mortal)], &words);
-        let read = gusset::record::Run::open(&run).unwrap();
+        let read = gusset_record::Run::open(&run).unwrap();
         let columns = read.columns(&["state", "status_2"]).unwrap();
         let of = |row: usize| (columns[0][row], Status(columns[1][row] as u32));
         let lost = (0..columns[0].len()).find(|row| of(*row).1.has(Status::LOST));

@@ -9,7 +9,7 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Control, Ending, Experiment, Operator, Phase, PhaseCell, Stop};
 use gusset::port::limits::{AxisLimits, Bound, Range};
 use gusset::port::{Axis, Exit, Exits, Pace, Port, WiringCheck};
-use gusset::record::Event;
+use gusset_record::Event;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };

@@ -14,7 +14,7 @@ use gusset_quantity::catalog::limit::{Kind, Limit, Scope};
 use gusset_config as config;
 use gusset::engine::{Ending, Stop};
 use gusset::port::limits::{AxisLimits, Bound};
-use gusset::record::Event;
+use gusset_record::Event;
 use gusset_quantity::substructure::Status;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_wire::handshake::Limits;
@@ -463,7 +463,7 @@ fn a_specimen_that_is_stiffer_than_declared_is_measured_and_trips() {
             .count(),
         1
     );
-    let run = gusset::record::Run::open(&folder.join("passes")).unwrap();
+    let run = gusset_record::Run::open(&folder.join("passes")).unwrap();
     let columns = run.columns(&["kt_1_1", "stability_used", "state"]).unwrap();
     let (tangent, used) = (columns[0].last().unwrap(), columns[1].last().unwrap());
     assert!((tangent / 6e5 - 1.0).abs() < 1e-9, "{tangent}");
@@ -537,7 +537,7 @@ fn a_displacement_that_is_refused_is_no_peak() {
         law.linear = { stiffness_n_per_m = 1e5 }\nlimits = { command_disp_m = { trip = [-0.02, 0.02] } }\n";
     let (code, said) = run(folder.path(), "run", text);
     assert_eq!(code, 1, "{said}");
-    let rows = gusset::record::Run::open(&folder.path().join("run")).unwrap();
+    let rows = gusset_record::Run::open(&folder.path().join("run")).unwrap();
     let rows = &rows.columns(&["x1"]).unwrap()[0];
     let largest = rows.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let peak = summary(folder.path(), "run").peak.displacement[0];

@@ -3,7 +3,7 @@
 
 use crate::link_common::{ONE_AXIS_LAW, Served, linked, run, summary};
 use gusset::engine::Phase;
-use gusset::record::{Run, summary::Status};
+use gusset_record::{Run, summary::Status};
 
 const STEPS: u32 = 400;
 const PERIOD: f64 = 1e-3;

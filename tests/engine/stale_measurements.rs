@@ -7,7 +7,7 @@ use crate::common::engine::{Run, run_on};
 use crate::common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset::engine::{EndPosition, Ending, Phase as Ended, Stop};
 use gusset::port::{Exit, Pace, Reference, WiringCheck, Zero};
-use gusset::record::Event;
+use gusset_record::Event;
 use gusset_quantity::substructure::{Coupling, Retirement, Status};
 use gusset_quantity::time::{Clock, SimClock};
 

@@ -10,7 +10,7 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Control, EndPosition, Ending, Operator, Stop};
 use gusset::port::limits::{AxisLimits, Bound};
 use gusset::port::{Axis, Exit, Exits, Order, Pace, Port, Reference, WiringCheck, Zero};
-use gusset::record::Event;
+use gusset_record::Event;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
 

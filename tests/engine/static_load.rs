@@ -3,7 +3,7 @@
 use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
 use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset::port::{Exit, Trend, WiringCheck};
-use gusset::rt::timing::Quantity;
+use gusset_record::rt::timing::Quantity;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };

@@ -4,8 +4,8 @@
 use std::sync::{Arc, Mutex};
 
 use crate::link_common::{Fake, ONE_AXIS, run, summary, test_file};
-use gusset::record::Run;
-use gusset::record::summary::Status as Ended;
+use gusset_record::Run;
+use gusset_record::summary::Status as Ended;
 
 const STEPS: u32 = 20;
 const K: f64 = 4e5;

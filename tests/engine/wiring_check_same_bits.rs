@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, gateway, run, test_file};
-use gusset::record::Run;
+use gusset_record::Run;
 
 const STEPS: u32 = 400;
 /// The Bouc-Wen law yields at 5 mm.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use gusset_config::fault_script::Script;
 use gusset_config::{Loaded, parse};
-use gusset::record::Journal;
+use gusset_record::Journal;
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};

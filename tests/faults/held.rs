@@ -5,7 +5,7 @@ use std::path::Path;
 use gusset_config::fault_script::{Fault, Kind, Script};
 use gusset_config::{load, parse};
 use gusset::engine::{GIVEN_UP, Operator, Phase};
-use gusset::record::Journal;
+use gusset_record::Journal;
 
 use crate::lab::{Extra, play};
 use crate::rig::{Place, Rig};

@@ -13,7 +13,7 @@ use gusset_config::fault_script::Script;
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::NativeSetup;
 use gusset::link::server::Host;
-use gusset::record::{Journal, Layout, RunFolder};
+use gusset_record::{Journal, Layout, RunFolder};
 use gusset::session::{ResumeError, replay, resume_over};
 use gusset::setup::build_over;
 use serde_json::json;

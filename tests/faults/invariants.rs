@@ -5,7 +5,7 @@ use gusset_config::{CommandPace, Loaded};
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::server::Tapped;
 use gusset::port::limits::AxisLimits;
-use gusset::record::{End, Event, Journal};
+use gusset_record::{End, Event, Journal};
 use gusset_quantity::time::Nanos;
 use gusset_wire::native::Kind;
 

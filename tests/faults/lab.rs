@@ -10,7 +10,7 @@ use gusset::engine::{Connected, Control, Notice, Operator, Outcome, Phase, Stopp
 use gusset::link::fault::StallingClock;
 use gusset::link::server::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
-use gusset::record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
+use gusset_record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset::session::{Replay, ending, replay_rows};
 use gusset::setup::{Files, Prepared, build, build_over};
 use gusset_quantity::time::{Clock, Nanos, SimClock};

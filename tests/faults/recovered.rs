@@ -3,7 +3,7 @@
 
 use gusset_config::fault_script::Script;
 use gusset_config::load;
-use gusset::record::{Event, Journal};
+use gusset_record::{Event, Journal};
 
 use crate::lab::{Extra, play};
 use crate::scripts::folder;

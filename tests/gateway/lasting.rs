@@ -10,8 +10,8 @@ use crate::link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gusset, moving, signal, summary, write,
 };
 use crate::waits_for;
-use gusset::record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey};
-use gusset::record::summary::Status as Ended;
+use gusset_record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey};
+use gusset_record::summary::Status as Ended;
 
 /// A slow wiring check: 5 s there and back.
 const SLOW: &str = "probe_m = 1e-3\nprobe_ramp_s = 5.0\n";

@@ -8,8 +8,8 @@ use crate::link_common::{
     COMPUTED, Fake, ONE_AXIS, ONE_AXIS_LAW, Served, finish, gateway, gusset, run, summary,
     test_file,
 };
-use gusset::record::Run;
-use gusset::record::summary::Status as Ended;
+use gusset_record::Run;
+use gusset_record::summary::Status as Ended;
 use gusset_quantity::substructure::Status;
 
 const STEPS: u32 = 500;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::link_common::{Served, gateway, run, summary, test_file};
 use crate::waits_for;
-use gusset::record::Run;
+use gusset_record::Run;
 
 /// A specimen of two coupled axes, N/m.
 const LAW: &str = "coupled = { stiffness_n_per_m = [[4e6, -1.5e6], [-1.5e6, 1.5e6]] }\n";

@@ -14,7 +14,7 @@ use crate::link_common::relay::{Fates, Relay};
 use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, columns, events, linked, run, summary, test_file,
 };
-use gusset::record::Summary;
+use gusset_record::Summary;
 
 const STEPS: u32 = 120;
 /// Warm-up ticks of the test file.

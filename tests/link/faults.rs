@@ -11,8 +11,8 @@ use crate::link_common::{
     summary, test_file,
 };
 use gusset::engine::NOT_AWAITED;
-use gusset::record::Run;
-use gusset::record::summary::Status as Ended;
+use gusset_record::Run;
+use gusset_record::summary::Status as Ended;
 use gusset_quantity::substructure::Status;
 use gusset_wire::handshake::{Bye, Control};
 use gusset_wire::native::{Cause, Frame};

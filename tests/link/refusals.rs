@@ -32,7 +32,7 @@ use crate::link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, events, finish, gusset, linked,
     run, summary, test_file, write,
 };
-use gusset::record::summary::Status;
+use gusset_record::summary::Status;
 use gusset_wire::Side;
 use gusset_wire::handshake::{
     self, Arm, Bye, Capabilities, Control, Refuse, RefuseCode, Versions, Welcome,

@@ -9,7 +9,7 @@ use crate::link_common::{
     test_file,
 };
 use gusset::engine::Phase;
-use gusset::record::Run;
+use gusset_record::Run;
 
 const STEPS: u32 = 600;
 

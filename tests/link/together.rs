@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Barrier, mpsc};
 
 use crate::link_common::{Fake, PATIENCE, UNLIMITED, events, run, summary, test_file};
-use gusset::record::summary::Status;
+use gusset_record::summary::Status;
 
 const STEPS: u32 = 20;
 const WARM_UP: u32 = 5;

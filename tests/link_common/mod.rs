@@ -21,7 +21,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use gusset::record::{Run, Summary};
+use gusset_record::{Run, Summary};
 
 /// Nothing here takes as long unless it hangs.
 pub const PATIENCE: Duration = Duration::from_secs(60);

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gusset::rt::os::{monotonic_ns, sleep_until_ns};
+use gusset_record::rt::os::{monotonic_ns, sleep_until_ns};
 
 /// What happens to the pieces that pass. The first four are the number of a hundred that suffer it.
 #[derive(Debug, Clone, Copy, Default)]

@@ -7,7 +7,7 @@ use std::net::{TcpListener, TcpStream, UdpSocket};
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, TWO_AXES, TWO_AXES_LAW};
 use crate::link_common::{events, linked, run, summary, test_file};
-use gusset::record::summary::Status;
+use gusset_record::summary::Status;
 
 const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.

@@ -180,7 +180,7 @@ fn a_test_commands_in_inches_over_openfresco() {
     // The estimates of both ends agree in N/m.
     assert!(!said.contains("reports a stiffness"), "{said}");
     let column = |name: &str, column: &str| {
-        let run = gusset::record::Run::open(&folder.join(name)).unwrap();
+        let run = gusset_record::Run::open(&folder.join(name)).unwrap();
         run.columns(&[column]).unwrap().remove(0)
     };
     for name in ["target_1_1", "force_1_1"] {

@@ -12,8 +12,8 @@ use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, adapter, columns, gateway, gusset, run,
     summary, test_file, write,
 };
-use gusset::record::Run;
-use gusset::record::summary::Status;
+use gusset_record::Run;
+use gusset_record::summary::Status;
 
 const STEPS: u32 = 100;
 const K: f64 = 4e5;

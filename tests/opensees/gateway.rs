@@ -3,8 +3,8 @@
 
 use crate::link_common::{Served, gateway};
 use crate::programs::{Peer, python};
-use gusset::record::Run;
-use gusset::record::summary::Status;
+use gusset_record::Run;
+use gusset_record::summary::Status;
 
 /// As in tests/opensees/client.rs: rounding and the tolerance of the iteration.
 const SAME: f64 = 1e-10;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use gusset_motion::metrics::tracking::Tracking;
-use gusset::record::Run;
-use gusset::record::summary::Status;
+use gusset_record::Run;
+use gusset_record::summary::Status;
 
 use crate::link_common::{Served, finish, gusset, write};
 use crate::programs::{LONG, Peer, python};

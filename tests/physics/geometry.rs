@@ -8,7 +8,7 @@ use crate::common::killed::killed;
 use crate::common::{completed, json, physics, same_physics, say, write};
 use crate::link_common::{Served, columns};
 use gusset::engine::Ending;
-use gusset::record::Run;
+use gusset_record::Run;
 
 /// Pins on the frame and on the platform of three actuators, with joint offsets.
 const PINS: [([f64; 2], [f64; 2]); 3] = [

@@ -6,7 +6,7 @@
 
 use crate::common::engine::{Run, distance, prepare, run};
 use gusset_config::ClockChoice;
-use gusset::record::RunFolder;
+use gusset_record::RunFolder;
 use gusset::session;
 
 const MASS: f64 = 2e3;

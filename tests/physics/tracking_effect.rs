@@ -4,7 +4,7 @@ use crate::common::engine::prepare;
 use crate::common::{FRAME, completed, json, write};
 use gusset_quantity::catalog::limit::Limit;
 use gusset::engine::{Ending, Phase, Stop};
-use gusset::record::{Event, Run};
+use gusset_record::{Event, Run};
 use gusset_numerics::spectral::delay::sdof;
 use nalgebra::{Complex, DMatrix};
 

@@ -6,7 +6,7 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::CompensationSpec;
 use gusset::engine::{Ending, Stop};
 use gusset_motion::{Grid, Motion, Quantity};
-use gusset::record::{Event, Run};
+use gusset_record::{Event, Run};
 use gusset::session::replay;
 use gusset_actuator::transfer::BetweenTicks;
 
@@ -607,7 +607,7 @@ fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test
     assert_eq!((hit.value, hit.bound), (share[first], trip));
     assert_eq!(bounded.column("x1").len(), first + 1);
     // So late an actuator is beyond its critical delay, too, which is told by itself.
-    let warned = |event: &&gusset::record::TimedEvent| {
+    let warned = |event: &&gusset_record::TimedEvent| {
         let quantity = "added_energy_share";
         matches!(&event.kind, Event::LimitWarning(reached) if reached.limit == quantity)
     };

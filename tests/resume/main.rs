@@ -28,7 +28,7 @@ use common::{completed, copy, say, write};
 use gusset_quantity::catalog::ending::Cause;
 use gusset::engine::{Operator, Phase};
 use gusset::port::{Axis, Port};
-use gusset::record::{Run, RunFolder};
+use gusset_record::{Run, RunFolder};
 use gusset::session::{self, Allowed, ResumeError, Watches, replay, resume, resume_allowed};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,

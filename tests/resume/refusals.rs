@@ -1,6 +1,6 @@
 //! What cannot be gone on with, or only by who says so.
 
-use gusset::record::{Checkpoint, STATE_FILES};
+use gusset_record::{Checkpoint, STATE_FILES};
 
 use super::lineage::sha256;
 use super::rigs::{Rig, built, run_rigs, two_rigs};

@@ -8,7 +8,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
 use gusset::port::{Axis, Order, Port};
-use gusset::record::{Column, Event, Recorder, TimedEvent};
+use gusset_record::{Column, Event, Recorder, TimedEvent};
 use gusset_quantity::state::{StateError, TestState, Visit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{FRAME, Said, completed, copy, json, names, say, write};
 use crate::readers::{TABLES, by_hand, judge, judge_in_octave, row};
-use gusset::record::Run;
+use gusset_record::Run;
 use sha2::{Digest, Sha256};
 
 pub fn export(run: &Path, format: &str, out: &Path, more: &[&str]) -> Said {

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 
 use crate::common::change;
 use gusset::engine::{Operator, OperatorCommands, Phase};
-use gusset::record::{Run, RunFolder};
+use gusset_record::{Run, RunFolder};
 use gusset::session::{self, Watches, replay};
 
 const FRAME: &str = r#"

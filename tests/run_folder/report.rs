@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::common::{FRAME, Said, completed, json, say, write};
-use gusset::record::{Run, journal::encode};
+use gusset_record::{Run, journal::encode};
 
 /// Runs the frame, with a changed text, into a folder of its own.
 fn made(folder: &Path, name: &str, text: &str) -> PathBuf {
@@ -318,7 +318,7 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
     let first = made(folder.path(), "first", FRAME);
     let second = made(folder.path(), "second", FRAME);
     let samples = second.join("samples.bin");
-    let stride = gusset::record::Run::open(&second)
+    let stride = gusset_record::Run::open(&second)
         .unwrap()
         .layout()
         .stride();
@@ -376,7 +376,7 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
 fn a_report_of_endless_files_is_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let out = made(folder.path(), "endless", FRAME);
-    let run = gusset::record::Run::open(&out).unwrap();
+    let run = gusset_record::Run::open(&out).unwrap();
     let rows = run.places().unwrap();
     let before = run.events().unwrap().events.len();
     let samples = fs::File::options()

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use gusset::record::Run;
+use gusset_record::Run;
 use serde_json::Value;
 
 use crate::common::{FRAME, PATIENT, completed, json, write};

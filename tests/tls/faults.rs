@@ -12,7 +12,7 @@ use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Running, Served, events, linked, moving, run, summary, test_file,
 };
 use crate::tls_common::{Authority, EXPIRED, VALID};
-use gusset::record::summary::Status;
+use gusset_record::summary::Status;
 
 const STEPS: u32 = 50;
 /// So long that the test ends when it is told to, and not before.

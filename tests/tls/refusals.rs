@@ -10,7 +10,7 @@ use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, finish, gusset, linked, run, summary, test_file, write,
 };
 use crate::tls_common::{Authority, EXPIRED, FUTURE, LOCAL, VALID};
-use gusset::record::summary::Status;
+use gusset_record::summary::Status;
 
 const STEPS: u32 = 50;
 const TLS: &[&str] = &["--transport", "tls"];

@@ -24,7 +24,7 @@ fn reason(text: &str) -> Result<String, String> {
     gusset run config/frame-bouc-wen.toml --live\n  \
     gusset run --resume runs/first --out runs/second\n  \
     gusset run --resume runs/first --out runs/second --after-trip\n  \
-    gusset run --resume runs/first --set 'specimen.0.limits.measured_force_n.trip=[-2e3, 2e3]' --reason weld\n\n\
+    gusset run --resume runs/first --set specimen.0.limits.force_step_n.trip=2e3 --reason yielded\n\n\
     More: gusset guide operation (hold, stop, resume), gusset guide limits (endings and exit codes)"
 )]
 pub(in crate::cli) struct RunArgs {

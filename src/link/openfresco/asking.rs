@@ -6,7 +6,7 @@ use super::error::{Lost, RemoteError};
 use super::settings::RemoteSettings;
 use crate::link::Transport;
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport};
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement};
 use gusset_quantity::time::Nanos;
 use gusset_wire::WireError;

@@ -15,7 +15,7 @@ use super::error::{Lost, RemoteError};
 use super::settings::RemoteSettings;
 use crate::link::Transport;
 use crate::link::socket::LOOK;
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

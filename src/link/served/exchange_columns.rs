@@ -5,7 +5,7 @@ use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPEN
 use gusset_quantity::catalog::phase::Phase;
 use gusset_actuator::geometry::Coordinate;
 use crate::port::Port;
-use crate::record::Column;
+use gusset_record::Column;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
 

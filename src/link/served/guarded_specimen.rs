@@ -15,8 +15,8 @@ use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::{Found, Level};
-use crate::record::Event;
-use crate::rt::os;
+use gusset_record::Event;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::{
     Command, Freshness, Introduction, LISTEN_NS, LinkFault, Measurement, Status,
 };

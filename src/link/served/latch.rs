@@ -8,9 +8,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::record::lasting::{Kept, LastingRecord, LatchedTrip, Place};
-use crate::record::utc::rfc3339;
-use crate::rt::wall::Wall;
+use gusset_record::lasting::{Kept, LastingRecord, LatchedTrip, Place};
+use gusset_record::utc::rfc3339;
+use gusset_record::rt::wall::Wall;
 
 /// The latch of one served specimen. Clones share it.
 #[derive(Debug, Clone, Default)]
@@ -222,7 +222,7 @@ fn next_step(control: Option<&Path>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::lasting::SpecimenKey;
+    use gusset_record::lasting::SpecimenKey;
 
     fn latch(folder: &Path) -> Latch {
         let key = SpecimenKey::of_file(Path::new("/lab/rig.toml"), "rig");

@@ -8,7 +8,7 @@ use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use super::{Controller, TestEnd, Wanted, Whereabouts};
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
 };

@@ -17,7 +17,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::state::TestState;
 
 /// Largest speed of a path, of the mean speed.

@@ -8,10 +8,10 @@ use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use gusset_quantity::catalog::event::Remark;
 use crate::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
-use crate::record::lasting::Place;
-use crate::record::utc::rfc3339;
-use crate::rt::os;
-use crate::rt::wall::Wall;
+use gusset_record::lasting::Place;
+use gusset_record::utc::rfc3339;
+use gusset_record::rt::os;
+use gusset_record::rt::wall::Wall;
 use gusset_quantity::substructure::{Command, Introduction, Measurement, Retirement};
 use gusset_quantity::units::{AxisUnits, in_axis_unit, number as number_of, signed_in_axis_unit};
 

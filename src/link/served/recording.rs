@@ -8,8 +8,8 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::event::{Remark, Severity};
 use crate::link::quota::Allowance;
 use crate::port::Port;
-use crate::record::Event;
-use crate::rt::os;
+use gusset_record::Event;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkStats;
 
 /// The record of a served specimen, and its settings.

@@ -1,6 +1,6 @@
 //! The run folder of a controller's test: one row per exchange, events, a summary.
 //!
-//! The format is that of every run folder ([`crate::record`]), so `gusset export` and `gusset report` read it, finished or
+//! The format is that of every run folder ([`gusset_record`]), so `gusset export` and `gusset report` read it, finished or
 //! not: after a kill −9 the rows of the last moments are missing, and nothing else.
 
 use std::collections::BTreeMap;
@@ -15,16 +15,16 @@ use super::{Controller, Trip};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::{Remark, Severity};
 use crate::port::Port;
-use crate::record::Summary;
-use crate::record::summary::RecordedVerdict;
-use crate::record::writer::Clocks;
-use crate::record::{
+use gusset_record::Summary;
+use gusset_record::summary::RecordedVerdict;
+use gusset_record::writer::Clocks;
+use gusset_record::{
     Column, Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize,
     RunFolder, TripValue, WhenFull, Writer, WriterSettings, ring,
 };
-use crate::rt::timing::Timing;
-use crate::rt::wall::Wall;
-use crate::rt::{os, pin_away};
+use gusset_record::rt::timing::Timing;
+use gusset_record::rt::wall::Wall;
+use gusset_record::rt::{os, pin_away};
 use gusset_quantity::substructure::{LinkStats, Status};
 use gusset_quantity::units::AxisUnits;
 

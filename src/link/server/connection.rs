@@ -9,7 +9,7 @@ use gusset_config::fault_script::Script;
 use crate::link::fault::FaultyWire;
 use crate::link::tls::{TlsFault, TlsStream};
 use crate::link::{TcpTransport, Transport, UdpTransport, Wait};
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 

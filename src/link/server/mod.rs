@@ -57,7 +57,7 @@ use super::openfresco::{Host as OpenFrescoHost, ServeSettings};
 use super::tls::TlsServer;
 use super::{ConnectError, socket};
 use gusset_config::Carrier;
-use crate::rt::{Granted, RtPlan, apply};
+use gusset_record::rt::{Granted, RtPlan, apply};
 use gusset_wire::key::PreSharedKey;
 use gusset_wire::openfresco::Carrier as Bytes;
 use data_thread::Served;
@@ -411,7 +411,7 @@ mod tests {
     use super::*;
     use crate::link::openfresco::{Nature, Role};
     use crate::link::served::ServedSpecimen;
-    use crate::rt::os::monotonic_ns;
+    use gusset_record::rt::os::monotonic_ns;
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };

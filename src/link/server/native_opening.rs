@@ -13,7 +13,7 @@ use gusset_quantity::catalog::ending::Cause;
 use crate::link::Transport;
 use crate::link::served::{Controller, ServedSpecimen, TestEnd};
 use crate::link::socket::LOOK;
-use crate::rt::throttle::Throttle;
+use gusset_record::rt::throttle::Throttle;
 use gusset_quantity::time::Nanos;
 use gusset_wire::handshake::{self, Control};
 use gusset_wire::native::Frame;

@@ -18,7 +18,7 @@ use crate::link::openfresco::{
 };
 use crate::link::served::{Controller, TestEnd};
 use crate::link::socket::LOOK;
-use crate::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 use gusset_wire::openfresco::{Action, Course, Sizes, datagrams};

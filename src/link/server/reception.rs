@@ -24,7 +24,7 @@ use super::handshake_step::Step;
 use super::listener::{Arrival, Listener, pause, probe_silence};
 use super::shared::{Occupancy, Shared};
 use super::waiting::{Route, WaitingClient};
-use crate::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_wire::native::LARGEST_FRAME;
 
 /// Longest wait for a socket: the stop flag and the time limits are checked this often.

@@ -14,7 +14,7 @@ use crossbeam_channel::Sender;
 use super::ServerEvent;
 use super::farewell::Farewell;
 use crate::link::quota::{Allowance, Quota};
-use crate::rt::os;
+use gusset_record::rt::os;
 
 /// The use of the specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

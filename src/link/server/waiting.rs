@@ -13,7 +13,7 @@ use super::shared::Shared;
 use crate::link::Transport;
 use crate::link::socket::LOOK;
 use crate::link::tls::TlsStream;
-use crate::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 
 /// Reads from one client in one turn: a talkative client must not delay the others.
 const MOST_READS: u32 = 8;

@@ -21,7 +21,7 @@ pub use tcp::TcpTransport;
 pub(in crate::link) use tcp::discard;
 pub use udp::UdpTransport;
 
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 

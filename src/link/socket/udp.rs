@@ -9,7 +9,7 @@ use super::{
     ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
 };
 use crate::link::Transport;
-use crate::rt::os::Errno;
+use gusset_record::rt::os::Errno;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 

@@ -18,7 +18,7 @@ use super::thread::TlsTransport;
 use super::{RECORD_LIMIT_NS, provider};
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport};
 use crate::link::tls_fault::TlsFault;
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::time::Nanos;
 
 /// Who we are, whom we trust and what the far end must be called.

@@ -15,7 +15,7 @@ use thiserror::Error as Thiserror;
 
 use gusset_config::{ServeTlsSpec, TlsSpec};
 use crate::link::tls_fault::TlsFault;
-use crate::rt::secret_file::{SecretError, open_secret};
+use gusset_record::rt::secret_file::{SecretError, open_secret};
 
 /// No PEM file of use is longer.
 const LONGEST: u64 = 1 << 20;

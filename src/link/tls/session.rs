@@ -9,7 +9,7 @@ use rustls::{Connection, Error};
 use super::record::Records;
 use crate::link::socket::{Verdict, verdict};
 use crate::link::tls_fault::{TlsFault, names};
-use crate::rt::os;
+use gusset_record::rt::os;
 
 /// A TLS session.
 pub(super) struct Session {

@@ -13,7 +13,7 @@ use super::session::Session;
 use crate::link::socket::{Pause, SocketOptions, Wait, discard, has_hung_up};
 use crate::link::tls_fault::TlsFault;
 use crate::link::{TcpTransport, Transport};
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 

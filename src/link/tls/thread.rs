@@ -22,7 +22,7 @@ use super::stream::TlsStream;
 use crate::link::Transport;
 use crate::link::socket::{Pause, Wait};
 use crate::link::tls_fault::TlsFault;
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 

@@ -8,8 +8,8 @@ use serde_json::{Map, Value};
 use super::kinds::Event;
 use super::sentence;
 use gusset_quantity::catalog::event::{self, EventRow, Group, Severity};
-use crate::record::TimedEvent;
-use crate::record::utc::rfc3339;
+use crate::TimedEvent;
+use crate::utc::rfc3339;
 use gusset_quantity::text::printable;
 
 /// An event with the moment at which it happened.
@@ -36,7 +36,7 @@ const HEAD: [&str; 5] = ["tick", "time", "wall", "clock_ns", "event"];
 
 impl EventLine {
     /// A line that is to be written. Hidden characters of a text are spelled.
-    pub(in crate::record) fn new(
+    pub(crate) fn new(
         event: Event,
         (tick, time): (Option<u64>, Option<f64>),
         wall_ns: u64,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::encoding::{from_one, from_one_if_any, real};
 use gusset_quantity::catalog::limit::{Limit, Scope};
-use crate::record::miss::ON_MISS;
+use crate::miss::ON_MISS;
 
 /// A word of the program: a constant where the program writes it, a text where it reads a file.
 pub type Word = Cow<'static, str>;

@@ -6,7 +6,7 @@
 use serde_json::{Map, Value};
 
 use gusset_quantity::catalog::event;
-use crate::record::miss::{ON_MISS, late_words};
+use crate::miss::{ON_MISS, late_words};
 use gusset_quantity::units::{
     compared, compared_within, duration, in_axis_unit, number, reading, unit_of_key,
 };

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use super::plan::{Choice, Exposed, Plan, Source, Sum};
 use super::{ExportError, Exported};
-use crate::record::run::Run;
+use crate::run::Run;
 
 /// Bytes of columns that are held at once, if one column is not longer already.
 const MEMORY: u64 = 256 << 20;

@@ -9,9 +9,9 @@ use std::path::Path;
 
 use super::plan::{Choice, Exposed, Plan, Source, Trouble};
 use super::{ExportError, Exported, Extra};
-use crate::record::atomic::AtomicFile;
-use crate::record::journal::Journal;
-use crate::record::run::Run;
+use crate::atomic::AtomicFile;
+use crate::journal::Journal;
+use crate::run::Run;
 
 /// Writes the columns of a CSV.
 pub(super) fn export(

@@ -16,8 +16,8 @@ use hdf5_pure::{
 use super::columns::Columns;
 use super::plan::{Choice, Source};
 use super::{ExportError, Exported, Extra};
-use crate::record::atomic::AtomicFile;
-use crate::record::run::Run;
+use crate::atomic::AtomicFile;
+use crate::run::Run;
 
 /// Writes all columns.
 pub(super) fn export(

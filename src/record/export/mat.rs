@@ -14,8 +14,8 @@ use super::columns::Columns;
 use super::hdf5::system;
 use super::plan::{Choice, Source};
 use super::{ExportError, Exported, Extra};
-use crate::record::atomic::AtomicFile;
-use crate::record::run::Run;
+use crate::atomic::AtomicFile;
+use crate::run::Run;
 
 const TEXTS: [&str; 3] = ["units", "meanings", "summary"];
 

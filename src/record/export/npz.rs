@@ -13,8 +13,8 @@ use zip::{CompressionMethod, ZipWriter};
 use super::columns::Columns;
 use super::plan::{Choice, Source};
 use super::{ExportError, Exported, Extra};
-use crate::record::atomic::AtomicFile;
-use crate::record::run::Run;
+use crate::atomic::AtomicFile;
+use crate::run::Run;
 
 const TEXTS: [&str; 4] = ["columns", "units", "meanings", "summary"];
 

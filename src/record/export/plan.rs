@@ -17,9 +17,9 @@ use std::io;
 use super::ExportError;
 use gusset_quantity::catalog::column::{self, Kind};
 use gusset_quantity::catalog::phase::Phase;
-use crate::record::Column;
-use crate::record::journal::Journal;
-use crate::record::layout::{COMMITS, Layout};
+use crate::Column;
+use crate::journal::Journal;
+use crate::layout::{COMMITS, Layout};
 
 /// Which rows are exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,8 +7,8 @@ use super::columns::Columns;
 use super::csv::{self, Sheet};
 use super::plan::{Plan, Trouble};
 use super::*;
-use crate::record::folder::tests::recorded;
-use crate::record::summary::tests::example;
+use crate::folder::tests::recorded;
+use crate::summary::tests::example;
 use proptest::prelude::*;
 
 const NAMES: [&str; 15] = [
@@ -228,7 +228,7 @@ fn an_export_that_fails_leaves_what_was_there() {
     assert_eq!(std::fs::read_to_string(&out).unwrap(), "old");
     assert_eq!(std::fs::read_dir(temp.path()).unwrap().count(), 2);
 
-    let plan = Plan::new(&crate::record::layout::tests::named(&NAMES), &[]).unwrap();
+    let plan = Plan::new(&crate::layout::tests::named(&NAMES), &[]).unwrap();
     struct Full;
     impl Write for Full {
         fn write(&mut self, _: &[u8]) -> io::Result<usize> {
@@ -336,7 +336,7 @@ fn without_the_feature_it_is_named_and_nothing_is_written() {
 
 #[test]
 fn a_line_is_made_without_allocation() {
-    let plan = Plan::new(&crate::record::layout::tests::named(&NAMES), &[]).unwrap();
+    let plan = Plan::new(&crate::layout::tests::named(&NAMES), &[]).unwrap();
     let values = row(1.0, 0.0, -1.2345678901234567e-300, f64::MAX);
     let sheet = Sheet::of(plan.csv_columns());
     let mut line = Vec::with_capacity(26 * sheet.width());
@@ -348,7 +348,7 @@ proptest! {
     #[test]
     fn every_number_reads_back_to_the_same_bits(bits in any::<u64>()) {
         let value = f64::from_bits(bits);
-        let plan = Plan::new(&crate::record::layout::tests::named(&["step", "time", "x1"]), &[]).unwrap();
+        let plan = Plan::new(&crate::layout::tests::named(&["step", "time", "x1"]), &[]).unwrap();
         let mut line = Vec::new();
         Sheet::of(plan.csv_columns()).line(&[0.0, 0.0, value], &mut line).unwrap();
         let text = std::str::from_utf8(&line).unwrap();

@@ -8,16 +8,16 @@ use crossbeam_channel::Receiver;
 use super::snapshots::{Kept, Snapshots};
 use super::sync::SyncThread;
 use super::{Progress, Recorded, WriterSettings, lock};
-use crate::record::TimedEvent;
-use crate::record::append::{Flushed, Store};
-use crate::record::event_log::{EventContext, EventLog, Moment};
-use crate::record::events::Event;
-use crate::record::intact::Extent;
-use crate::record::journal::JournalWriter;
-use crate::record::miss::SchedSample;
-use crate::record::note::{Note, Position};
-use crate::record::onlooker::{Onlooker, Watched};
-use crate::record::ring::RingReader;
+use crate::TimedEvent;
+use crate::append::{Flushed, Store};
+use crate::event_log::{EventContext, EventLog, Moment};
+use crate::events::Event;
+use crate::intact::Extent;
+use crate::journal::JournalWriter;
+use crate::rt::sampler::SchedSample;
+use crate::note::{Note, Position};
+use crate::onlooker::{Onlooker, Watched};
+use crate::ring::RingReader;
 
 /// Bytes of rows that are written without waiting for the time to do so.
 pub(super) const CHUNK: usize = 256 << 10;

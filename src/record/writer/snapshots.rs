@@ -8,9 +8,9 @@ use std::thread::JoinHandle;
 use crossbeam_channel::{Receiver, Sender};
 use rtrb::{Consumer, Producer};
 
-use crate::record::buffers::{BUFFERS, StateReceiver};
-use crate::record::checkpoint::{Checkpoint, StateFolder};
-use crate::record::checksum::Checksum;
+use crate::buffers::{BUFFERS, StateReceiver};
+use crate::checkpoint::{Checkpoint, StateFolder};
+use crate::checksum::Checksum;
 
 /// A state with its SHA-256.
 type Hashed = (Checkpoint, Checksum);

@@ -4,7 +4,7 @@ use std::thread::JoinHandle;
 
 use crossbeam_channel::Sender;
 
-use crate::record::append::Syncer;
+use crate::append::Syncer;
 
 /// Files that are synced: rows, then events.
 const FILES: usize = 2;

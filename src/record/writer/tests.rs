@@ -2,10 +2,10 @@
 
 use super::drain::CHUNK;
 use super::*;
-use crate::record::append::tests::SmallDisk;
-use crate::record::journal::{End, Journal};
-use crate::record::layout::stride;
-use crate::record::{
+use crate::append::tests::SmallDisk;
+use crate::journal::{End, Journal};
+use crate::layout::stride;
+use crate::{
     Checkpoint, Checksum, Event, MissCause, Recorder, RingRecorder, RingSize, STATE_FILES,
     TimedEvent, WhenFull, ring,
 };
@@ -444,7 +444,7 @@ struct Keeper {
     notes: usize,
 }
 
-impl crate::record::Onlooker for Keeper {
+impl crate::Onlooker for Keeper {
     fn row(&mut self, sequence: u64, row: &[f64]) {
         assert_eq!(row[1], 0.25 * sequence as f64);
         lock(&self.seen).push(sequence);

@@ -1,8 +1,8 @@
 //! The rows of a run show its end, its steps and its largest magnitudes.
 
 use gusset_quantity::catalog::phase::{GIVEN_UP, Phase};
-use crate::record::summary::Peak;
-use crate::record::{FolderError, Run};
+use gusset_record::summary::Peak;
+use gusset_record::{FolderError, Run};
 use crate::session::row_peaks::RowPeaks;
 
 /// Findings in the rows of a run.
@@ -44,7 +44,7 @@ impl Rows {
             peaks.take(row.values, true);
             most.take(row.values, true);
         }
-        found.are_whole = journal.end() == Some(crate::record::End::Clean) && journal.lost() == 0;
+        found.are_whole = journal.end() == Some(gusset_record::End::Clean) && journal.lost() == 0;
         found.peak = peaks.finish(names.iter().cloned());
         found.most = most.finish(names.into_iter());
         Ok(found)

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use gusset_quantity::catalog::column;
 use crate::engine::{Experiment, Phase};
-use crate::record::{Recorder, TimedEvent};
+use gusset_record::{Recorder, TimedEvent};
 
 /// Most numbers of a reference that are kept; of a longer one every second, third, … row.
 const MOST: usize = 4_000_000;

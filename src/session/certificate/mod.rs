@@ -24,7 +24,7 @@ use super::rehearsal::{AxisNeed, Staging, staged};
 use super::unaware::Unaware;
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
 use crate::engine::{Ending, Experiment, Stop, TestLimits};
-use crate::rt::os;
+use gusset_record::rt::os;
 use crate::setup::{self, Trial};
 use gusset_quantity::work::{each, processors};
 

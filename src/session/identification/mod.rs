@@ -21,7 +21,7 @@ pub use words::{felt, of_specimen, parameters, with_error};
 
 use gusset_config::{ConfigError, Loaded};
 use gusset_motion::identify::Shape;
-use crate::record::FolderError;
+use gusset_record::FolderError;
 
 /// Folder of the pictures in the run folder.
 pub const PICTURES: &str = "identification";

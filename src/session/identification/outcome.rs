@@ -10,7 +10,7 @@ use gusset_quantity::catalog::column;
 use gusset_config::Loaded;
 use crate::engine::Phase;
 use gusset_motion::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
-use crate::record::Run;
+use gusset_record::Run;
 use gusset_quantity::substructure::Status;
 
 /// State of a row in which the test runs.

@@ -14,7 +14,7 @@ use gusset_config::{ConfigError, Loaded};
 use crate::engine::{Control, Ending, Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
 use gusset_motion::Excitation;
-use crate::record::{Recorder, TimedEvent};
+use gusset_record::{Recorder, TimedEvent};
 use crate::setup::{self, Ideal, IdealCourse, NoCourse};
 use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
 

@@ -6,7 +6,7 @@ use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, n
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ConfigError, Loaded};
 use crate::engine::{Control, Operator};
-use crate::record::{Recorder, TimedEvent};
+use gusset_record::{Recorder, TimedEvent};
 use crate::setup;
 
 /// A hold that was rehearsed.

@@ -46,8 +46,8 @@ use gusset_config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTab
 use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
 use crate::port::Poses;
 use crate::port::limits::{AxisLimits, Range};
-use crate::record::Recorder;
-use crate::rt::os;
+use gusset_record::Recorder;
+use gusset_record::rt::os;
 use crate::setup;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::time::SimClock;

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::Sender;
 
 use crate::engine::Operator;
-use crate::record::{Recorder, TimedEvent};
-use crate::rt::os;
+use gusset_record::{Recorder, TimedEvent};
+use gusset_record::rt::os;
 use gusset_quantity::work::Work;
 
 /// Ticks from one look at the wall clock to the next.

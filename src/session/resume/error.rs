@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use gusset_config::ConfigError;
 use crate::port::limits::Hit;
-use crate::record::{FolderError, MissingEnd};
+use gusset_record::{FolderError, MissingEnd};
 use crate::session::continued::{Now, WentOn};
 use crate::session::desk::Unanswered;
 use crate::session::replay_error::ReplayError;

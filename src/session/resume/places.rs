@@ -9,8 +9,8 @@ use super::ResumeError;
 use gusset_quantity::catalog::column;
 use crate::engine::{EndPosition, Phase, Place};
 use crate::port::Port;
-use crate::record::summary::{Peak, Status};
-use crate::record::{Row, Run};
+use gusset_record::summary::{Peak, Status};
+use gusset_record::{Row, Run};
 use crate::session::checksum::unreadable;
 use crate::session::lineage::{Kept, Origin};
 use gusset_quantity::substructure::Status as LinkStatus;
@@ -279,7 +279,7 @@ fn axes_of(
 ) -> Result<Vec<Vec<Axis>>, ResumeError> {
     let find = |name: String| {
         let place = run.layout().index_of(&name);
-        place.ok_or(crate::record::FolderError::NoColumn(name))
+        place.ok_or(gusset_record::FolderError::NoColumn(name))
     };
     let mut all = Vec::new();
     for (index, port) in ports.iter().enumerate() {

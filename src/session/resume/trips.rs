@@ -6,8 +6,8 @@
 use super::ResumeError;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::Phase;
-use crate::record::summary::Status;
-use crate::record::{Event, EventLine, FolderError, Run};
+use gusset_record::summary::Status;
+use gusset_record::{Event, EventLine, FolderError, Run};
 use crate::session::checksum::unreadable;
 
 /// Name of a trip that neither events nor rows name.

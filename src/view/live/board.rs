@@ -10,7 +10,7 @@ use super::latency::LatencyView;
 use super::subject::Subject;
 use super::trip::Trip;
 use crate::engine::{Glimpse, Phase, PhaseCell};
-use crate::record::MissClasses;
+use gusset_record::MissClasses;
 use gusset_proof::OnlineLimit;
 use gusset_quantity::text::printable;
 

@@ -5,7 +5,7 @@ use serde::Serialize;
 use gusset_quantity::catalog::limit::{Kind, Limit};
 use crate::engine::Experiment;
 use crate::port::limits::{Bound, Range};
-use crate::record::Column;
+use gusset_record::Column;
 
 /// One limit with its levels, SI.
 #[derive(Debug, Clone, Serialize)]

@@ -6,7 +6,7 @@ use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
 use gusset_quantity::catalog::column;
 use crate::engine::Experiment;
 use crate::port::{DispZero, Exit};
-use crate::record::Column;
+use gusset_record::Column;
 use gusset_quantity::text::printable;
 
 /// Degrees of freedom that are drawn at most.

@@ -16,7 +16,7 @@ use super::subject::{ChannelKind, at};
 use super::trip::Trip;
 use gusset_quantity::catalog::limit::Limit;
 use crate::engine::Phase;
-use crate::record::{Event, Note, Onlooker, Progress, TimedEvent};
+use gusset_record::{Event, Note, Onlooker, Progress, TimedEvent};
 
 /// Bins a second of wall time at most, on the real clock.
 const BINS_HZ: f64 = 60.0;

@@ -7,7 +7,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
 use crate::engine::{Phase, TestHit};
 use crate::port::limits::{Hit, Level};
-use crate::record::{Event, EventLine, LimitReached, ON_MISS, TimedEvent, Word, late_words};
+use gusset_record::{Event, EventLine, LimitReached, ON_MISS, TimedEvent, Word, late_words};
 
 /// One of the reasons for which a test has tripped.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -118,7 +118,7 @@ mod tests {
 
     use super::*;
     use crate::engine::PhaseCell;
-    use crate::record::{Onlooker, Progress};
+    use gusset_record::{Onlooker, Progress};
     use crate::view::live::{About, Board, Tap, metrics};
 
     /// What is on the board after these events.

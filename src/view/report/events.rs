@@ -7,7 +7,7 @@ use super::html::{beside, details, note, paragraph, section, table};
 use super::text::{NOTHING, count, plural, quantity, shortened, trimmed};
 use super::timeline::loop_seconds;
 use gusset_quantity::catalog::event::Group;
-use crate::record::{EventLine, MOST_OF_A_KIND};
+use gusset_record::{EventLine, MOST_OF_A_KIND};
 
 /// Events that are listed one by one.
 const MOST_EVENTS: usize = 200;

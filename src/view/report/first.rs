@@ -16,7 +16,7 @@ use super::worst::Worst;
 use gusset_quantity::catalog::phase::Phase;
 use gusset_motion::metrics::energy::{Balance, Energies, Model};
 use gusset_motion::metrics::tracking::Noise;
-use crate::record::Column;
+use gusset_record::Column;
 
 /// Readings at rest that are kept at most.
 const MOST_READINGS: usize = 1 << 20;

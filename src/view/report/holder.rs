@@ -7,7 +7,7 @@ use super::sieve::{Gap, Sieve, Stretch};
 use super::source::Source;
 use super::stale::{Stale, status_of};
 use super::table::Table;
-use crate::record::{COMMITS, Column};
+use gusset_record::{COMMITS, Column};
 
 /// Results of columns that are held whole.
 #[derive(Debug, Clone, Copy, PartialEq)]

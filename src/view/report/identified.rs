@@ -11,7 +11,7 @@ use super::rows::Rows;
 use super::text::{NOTHING, number, plural, quantity};
 use super::tracked::{Tracked, tracking};
 use gusset_motion::metrics::Estimate;
-use crate::record::COMMITS;
+use gusset_record::COMMITS;
 
 /// A share in percent; below what matters it is only said to be small.
 fn small_percent(share: f64) -> String {

@@ -7,7 +7,7 @@
 use super::first::{dof_of, is_of_tick};
 use super::sieve::{BETWEEN, RUNNING, TRIPPED};
 use super::table::{Table, Thinner};
-use crate::record::Column;
+use gusset_record::Column;
 
 /// Columns that say where a row stands in the test.
 const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];

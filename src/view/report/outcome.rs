@@ -8,7 +8,7 @@ use super::RunView;
 use super::text::{count, exact, plural, quantity};
 use gusset_quantity::catalog::ending::Status;
 use gusset_quantity::catalog::event::Remark;
-use crate::record::{Event, EventLine, MissCause};
+use gusset_record::{Event, EventLine, MissCause};
 use gusset_proof::{RecordedFinding, RecordedVerdict, per_cent};
 use crate::view::{Feature, SummaryView};
 

@@ -14,7 +14,7 @@ use super::table::Table;
 use gusset_quantity::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::tracking::Noise;
-use crate::record::Column;
+use gusset_record::Column;
 
 /// DOFs of which spectra are made.
 const MOST_SPECTRA: usize = MOST_LINES;

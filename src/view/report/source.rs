@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::record::Column;
+use gusset_record::Column;
 
 /// What of a test stands in another folder: one that was gone on with begins after its first step.
 #[derive(Debug, Clone, PartialEq, Default)]

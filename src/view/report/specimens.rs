@@ -10,7 +10,7 @@ use super::plots::HALF;
 use super::rows::Rows;
 use super::text::{NOTHING, count, quantity};
 use super::tracked::Tracked;
-use crate::record::summary::LinkCounts;
+use gusset_record::summary::LinkCounts;
 
 /// Axes that are drawn; a table lists more.
 pub(super) const MOST_DRAWN: usize = 8;

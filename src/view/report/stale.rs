@@ -8,7 +8,7 @@ use std::borrow::Cow;
 
 use super::sieve::Stretch;
 use gusset_quantity::catalog::column;
-use crate::record::Column;
+use gusset_record::Column;
 use gusset_quantity::substructure::Status;
 
 /// Kinds of columns that are of a measurement.

@@ -6,7 +6,7 @@ use rand::SeedableRng as _;
 use serde_json::json;
 
 use super::RunView;
-use crate::record::{Column, EventLine};
+use gusset_record::{Column, EventLine};
 use crate::view::Flaws;
 
 pub(super) const RATE: f64 = 1024.0;

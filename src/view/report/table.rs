@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 
 use super::sieve::Gap;
-use crate::record::Column;
+use gusset_record::Column;
 
 /// Rows of a test of which every row is kept: 20 s at 6.5 kHz.
 pub(super) const WHOLE: usize = 1 << 17;

@@ -3,8 +3,8 @@
 use super::RunView;
 use super::columns::{Combination, MOST_DOFS, SpecimenAxis, Storey};
 use super::text::{exact, number, plural, shortened};
-use crate::record::summary::ClockKind;
-use crate::record::{Event, EventLine};
+use gusset_record::summary::ClockKind;
+use gusset_record::{Event, EventLine};
 use crate::view::{Excitation, SpecimenTable, Structure, TestFile, Variant};
 
 /// Numbers from 1 of the specimens whose measured displacement is the command, as the events tell.

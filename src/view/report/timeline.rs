@@ -7,7 +7,7 @@ use super::charts::{Area, LABEL, Quantity, linear, title};
 use super::html::figure;
 use gusset_quantity::catalog::event::Group;
 use gusset_quantity::catalog::phase::Phase;
-use crate::record::{Event, EventLine, utc};
+use gusset_record::{Event, EventLine, utc};
 
 /// The colour of a group of events.
 const fn ink(group: Group) -> Ink {

@@ -12,8 +12,8 @@ use super::plots::{WHOLE, history};
 use super::rows::Rows;
 use super::text::{NOTHING, count, micros, plural};
 use gusset_quantity::catalog::column;
-use crate::record::miss::Evidence;
-use crate::record::{Event, EventLine};
+use gusset_record::miss::Evidence;
+use gusset_record::{Event, EventLine};
 
 /// Histograms that are always open.
 const FIRST: [&str; 2] = ["wakeup_lateness", "tick_time"];

@@ -1,7 +1,7 @@
 //! The ticks that took longest, with what is known of them.
 
 use gusset_quantity::catalog::column;
-use crate::record::Column;
+use gusset_record::Column;
 
 /// Ticks that are kept.
 const KEPT: usize = 10;

@@ -6,7 +6,7 @@ use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
 use gusset::port::limits::{AxisLimits, Bound, Range};
 use gusset::port::{Axis, Order, Port, Reference, Zero};
-use gusset::record::{Event, Onlooker, Progress};
+use gusset_record::{Event, Onlooker, Progress};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };

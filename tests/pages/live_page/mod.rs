@@ -46,7 +46,7 @@ fn ten_viewers_a_slow_one_and_some_that_hang_up_change_no_number_of_the_test() {
     let folder = running.folder.clone();
     let (code, said) = running.end();
     assert_eq!(code, Some(0), "{said}");
-    let rows = gusset::record::Run::open(&folder).unwrap();
+    let rows = gusset_record::Run::open(&folder).unwrap();
     let rows = rows.columns(&["step"]).unwrap()[0].len() as f64;
     for viewer in viewers {
         let seen = viewer.join().unwrap();

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gusset::record::Run;
+use gusset_record::Run;
 use serde_json::Value;
 
 use super::command::{best, folder, identified, near};

@@ -160,7 +160,7 @@ fn the_twin_is_a_test_that_checks_runs_and_is_identified_as_the_same() {
     completed(&twin, &folder.join("again"), &[]);
     // With the identified inverse the twin is where it should be: in the second half of the sweep, 7 to 15 Hz, a lag of
     // 12.3 ms alone would leave half of the motion and more.
-    let run = gusset::record::Run::open(&folder.join("again")).unwrap();
+    let run = gusset_record::Run::open(&folder.join("again")).unwrap();
     let columns = run.columns(&["target_1_1", "meas_1_1"]).unwrap();
     let half = columns[0].len() / 2;
     let sum = |of: &dyn Fn(usize) -> f64| (half..columns[0].len()).map(of).sum::<f64>();
@@ -304,7 +304,7 @@ law.linear.stiffness_n_per_m = 1e5
     // 5 % of 40 mm and of 50 mm, at the specimen; while one moves the other stands.
     assert_eq!(axes[0]["amplitude_m"], 0.002);
     assert_eq!(axes[1]["amplitude_m"], 0.0025);
-    let run = gusset::record::Run::open(&out).unwrap();
+    let run = gusset_record::Run::open(&out).unwrap();
     let columns = run.columns(&["cmd_1_1", "cmd_1_2"]).unwrap();
     let peak =
         |column: &[f64], zero: f64| column.iter().map(|v| (v - zero).abs()).fold(0.0, f64::max);

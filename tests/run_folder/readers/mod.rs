@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use gusset::record::journal::encode;
-use gusset::record::{Column, Layout};
+use gusset_record::journal::encode;
+use gusset_record::{Column, Layout};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 

@@ -3,7 +3,7 @@
 use super::Remote;
 use crate::link::openfresco::asking::{Asking, Came, pause, send};
 use crate::link::openfresco::error::{Lost, RemoteError, Saying};
-use crate::rt::os;
+use gusset_record::rt::os;
 use gusset_quantity::substructure::{LinkFault, Measurement};
 use gusset_quantity::time::Nanos;
 use gusset_wire::WireError;

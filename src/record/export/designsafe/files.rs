@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use crate::record::Checksum;
+use crate::Checksum;
 
 /// Copies plain files, and folders with what is in them.
 pub(super) fn copy(from: &Path, to: &dyn Fn(&str) -> PathBuf) -> io::Result<()> {

@@ -30,8 +30,8 @@ use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
 use super::{ExportError, Exported, Extra};
 use gusset_quantity::catalog::column::GROUND;
-use crate::record::atomic;
-use crate::record::run::Run;
+use crate::atomic;
+use crate::run::Run;
 
 const READERS: [(&str, &str); 2] = [
     (

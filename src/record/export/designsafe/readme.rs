@@ -1,6 +1,6 @@
 //! What a reader of the folder is told first.
 
-use crate::record::run::Run;
+use crate::run::Run;
 
 /// Folder, category, what it holds.
 pub(super) const CATEGORIES: [(&str, &str, &str); 9] = [

@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use crate::record::folder::slug;
-use crate::record::run::Run;
+use crate::folder::slug;
+use crate::run::Run;
 
 /// What the test file says, if it can be read.
 pub(super) struct Test {

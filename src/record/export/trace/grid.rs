@@ -3,7 +3,7 @@
 
 use super::stamps::Stamped;
 use gusset_quantity::catalog::phase::{Part, Phase};
-use crate::record::{Event, EventLine, GridOf};
+use crate::{Event, EventLine, GridOf};
 
 /// Places row after row, from the first of the file on.
 pub(super) struct Grid {

@@ -5,8 +5,8 @@ use std::io::{self, BufWriter, Write};
 use serde_json::{Value, json};
 
 use super::{EVENTS, GRID, LOOP};
-use crate::record::atomic::AtomicFile;
-use crate::record::run::Run;
+use crate::atomic::AtomicFile;
+use crate::run::Run;
 
 /// The events of the file, put into order.
 pub(super) struct Lines<W> {

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::record::{Event, EventLine};
+use crate::{Event, EventLine};
 
 /// A miss as its event tells it; µs from zero.
 #[derive(Debug, Clone)]

@@ -30,8 +30,8 @@ use stamps::{Stamped, Stamps};
 
 use super::plan::{Choice, Plan, Rows, WARMING_UP};
 use super::{ExportError, Exported, Notice};
-use crate::record::atomic::AtomicFile;
-use crate::record::run::Run;
+use crate::atomic::AtomicFile;
+use crate::run::Run;
 
 /// Ticks that are taken without being asked for: about 160 MB of text, which a browser still opens.
 const MOST: u64 = 200_000;

@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::{EVENTS, Stamped, instant};
-use crate::record::export::plan::Choice;
-use crate::record::run::Run;
-use crate::record::{Event, EventLine};
+use crate::export::plan::Choice;
+use crate::run::Run;
+use crate::{Event, EventLine};
 
 /// Where the steps of the events stand on the grid.
 pub(super) struct Places {

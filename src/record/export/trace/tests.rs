@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::record::Run;
-use crate::record::export::{Choice, Exported, Extra, Format, Notice, Rows, export};
-use crate::record::folder::tests::recorded;
+use crate::Run;
+use crate::export::{Choice, Exported, Extra, Format, Notice, Rows, export};
+use crate::folder::tests::recorded;
 
 const NAMES: [&str; 11] = [
     "step",

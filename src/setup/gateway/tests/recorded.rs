@@ -3,7 +3,7 @@
 use super::*;
 use gusset_quantity::catalog::ending::Cause;
 use crate::link::served::RecordSettings;
-use crate::record::Run;
+use gusset_record::Run;
 
 #[test]
 fn a_row_has_the_number_of_its_target_and_a_refused_target_has_a_row() {

@@ -13,7 +13,7 @@ use std::path::Path;
 use axum::http::{HeaderMap, StatusCode, header};
 use thiserror::Error;
 
-use crate::rt::secret_file::{SecretError, open_secret};
+use gusset_record::rt::secret_file::{SecretError, open_secret};
 
 /// Letters of a token, none of which looks like another.
 const LETTERS: &[u8; 32] = b"abcdefghjkmnpqrstuvwxyz123456789";

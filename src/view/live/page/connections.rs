@@ -19,7 +19,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{Instant, Sleep};
 
-use crate::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 
 /// Connections at the same time.
 const MOST: usize = 96;

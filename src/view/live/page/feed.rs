@@ -20,7 +20,7 @@ use tokio::time::{Interval, MissedTickBehavior};
 
 use super::connections::PendingRequest;
 use crate::engine::{Glimpse, Phase};
-use crate::rt::os::monotonic_ns;
+use gusset_record::rt::os::monotonic_ns;
 use crate::view::live::board::Board;
 use crate::view::live::history::{Bin, RECENT};
 use crate::view::live::latency::BOUNDS;

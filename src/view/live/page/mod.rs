@@ -32,8 +32,8 @@ pub use access::{Token, TokenError};
 
 use super::board::{Board, Ended, MARGIN_EVERY_NS};
 use crate::engine::Operator;
-use crate::record::{Event, Note};
-use crate::rt::os::monotonic_ns;
+use gusset_record::{Event, Note};
+use gusset_record::rt::os::monotonic_ns;
 use access::AccessRules;
 use connections::WebListener;
 use feed::Feed;

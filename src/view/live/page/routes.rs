@@ -18,8 +18,8 @@ use super::connections::{Connection, MOST_VIEWERS, Peer, WebListener};
 use super::feed::{Feed, Viewer};
 use crate::assets;
 use crate::engine::{Glimpse, Operator, Phase};
-use crate::record::{Event, Note, Word};
-use crate::rt::os::monotonic_ns;
+use gusset_record::{Event, Note, Word};
+use gusset_record::rt::os::monotonic_ns;
 use crate::view::live::metrics::metrics;
 
 /// State that all handlers share.

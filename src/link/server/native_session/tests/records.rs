@@ -6,8 +6,8 @@ use std::path::Path;
 use super::*;
 use gusset_config::fault_script::Script;
 use crate::link::served::RecordSettings;
-use crate::record::Run;
-use crate::record::summary::{Status as Ended, Summary};
+use gusset_record::Run;
+use gusset_record::summary::{Status as Ended, Summary};
 
 const TITLE: &str = "the fault";
 const SAID: &str = "FAULTS are played: the fault";

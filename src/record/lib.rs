@@ -21,6 +21,7 @@
 //!
 //! No clock is read here: whoever starts the writer says how ([`writer::Clocks`]).
 
+pub mod rt;
 pub mod append;
 pub mod atomic;
 mod buffers;
@@ -59,15 +60,15 @@ pub use intact::{Extent, Meddled, is_same_file};
 pub use journal::{End, Journal, Row};
 pub use layout::{COMMITS, Layout};
 pub use memory::MemoryRecorder;
-pub use miss::{MissClasses, SchedSample};
-pub(crate) use miss::{ON_MISS, late_words};
+pub use miss::MissClasses;
+pub use miss::{ON_MISS, late_words};
 pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::{EventLines, Events, MOST_OF_A_KIND, Run, keeps_waiting};
 pub use summary::Summary;
-pub(crate) use warned::times;
+pub use warned::times;
 pub use whereabouts::{Whereabouts, is_claimed};
 pub use writer::{Progress, Recorded, Writer, WriterSettings};
 

@@ -64,10 +64,10 @@ impl Sampler {
     ///
     /// # Errors
     /// The kernel's files of that thread cannot be opened, or no thread can be started.
-    pub fn spawn<T: From<SchedSample> + Send + 'static>(
+    pub fn spawn(
         thread_id: i32,
         cpu: Option<usize>,
-        samples: Sender<T>,
+        samples: Sender<SchedSample>,
     ) -> io::Result<Self> {
         let mut source = Source::open(thread_id, cpu)?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -82,7 +82,7 @@ impl Sampler {
                 let mut at = os::monotonic_ns();
                 while !stopped.load(Ordering::Relaxed) {
                     let Some(sample) = source.read() else { break };
-                    if samples.try_send(sample.into()).is_err() {
+                    if samples.try_send(sample).is_err() {
                         lost.fetch_add(1, Ordering::Relaxed);
                     }
                     at = os::monotonic_ns().max(at + PERIOD_NS);
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn a_full_queue_drops_and_counts() {
         let (sender, receiver) = crossbeam_channel::bounded(0);
-        let sampler = Sampler::spawn::<SchedSample>(os::thread_id(), None, sender).unwrap();
+        let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
         while sampler.dropped() == 0 {
             os::yield_now();
         }
