@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex};
 use gusset_config as config;
 use gusset_config::LimitsSpec;
 use gusset_config::fault_script::Script;
-use gusset::engine::{Connected, Control, Ending};
+use gusset_control::engine::{Connected, Control, Ending};
 use gusset_numerics::law::LawSpec;
 use gusset::link::server::{Host, Simulated};
 use gusset::link::{NativeSetup, Transport};

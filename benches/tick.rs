@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex};
 
 use gusset_config as config;
-use gusset::engine::{Connected, Control, Side};
+use gusset_control::engine::{Connected, Control, Side};
 use gusset_numerics::integrate::Integrator;
 use gusset_record::{RingSize, WhenFull, ring};
 use gusset_record::rt::os::monotonic_ns;

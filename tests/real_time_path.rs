@@ -17,8 +17,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use common::engine::prepare;
 use common::rig::{Act, Log, Phase, attach, storey};
 use gusset_quantity::catalog::limit::Limit;
-use gusset::engine::{Connected, Control, Ending, Experiment, OnMiss, Operator};
-use gusset::port::limits::Bound;
+use gusset_control::engine::{Connected, Control, Ending, Experiment, OnMiss, Operator};
+use gusset_control::port::limits::Bound;
 use gusset_record::{RingReader, RingSize, WhenFull, ring};
 use gusset_record::rt::clock::MonotonicClock;
 use gusset_quantity::substructure::Coupling;
@@ -168,12 +168,12 @@ fn cost(experiment: Experiment, clock: Box<dyn Clock>, at_once: bool) -> (u64, u
     });
     let mut rows = 0;
     while let Some((_, row)) = reader.row() {
-        rows += u64::from(row[2] == gusset::engine::Phase::Running.code());
+        rows += u64::from(row[2] == gusset_control::engine::Phase::Running.code());
     }
     if at_once {
         assert_eq!(
             (ending.unwrap().0, rows),
-            (Ending::Stopped(gusset::engine::Stop::Operator), 0)
+            (Ending::Stopped(gusset_control::engine::Stop::Operator), 0)
         );
     } else {
         assert_eq!(
@@ -331,7 +331,7 @@ fn in_the_child() {
     }
     let mut rows = 0;
     while let Some((_, row)) = reader.row() {
-        rows += usize::from(row[2] == gusset::engine::Phase::Running.code());
+        rows += usize::from(row[2] == gusset_control::engine::Phase::Running.code());
     }
     std::process::exit(if rows == TICKS { 0 } else { WRONG });
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::CampaignError;
 use gusset_quantity::catalog::column;
 use gusset_config::{Finding, KeyPath, LoadedStudy, nearest};
-use crate::engine::{Experiment, Phase};
+use gusset_control::engine::{Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
 use gusset_record::{Column, Recorder, TimedEvent};
 

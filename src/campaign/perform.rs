@@ -5,7 +5,7 @@ use super::study::Study;
 use super::task::Task;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config::ConfigError;
-use crate::engine::{Ending, Experiment};
+use gusset_control::engine::{Ending, Experiment};
 use crate::session::certificate::MOST_ATTEMPTS;
 use crate::session::rehearsal::{Staging, staged};
 use crate::session::unaware::Unaware;

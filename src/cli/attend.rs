@@ -9,8 +9,8 @@ use crossbeam_channel::{Receiver, Sender, TrySendError};
 use super::exit::{Exit, WithExit};
 use super::log::remark;
 use super::question::{Answered, Question};
-use crate::engine::{Notice, Operator, PhaseCell};
-use crate::port::Reading;
+use gusset_control::engine::{Notice, Operator, PhaseCell};
+use gusset_control::port::Reading;
 use crate::session::pause;
 use crate::setup::Facts;
 use gusset_quantity::units;
@@ -139,7 +139,7 @@ fn in_words(reading: &Reading, units: [&str; 2]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::{Glimpse, Phase};
+    use gusset_control::engine::{Glimpse, Phase};
 
     #[test]
     fn the_noise_of_one_reading_is_not_known_and_no_zero() {

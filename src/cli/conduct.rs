@@ -10,7 +10,7 @@ use super::exit::{Exit, WithExit};
 use super::screen::in_colour;
 use super::{tell, warn};
 use gusset_config::Locator;
-use crate::engine::{Control, PhaseCell};
+use gusset_control::engine::{Control, PhaseCell};
 use gusset_record::RunFolder;
 use gusset_record::rt::wall::Wall;
 use crate::session::{Finished, Judged, SessionError, Signals};

@@ -16,8 +16,8 @@ use super::tell;
 use gusset_config::Carrier;
 use gusset_config::ClockChoice;
 #[cfg(feature = "monitor")]
-use crate::engine::Operator;
-use crate::engine::PhaseCell;
+use gusset_control::engine::Operator;
+use gusset_control::engine::PhaseCell;
 #[cfg(feature = "monitor")]
 use gusset_record::Note;
 use gusset_record::Onlooker;

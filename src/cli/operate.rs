@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::args::OperateArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::engine::{Glimpse, Phase};
+use gusset_control::engine::{Glimpse, Phase};
 use gusset_record::Run;
 use gusset_record::summary::Status;
 use gusset_record::rt::os::monotonic_ns;

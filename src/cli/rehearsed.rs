@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::table::Table;
-use crate::engine::{Ending, Stop};
-use crate::port::Poses;
+use gusset_control::engine::{Ending, Stop};
+use gusset_control::port::Poses;
 use crate::session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
 use gusset_quantity::units::{duration, number, quantity};
 

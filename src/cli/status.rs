@@ -10,7 +10,7 @@ use super::args::{RunArgs, StatusArg};
 use super::drawn::{bar, cut, gauge, short, width};
 use super::progress::remaining;
 use super::screen;
-use crate::engine::Phase;
+use gusset_control::engine::Phase;
 use gusset_record::rt::os::monotonic_ns;
 use crate::setup::Facts;
 use crate::view::live::{Board, Margin, Mark, Snapshot, share};

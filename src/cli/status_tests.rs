@@ -1,7 +1,7 @@
 //! Tests of the status: what stands in it, at every width.
 
 use super::*;
-use crate::engine::{Glimpse, Phase, PhaseCell};
+use gusset_control::engine::{Glimpse, Phase, PhaseCell};
 use gusset_record::{Event, LimitReached, Onlooker, Progress, TimedEvent};
 use crate::view::live::{About, LambdaUse, Subject, Tap};
 

@@ -298,7 +298,7 @@ impl LimitsSpec {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::limits::{AxisLimits, Bound, Range};
+    use gusset_control::port::limits::{AxisLimits, Bound, Range};
 
     fn read(text: &str) -> LimitsSpec {
         toml::from_str(text).unwrap()

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use thiserror::Error;
 
-use crate::engine::{Numerical, Side};
+use gusset_control::engine::{Numerical, Side};
 use gusset_numerics::integrate::{Gui, GuiError, Integrator, Lambda, Start, State};
 use gusset_numerics::law::{BilinearSpec, LawError, Reach};
 use gusset_numerics::linalg::{NotPositiveDefinite, SymMatrix};

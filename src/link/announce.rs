@@ -5,7 +5,7 @@
 //! lead the specimen home; the specimen's end comes in where that has failed.
 
 use gusset_quantity::catalog::limit::Limit;
-use crate::port::limits::{AxisLimits, Bound, Range};
+use gusset_control::port::limits::{AxisLimits, Bound, Range};
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Limits, Unit};
 
@@ -107,7 +107,7 @@ pub fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::limits::Watch;
+    use gusset_control::port::limits::Watch;
 
     const MM_KN: AxisUnits = AxisUnits {
         metres: 1e-3,

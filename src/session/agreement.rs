@@ -17,7 +17,7 @@ use gusset_quantity::catalog::ending::{Cause, Kind};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Part;
 use gusset_config::{Time, TimeTable};
-use crate::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
+use gusset_control::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
 use gusset_record::summary::{Peak, Status};
 use gusset_record::{Event, EventLine, FolderError, Run, Summary};
 use gusset_quantity::substructure::LinkFault;

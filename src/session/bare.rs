@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use gusset_config::{ClockChoice, Diagnostics, TimingSpec};
-use crate::engine::{Experiment, Limits, OnMiss, Pacing, Side, StartupSettings, TestLimits};
+use gusset_control::engine::{Experiment, Limits, OnMiss, Pacing, Side, StartupSettings, TestLimits};
 use crate::setup::{Facts, Files, LimitFacts, Prepared};
 use gusset_quantity::time::{RateError, Ratio};
 

@@ -12,8 +12,8 @@ use crossbeam_channel::{Receiver, Sender};
 use super::lineage::ACCEPT;
 use gusset_quantity::catalog::event::Remark;
 use gusset_config::ClockChoice;
-use crate::engine::{Control, Experiment, Operator};
-use crate::port::Port;
+use gusset_control::engine::{Control, Experiment, Operator};
+use gusset_control::port::Port;
 use gusset_record::{Event, FolderError, Run, Writer};
 use gusset_quantity::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 

@@ -18,7 +18,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::engine::{Glimpse, Operator, PhaseCell};
+use gusset_control::engine::{Glimpse, Operator, PhaseCell};
 use gusset_record::is_claimed;
 use gusset_record::rt::control_socket::{ControlSocket, connect};
 use gusset_record::rt::os::monotonic_ns;
@@ -366,7 +366,7 @@ mod tests {
     use std::os::unix::net::UnixListener;
 
     use super::*;
-    use crate::engine::Phase;
+    use gusset_control::engine::Phase;
     use gusset_record::RunFolder;
 
     #[test]

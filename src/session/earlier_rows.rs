@@ -4,7 +4,7 @@
 //! from the row before. Nothing else in the program knows such rows.
 
 use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
-use crate::engine::OperatorCommands;
+use gusset_control::engine::OperatorCommands;
 use gusset_record::{Column, Layout};
 
 /// Physical columns that recordings of earlier versions do not have.

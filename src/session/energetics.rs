@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use gusset_config as config;
-use crate::engine::Side;
+use gusset_control::engine::Side;
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::falsified::Mode;
 use gusset_numerics::model::{Base, Structure};

@@ -3,7 +3,7 @@
 //! The life cycle of the engine catches a panic and retires every specimen. What it means for the exit code is decided elsewhere.
 
 use super::connect::Unconnected;
-use crate::engine::{Connected, Control, Outcome};
+use gusset_control::engine::{Connected, Control, Outcome};
 use gusset_record::rt::os;
 
 /// How the loop's thread ended.

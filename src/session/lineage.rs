@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::checksum::{read, rows_sha256, same};
 use super::replay_error::ReplayError;
-use crate::engine::Place;
-use crate::port::Port;
+use gusset_control::engine::Place;
+use gusset_control::port::Port;
 use gusset_record::Run;
 use gusset_record::summary::Peak;
 

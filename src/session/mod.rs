@@ -86,7 +86,7 @@ use specimen_records::HeldRecords;
 use gusset_quantity::catalog::ending::{Cause, Exit};
 use gusset_quantity::catalog::event::Remark;
 use gusset_config::ConfigError;
-use crate::engine::Control;
+use gusset_control::engine::Control;
 use gusset_record::writer::WriterError;
 use gusset_record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};
 use gusset_record::rt::wall::Wall;

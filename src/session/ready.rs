@@ -8,7 +8,7 @@ use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive};
 use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_config::ClockChoice;
-use crate::engine::{Connected, Control, Experiment};
+use gusset_control::engine::{Connected, Control, Experiment};
 use gusset_record::writer::Clocks;
 use gusset_record::{
     Event, Layout, Note, RingSize, RunFolder, WhenFull, Writer, WriterSettings, ring,

@@ -2,7 +2,7 @@
 
 use super::lineage::ACCEPT;
 use gusset_quantity::catalog::ending::Cause;
-use crate::engine::{EndPosition, Ending, IncompleteShutdown, Outcome, Stop};
+use gusset_control::engine::{EndPosition, Ending, IncompleteShutdown, Outcome, Stop};
 use gusset_quantity::substructure::{AGREED, Holder};
 
 /// How a test ended, and why in words.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::tape::{Shared, at, with};
 use gusset_quantity::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
-use crate::engine::Experiment;
+use gusset_control::engine::Experiment;
 use gusset_record::Layout;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,

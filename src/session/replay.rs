@@ -16,7 +16,7 @@ use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::retrace::{prepared, same_columns};
 use super::tape::{Comparing, Difference, Recording, Tape, with};
-use crate::engine::{Connected, Control, Ending, Experiment, Outcome};
+use gusset_control::engine::{Connected, Control, Ending, Experiment, Outcome};
 use gusset_record::{End, Layout, MissingEnd, Run};
 
 /// What a replay came to.

@@ -25,7 +25,7 @@ use super::retrace::{
 };
 use super::row_peaks::{earlier_peaks, peak_of};
 use gusset_config::Loaded;
-use crate::port::Port;
+use gusset_control::port::Port;
 use gusset_record::summary::Status;
 use gusset_record::{MissingEnd, Run, ToldBy};
 use crate::setup::{self, Dial, Facts, Prepared};

@@ -16,10 +16,10 @@ use super::replay_error::ReplayError;
 use super::row_peaks::earlier_peaks;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
 use gusset_config::{self as config, ConfigError, Loaded};
-use crate::engine::{
+use gusset_control::engine::{
     Connected, Control, Ending, Experiment, Resumption, Retraced as Followed, Side,
 };
-use crate::port::Port;
+use gusset_control::port::Port;
 use gusset_record::{Column, Run};
 use crate::setup::{self, Prepared};
 

@@ -5,8 +5,8 @@
 //! loaded the specimens. Invariant: a stale measurement raises no peak.
 
 use gusset_quantity::catalog::phase::Part;
-use crate::engine::{EarlierPeaks, Peaks};
-use crate::port::Port;
+use gusset_control::engine::{EarlierPeaks, Peaks};
+use gusset_control::port::Port;
 use gusset_record::summary::Peak;
 use gusset_record::{FolderError, Run};
 use gusset_quantity::substructure::Status;

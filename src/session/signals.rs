@@ -10,7 +10,7 @@ use crossbeam_channel::{Receiver, Sender};
 use rustix::process::Signal as Raw;
 use tokio::signal::unix::{self, SignalKind, signal};
 
-use crate::engine::Operator;
+use gusset_control::engine::Operator;
 use gusset_record::rt::os;
 use gusset_record::rt::sampler::count_continuation;
 

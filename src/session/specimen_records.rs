@@ -8,8 +8,8 @@ use std::path::Path;
 use super::guarded::Ended;
 use super::lineage::itself;
 use gusset_quantity::catalog::ending::Cause;
-use crate::engine::EndPosition;
-use crate::port::Port;
+use gusset_control::engine::EndPosition;
+use gusset_control::port::Port;
 use gusset_record::lasting::{
     Kept, LastingError, LastingRecord, Place, SpecimenKey, is_same, state_folder,
 };

@@ -10,7 +10,7 @@ use super::guarded::Ended;
 use super::reason::{ending, last_words};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config::ClockChoice;
-use crate::engine::{Gaps, Outcome};
+use gusset_control::engine::{Gaps, Outcome};
 use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
 use gusset_record::{FolderError, Recorded, RunFolder, Summary, times};
 use gusset_record::rt::Granted;
@@ -152,7 +152,7 @@ pub(super) fn summarise(
 /// Specimens whose simulated actuators did not come to terms with what they move, in sentences.
 fn unsettled(outcome: &Outcome) -> Vec<String> {
     let each = outcome.ports.iter().filter(|port| port.2.unsettled > 0);
-    let sentence = |(name, _, link): &(String, Vec<f64>, crate::port::LinkCount)| {
+    let sentence = |(name, _, link): &(String, Vec<f64>, gusset_control::port::LinkCount)| {
         format!(
             "specimen \"{name}\": the actuator–specimen iteration did not converge in {} ticks, whose measurements are not exact; \
              increase `time.ticks_per_step`",
@@ -175,7 +175,7 @@ fn gaps(gaps: Gaps) -> Option<String> {
 /// Specimens that said that they hold by their own watchdog, in sentences.
 fn held(outcome: &Outcome) -> Vec<String> {
     let each = outcome.ports.iter().filter(|port| port.2.holds > 0);
-    let sentence = |(name, _, link): &(String, Vec<f64>, crate::port::LinkCount)| {
+    let sentence = |(name, _, link): &(String, Vec<f64>, gusset_control::port::LinkCount)| {
         let times = times(link.holds);
         format!(
             "specimen \"{name}\": it reported {times} that its own watchdog holds it, because commands had stopped: measurements \
@@ -241,7 +241,7 @@ fn left(outcome: &Outcome) -> BTreeMap<String, String> {
 }
 
 fn links(outcome: &Outcome) -> BTreeMap<String, LinkCounts> {
-    let counts = |link: &crate::port::LinkCount| LinkCounts {
+    let counts = |link: &gusset_control::port::LinkCount| LinkCounts {
         sent: link.sent,
         received: link.received,
         late: link.stats.late,

@@ -15,7 +15,7 @@ use super::earlier_rows::EarlierRows;
 use super::replay_error::ReplayError;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
-use crate::engine::{Experiment, Operator, OperatorCommands, Phase};
+use gusset_control::engine::{Experiment, Operator, OperatorCommands, Phase};
 use gusset_record::{
     Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent,
     WarmUpRows,

@@ -1,7 +1,7 @@
 //! What a caller adds to a session: guards round the ticks, who looks at the rows, who attends the test.
 
 use super::SpecimenRecords;
-use crate::engine::Watch;
+use gusset_control::engine::Watch;
 use gusset_record::Onlooker;
 
 /// What a caller may put round the ticks, on the loop's own thread and on the others.

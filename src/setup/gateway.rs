@@ -25,7 +25,7 @@ use crate::link::served::{Controller, LinkBuild, LinkMaker, PaceClock, Pacing, W
 use crate::link::server::Host;
 use crate::link::tls::TlsClient;
 use crate::link::{NativeLink, NativeSetup};
-use crate::port::{Pace, WiringCheck};
+use gusset_control::port::{Pace, WiringCheck};
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::Sampling;
 

@@ -1,7 +1,7 @@
 //! What lies between a deformation of the structure and the numbers of an axis: gear, scale and units.
 
 use gusset_config::{AxisTable, SpecimenTable};
-use crate::port::Axis;
+use gusset_control::port::Axis;
 
 /// A square matrix by rows, one row per axis.
 pub(super) type Rows = Vec<Vec<f64>>;

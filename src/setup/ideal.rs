@@ -16,7 +16,7 @@ use gusset_numerics::integrate::{
 use gusset_numerics::linalg::{Spd, SymMatrix};
 use gusset_numerics::model::{Base, Structure};
 use gusset_motion::Excitation;
-use crate::port::Axis;
+use gusset_control::port::Axis;
 
 /// Parts in which a static load is applied.
 const PARTS: u32 = 20;

@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::specimens::loading::LoadingFacts;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ClockChoice, ExitChoice, TestFile, Time};
-use crate::engine::{Limits, OnMiss};
-use crate::port::Port;
-use crate::port::limits::Bound;
+use gusset_control::engine::{Limits, OnMiss};
+use gusset_control::port::Port;
+use gusset_control::port::limits::Bound;
 use gusset_quantity::units::duration;
 
 /// All limits of a test.

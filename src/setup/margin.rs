@@ -2,7 +2,7 @@
 
 use super::{Refused, Site, StructureFacts, path};
 use gusset_config::Finding;
-use crate::port::Port;
+use gusset_control::port::Port;
 
 /// Gives the tables to each port whose lag is estimated. Without tables, the facts of the structure keep the reason. A test that
 /// needs them is then refused.

@@ -37,7 +37,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
-use crate::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
+use gusset_control::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
 use crate::link::{NativeSetup, Transport};
 use gusset_record::rt;
 use gusset_proof::{Analysis, AtRest, Kind, Matrices, Stability};
@@ -215,7 +215,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let ports = margin::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
-    let kept = crate::engine::kept_limits(&side, &ports);
+    let kept = gusset_control::engine::kept_limits(&side, &ports);
     if structure.is_some() && !names.is_empty() {
         safety::unkept(site, &kept);
     }

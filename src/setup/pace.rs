@@ -4,7 +4,7 @@ use toml_edit::{DocumentMut, Item};
 
 use super::Prepared;
 use gusset_config::{self as config, DIVERGENCE_M, Policy, TestFile, Time, TimingSpec};
-use crate::engine::{Limits, OnMiss, Pacing};
+use gusset_control::engine::{Limits, OnMiss, Pacing};
 use gusset_record::rt::RtPlan;
 
 /// Longest wait for a partner that owes a reply.

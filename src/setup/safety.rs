@@ -7,9 +7,9 @@ use gusset_config::{
     AxisTable, BoundSpec, ExitChoice, Finding, LimitsSpec, ShareSpec, SpecimenTable, TestFile,
     Time, ZeroChoice,
 };
-use crate::engine::{InitialForce, Intake, Numerical, StartupSettings, TestLimits};
-use crate::port::limits::Bound;
-use crate::port::{Axis, Exit, Exits, Reference, Zero};
+use gusset_control::engine::{InitialForce, Intake, Numerical, StartupSettings, TestLimits};
+use gusset_control::port::limits::Bound;
+use gusset_control::port::{Axis, Exit, Exits, Reference, Zero};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;

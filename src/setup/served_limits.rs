@@ -80,7 +80,7 @@ fn own_limits(table: &SpecimenTable) -> Vec<ServedLimit> {
 }
 
 /// The axis at the structure's scale, and metres and newtons in its units.
-fn geared(table: &SpecimenTable, index: usize) -> (crate::port::Axis, (f64, f64)) {
+fn geared(table: &SpecimenTable, index: usize) -> (gusset_control::port::Axis, (f64, f64)) {
     let gear = table.axis.get(index).cloned().unwrap_or_default();
     gear::axis(table, &gear, Vec::new())
 }

@@ -2,7 +2,7 @@
 
 use super::{Refused, Site, path};
 use gusset_config::Finding;
-use crate::engine::StaticLoad;
+use gusset_control::engine::StaticLoad;
 use gusset_numerics::linalg::{Spd, SymMatrix};
 
 /// Equal parts in which a static load is brought on.

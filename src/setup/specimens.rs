@@ -16,8 +16,8 @@ use gusset_actuator::geometry::Geometry;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use gusset_numerics::model::StructureSpec;
-use crate::port::limits::AxisLimits;
-use crate::port::{
+use gusset_control::port::limits::AxisLimits;
+use gusset_control::port::{
     Axis, Declared, LinearStandIn, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
     WiringCheck,
 };

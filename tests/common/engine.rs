@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use gusset::engine::{Connected, Control, Experiment, Outcome, Phase};
+use gusset_control::engine::{Connected, Control, Experiment, Outcome, Phase};
 use gusset_record::{Column, MemoryRecorder, Recorder, TimedEvent};
 use gusset::setup::{Facts, Prepared};
 use gusset_quantity::time::{Clock, SimClock};

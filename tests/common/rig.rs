@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex};
 
-use gusset::engine::Experiment;
-use gusset::port::{Axis, Port};
+use gusset_control::engine::Experiment;
+use gusset_control::port::{Axis, Port};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };

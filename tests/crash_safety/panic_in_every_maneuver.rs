@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crate::common::engine::prepare;
-use gusset::engine::{
+use gusset_control::engine::{
     Connected, Control, Ending, Experiment, Notice, Operator, Phase, PhaseCell, Stop,
 };
-use gusset::port::{Pace, WiringCheck};
+use gusset_control::port::{Pace, WiringCheck};
 use gusset_record::MemoryRecorder;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

@@ -10,7 +10,7 @@ use crate::common::{FRAME, PATIENT, json, say, write};
 use crate::link_common::Served;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config as config;
-use gusset::port::{Axis, Port};
+use gusset_control::port::{Axis, Port};
 use gusset_record::summary::Status;
 use gusset_record::{Run, RunFolder};
 use gusset::session::{self, Finished, Watches};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gusset_quantity::catalog::ending::Cause;
-use gusset::engine::{Control, Ending, Operator};
+use gusset_control::engine::{Control, Ending, Operator};
 use gusset_record::RunFolder;
 use gusset_record::summary::Status;
 use gusset::session::{self, Watches};

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use crate::common::engine::{Run, prepare, run, run_under};
 use crate::common::spring::Spring;
-use gusset::engine::{Control, Operator, Phase};
-use gusset::port::{Axis, Order, Port, Stage};
+use gusset_control::engine::{Control, Operator, Phase};
+use gusset_control::port::{Axis, Order, Port, Stage};
 use gusset_quantity::time::SimClock;
 
 const DT: f64 = 0.01;

@@ -4,8 +4,8 @@
 use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset_quantity::catalog::ending::Cause;
-use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
-use gusset::port::{Axis, Exit};
+use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
+use gusset_control::port::{Axis, Exit};
 use gusset_record::{Event, RunFolder};
 use gusset::session::{self, Watches};
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
@@ -255,7 +255,7 @@ fn a_response_that_overflows_or_runs_away_is_never_sent() {
         assert_eq!(run.all("x1").last(), Some(&value));
         assert_eq!(
             run.all("state").last(),
-            Some(&gusset::engine::Phase::Tripped.code())
+            Some(&gusset_control::engine::Phase::Tripped.code())
         );
         for (_, call) in calls {
             assert!(!matches!(call, Call::Issue { disp, .. } if disp.abs() > 1.0));

@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::common::engine::{Run, run_on};
 use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset_quantity::catalog::limit::Limit;
-use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
-use gusset::port::limits::Bound;
+use gusset_control::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
+use gusset_control::port::limits::Bound;
 use gusset_record::Event;
 use gusset_record::rt::timing::Quantity;
 use gusset_quantity::substructure::{Coupling, Retirement};
@@ -59,7 +59,7 @@ fn run_warm(
     warmup: u64,
     on_miss: OnMiss,
     stalls: &[Stall],
-    more: impl Fn(&mut gusset::engine::Limits),
+    more: impl Fn(&mut gusset_control::engine::Limits),
 ) -> (Run, Log) {
     let (clock, log) = (SimClock::new(), Log::default());
     let mut experiment = two_floors(STEPS, &format!("timing.warmup_ticks = {warmup}"));
@@ -295,7 +295,7 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     let every: Vec<Stall> = (10..16).map(|at| Answering(at, 1_100_000)).collect();
     let apart: Vec<Stall> = (5..15).map(|at| Answering(2 * at, 1_100_000)).collect();
     let run = |stalls: &[Stall], in_a_row, in_total| {
-        let bounds = |limits: &mut gusset::engine::Limits| {
+        let bounds = |limits: &mut gusset_control::engine::Limits| {
             for (limit, most) in [(Limit::MissesInARow, in_a_row), (Limit::Misses, in_total)] {
                 limits.test.set(limit, Bound::trip(most));
             }
@@ -331,7 +331,7 @@ fn misses_have_bounds_in_a_row_and_in_all() {
 #[test]
 fn misses_in_a_row_are_warned_of_once_each_time() {
     let stalls = [10, 11, 12, 20, 21, 22].map(|at| Answering(at, 1_100_000));
-    let levels = |limits: &mut gusset::engine::Limits| {
+    let levels = |limits: &mut gusset_control::engine::Limits| {
         let mut levels = limits.test.of_test(Limit::MissesInARow);
         levels.warn = 1.0;
         limits.test.set(Limit::MissesInARow, levels);
@@ -356,7 +356,7 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
             .filter(|k| which(*k))
             .map(|k| Answering(k, 1_100_000))
             .collect();
-        let bounds = |limits: &mut gusset::engine::Limits| {
+        let bounds = |limits: &mut gusset_control::engine::Limits| {
             for (limit, most) in [(Limit::MissesInARow, 10.0), (Limit::Misses, 20.0)] {
                 limits.test.set(limit, Bound::trip(most));
             }

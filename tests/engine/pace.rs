@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use crate::common::engine::{Run, prepare, run, run_on, run_under};
 use crate::common::spring::Spring;
-use gusset::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
-use gusset::port::{Axis, HOLD_AT, Order, Port};
+use gusset_control::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
+use gusset_control::port::{Axis, HOLD_AT, Order, Port};
 use gusset_record::RunFolder;
 use gusset::session::{self, Watches, replay};
 use gusset_quantity::substructure::{

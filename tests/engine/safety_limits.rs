@@ -12,8 +12,8 @@ use crate::link_common::{
 };
 use gusset_quantity::catalog::limit::{Kind, Limit, Scope};
 use gusset_config as config;
-use gusset::engine::{Ending, Stop};
-use gusset::port::limits::{AxisLimits, Bound};
+use gusset_control::engine::{Ending, Stop};
+use gusset_control::port::limits::{AxisLimits, Bound};
 use gusset_record::Event;
 use gusset_quantity::substructure::Status;
 use gusset_quantity::time::{Clock, Nanos, SimClock};

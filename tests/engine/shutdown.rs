@@ -2,7 +2,7 @@
 //! acceleration of its own.
 
 use crate::link_common::{ONE_AXIS_LAW, Served, linked, run, summary};
-use gusset::engine::Phase;
+use gusset_control::engine::Phase;
 use gusset_record::{Run, summary::Status};
 
 const STEPS: u32 = 400;

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use crate::common::engine::{Run, run_on};
 use crate::common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
-use gusset::engine::{EndPosition, Ending, Phase as Ended, Stop};
-use gusset::port::{Exit, Pace, Reference, WiringCheck, Zero};
+use gusset_control::engine::{EndPosition, Ending, Phase as Ended, Stop};
+use gusset_control::port::{Exit, Pace, Reference, WiringCheck, Zero};
 use gusset_record::Event;
 use gusset_quantity::substructure::{Coupling, Retirement, Status};
 use gusset_quantity::time::{Clock, SimClock};

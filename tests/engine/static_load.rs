@@ -1,8 +1,8 @@
 //! A static load is brought on before t = 0 and held: the structure stays where it is, and nothing was driven back and forth.
 
 use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
-use gusset::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
-use gusset::port::{Exit, Trend, WiringCheck};
+use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
+use gusset_control::port::{Exit, Trend, WiringCheck};
 use gusset_record::rt::timing::Quantity;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

@@ -1,7 +1,7 @@
 //! A step that is made some rows at a time against the same step made as a whole, with every kind of load, to the bit.
 
-use gusset::engine::{Numerical, Side};
-use gusset::port::Port;
+use gusset_control::engine::{Numerical, Side};
+use gusset_control::port::Port;
 
 use crate::common::engine::prepare;
 

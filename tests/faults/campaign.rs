@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 
 use gusset_config::fault_script::{Channel, Fault, Kind, Script, Way};
 use gusset_config::{Loaded, load};
-use gusset::engine::Operator;
+use gusset_control::engine::Operator;
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use gusset_config::fault_script::{Fault, Kind, Script};
 use gusset_config::{load, parse};
-use gusset::engine::{GIVEN_UP, Operator, Phase};
+use gusset_control::engine::{GIVEN_UP, Operator, Phase};
 use gusset_record::Journal;
 
 use crate::lab::{Extra, play};

@@ -10,7 +10,7 @@ use std::sync::Mutex;
 
 use gusset_config::Loaded;
 use gusset_config::fault_script::Script;
-use gusset::engine::{Ending, Phase, Stop};
+use gusset_control::engine::{Ending, Phase, Stop};
 use gusset::link::NativeSetup;
 use gusset::link::server::Host;
 use gusset_record::{Journal, Layout, RunFolder};

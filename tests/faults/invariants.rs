@@ -2,9 +2,9 @@
 
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{CommandPace, Loaded};
-use gusset::engine::{Ending, Phase, Stop};
+use gusset_control::engine::{Ending, Phase, Stop};
 use gusset::link::server::Tapped;
-use gusset::port::limits::AxisLimits;
+use gusset_control::port::limits::AxisLimits;
 use gusset_record::{End, Event, Journal};
 use gusset_quantity::time::Nanos;
 use gusset_wire::native::Kind;

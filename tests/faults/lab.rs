@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use crossbeam_channel::{Receiver, Sender};
 use gusset_config::Loaded;
 use gusset_config::fault_script::Script;
-use gusset::engine::{Connected, Control, Notice, Operator, Outcome, Phase, Stopped};
+use gusset_control::engine::{Connected, Control, Notice, Operator, Outcome, Phase, Stopped};
 use gusset::link::fault::StallingClock;
 use gusset::link::server::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};

@@ -43,7 +43,7 @@ fn the_forces_of_lost_replies_are_those_of_their_commands() {
         .columns(&wanted)
         .unwrap();
     let [step, state, target, newest] = [0, 1, 2, 3].map(|column| &columns[column]);
-    let running = gusset::engine::Phase::Running.code();
+    let running = gusset_control::engine::Phase::Running.code();
     let row_of =
         |tick: u64| (0..step.len()).find(|row| state[*row] == running && step[*row] == tick as f64);
     let (mut told, mut compared) = (0, 0);

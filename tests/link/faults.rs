@@ -10,7 +10,7 @@ use crate::link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, events, finish, gusset, linked, run,
     summary, test_file,
 };
-use gusset::engine::NOT_AWAITED;
+use gusset_control::engine::NOT_AWAITED;
 use gusset_record::Run;
 use gusset_record::summary::Status as Ended;
 use gusset_quantity::substructure::Status;

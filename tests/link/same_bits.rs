@@ -8,7 +8,7 @@ use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, finish, gusset, run, summary,
     test_file,
 };
-use gusset::engine::Phase;
+use gusset_control::engine::Phase;
 use gusset_record::Run;
 
 const STEPS: u32 = 600;

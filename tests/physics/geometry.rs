@@ -7,7 +7,7 @@ use crate::common::engine::{distance, prepare, run};
 use crate::common::killed::killed;
 use crate::common::{completed, json, physics, same_physics, say, write};
 use crate::link_common::{Served, columns};
-use gusset::engine::Ending;
+use gusset_control::engine::Ending;
 use gusset_record::Run;
 
 /// Pins on the frame and on the platform of three actuators, with joint offsets.

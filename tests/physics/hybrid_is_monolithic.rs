@@ -6,7 +6,7 @@
 //! relative error of 1.1e-16, which the stable recursion adds up at most linearly: 2048 · 10 · 1.1e-16 = 2.3e-12 of the peak.
 
 use crate::common::engine::{Run, distance, run};
-use gusset::engine::Phase;
+use gusset_control::engine::Phase;
 use gusset_numerics::law::LawSpec;
 use gusset::view::report::metrics::identify;
 

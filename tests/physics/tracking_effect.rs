@@ -3,7 +3,7 @@
 use crate::common::engine::prepare;
 use crate::common::{FRAME, completed, json, write};
 use gusset_quantity::catalog::limit::Limit;
-use gusset::engine::{Ending, Phase, Stop};
+use gusset_control::engine::{Ending, Phase, Stop};
 use gusset_record::{Event, Run};
 use gusset_numerics::spectral::delay::sdof;
 use nalgebra::{Complex, DMatrix};

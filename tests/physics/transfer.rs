@@ -4,7 +4,7 @@ use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::CompensationSpec;
-use gusset::engine::{Ending, Stop};
+use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset_record::{Event, Run};
 use gusset::session::replay;

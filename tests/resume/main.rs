@@ -26,8 +26,8 @@ use std::time::{Duration, Instant};
 use common::killed::{column, killed};
 use common::{completed, copy, say, write};
 use gusset_quantity::catalog::ending::Cause;
-use gusset::engine::{Operator, Phase};
-use gusset::port::{Axis, Port};
+use gusset_control::engine::{Operator, Phase};
+use gusset_control::port::{Axis, Port};
 use gusset_record::{Run, RunFolder};
 use gusset::session::{self, Allowed, ResumeError, Watches, replay, resume, resume_allowed};
 use gusset_quantity::substructure::{

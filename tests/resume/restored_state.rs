@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use crate::common::engine::prepare;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use gusset_actuator::compensation::CompensationSpec;
-use gusset::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
-use gusset::port::{Axis, Order, Port};
+use gusset_control::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
+use gusset_control::port::{Axis, Order, Port};
 use gusset_record::{Column, Event, Recorder, TimedEvent};
 use gusset_quantity::state::{StateError, TestState, Visit};
 use gusset_quantity::substructure::{

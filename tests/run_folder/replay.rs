@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::common::change;
-use gusset::engine::{Operator, OperatorCommands, Phase};
+use gusset_control::engine::{Operator, OperatorCommands, Phase};
 use gusset_record::{Run, RunFolder};
 use gusset::session::{self, Watches, replay};
 

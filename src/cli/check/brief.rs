@@ -5,7 +5,7 @@ use super::super::spectrum;
 use super::super::table::Table;
 use super::{Checked, needs};
 use gusset_config::{ClockChoice, Loaded};
-use crate::engine::{Ending, Stop};
+use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::integration;
 use crate::session::rehearsal::{FullRehearsal, Need};

@@ -2,7 +2,7 @@
 
 use super::super::table::Table;
 use gusset_quantity::catalog::limit::Limit;
-use crate::port::Poses;
+use gusset_control::port::Poses;
 use crate::session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
 use gusset_quantity::units::{number, quantity, quantity_range};
 

@@ -2,7 +2,7 @@
 
 use super::{Controller, Trip, USUAL_TICK_S};
 use crate::link::announce;
-use crate::port::limits::{AxisLimits, Watch};
+use gusset_control::port::limits::{AxisLimits, Watch};
 use gusset_quantity::units::AxisUnits;
 
 /// What one controller has announced.

@@ -5,7 +5,7 @@
 //! Its port converts them as in a test.
 
 use gusset_actuator::geometry::{Coordinate, Fault};
-use crate::port::Port;
+use gusset_control::port::Port;
 use gusset_quantity::substructure::Measurement;
 use gusset_quantity::units::AxisUnits;
 

@@ -4,7 +4,7 @@ use super::Trip;
 use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
 use gusset_quantity::catalog::phase::Phase;
 use gusset_actuator::geometry::Coordinate;
-use crate::port::Port;
+use gusset_control::port::Port;
 use gusset_record::Column;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;

@@ -3,8 +3,8 @@
 
 use super::{Trip, USUAL_TICK_S};
 use gusset_quantity::catalog::limit::Limit;
-use crate::port::Port;
-use crate::port::limits::{AxisLimits, Hit, Level};
+use gusset_control::port::Port;
+use gusset_control::port::limits::{AxisLimits, Hit, Level};
 use gusset_quantity::substructure::Command;
 use gusset_quantity::units::AxisUnits;
 use gusset_quantity::units::in_axis_unit;
@@ -201,7 +201,7 @@ pub(super) fn why(limits: &[AxisLimits], hit: &Hit) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::limits::Range;
+    use gusset_control::port::limits::Range;
 
     #[test]
     fn the_note_rounds_the_allowed_distance_in_the_unit_of_the_axis() {

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::speed_allowance::SpeedAllowance;
 use crate::link::quota::{Allowance, Quota};
-use crate::port::Guard;
+use gusset_control::port::Guard;
 
 /// The guard of one specimen and its speed allowance, which outlive a session.
 #[derive(Debug, Clone)]

@@ -13,8 +13,8 @@ use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::catalog::limit::Limit;
-use crate::port::Port;
-use crate::port::limits::{Found, Level};
+use gusset_control::port::Port;
+use gusset_control::port::limits::{Found, Level};
 use gusset_record::Event;
 use gusset_record::rt::os;
 use gusset_quantity::substructure::{

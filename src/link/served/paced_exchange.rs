@@ -11,7 +11,7 @@ use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
 use gusset_quantity::catalog::event::Remark;
-use crate::port::SHARE_OF_SPEED;
+use gusset_control::port::SHARE_OF_SPEED;
 use gusset_quantity::substructure::{Command, Measurement};
 
 impl GuardedSpecimen {

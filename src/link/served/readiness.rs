@@ -7,7 +7,7 @@ use super::link_maker::LinkMaker;
 use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use gusset_quantity::catalog::event::Remark;
-use crate::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
+use gusset_control::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
 use gusset_record::lasting::Place;
 use gusset_record::utc::rfc3339;
 use gusset_record::rt::os;

@@ -7,7 +7,7 @@ use super::{Controller, GuardStore, Trip};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::event::{Remark, Severity};
 use crate::link::quota::Allowance;
-use crate::port::Port;
+use gusset_control::port::Port;
 use gusset_record::Event;
 use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkStats;

@@ -14,7 +14,7 @@ use super::session_summary::{self, Counted};
 use super::{Controller, Trip};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::{Remark, Severity};
-use crate::port::Port;
+use gusset_control::port::Port;
 use gusset_record::Summary;
 use gusset_record::summary::RecordedVerdict;
 use gusset_record::writer::Clocks;

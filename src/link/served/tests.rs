@@ -7,7 +7,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::LimitsSpec;
 use crate::link::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
-use crate::port::{Pace, WiringCheck};
+use gusset_control::port::{Pace, WiringCheck};
 use gusset_record::lasting::{LastingRecord, SpecimenKey};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,

@@ -10,8 +10,8 @@ use crate::link::served::{
     AxesBehind, ClientScale, Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory, Pacing,
     RecordSettings, ServedSpecimen, Unconnected, Whereabouts, first_words,
 };
-use crate::port::limits::AxisLimits;
-use crate::port::{Port, WiringCheck};
+use gusset_control::port::limits::AxisLimits;
+use gusset_control::port::{Port, WiringCheck};
 use gusset_actuator::specimen::Specimen;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;

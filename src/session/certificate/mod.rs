@@ -23,7 +23,7 @@ use course::{Course, Reference};
 use super::rehearsal::{AxisNeed, Staging, staged};
 use super::unaware::Unaware;
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
-use crate::engine::{Ending, Experiment, Stop, TestLimits};
+use gusset_control::engine::{Ending, Experiment, Stop, TestLimits};
 use gusset_record::rt::os;
 use crate::setup::{self, Trial};
 use gusset_quantity::work::{each, processors};

@@ -8,7 +8,7 @@ use super::IdentificationError as Error;
 use super::plan::{Driven, Plan, gear};
 use gusset_quantity::catalog::column;
 use gusset_config::Loaded;
-use crate::engine::Phase;
+use gusset_control::engine::Phase;
 use gusset_motion::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
 use gusset_record::Run;
 use gusset_quantity::substructure::Status;

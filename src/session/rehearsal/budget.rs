@@ -1,6 +1,6 @@
 //! How much may be rehearsed, counted in DOFs × ticks: the same on every machine, and never in wall time.
 
-use crate::engine::{Experiment, Side};
+use gusset_control::engine::{Experiment, Side};
 
 /// DOFs × ticks of a whole rehearsal: a million ticks of a small structure, which take one to two seconds.
 const WHOLE: u64 = 64_000_000;

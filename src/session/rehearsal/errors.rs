@@ -11,7 +11,7 @@ use super::budget::Budget;
 use super::{Staging, StandIn, staged_with};
 use gusset_quantity::catalog::column;
 use gusset_config::{ConfigError, Loaded};
-use crate::engine::{Control, Ending, Experiment, Phase};
+use gusset_control::engine::{Control, Ending, Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
 use gusset_motion::Excitation;
 use gusset_record::{Recorder, TimedEvent};

@@ -1,6 +1,6 @@
 //! Stands round a specimen and keeps the extremes of what it is told and answers.
 //!
-//! Differences are those of [`crate::port::limits::Watch`]: from one command that leaves to the next, over the tick's wall
+//! Differences are those of [`gusset_control::port::limits::Watch`]: from one command that leaves to the next, over the tick's wall
 //! time; so what is found here is what that would judge.
 
 use std::sync::{Arc, Mutex};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crossbeam_channel::Sender;
 
-use crate::engine::Operator;
+use gusset_control::engine::Operator;
 use gusset_record::{Recorder, TimedEvent};
 use gusset_record::rt::os;
 use gusset_quantity::work::Work;

@@ -4,8 +4,8 @@ use super::findings::short;
 use super::prompter::Prompter;
 use super::{Budget, Need, Rehearsal, Staging, carry_out_with, expected};
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
-use crate::engine::{Control, Ending, Stop};
-use crate::port::limits::AxisLimits;
+use gusset_control::engine::{Control, Ending, Stop};
+use gusset_control::port::limits::AxisLimits;
 use crate::setup;
 
 /// Result of a rehearsal with all limits.

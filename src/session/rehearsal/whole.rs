@@ -5,7 +5,7 @@ use super::{
     rehearse_hold, try_limits,
 };
 use gusset_config::{ConfigError, Finding, Loaded, Severity};
-use crate::engine::Ending;
+use gusset_control::engine::Ending;
 
 /// A test's rehearsals, and what they found.
 #[derive(Debug, Clone)]

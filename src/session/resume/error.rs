@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use gusset_config::ConfigError;
-use crate::port::limits::Hit;
+use gusset_control::port::limits::Hit;
 use gusset_record::{FolderError, MissingEnd};
 use crate::session::continued::{Now, WentOn};
 use crate::session::desk::Unanswered;

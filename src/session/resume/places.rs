@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 
 use super::ResumeError;
 use gusset_quantity::catalog::column;
-use crate::engine::{EndPosition, Phase, Place};
-use crate::port::Port;
+use gusset_control::engine::{EndPosition, Phase, Place};
+use gusset_control::port::Port;
 use gusset_record::summary::{Peak, Status};
 use gusset_record::{Row, Run};
 use crate::session::checksum::unreadable;
@@ -304,7 +304,7 @@ fn axes_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::{Axis as Seen, LinearStandIn, Order};
+    use gusset_control::port::{Axis as Seen, LinearStandIn, Order};
 
     #[test]
     fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {

@@ -3,7 +3,7 @@
 use super::super::specimens::compensation::{TRACKED, usual_gain};
 use gusset_actuator::compensation::{CompensationSpec, Compensator};
 use gusset_config::{Finding, KeyPath, LimitsSpec, ServedFile, SpecimenTable};
-use crate::port::{NeedsMeasuredDisp, Port};
+use gusset_control::port::{NeedsMeasuredDisp, Port};
 
 /// Compensators and tracking of a port whose commands come every `tick` s of wall time.
 #[derive(Debug, Clone)]

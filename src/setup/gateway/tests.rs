@@ -277,15 +277,15 @@ proptest! {
 }
 
 /// The port of a test with a prescribed deformation, as [`crate::setup::specimens`] puts it together.
-fn in_process(table: &SpecimenTable, rig: Rig) -> crate::port::Port {
-    use crate::port::PoseRow;
+fn in_process(table: &SpecimenTable, rig: Rig) -> gusset_control::port::Port {
+    use gusset_control::port::PoseRow;
     use crate::setup::gear::axis;
     let axes = table.axis.iter();
     let axes = axes.map(|gear| axis(table, gear, Vec::new()).0).collect();
     let spec = table.geometry.as_ref().unwrap();
     let geometry = spec.build(table.similitude.length).unwrap();
     let rows = vec![PoseRow::default(); 3];
-    let port = crate::port::Port::new("rig", axes, Box::new(rig), 1, vec![4e6, 5e6, 6e6]);
+    let port = gusset_control::port::Port::new("rig", axes, Box::new(rig), 1, vec![4e6, 5e6, 6e6]);
     port.unwrap().with_geometry(geometry, rows, spec.law_at)
 }
 
@@ -504,7 +504,7 @@ fn before_of(sequence: u64) -> f64 {
     if sequence == 0 { 0.0 } else { 0.03 }
 }
 
-fn port_of_platform() -> crate::port::Port {
+fn port_of_platform() -> gusset_control::port::Port {
     let rig = Rig {
         law: springs(),
         standing: REST.to_vec(),

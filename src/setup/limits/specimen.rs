@@ -5,8 +5,8 @@ use super::super::specimens::loading;
 use super::{LimitFact, SpecimenLimits};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
-use crate::port::limits::{AxisLimits, listed};
-use crate::port::{Port, WiringCheck};
+use gusset_control::port::limits::{AxisLimits, listed};
+use gusset_control::port::{Port, WiringCheck};
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::units::{self, duration};
 

@@ -11,7 +11,7 @@ use gusset_config::{Finding, KeyPath, LinkSpec, Loaded, MatrixValue, Protocol, S
 use gusset_numerics::law::Reach;
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::BuildError;
-use crate::port::{Axis, shares};
+use gusset_control::port::{Axis, shares};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_numerics::spectral::delay::Weights;
 use gusset_proof::Kind;

@@ -5,7 +5,7 @@ use super::super::{Refused, Rows, Site};
 use super::loading::offsets;
 use super::{Stand, compensation};
 use gusset_config::{KeyPath, SpecimenTable};
-use crate::port::Axis;
+use gusset_control::port::Axis;
 use gusset_actuator::specimen::{CoupledSpec, Mounted, Specimen, Stiffened};
 use gusset_actuator::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
 

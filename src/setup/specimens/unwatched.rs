@@ -3,7 +3,7 @@
 use super::super::{Site, path};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{Finding, KeyPath, LimitsSpec};
-use crate::port::Declared;
+use gusset_control::port::Declared;
 
 /// Warns of each such limit of one specimen.
 pub(super) fn unwatched(

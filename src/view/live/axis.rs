@@ -8,7 +8,7 @@ use super::marks::Mark;
 use super::subject::{WatchedAxis, at};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Part;
-use crate::engine::Phase;
+use gusset_control::engine::Phase;
 
 /// Points of the loop in one bin at most: a longer bin is thinned while it is filled.
 const MOST_POINTS: usize = 512;
@@ -219,7 +219,7 @@ impl AxisTap {
 mod tests {
     use super::super::subject::AxisPlaces;
     use super::*;
-    use crate::port::DispZero;
+    use gusset_control::port::DispZero;
 
     #[test]
     fn the_loop_is_of_the_same_end_as_the_histories() {

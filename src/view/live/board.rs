@@ -9,7 +9,7 @@ use super::history::{Bin, History};
 use super::latency::LatencyView;
 use super::subject::Subject;
 use super::trip::Trip;
-use crate::engine::{Glimpse, Phase, PhaseCell};
+use gusset_control::engine::{Glimpse, Phase, PhaseCell};
 use gusset_record::MissClasses;
 use gusset_proof::OnlineLimit;
 use gusset_quantity::text::printable;

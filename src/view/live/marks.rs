@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use gusset_quantity::catalog::limit::{Kind, Limit};
-use crate::engine::Experiment;
-use crate::port::limits::{Bound, Range};
+use gusset_control::engine::Experiment;
+use gusset_control::port::limits::{Bound, Range};
 use gusset_record::Column;
 
 /// One limit with its levels, SI.
@@ -164,7 +164,7 @@ pub fn share([low, high]: [f64; 2], value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::limits::{AxisLimits, RECORDED};
+    use gusset_control::port::limits::{AxisLimits, RECORDED};
 
     #[test]
     fn every_limit_of_an_axis_with_a_level_has_a_mark_and_a_value_in_the_rows() {

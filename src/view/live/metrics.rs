@@ -6,7 +6,7 @@
 use super::board::{Board, Snapshot};
 use super::exposition::Text;
 use super::marks::share;
-use crate::engine::Phase;
+use gusset_control::engine::Phase;
 use gusset_quantity::substructure::Status;
 
 /// The metrics at `now_ns` on the monotonic clock, with the number of viewers.

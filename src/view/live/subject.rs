@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
 use gusset_quantity::catalog::column;
-use crate::engine::Experiment;
-use crate::port::{DispZero, Exit};
+use gusset_control::engine::Experiment;
+use gusset_control::port::{DispZero, Exit};
 use gusset_record::Column;
 use gusset_quantity::text::printable;
 

@@ -5,8 +5,8 @@ use serde::Serialize;
 use super::subject::Subject;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
-use crate::engine::{Phase, TestHit};
-use crate::port::limits::{Hit, Level};
+use gusset_control::engine::{Phase, TestHit};
+use gusset_control::port::limits::{Hit, Level};
 use gusset_record::{Event, EventLine, LimitReached, ON_MISS, TimedEvent, Word, late_words};
 
 /// One of the reasons for which a test has tripped.
@@ -117,7 +117,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::engine::PhaseCell;
+    use gusset_control::engine::PhaseCell;
     use gusset_record::{Onlooker, Progress};
     use crate::view::live::{About, Board, Tap, metrics};
 

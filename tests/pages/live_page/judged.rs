@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use gusset_quantity::catalog::limit::{Kind, Limit};
-use gusset::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
-use gusset::port::limits::{AxisLimits, Bound, Range};
-use gusset::port::{Axis, Order, Port, Reference, Zero};
+use gusset_control::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
+use gusset_control::port::limits::{AxisLimits, Bound, Range};
+use gusset_control::port::{Axis, Order, Port, Reference, Zero};
 use gusset_record::{Event, Onlooker, Progress};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

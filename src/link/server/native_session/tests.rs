@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use crate::link::Transport;
 use crate::link::served::LinkBuild;
 use crate::link::server::{Host, ServerEvent, Simulated, Tap, Tapped};
-use crate::port::{Pace, WiringCheck};
+use gusset_control::port::{Pace, WiringCheck};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,

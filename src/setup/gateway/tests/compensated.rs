@@ -2,7 +2,7 @@
 
 use super::*;
 use gusset_config::ServedFile;
-use crate::port::Port;
+use gusset_control::port::Port;
 use crate::setup::gateway::following::Following;
 
 const ALL: [&str; 9] = [
@@ -144,7 +144,7 @@ fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
         table
             .limits_of(1)
             .iter()
-            .map(crate::port::limits::AxisLimits::of)
+            .map(gusset_control::port::limits::AxisLimits::of)
             .collect(),
         vec![(metres, newtons)],
         1e-3,

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use tokio::time::{Interval, MissedTickBehavior};
 
 use super::connections::PendingRequest;
-use crate::engine::{Glimpse, Phase};
+use gusset_control::engine::{Glimpse, Phase};
 use gusset_record::rt::os::monotonic_ns;
 use crate::view::live::board::Board;
 use crate::view::live::history::{Bin, RECENT};

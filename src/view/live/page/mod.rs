@@ -31,7 +31,7 @@ use tokio::sync::Notify;
 pub use access::{Token, TokenError};
 
 use super::board::{Board, Ended, MARGIN_EVERY_NS};
-use crate::engine::Operator;
+use gusset_control::engine::Operator;
 use gusset_record::{Event, Note};
 use gusset_record::rt::os::monotonic_ns;
 use access::AccessRules;
@@ -369,7 +369,7 @@ mod tests {
     }
 
     /// The board of a test, and the limit of λ for a specimen of stiffness [`STIFF`].
-    fn board(phase: crate::engine::PhaseCell) -> (Arc<Board>, f64) {
+    fn board(phase: gusset_control::engine::PhaseCell) -> (Arc<Board>, f64) {
         use crate::view::live::{About, Subject};
 
         let folder = tempfile::tempdir().unwrap();
@@ -397,7 +397,7 @@ mod tests {
         use std::io::Write;
         use std::net::TcpStream;
 
-        use crate::engine::{Glimpse, Phase, PhaseCell};
+        use gusset_control::engine::{Glimpse, Phase, PhaseCell};
 
         let phase = PhaseCell::default();
         phase.show(Glimpse {
@@ -452,7 +452,7 @@ mod tests {
         use std::io::{Read, Write};
         use std::net::TcpStream;
 
-        let (board, _) = board(crate::engine::PhaseCell::default());
+        let (board, _) = board(gusset_control::engine::PhaseCell::default());
         let (operator, _asked) = crossbeam_channel::bounded(1);
         let (notes, _written) = crossbeam_channel::bounded(4);
         let page = LivePage::bind("127.0.0.1:0", None).unwrap();
@@ -477,7 +477,7 @@ mod tests {
     fn the_room_of_lambda_is_found_also_while_nobody_looks() {
         use crate::view::live::{AxisView, Snapshot};
 
-        let (board, limit) = board(crate::engine::PhaseCell::default());
+        let (board, limit) = board(gusset_control::engine::PhaseCell::default());
         let stiff = AxisView {
             command: 0.0,
             measured: 0.0,

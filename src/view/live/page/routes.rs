@@ -17,7 +17,7 @@ use super::access::{AccessRules, Refusal};
 use super::connections::{Connection, MOST_VIEWERS, Peer, WebListener};
 use super::feed::{Feed, Viewer};
 use crate::assets;
-use crate::engine::{Glimpse, Operator, Phase};
+use gusset_control::engine::{Glimpse, Operator, Phase};
 use gusset_record::{Event, Note, Word};
 use gusset_record::rt::os::monotonic_ns;
 use crate::view::live::metrics::metrics;

@@ -8,7 +8,7 @@ use crate::link::openfresco::Host as OpenFrescoHost;
 use crate::link::served::{LinkMaker, Whereabouts};
 use crate::link::server::acting::{Acting, PACING, TICKS};
 use crate::link::{SocketOptions, TcpTransport};
-use crate::port::WiringCheck;
+use gusset_control::port::WiringCheck;
 
 /// The path to the second target is interrupted here; the first one is at the place of the specimen.
 const AT: usize = TICKS as usize + 1000;

@@ -1,0 +1,4 @@
+//! control
+
+pub mod engine;
+pub mod port;
