@@ -17,10 +17,10 @@ use std::time::Duration;
 
 use gusset_config::Carrier;
 use gusset_numerics::law::{LawSpec, LinearSpec};
-use gusset::link::native::unlimited_axis;
-use gusset::link::secret::read_key;
-use gusset::link::server::{Host, ServeOptions, Server};
-use gusset::link::{
+use gusset_link::native::unlimited_axis;
+use gusset_link::secret::read_key;
+use gusset_link::server::{Host, ServeOptions, Server};
+use gusset_link::{
     NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
 };
 

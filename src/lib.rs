@@ -62,7 +62,6 @@ pub mod campaign;
 pub mod cli;
 pub mod frontier;
 pub mod guide;
-pub mod link;
 pub mod session;
 pub mod setup;
 pub mod verify;

@@ -10,8 +10,8 @@ use super::question::{Answered, Question};
 use super::test_file::refused;
 use super::{answer, tell};
 use gusset_config::{Protocol, SpecimenTable, specimens_of};
-use crate::link::served::{Latch, LinkMaker};
-use crate::link::server::Host;
+use gusset_link::served::{Latch, LinkMaker};
+use gusset_link::server::Host;
 use gusset_record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};
 use crate::session::{
     self, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, SpecimenRecords,

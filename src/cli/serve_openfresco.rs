@@ -6,9 +6,9 @@ use super::serve_start::{misasked, run_until_signal, unbound};
 use super::serve_tls;
 use super::tell;
 use gusset_config::Carrier;
-use crate::link::openfresco::{Host, Nature, Role, ServeSettings};
-use crate::link::server::{ServeOptions, Server};
-use crate::link::socket::{resolve, resolve_host};
+use gusset_link::openfresco::{Host, Nature, Role, ServeSettings};
+use gusset_link::server::{ServeOptions, Server};
+use gusset_link::socket::{resolve, resolve_host};
 use crate::setup::{Served, rt_plan};
 
 /// The budget of a busy loop is judged for this period; a client has none.

@@ -7,7 +7,7 @@ use super::exit::{Exit, WithExit};
 use super::serve_start::misasked;
 use super::tell;
 use gusset_config::{Carrier, ClientCertificate};
-use crate::link::tls::{TlsFiles, TlsServer};
+use gusset_link::tls::{TlsFiles, TlsServer};
 use crate::setup::Served;
 
 /// Who we are and who may command; none without TLS. `open`: the protocol lets everybody in unless told otherwise, as

@@ -99,11 +99,11 @@ impl TlsFault {
     }
 
     /// More than a lost connection: worth a word beside the [`LinkFault`].
-    pub(in crate::link) const fn is_telling(self) -> bool {
+    pub(crate) const fn is_telling(self) -> bool {
         !matches!(self, Self::Closed | Self::Lost)
     }
 
-    pub(in crate::link) fn of(error: &Error) -> Self {
+    pub(crate) fn of(error: &Error) -> Self {
         match error {
             Error::InvalidCertificate(certificate) => Self::of_certificate(certificate),
             Error::NoCertificatesPresented => Self::NoCertificate,
@@ -180,7 +180,7 @@ fn refusal(alert: AlertDescription) -> String {
 }
 
 /// The names that were compared, where names did not fit.
-pub(in crate::link) fn names(error: &Error) -> Option<String> {
+pub(crate) fn names(error: &Error) -> Option<String> {
     let Error::InvalidCertificate(CertificateError::NotValidForNameContext {
         expected,
         presented,

@@ -9,11 +9,11 @@ use gusset_config::{
     Carrier, ClockChoice, Finding, KeyPath, LinkCoupling, LinkSpec, SpecimenTable, StaleChoice,
     TestFile, TlsSpec, WATCHDOG_MAX_S,
 };
-use crate::link::announce::announce;
-use crate::link::openfresco::{Remote, RemoteSettings};
-use crate::link::secret::read_key;
-use crate::link::tls::{FileError, TlsClient, TlsFiles};
-use crate::link::{NativeLink, NativeSetup, SocketOptions, Wait};
+use gusset_link::announce::announce;
+use gusset_link::openfresco::{Remote, RemoteSettings};
+use gusset_link::secret::read_key;
+use gusset_link::tls::{FileError, TlsClient, TlsFiles};
+use gusset_link::{NativeLink, NativeSetup, SocketOptions, Wait};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{OnStale, WaitRules};
 use gusset_record::rt::throttle::Throttle;

@@ -38,7 +38,7 @@ use std::path::PathBuf;
 
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
 use gusset_control::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
-use crate::link::{NativeSetup, Transport};
+use gusset_link::{NativeSetup, Transport};
 use gusset_record::rt;
 use gusset_proof::{Analysis, AtRest, Kind, Matrices, Stability};
 pub use facts::{Facts, StructureFacts};

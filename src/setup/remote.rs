@@ -1,8 +1,8 @@
 //! From `[specimen.link]` to the settings of a client of OpenFresco and OpenSees.
 
 use gusset_config::{Carrier, LinkSpec};
-use crate::link::Wait;
-use crate::link::openfresco::RemoteSettings;
+use gusset_link::Wait;
+use gusset_link::openfresco::RemoteSettings;
 use gusset_wire::openfresco::Carrier as Bytes;
 
 /// The settings for a specimen of `axes` axes; none if its link has the protocol of Gusset. The check of the file has found every

@@ -9,9 +9,9 @@ use super::speed;
 use gusset_config::{
     ConfigError, Finding, KeyPath, Offer, ServedFile, SpecimenTable, load_serve_file,
 };
-use crate::link::openfresco::{Role, Transformation};
-use crate::link::secret::read_key;
-use crate::link::server::Host;
+use gusset_link::openfresco::{Role, Transformation};
+use gusset_link::secret::read_key;
+use gusset_link::server::Host;
 use gusset_actuator::specimen::{InUnits, Mounted, Specimen};
 use gusset_proof::{Accepts, Kind, Verdict};
 use gusset_actuator::transfer::Transfer;

@@ -13,8 +13,8 @@ use super::{Estimate, Refused, Site, path, safety};
 pub use gusset_config::check::measured::needing_measured_disp;
 use gusset_config::{Finding, LinkSpec, Loaded, ProbeChoice};
 use gusset_actuator::geometry::Geometry;
-use crate::link::NativeLink;
-use crate::link::openfresco::Remote;
+use gusset_link::NativeLink;
+use gusset_link::openfresco::Remote;
 use gusset_numerics::model::StructureSpec;
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{

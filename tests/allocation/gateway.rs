@@ -2,7 +2,7 @@
 
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config::LimitsSpec;
-use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
+use gusset_link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset_record::Run;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement};

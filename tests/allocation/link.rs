@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use gusset_config::Carrier;
 use gusset_numerics::law::{LawSpec, LinearSpec};
-use gusset::link::native::unlimited_axis;
-use gusset::link::server::{Host, ServeOptions, Server};
-use gusset::link::{NativeLink, NativeSetup, SocketOptions};
+use gusset_link::native::unlimited_axis;
+use gusset_link::server::{Host, ServeOptions, Server};
+use gusset_link::{NativeLink, NativeSetup, SocketOptions};
 use gusset_record::rt::os::monotonic_ns;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Freshness, Measurement, Retirement, Substructure};

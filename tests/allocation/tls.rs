@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use gusset_config::{Carrier, ServeTlsSpec, TlsSpec};
 use gusset_numerics::law::{LawSpec, LinearSpec};
-use gusset::link::native::unlimited_axis;
-use gusset::link::server::{Host, ServeError, ServeOptions, Server};
-use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
-use gusset::link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
+use gusset_link::native::unlimited_axis;
+use gusset_link::server::{Host, ServeError, ServeOptions, Server};
+use gusset_link::tls::{TlsClient, TlsFiles, TlsServer};
+use gusset_link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
 use gusset_record::rt::os::monotonic_ns;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{

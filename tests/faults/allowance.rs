@@ -8,9 +8,9 @@ use std::sync::{Arc, Mutex};
 
 use gusset_quantity::catalog::ending;
 use gusset_config::LimitsSpec;
-use gusset::link::Transport;
-use gusset::link::served::{Controller, Latch, LinkBuild, ServedSpecimen};
-use gusset::link::server::{Host, Simulated};
+use gusset_link::Transport;
+use gusset_link::served::{Controller, Latch, LinkBuild, ServedSpecimen};
+use gusset_link::server::{Host, Simulated};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

@@ -3,7 +3,7 @@
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{CommandPace, Loaded};
 use gusset_control::engine::{Ending, Phase, Stop};
-use gusset::link::server::Tapped;
+use gusset_link::server::Tapped;
 use gusset_control::port::limits::AxisLimits;
 use gusset_record::{End, Event, Journal};
 use gusset_quantity::time::Nanos;

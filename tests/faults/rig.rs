@@ -10,8 +10,8 @@ use gusset_config::{
     AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
 };
 use gusset_numerics::law::{LawSpec, Reach};
-use gusset::link::NativeSetup;
-use gusset::link::server::Host;
+use gusset_link::NativeSetup;
+use gusset_link::server::Host;
 use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_quantity::state::Visit;
 

@@ -9,7 +9,7 @@ use crate::link_common::{
 };
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config::LimitsSpec;
-use gusset::link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
+use gusset_link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset_record::Run;
 use gusset_record::summary::Status;
 use gusset_actuator::specimen::SpecimenLaw;

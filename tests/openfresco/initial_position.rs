@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use crate::link_common::{
     Fake, ONE_AXIS_LAW, Served, adapter, element, finish, gateway, gusset, linked, run, summary,
 };
-use gusset::link::openfresco::{Remote, RemoteSettings};
+use gusset_link::openfresco::{Remote, RemoteSettings};
 use gusset_record::Run;
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;

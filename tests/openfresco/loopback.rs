@@ -7,7 +7,7 @@ use std::net::{TcpStream, UdpSocket};
 use std::time::Duration;
 
 use crate::openfresco_ends::{LONG, Listen, Server, drive, in_process, path, settings};
-use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset_link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, UdpGreeting, write_action};

@@ -5,10 +5,10 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 
 use crate::openfresco_ends::{LONG, Listen, Server, drive, in_process, path, settings};
-use gusset::link::openfresco::{
+use gusset_link::openfresco::{
     End, ExchangeFault, HostFault, Nature, Remote, RemoteSettings, Role, ServeSettings,
 };
-use gusset::link::server::ServerEvent;
+use gusset_link::server::ServerEvent;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};

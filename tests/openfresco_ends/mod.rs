@@ -10,10 +10,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use gusset_config::{self as config, LimitsSpec};
-use gusset::link::openfresco::{End, Host, Nature, RemoteSettings, Role, ServeSettings};
-use gusset::link::served::{Computed, ServedSpecimen};
-use gusset::link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};
-use gusset::link::tls::TlsServer;
+use gusset_link::openfresco::{End, Host, Nature, RemoteSettings, Role, ServeSettings};
+use gusset_link::served::{Computed, ServedSpecimen};
+use gusset_link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};
+use gusset_link::tls::TlsServer;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Substructure};
 use gusset_quantity::time::Nanos;

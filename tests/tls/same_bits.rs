@@ -6,8 +6,8 @@ use crate::link_common::{
 };
 use crate::openfresco_ends::{Listen, drive, in_process, settings};
 use gusset_config::{ServeTlsSpec, TlsSpec};
-use gusset::link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
-use gusset::link::tls::{TlsClient, TlsFiles, TlsServer};
+use gusset_link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSettings};
+use gusset_link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_quantity::substructure::{Retirement, Substructure};
 use gusset_wire::openfresco::{Carrier, Peer};
 

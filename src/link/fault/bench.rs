@@ -433,7 +433,7 @@ impl Substructure for Bench {
 mod tests {
     use super::*;
     use gusset_numerics::law::LawSpec;
-    use crate::link::served::Computed;
+    use crate::served::Computed;
     use gusset_actuator::specimen::Uniaxial;
 
     /// A spring of 1000 N/m in millimetres and newtons, played with these faults.

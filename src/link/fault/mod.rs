@@ -12,6 +12,6 @@ mod stall;
 mod wire;
 
 pub use bench::Bench;
-pub(in crate::link) use queue::Queue;
+pub(crate) use queue::Queue;
 pub use stall::StallingClock;
 pub use wire::FaultyWire;

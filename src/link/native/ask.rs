@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use super::refused::{SetupError, parting};
-use crate::link::Transport;
-use crate::link::inbox::Inbox;
+use crate::Transport;
+use crate::inbox::Inbox;
 use gusset_quantity::substructure::LISTEN_NS;
 use gusset_wire::WireError;
 use gusset_wire::handshake::{Control, Welcome};

@@ -8,10 +8,10 @@ use super::ask::{nudge_ns, watchdog_ns};
 use super::book::Book;
 use super::refused::{parting, reason};
 use super::setup::NativeSetup;
-use crate::link::Transport;
-use crate::link::inbox::Inbox;
-use crate::link::served::LOST;
-use crate::link::socket::LOOK;
+use crate::Transport;
+use crate::inbox::Inbox;
+use crate::served::LOST;
+use crate::socket::LOOK;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,
 };

@@ -15,11 +15,11 @@ mod start;
 pub use refused::SetupError;
 pub(super) use refused::with_words;
 pub use setup::{NativeSetup, unlimited_axis};
-pub(in crate::link) use setup::{SOFTWARE, fit};
+pub(crate) use setup::{SOFTWARE, fit};
 
 use gusset_config::Carrier;
-use crate::link::Transport;
-use crate::link::tls::TlsClient;
+use crate::Transport;
+use crate::tls::TlsClient;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
     Retirement, Substructure, Unavailable,

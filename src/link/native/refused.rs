@@ -2,8 +2,8 @@
 
 use thiserror::Error;
 
-use crate::link::ConnectError;
-use crate::link::tls::TlsFault;
+use crate::ConnectError;
+use crate::tls::TlsFault;
 use gusset_quantity::substructure::{LinkFault, Unavailable};
 use gusset_wire::WireError;
 use gusset_wire::handshake::{RefuseCode, Wider};
@@ -100,7 +100,7 @@ pub(super) fn parting(cause: u32, text: &str) -> String {
 }
 
 /// A reason, and the words of its own that somebody has for it, if any.
-pub(in crate::link) fn with_words(why: String, text: &str) -> String {
+pub(crate) fn with_words(why: String, text: &str) -> String {
     if text.trim().is_empty() {
         why
     } else {

@@ -4,16 +4,16 @@ use std::time::Duration;
 
 use super::refused::SetupError;
 use gusset_config::Carrier;
-use crate::link::SocketOptions;
-use crate::link::announce;
-use crate::link::secret::random;
+use crate::SocketOptions;
+use crate::announce;
+use crate::secret::random;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::text::is_hidden;
 use gusset_wire::handshake::{self, Axis, Hello, Limits, Sampling, Versions, Welcome, layout_hash};
 use gusset_wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 
 /// The program, as it calls itself to peers.
-pub(in crate::link) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VERSION"));
+pub(crate) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VERSION"));
 
 /// What a controller wants of a specimen that speaks our own protocol.
 #[derive(Debug, Clone)]
@@ -105,7 +105,7 @@ pub fn unlimited_axis(
 }
 
 /// A text that fits into a message: no hidden characters, not too long, not empty.
-pub(in crate::link) fn fit(text: &str) -> String {
+pub(crate) fn fit(text: &str) -> String {
     let mut fitting: String = text
         .chars()
         .map(|c| if is_hidden(c) { ' ' } else { c })

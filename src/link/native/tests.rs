@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::*;
-use crate::link::SocketOptions;
+use crate::SocketOptions;
 use gusset_quantity::substructure::{Command, Freshness, Measurement, Status};
 use gusset_wire::Side;
 use gusset_wire::handshake::{

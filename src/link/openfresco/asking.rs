@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use super::error::{Lost, RemoteError};
 use super::settings::RemoteSettings;
-use crate::link::Transport;
-use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport};
+use crate::Transport;
+use crate::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport};
 use gusset_record::rt::os;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement};
 use gusset_quantity::time::Nanos;

@@ -1,8 +1,8 @@
 //! What the transport below knows of a lost link, and whether the far end answered plain words with TLS.
 
 use super::error::RemoteError;
-use crate::link::Transport;
-use crate::link::tls::{TlsFault, is_alert};
+use crate::Transport;
+use crate::tls::{TlsFault, is_alert};
 
 /// The first bytes that came, and why TLS failed.
 #[derive(Debug, Clone, Copy, Default)]

@@ -13,8 +13,8 @@ use super::asking::{Asking, Came, Echo, machine, send, transport};
 use super::below::Below;
 use super::error::{Lost, RemoteError};
 use super::settings::RemoteSettings;
-use crate::link::Transport;
-use crate::link::socket::LOOK;
+use crate::Transport;
+use crate::socket::LOOK;
 use gusset_record::rt::os;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,

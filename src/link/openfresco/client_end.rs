@@ -4,8 +4,8 @@ use thiserror::Error;
 
 use super::host::HostFault;
 use gusset_quantity::catalog::ending::Cause;
-use crate::link::Transport;
-use crate::link::tls::TlsFault;
+use crate::Transport;
+use crate::tls::TlsFault;
 use gusset_quantity::substructure::LinkFault;
 use gusset_wire::WireError;
 
@@ -27,7 +27,7 @@ pub enum ExchangeFault {
 }
 
 /// The end of a test whose link failed.
-pub(in crate::link) fn lost(link: &dyn Transport, fault: LinkFault) -> End {
+pub(crate) fn lost(link: &dyn Transport, fault: LinkFault) -> End {
     match (link.tls_fault(), fault) {
         (Some(why), _) => End::Tls(why),
         (None, LinkFault::Closed) => End::Vanished,
@@ -66,7 +66,7 @@ pub enum End {
 
 impl End {
     /// This end, after a number of bytes of an incomplete message.
-    pub(in crate::link) const fn within(self, partial: usize) -> Self {
+    pub(crate) const fn within(self, partial: usize) -> Self {
         match self {
             Self::Vanished if partial > 0 => Self::CutShort(partial),
             end => end,
@@ -74,7 +74,7 @@ impl End {
     }
 
     /// Its row in the table of causes, for the summary of the log.
-    pub(in crate::link) const fn cause(&self) -> Cause {
+    pub(crate) const fn cause(&self) -> Cause {
         match self {
             Self::Finished => Cause::Done,
             Self::Stopped => Cause::Shutdown,

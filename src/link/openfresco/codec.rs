@@ -15,7 +15,7 @@ use gusset_wire::openfresco::{
 
 /// A request of the client.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::link) enum Request {
+pub(crate) enum Request {
     /// The message is not complete.
     More,
     /// The codec answers by itself: [`Codec::reply`].
@@ -42,7 +42,7 @@ pub(in crate::link) enum Request {
 
 /// A target of the client.
 #[derive(Debug)]
-pub(in crate::link) struct Target<'a> {
+pub(crate) struct Target<'a> {
     /// The signals of the client.
     pub response: Response<'a>,
     /// Test time since the last commit, s, where it is known.
@@ -51,7 +51,7 @@ pub(in crate::link) struct Target<'a> {
 
 /// The codec of one client.
 #[derive(Debug)]
-pub(in crate::link) struct Codec {
+pub(crate) struct Codec {
     dialect: Dialect,
     /// The protocol has no commits: each new command accepts the one before.
     commits_implicitly: bool,
@@ -75,7 +75,7 @@ const SILENT: &[u8] = &[];
 
 impl Codec {
     /// A codec of a client that has sent nothing. `order` is the order of SimSimulink's signals, if the user gave it.
-    pub(in crate::link) fn new(
+    pub(crate) fn new(
         role: Role,
         order: Option<SignalOrder>,
         carrier: Carrier,
@@ -99,12 +99,12 @@ impl Codec {
     }
 
     /// True if each new command accepts the one before it.
-    pub(in crate::link) const fn commits_implicitly(&self) -> bool {
+    pub(crate) const fn commits_implicitly(&self) -> bool {
         self.commits_implicitly
     }
 
     /// Largest datagram of an answer, bytes: answers are cut as the client cuts its vectors.
-    pub(in crate::link) fn piece(&self) -> usize {
+    pub(crate) fn piece(&self) -> usize {
         match &self.dialect {
             Dialect::Vectors(machine) => machine.piece(),
             Dialect::Actor(machine) => machine.piece(),
@@ -113,7 +113,7 @@ impl Codec {
     }
 
     /// Bytes of an incomplete message.
-    pub(in crate::link) const fn partial(&self) -> usize {
+    pub(crate) const fn partial(&self) -> usize {
         match &self.dialect {
             Dialect::Vectors(machine) => machine.partial(),
             Dialect::Actor(machine) => machine.partial(),
@@ -122,7 +122,7 @@ impl Codec {
     }
 
     /// Length of a message in bytes, after the sizes. Real-time: yes.
-    pub(in crate::link) const fn message_len(&self) -> usize {
+    pub(crate) const fn message_len(&self) -> usize {
         match &self.dialect {
             Dialect::Vectors(machine) => machine.message_len(),
             Dialect::Actor(machine) => machine.message_len(),
@@ -131,7 +131,7 @@ impl Codec {
     }
 
     /// Reads at most one request. Returns it with the number of bytes that it used. Real-time: yes, after the sizes.
-    pub(in crate::link) fn feed(&mut self, bytes: &[u8]) -> Result<(usize, Request), WireError> {
+    pub(crate) fn feed(&mut self, bytes: &[u8]) -> Result<(usize, Request), WireError> {
         match &mut self.dialect {
             Dialect::Vectors(machine) => {
                 let (used, event) = machine.feed(bytes)?;
@@ -158,7 +158,7 @@ impl Codec {
     }
 
     /// The bytes that the codec answers by itself. Real-time: yes.
-    pub(in crate::link) fn reply(&self) -> &[u8] {
+    pub(crate) fn reply(&self) -> &[u8] {
         match &self.dialect {
             Dialect::Vectors(machine) => machine.reply(),
             Dialect::Actor(machine) => machine.reply(),
@@ -167,7 +167,7 @@ impl Codec {
     }
 
     /// The bytes that answer a goodbye. Real-time: yes.
-    pub(in crate::link) fn goodbye(&self) -> &[u8] {
+    pub(crate) fn goodbye(&self) -> &[u8] {
         match &self.dialect {
             Dialect::Actor(machine) => machine.reply(),
             Dialect::Vectors(_) | Dialect::Simulink { .. } => SILENT,
@@ -175,7 +175,7 @@ impl Codec {
     }
 
     /// The target of the last command. Real-time: yes.
-    pub(in crate::link) fn target(&self) -> Option<Target<'_>> {
+    pub(crate) fn target(&self) -> Option<Target<'_>> {
         let (response, dt) = match &self.dialect {
             Dialect::Vectors(machine) => (machine.trial()?, machine.dt()),
             Dialect::Actor(machine) => (machine.trial()?, machine.dt()),
@@ -185,7 +185,7 @@ impl Codec {
     }
 
     /// True if the last command went back to the start of the client's analysis after a commit. Real-time: yes.
-    pub(in crate::link) fn is_reset(&self) -> bool {
+    pub(crate) fn is_reset(&self) -> bool {
         match &self.dialect {
             Dialect::Vectors(machine) => machine.is_reset(),
             Dialect::Actor(machine) => machine.is_reset(),
@@ -194,7 +194,7 @@ impl Codec {
     }
 
     /// The answer to [`Request::Read`]. Real-time: yes.
-    pub(in crate::link) fn answer(&mut self, measured: &Response<'_>) -> Result<&[u8], WireError> {
+    pub(crate) fn answer(&mut self, measured: &Response<'_>) -> Result<&[u8], WireError> {
         match &mut self.dialect {
             Dialect::Vectors(machine) => machine.answer(measured),
             Dialect::Actor(machine) => machine.answer(measured),
@@ -212,7 +212,7 @@ impl Codec {
     }
 
     /// The answer to [`Request::Matrix`]; `rows` holds the matrix row by row. Real-time: yes.
-    pub(in crate::link) fn answer_matrix(&mut self, rows: &[f64]) -> Result<&[u8], WireError> {
+    pub(crate) fn answer_matrix(&mut self, rows: &[f64]) -> Result<&[u8], WireError> {
         match &mut self.dialect {
             Dialect::Vectors(machine) => machine.answer_matrix(rows),
             // These dialects know no request for a matrix.
@@ -221,7 +221,7 @@ impl Codec {
     }
 
     /// The answer to [`Request::Switch`]. Real-time: yes.
-    pub(in crate::link) fn answer_switch(&mut self, is_on: bool) -> Result<&[u8], WireError> {
+    pub(crate) fn answer_switch(&mut self, is_on: bool) -> Result<&[u8], WireError> {
         match &mut self.dialect {
             Dialect::Simulink { machine, .. } => machine.answer_switch(is_on),
             // Only the Simulink model has such flags.

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::settings::RemoteSettings;
-use crate::link::socket::ConnectError;
+use crate::socket::ConnectError;
 use gusset_quantity::substructure::LinkFault;
 use gusset_wire::WireError;
 use gusset_wire::openfresco::Carrier;

@@ -15,7 +15,7 @@ use super::role::Nature;
 use super::tally::Tally;
 use super::trials::Trials;
 use gusset_quantity::catalog::ending::Cause;
-use crate::link::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
+use crate::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
 use gusset_actuator::specimen::Specimen;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_wire::openfresco::{Course, Matrix, Response};
@@ -220,7 +220,7 @@ impl Host {
     }
 
     /// A warning about the client, for the log and the run folder.
-    pub(in crate::link) fn warn(&mut self, remark: Remark) {
+    pub(crate) fn warn(&mut self, remark: Remark) {
         let text = remark.text(self.nature);
         self.served.warn(remark.event(), &text);
     }

@@ -1,7 +1,7 @@
 //! The matrices that a client may request, in its displacements and row by row.
 
 use super::Transformation;
-use crate::link::served::ServedSpecimen;
+use crate::served::ServedSpecimen;
 use gusset_wire::openfresco::Matrix;
 
 /// The matrices of one specimen.

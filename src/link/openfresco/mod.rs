@@ -35,12 +35,12 @@ mod transformation;
 mod trials;
 
 pub use client::Remote;
-pub(in crate::link) use client_end::lost;
+pub(crate) use client_end::lost;
 pub use client_end::{End, ExchangeFault};
-pub(in crate::link) use codec::{Codec, Request};
+pub(crate) use codec::{Codec, Request};
 pub use error::RemoteError;
 pub use host::{Host, HostFault};
-pub(in crate::link) use remarks::Remarks;
+pub(crate) use remarks::Remarks;
 pub use role::{Nature, Role};
 pub use settings::{RemoteSettings, ServeSettings};
 pub use tally::Tally;

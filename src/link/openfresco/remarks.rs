@@ -8,7 +8,7 @@ use gusset_wire::openfresco::Sizes;
 
 /// A warning about a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::link) enum Remark {
+pub(crate) enum Remark {
     /// The client has sent this number of commands without a commit. Iterations of a step count only if no time tells them
     /// from steps.
     NoCommits(u64),
@@ -65,7 +65,7 @@ const MANY_COMMANDS: u64 = 10;
 
 /// The warnings of one session.
 #[derive(Debug)]
-pub(in crate::link) struct Remarks {
+pub(crate) struct Remarks {
     /// The protocol of this client has commits.
     has_commits: bool,
     /// The client sends the time, so iterations do not count.
@@ -75,7 +75,7 @@ pub(in crate::link) struct Remarks {
 }
 
 impl Remarks {
-    pub(in crate::link) fn of(role: Role, sizes: &Sizes) -> Self {
+    pub(crate) fn of(role: Role, sizes: &Sizes) -> Self {
         Self {
             // GenericTCP never commits: there each target accepts the one before.
             has_commits: role != Role::Controller,
@@ -86,12 +86,12 @@ impl Remarks {
     }
 
     /// The warning that is due after some commands. Real-time: yes.
-    pub(in crate::link) fn after(&mut self, tally: Tally) -> Option<Remark> {
+    pub(crate) fn after(&mut self, tally: Tally) -> Option<Remark> {
         self.commits(tally, MANY_COMMANDS)
     }
 
     /// The warning that is due when the session ends: no commit can follow.
-    pub(in crate::link) fn at_end(&mut self, tally: Tally) -> Option<Remark> {
+    pub(crate) fn at_end(&mut self, tally: Tally) -> Option<Remark> {
         self.commits(tally, 2)
     }
 
@@ -113,7 +113,7 @@ impl Remarks {
     }
 
     /// The client went back to the start. Real-time: yes.
-    pub(in crate::link) fn reset(&mut self) -> Option<Remark> {
+    pub(crate) fn reset(&mut self) -> Option<Remark> {
         let is_due = !std::mem::replace(&mut self.has_told_of_reset, true);
         is_due.then_some(Remark::Reset)
     }

@@ -1,8 +1,8 @@
 //! How to reach a specimen behind OpenFresco or OpenSees, with the defaults that suit the current programs.
 
 use super::role::Role;
-use crate::link::socket::Wait;
-use crate::link::tls::TlsClient;
+use crate::socket::Wait;
+use crate::tls::TlsClient;
 use gusset_wire::WireError;
 use gusset_wire::openfresco::{
     Carrier, Counts, DEFAULT_DATA_SIZE, Peer, SignalOrder, Sizes, UdpGreeting,

@@ -4,7 +4,7 @@
 //! an iteration from a step. Limits: a client that never commits and sends no time cannot be recognised; each of its targets is a step.
 
 use super::motion::copy;
-use crate::link::served::{ROUNDING, TrialFault};
+use crate::served::{ROUNDING, TrialFault};
 use gusset_quantity::units::AxisUnits;
 
 /// The trials of the present step.

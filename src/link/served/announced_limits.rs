@@ -1,7 +1,7 @@
 //! The second look: what a controller announced in the handshake, kept by the specimen's end as well.
 
 use super::{Controller, Trip, USUAL_TICK_S};
-use crate::link::announce;
+use crate::announce;
 use gusset_control::port::limits::{AxisLimits, Watch};
 use gusset_quantity::units::AxisUnits;
 
@@ -74,7 +74,7 @@ impl AnnouncedLimits {
 mod tests {
     use super::*;
     use gusset_quantity::catalog::limit::Limit;
-    use crate::link::served::{Computed, ServedSpecimen};
+    use crate::served::{Computed, ServedSpecimen};
     use gusset_actuator::specimen::SpecimenLaw;
     use gusset_quantity::substructure::{Command, Measurement, Status};
     use gusset_wire::handshake::Limits;

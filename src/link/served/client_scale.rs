@@ -11,7 +11,7 @@ use gusset_quantity::units::AxisUnits;
 
 /// Signals that a controller commands.
 #[derive(Debug, Clone, Default)]
-pub(in crate::link) enum ClientScale {
+pub(crate) enum ClientScale {
     /// The axes of the specimen in their own units.
     #[default]
     Axes,

@@ -171,7 +171,7 @@ fn elsewhere(place: impl Iterator<Item = f64>, disp: impl Iterator<Item = f64>) 
 }
 
 /// What is judged so, in words, one per axis that is.
-pub(in crate::link) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<String> {
+pub(crate) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<String> {
     let axes = (1..).zip(limits.iter().zip(units));
     axes.filter_map(|(number, (limits, units))| {
         let bound = farthest(limits)?;

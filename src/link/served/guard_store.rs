@@ -7,7 +7,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::speed_allowance::SpeedAllowance;
-use crate::link::quota::{Allowance, Quota};
+use crate::quota::{Allowance, Quota};
 use gusset_control::port::Guard;
 
 /// The guard of one specimen and its speed allowance, which outlive a session.

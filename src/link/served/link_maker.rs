@@ -147,7 +147,7 @@ fn connected(
 }
 
 /// In place of a link between two tests: nothing leaves.
-pub(in crate::link) struct Unconnected {
+pub(crate) struct Unconnected {
     pub axes: usize,
 }
 

@@ -37,12 +37,12 @@ use std::net::SocketAddr;
 use thiserror::Error;
 
 pub use client_scale::AxesBehind;
-pub(in crate::link) use client_scale::ClientScale;
+pub(crate) use client_scale::ClientScale;
 pub use computed::{Computed, Memory};
-pub(in crate::link) use first_command::words as first_words;
+pub(crate) use first_command::words as first_words;
 pub use guard_store::GuardStore;
 pub use latch::Latch;
-pub(in crate::link) use link_maker::Unconnected;
+pub(crate) use link_maker::Unconnected;
 pub use link_maker::{LinkBuild, LinkMaker};
 pub use pacing::{PaceClock, Pacing};
 pub use served_specimen::ServedSpecimen;
@@ -101,7 +101,7 @@ impl Controller {
 }
 
 /// How a gateway begins to say that the specimen behind it is lost; its controller knows it by these words.
-pub(in crate::link) const LOST: &str = "the specimen is lost";
+pub(crate) const LOST: &str = "the specimen is lost";
 
 /// Why a specimen is not commanded any more. It stops its session for good, and later ones as [`Latch`] says.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -313,7 +313,7 @@ impl From<String> for TestEnd {
 }
 
 /// Largest rounding error of a converted position, in units of an axis. No sensor resolves it.
-pub(in crate::link) const ROUNDING: f64 = 1e-9;
+pub(crate) const ROUNDING: f64 = 1e-9;
 
 /// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
 pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;
@@ -331,7 +331,7 @@ fn apart(one: &[f64], other: &[f64], rounding: f64) -> Option<usize> {
 }
 
 /// Why a test cannot begin at `start`, if the specimen stands elsewhere. `standing` is empty if that is not known.
-pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
+pub(crate) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
     elsewhere_by(standing, start, 0.0)
 }
 
@@ -346,7 +346,7 @@ fn elsewhere_by(standing: &[f64], start: &[f64], rounding: f64) -> Option<String
 }
 
 /// Why a test ended, and what its specimen said then, if it did.
-pub(in crate::link) fn with_last_words(why: String, said: Option<String>) -> String {
+pub(crate) fn with_last_words(why: String, said: Option<String>) -> String {
     match said {
         Some(said) => format!("{why}; the specimen said: {said}"),
         None => why,

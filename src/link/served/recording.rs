@@ -6,7 +6,7 @@ use super::session_record::{RecordSettings, SessionRecord};
 use super::{Controller, GuardStore, Trip};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::event::{Remark, Severity};
-use crate::link::quota::Allowance;
+use crate::quota::Allowance;
 use gusset_control::port::Port;
 use gusset_record::Event;
 use gusset_record::rt::os;

@@ -6,7 +6,7 @@ use super::{GuardStore, Latch, ServedSpecimen};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::LimitsSpec;
-use crate::link::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
+use crate::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
 use gusset_control::port::{Pace, WiringCheck};
 use gusset_record::lasting::{LastingRecord, SpecimenKey};
 use gusset_quantity::substructure::{

@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use crate::link::served::{Pacing, simulated_pace};
+use crate::served::{Pacing, simulated_pace};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

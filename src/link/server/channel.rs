@@ -4,9 +4,9 @@ use std::net::SocketAddr;
 
 use super::connection::ClientLink;
 use gusset_quantity::catalog::ending::Cause;
-use crate::link::Transport;
-use crate::link::native::with_words;
-use crate::link::served::TestEnd;
+use crate::Transport;
+use crate::native::with_words;
+use crate::served::TestEnd;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 use gusset_wire::native;

@@ -6,9 +6,9 @@ use std::os::fd::BorrowedFd;
 
 use super::wire_end::WireEnd;
 use gusset_config::fault_script::Script;
-use crate::link::fault::FaultyWire;
-use crate::link::tls::{TlsFault, TlsStream};
-use crate::link::{TcpTransport, Transport, UdpTransport, Wait};
+use crate::fault::FaultyWire;
+use crate::tls::{TlsFault, TlsStream};
+use crate::{TcpTransport, Transport, UdpTransport, Wait};
 use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;

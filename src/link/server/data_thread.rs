@@ -11,7 +11,7 @@ use super::native_opening::{self, DataThread};
 use super::openfresco_session;
 use super::reception::Client;
 use super::shared::Shared;
-use crate::link::openfresco::{Host, ServeSettings};
+use crate::openfresco::{Host, ServeSettings};
 
 /// The stop flag is checked this often while no client is served.
 const PAUSE: Duration = Duration::from_millis(50);

@@ -4,7 +4,7 @@
 
 use std::net::SocketAddr;
 
-use crate::link::openfresco::{End, Tally};
+use crate::openfresco::{End, Tally};
 use gusset_wire::openfresco::Sizes;
 
 /// An event of a server.

@@ -5,7 +5,7 @@
 
 use std::net::SocketAddr;
 
-use crate::link::Transport;
+use crate::Transport;
 use gusset_record::rt::os;
 use gusset_quantity::time::Nanos;
 use gusset_wire::native::{Kind, LARGEST_FRAME, peek};

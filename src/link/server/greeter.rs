@@ -6,8 +6,8 @@ use std::time::Duration;
 use super::handshake::Handshake;
 use super::native_handshake::{Medium, NativeHandshake, Offer};
 use super::openfresco_handshake::OpenFrescoHandshake;
-use crate::link::inbox::Inbox;
-use crate::link::openfresco::{Codec, Nature, ServeSettings};
+use crate::inbox::Inbox;
+use crate::openfresco::{Codec, Nature, ServeSettings};
 use gusset_wire::openfresco::Carrier;
 
 /// What happens to other clients while one is served.

@@ -11,9 +11,9 @@ use super::handshake_step::{Failure, Step};
 use super::native_handshake::{NativeHandshake, NativeOpening};
 use super::openfresco_handshake::{OpenFrescoHandshake, OpenFrescoOpening};
 use super::shared::Shared;
-use crate::link::Transport;
-use crate::link::openfresco::End;
-use crate::link::tls::TlsFault;
+use crate::Transport;
+use crate::openfresco::End;
+use crate::tls::TlsFault;
 use gusset_quantity::substructure::LinkFault;
 
 /// The result of a complete handshake.

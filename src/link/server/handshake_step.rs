@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use super::ServerEvent;
 use super::shared::Shared;
-use crate::link::openfresco::{End, Tally};
+use crate::openfresco::{End, Tally};
 
 /// The result of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use gusset_config::fault_script::Script;
 use gusset_config::{LimitsSpec, ScriptError, check_script};
-use crate::link::announce::units_of;
-use crate::link::fault::Bench;
-use crate::link::served::{
+use crate::announce::units_of;
+use crate::fault::Bench;
+use crate::served::{
     AxesBehind, ClientScale, Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory, Pacing,
     RecordSettings, ServedSpecimen, Unconnected, Whereabouts, first_words,
 };

@@ -17,8 +17,8 @@ use rustix::net::sockopt;
 use super::connection::Connection;
 use super::{ServeError, ServeOptions};
 use gusset_config::Carrier;
-use crate::link::socket::{SocketOptions, TcpTransport, UdpTransport, beside, resolve};
-use crate::link::tls::{TlsServer, TlsStream};
+use crate::socket::{SocketOptions, TcpTransport, UdpTransport, beside, resolve};
+use crate::tls::{TlsServer, TlsStream};
 
 /// The proof of identity that a server asks of its clients.
 #[derive(Debug, Default)]

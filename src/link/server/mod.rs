@@ -409,8 +409,8 @@ mod tests {
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
     use super::*;
-    use crate::link::openfresco::{Nature, Role};
-    use crate::link::served::ServedSpecimen;
+    use crate::openfresco::{Nature, Role};
+    use crate::served::ServedSpecimen;
     use gusset_record::rt::os::monotonic_ns;
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

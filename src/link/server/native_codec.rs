@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use super::native_handshake::Greeted;
-use crate::link::inbox::Inbox;
+use crate::inbox::Inbox;
 use gusset_quantity::substructure::Measurement;
 use gusset_quantity::text::is_hidden;
 use gusset_wire::WireError;

@@ -6,9 +6,9 @@ use std::time::Duration;
 use super::ServerEvent;
 use super::handshake_step::{Failure, Step};
 use super::shared::Shared;
-use crate::link::Transport;
-use crate::link::openfresco::{Codec, End, Request, lost};
-use crate::link::tls::is_client_hello;
+use crate::Transport;
+use crate::openfresco::{Codec, End, Request, lost};
+use crate::tls::is_client_hello;
 use gusset_quantity::substructure::LinkFault;
 use gusset_wire::openfresco::{Carrier, Sizes, datagrams};
 

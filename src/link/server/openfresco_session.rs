@@ -11,13 +11,13 @@ use super::connection::ClientLink;
 use super::openfresco_handshake::OpenFrescoOpening;
 use super::session::{Conversation, Session};
 use super::shared::Shared;
-use crate::link::Transport;
-use crate::link::openfresco::{
+use crate::Transport;
+use crate::openfresco::{
     Codec, End, ExchangeFault, Host, HostFault, Nature, Remarks, Request, ServeSettings, Tally,
     lost,
 };
-use crate::link::served::{Controller, TestEnd};
-use crate::link::socket::LOOK;
+use crate::served::{Controller, TestEnd};
+use crate::socket::LOOK;
 use gusset_record::rt::os::monotonic_ns;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;

@@ -282,7 +282,7 @@ impl Reception {
             }
         }
         if self.greeter.has_key() {
-            crate::link::Transport::trust_only_frames(&mut connection);
+            crate::Transport::trust_only_frames(&mut connection);
         }
         Ok(connection)
     }
@@ -369,9 +369,9 @@ mod tests {
 
     use super::*;
     use gusset_config as config;
-    use crate::link::openfresco::{Nature, Role, ServeSettings};
-    use crate::link::server::ServeOptions;
-    use crate::link::server::listener::Access;
+    use crate::openfresco::{Nature, Role, ServeSettings};
+    use crate::server::ServeOptions;
+    use crate::server::listener::Access;
     use gusset_wire::openfresco::Carrier;
 
     const PEER: ([u8; 4], u16) = ([127, 0, 0, 1], 9);

@@ -2,7 +2,7 @@
 //!
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
-use crate::link::Wait;
+use crate::Wait;
 use gusset_quantity::time::Nanos;
 
 /// The times of one session.

@@ -13,7 +13,7 @@ use crossbeam_channel::Sender;
 
 use super::ServerEvent;
 use super::farewell::Farewell;
-use crate::link::quota::{Allowance, Quota};
+use crate::quota::{Allowance, Quota};
 use gusset_record::rt::os;
 
 /// The use of the specimen.

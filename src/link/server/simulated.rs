@@ -14,7 +14,7 @@ use super::shared::Shared;
 use super::simulated_server::SimulatedServer;
 use super::wire_end::WireEnd;
 use super::{Host, ServerEvent};
-use crate::link::Transport;
+use crate::Transport;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_wire::native::{Kind, commanded, peek};

@@ -15,8 +15,8 @@ use super::native_session::NativeConversation;
 use super::session::Session;
 use super::shared::Shared;
 use super::wire_end::WireEnd;
-use crate::link::Transport;
-use crate::link::inbox::Inbox;
+use crate::Transport;
+use crate::inbox::Inbox;
 use gusset_quantity::time::Nanos;
 use gusset_wire::native::LARGEST_FRAME;
 

@@ -10,9 +10,9 @@ use super::handshake::{Handshake, Opening};
 use super::handshake_step::{Failure, Step};
 use super::listener::{Listener, Opened};
 use super::shared::Shared;
-use crate::link::Transport;
-use crate::link::socket::LOOK;
-use crate::link::tls::TlsStream;
+use crate::Transport;
+use crate::socket::LOOK;
+use crate::tls::TlsStream;
 use gusset_record::rt::os::monotonic_ns;
 
 /// Reads from one client in one turn: a talkative client must not delay the others.

@@ -1,7 +1,7 @@
 //! The server's end of a simulated wire.
 
-use crate::link::Transport;
-use crate::link::fault::Queue;
+use crate::Transport;
+use crate::fault::Queue;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 

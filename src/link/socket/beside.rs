@@ -10,7 +10,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, sockopt};
 ///
 /// # Errors
 /// The system refuses.
-pub(in crate::link) fn beside(
+pub(crate) fn beside(
     door: impl AsFd,
     local: SocketAddr,
     peer: SocketAddr,

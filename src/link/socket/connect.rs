@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::link::tls_fault::TlsFault;
+use crate::tls_fault::TlsFault;
 
 /// Why there is no connection.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -99,7 +99,7 @@ const fn advice(fault: TlsFault) -> &'static str {
 }
 
 impl ConnectError {
-    pub(in crate::link) fn socket(address: &str, what: &'static str, error: &io::Error) -> Self {
+    pub(crate) fn socket(address: &str, what: &'static str, error: &io::Error) -> Self {
         Self::Socket {
             address: address.to_owned(),
             what,

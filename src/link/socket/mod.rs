@@ -15,10 +15,10 @@ use std::os::fd::BorrowedFd;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-pub(in crate::link) use beside::beside;
+pub(crate) use beside::beside;
 pub use connect::{ConnectError, resolve, resolve_host};
 pub use tcp::TcpTransport;
-pub(in crate::link) use tcp::discard;
+pub(crate) use tcp::discard;
 pub use udp::UdpTransport;
 
 use gusset_record::rt::os;
@@ -29,7 +29,7 @@ use gusset_quantity::time::Nanos;
 const KEPT: usize = 96 * 1024;
 
 /// A deadline that has always passed: what is here is taken, nothing is waited for.
-pub(in crate::link) const LOOK: Nanos = Nanos(0);
+pub(crate) const LOOK: Nanos = Nanos(0);
 
 /// How a wait for bytes spends its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -154,7 +154,7 @@ impl Kept {
     }
 }
 
-pub(in crate::link) enum Verdict {
+pub(crate) enum Verdict {
     /// A signal came in between.
     Again,
     /// Nothing there, or no room.
@@ -162,7 +162,7 @@ pub(in crate::link) enum Verdict {
     Lost(LinkFault),
 }
 
-pub(in crate::link) fn verdict(error: &io::Error) -> Verdict {
+pub(crate) fn verdict(error: &io::Error) -> Verdict {
     match error.kind() {
         io::ErrorKind::Interrupted => Verdict::Again,
         io::ErrorKind::WouldBlock => Verdict::NotNow,
@@ -174,7 +174,7 @@ pub(in crate::link) fn verdict(error: &io::Error) -> Verdict {
 }
 
 /// One wait for bytes: spin, sleep in poll(2), spin.
-pub(in crate::link) struct Pause {
+pub(crate) struct Pause {
     wait: Wait,
     deadline: Nanos,
     begun: Option<Nanos>,
@@ -182,7 +182,7 @@ pub(in crate::link) struct Pause {
 }
 
 impl Pause {
-    pub(in crate::link) const fn new(wait: Wait, deadline: Nanos) -> Self {
+    pub(crate) const fn new(wait: Wait, deadline: Nanos) -> Self {
         Self {
             wait,
             deadline,
@@ -192,7 +192,7 @@ impl Pause {
     }
 
     /// True if it ever slept: whatever wakes it may then be signalled.
-    pub(in crate::link) const fn slept(&self) -> bool {
+    pub(crate) const fn slept(&self) -> bool {
         self.slept
     }
 
@@ -201,7 +201,7 @@ impl Pause {
     }
 
     /// Waits for a while; false once the deadline has passed. The clock is read only when there was nothing to read.
-    pub(in crate::link) fn wait(&mut self, fd: BorrowedFd<'_>, unsent: bool) -> bool {
+    pub(crate) fn wait(&mut self, fd: BorrowedFd<'_>, unsent: bool) -> bool {
         let now = Nanos(os::monotonic_ns());
         if now >= self.deadline {
             return false;
@@ -229,7 +229,7 @@ impl Pause {
 }
 
 /// True if the other end of a stream has closed its side. What it sent before may still be unread. Real-time: yes.
-pub(in crate::link) fn has_hung_up(fd: BorrowedFd<'_>) -> bool {
+pub(crate) fn has_hung_up(fd: BorrowedFd<'_>) -> bool {
     let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
     let mut polled = [PollFd::from_borrowed_fd(fd, PollFlags::RDHUP)];
     // An error of poll shows again in the read that follows.
@@ -251,7 +251,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::link::Transport;
+    use crate::Transport;
 
     const SECOND: u64 = 1_000_000_000;
 

@@ -17,7 +17,7 @@ use super::{
     ConnectError, Kept, LOOK, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, has_hung_up,
     resolve, verdict,
 };
-use crate::link::Transport;
+use crate::Transport;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 use std::io;
@@ -96,19 +96,19 @@ impl TcpTransport {
         self.options.wait = wait;
     }
 
-    pub(in crate::link) fn socket(&self) -> BorrowedFd<'_> {
+    pub(crate) fn socket(&self) -> BorrowedFd<'_> {
         self.stream.as_fd()
     }
 
     /// Closes the writing half, and reads what has arrived: unread data would turn the close into a reset.
-    pub(in crate::link) fn close_gently(&mut self) {
+    pub(crate) fn close_gently(&mut self) {
         let _ = self.flush();
         let _ = self.stream.shutdown(Shutdown::Write);
         discard(&self.stream);
     }
 
     /// The bare socket, its peer and what was asked of it, for another transport over it.
-    pub(in crate::link) fn into_parts(self) -> (TcpStream, SocketAddr, SocketOptions) {
+    pub(crate) fn into_parts(self) -> (TcpStream, SocketAddr, SocketOptions) {
         (self.stream, self.peer, self.options)
     }
 
@@ -126,7 +126,7 @@ impl TcpTransport {
 }
 
 /// Reads and drops what has arrived on a non-blocking connection. Bounded: a peer that floods gets the reset.
-pub(in crate::link) fn discard(mut stream: &TcpStream) {
+pub(crate) fn discard(mut stream: &TcpStream) {
     let mut waste = [0; 4096];
     for _ in 0..64 {
         if !matches!(stream.read(&mut waste), Ok(1..)) {

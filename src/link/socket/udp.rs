@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::{
     ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
 };
-use crate::link::Transport;
+use crate::Transport;
 use gusset_record::rt::os::Errno;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
@@ -94,7 +94,7 @@ impl UdpTransport {
         }))
     }
 
-    pub(in crate::link) fn socket(&self) -> BorrowedFd<'_> {
+    pub(crate) fn socket(&self) -> BorrowedFd<'_> {
         self.socket.as_fd()
     }
 

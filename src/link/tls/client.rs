@@ -16,8 +16,8 @@ use super::files::{FileError, Identity, TlsFiles};
 use super::stream::TlsStream;
 use super::thread::TlsTransport;
 use super::{RECORD_LIMIT_NS, provider};
-use crate::link::socket::{ConnectError, SocketOptions, TcpTransport};
-use crate::link::tls_fault::TlsFault;
+use crate::socket::{ConnectError, SocketOptions, TcpTransport};
+use crate::tls_fault::TlsFault;
 use gusset_record::rt::os;
 use gusset_quantity::time::Nanos;
 

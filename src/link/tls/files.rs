@@ -14,7 +14,7 @@ use rustls::{Error, InconsistentKeys, RootCertStore};
 use thiserror::Error as Thiserror;
 
 use gusset_config::{ServeTlsSpec, TlsSpec};
-use crate::link::tls_fault::TlsFault;
+use crate::tls_fault::TlsFault;
 use gusset_record::rt::secret_file::{SecretError, open_secret};
 
 /// No PEM file of use is longer.

@@ -30,7 +30,7 @@ mod session;
 mod stream;
 mod thread;
 
-pub use crate::link::tls_fault::TlsFault;
+pub use crate::tls_fault::TlsFault;
 pub use client::TlsClient;
 pub use files::{End, FileError, TlsFiles};
 pub use server::TlsServer;
@@ -42,7 +42,7 @@ use std::sync::Arc;
 use rustls::crypto::{CryptoProvider, ring};
 
 /// A record that has begun must be whole after this time, unless its link says otherwise.
-pub(in crate::link) const RECORD_LIMIT_NS: u64 = 5_000_000_000;
+pub(crate) const RECORD_LIMIT_NS: u64 = 5_000_000_000;
 
 fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())

@@ -9,7 +9,7 @@ use rustls::{ServerConfig, ServerConnection};
 use super::files::{FileError, Identity, TlsFiles};
 use super::provider;
 use super::stream::TlsStream;
-use crate::link::socket::{ConnectError, SocketOptions, TcpTransport};
+use crate::socket::{ConnectError, SocketOptions, TcpTransport};
 
 /// Who we are, and whose certificates we accept.
 #[derive(Clone)]

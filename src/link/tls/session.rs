@@ -7,8 +7,8 @@ use std::io::{self, Read, Write};
 use rustls::{Connection, Error};
 
 use super::record::Records;
-use crate::link::socket::{Verdict, verdict};
-use crate::link::tls_fault::{TlsFault, names};
+use crate::socket::{Verdict, verdict};
+use crate::tls_fault::{TlsFault, names};
 use gusset_record::rt::os;
 
 /// A TLS session.

@@ -10,9 +10,9 @@ use rustls::Connection;
 
 use super::RECORD_LIMIT_NS;
 use super::session::Session;
-use crate::link::socket::{Pause, SocketOptions, Wait, discard, has_hung_up};
-use crate::link::tls_fault::TlsFault;
-use crate::link::{TcpTransport, Transport};
+use crate::socket::{Pause, SocketOptions, Wait, discard, has_hung_up};
+use crate::tls_fault::TlsFault;
+use crate::{TcpTransport, Transport};
 use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
@@ -80,7 +80,7 @@ impl TlsStream {
         self.options
     }
 
-    pub(in crate::link) fn socket(&self) -> BorrowedFd<'_> {
+    pub(crate) fn socket(&self) -> BorrowedFd<'_> {
         self.stream.as_fd()
     }
 
@@ -140,12 +140,12 @@ impl TlsStream {
     }
 
     /// More about the failure of the session, if the TLS library says it.
-    pub(in crate::link) fn detail(&self) -> Option<&str> {
+    pub(crate) fn detail(&self) -> Option<&str> {
         self.session.detail()
     }
 
     /// Sends the reason why the session ends, closes the writing half, and reads the bytes that have arrived.
-    pub(in crate::link) fn close_gently(&mut self) {
+    pub(crate) fn close_gently(&mut self) {
         if self.fault.is_none() && !self.session.is_handshaking() {
             self.say_closed();
         } else {

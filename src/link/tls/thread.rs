@@ -19,9 +19,9 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd};
 
 use super::stream::TlsStream;
-use crate::link::Transport;
-use crate::link::socket::{Pause, Wait};
-use crate::link::tls_fault::TlsFault;
+use crate::Transport;
+use crate::socket::{Pause, Wait};
+use crate::tls_fault::TlsFault;
 use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;

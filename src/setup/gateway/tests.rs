@@ -12,10 +12,10 @@ use proptest::prelude::*;
 use super::conversion::{self, Client};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
-use crate::link::served::{
+use gusset_link::served::{
     Controller, LinkBuild, Pacing, ServedSpecimen, Trip, simulated_pace as simulated,
 };
-use crate::link::server::Host;
+use gusset_link::server::Host;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

@@ -1,8 +1,8 @@
 //! The first and the last word of a session: arming and retiring. Both wait, within time limits.
 
 use super::{Detail, Live};
-use crate::link::native::ask::{ask, explained, not_welcome};
-use crate::link::native::refused::SetupError;
+use crate::native::ask::{ask, explained, not_welcome};
+use crate::native::refused::SetupError;
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::Nanos;
 use gusset_wire::handshake::{self, Arm, Bye, Control};
@@ -16,7 +16,7 @@ const GOODBYE_REPEAT_NS: u64 = 100_000_000;
 
 impl Live {
     /// Sends the last question before anything moves, and does not wait for the answer.
-    pub(in crate::link::native) fn ask_to_arm(
+    pub(in crate::native) fn ask_to_arm(
         &mut self,
         sequence: u64,
         disp: &[f64],
@@ -36,7 +36,7 @@ impl Live {
 
     /// The last question before anything moves. Blocks within the time limit, as long as the answer is `wanted`: false if it
     /// is not any more.
-    pub(in crate::link::native) fn arm(
+    pub(in crate::native) fn arm(
         &mut self,
         sequence: u64,
         disp: &[f64],
@@ -106,12 +106,12 @@ impl Live {
     }
 
     /// See [`gusset_quantity::substructure::Substructure::has_acknowledged`].
-    pub(in crate::link::native) const fn has_acknowledged(&self) -> Option<bool> {
+    pub(in crate::native) const fn has_acknowledged(&self) -> Option<bool> {
         self.acknowledged
     }
 
     /// Tells the specimen, and waits a little for its goodbye. Whatever happens, this is the end.
-    pub(in crate::link::native) fn retire(&mut self, how: Retirement) {
+    pub(in crate::native) fn retire(&mut self, how: Retirement) {
         self.acknowledged = self.armed.then_some(false);
         if self.fault == Some(LinkFault::Closed) {
             return;
@@ -195,7 +195,7 @@ impl Live {
     }
 
     /// See [`gusset_quantity::substructure::Substructure::last_words`].
-    pub(in crate::link::native) fn last_words(&self) -> Option<String> {
+    pub(in crate::native) fn last_words(&self) -> Option<String> {
         self.last_words.clone()
     }
 }

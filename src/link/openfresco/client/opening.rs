@@ -1,8 +1,8 @@
 //! What is said before the first command: sizes, and the questions that a server can answer. Nothing moves.
 
 use super::Remote;
-use crate::link::openfresco::asking::{Asking, Came, pause, send};
-use crate::link::openfresco::error::{Lost, RemoteError, Saying};
+use crate::openfresco::asking::{Asking, Came, pause, send};
+use crate::openfresco::error::{Lost, RemoteError, Saying};
 use gusset_record::rt::os;
 use gusset_quantity::substructure::{LinkFault, Measurement};
 use gusset_quantity::time::Nanos;

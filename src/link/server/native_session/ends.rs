@@ -2,13 +2,13 @@
 
 use super::{NativeConversation, send};
 use gusset_quantity::catalog::ending::{self, Kind};
-use crate::link::Transport;
-use crate::link::served::{TestEnd, Trip, with_last_words};
-use crate::link::server::ServerEvent;
-use crate::link::server::backlog::Backlog;
-use crate::link::server::channel::{Channel, said_goodbye};
-use crate::link::server::native_handshake;
-use crate::link::server::shared::Shared;
+use crate::Transport;
+use crate::served::{TestEnd, Trip, with_last_words};
+use crate::server::ServerEvent;
+use crate::server::backlog::Backlog;
+use crate::server::channel::{Channel, said_goodbye};
+use crate::server::native_handshake;
+use crate::server::shared::Shared;
 use gusset_wire::WireError;
 use gusset_wire::handshake::{self, Arm, Control, Refuse};
 use gusset_wire::native::{Cause, Notice};

@@ -5,16 +5,16 @@
 
 use super::ends::Wrong;
 use super::{MOST_READS, Message, NativeConversation, Reader};
-use crate::link::Transport;
-use crate::link::served::TestEnd;
-use crate::link::served::Trip;
-use crate::link::server::ServerEvent;
-use crate::link::server::backlog::Backlog;
-use crate::link::server::channel::Channel;
-use crate::link::server::commanded::Effect;
-use crate::link::server::connection::ClientLink;
-use crate::link::server::shared::Shared;
-use crate::link::socket::LOOK;
+use crate::Transport;
+use crate::served::TestEnd;
+use crate::served::Trip;
+use crate::server::ServerEvent;
+use crate::server::backlog::Backlog;
+use crate::server::channel::Channel;
+use crate::server::commanded::Effect;
+use crate::server::connection::ClientLink;
+use crate::server::shared::Shared;
+use crate::socket::LOOK;
 use gusset_quantity::substructure::{LinkFault, Status};
 use gusset_quantity::time::Nanos;
 use gusset_wire::handshake::{self, Arm, Control};

@@ -3,9 +3,9 @@ mod records;
 
 use std::sync::{Arc, Mutex};
 
-use crate::link::Transport;
-use crate::link::served::LinkBuild;
-use crate::link::server::{Host, ServerEvent, Simulated, Tap, Tapped};
+use crate::Transport;
+use crate::served::LinkBuild;
+use crate::server::{Host, ServerEvent, Simulated, Tap, Tapped};
 use gusset_control::port::{Pace, WiringCheck};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{
@@ -492,7 +492,7 @@ fn a_computed_specimen_has_limits_and_a_trip_of_its_session_unless_it_remembers(
         assert_eq!(latch.trip().is_some(), remembers);
         drop(controller);
         let mut served = again.specimen(remembers).unwrap();
-        let controller = crate::link::served::Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let controller = crate::served::Controller::unnamed(([127, 0, 0, 1], 1).into());
         let begun = served.begin(&controller, &mut || Ok(()));
         assert_eq!(begun.is_err(), remembers);
         latch.clear().unwrap();
@@ -673,7 +673,7 @@ fn a_controller_that_leaves_without_a_retire_is_told_of_in_its_own_words() {
             encoder.control(&message.unwrap(), out).unwrap()
         });
         assert_eq!(bye, format!("the controller said goodbye{told}: lunch"));
-        let over = crate::link::server::channel::said_goodbye(cause.code(), "");
+        let over = crate::server::channel::said_goodbye(cause.code(), "");
         assert_eq!(over.cause, cause.ending());
     }
 }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use crossbeam_channel::unbounded;
 
-use crate::link::openfresco::{Nature, Role};
-use crate::link::served::{Computed, ServedSpecimen, Trip};
-use crate::link::server::connection::Connection;
-use crate::link::server::wire_end::WireEnd;
+use crate::openfresco::{Nature, Role};
+use crate::served::{Computed, ServedSpecimen, Trip};
+use crate::server::connection::Connection;
+use crate::server::wire_end::WireEnd;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,

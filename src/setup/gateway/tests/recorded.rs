@@ -2,7 +2,7 @@
 
 use super::*;
 use gusset_quantity::catalog::ending::Cause;
-use crate::link::served::RecordSettings;
+use gusset_link::served::RecordSettings;
 use gusset_record::Run;
 
 #[test]

@@ -1,7 +1,7 @@
 //! Limits of speed and acceleration on the path of a paced client: before it begins, and when it is stopped on the way.
 
 use super::*;
-use crate::link::served::RecordSettings;
+use gusset_link::served::RecordSettings;
 
 /// A rig whose replies take two looks of the gateway.
 #[derive(Clone)]

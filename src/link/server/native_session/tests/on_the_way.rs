@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use super::*;
 use gusset_config::Carrier;
-use crate::link::inbox::Inbox;
-use crate::link::server::acting::{Acting, PACING, TICKS};
-use crate::link::server::{RunningServer, ServeOptions, Server};
+use crate::inbox::Inbox;
+use crate::server::acting::{Acting, PACING, TICKS};
+use crate::server::{RunningServer, ServeOptions, Server};
 
 /// The path is interrupted at this command.
 const AT: usize = 1000;

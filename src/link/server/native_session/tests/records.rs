@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::*;
 use gusset_config::fault_script::Script;
-use crate::link::served::RecordSettings;
+use crate::served::RecordSettings;
 use gusset_record::Run;
 use gusset_record::summary::{Status as Ended, Summary};
 
@@ -89,7 +89,7 @@ fn a_record_says_that_faults_were_played_and_keeps_their_script() {
 fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
     let root = tempfile::tempdir().unwrap();
     let host = scripted("kind = { elsewhere = { disp_m = 0.01 } }").recorded(kept(root.path()));
-    let controller = crate::link::served::Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = crate::served::Controller::unnamed(([127, 0, 0, 1], 1).into());
     let mut served = host.specimen(false).unwrap();
     assert!(served.begin(&controller, &mut || Ok(())).is_err());
     let (events, summary) = record(root.path());

@@ -4,10 +4,10 @@ use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 
 use super::*;
-use crate::link::openfresco::Host as OpenFrescoHost;
-use crate::link::served::{LinkMaker, Whereabouts};
-use crate::link::server::acting::{Acting, PACING, TICKS};
-use crate::link::{SocketOptions, TcpTransport};
+use crate::openfresco::Host as OpenFrescoHost;
+use crate::served::{LinkMaker, Whereabouts};
+use crate::server::acting::{Acting, PACING, TICKS};
+use crate::{SocketOptions, TcpTransport};
 use gusset_control::port::WiringCheck;
 
 /// The path to the second target is interrupted here; the first one is at the place of the specimen.
