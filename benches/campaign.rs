@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use gusset::campaign::{Campaign, Task, plan, work};
 use gusset_record::{Recorder, TimedEvent};
 use gusset::session::rehearsal::{Staging, staged};
-use gusset::setup;
+use gusset_setup as setup;
 
 /// The frame of `config/frame-bouc-wen.toml` with a bilinear first storey, which OpenSees has too.
 const FRAME: &str = r#"

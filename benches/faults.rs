@@ -21,7 +21,7 @@ use gusset_numerics::law::LawSpec;
 use gusset_link::server::{Host, Simulated};
 use gusset_link::{NativeSetup, Transport};
 use gusset_record::{FolderImage, Recorder, TimedEvent};
-use gusset::setup;
+use gusset_setup as setup;
 use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_quantity::time::SimClock;
 

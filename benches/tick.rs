@@ -16,7 +16,7 @@ use gusset_control::engine::{Connected, Control, Side};
 use gusset_numerics::integrate::Integrator;
 use gusset_record::{RingSize, WhenFull, ring};
 use gusset_record::rt::os::monotonic_ns;
-use gusset::setup;
+use gusset_setup as setup;
 use gusset_quantity::time::{Clock, Nanos};
 
 /// Real readings and a memory of every one; whoever would sleep is at once where he wants to wake up.

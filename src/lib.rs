@@ -63,6 +63,5 @@ pub mod cli;
 pub mod frontier;
 pub mod guide;
 pub mod session;
-pub mod setup;
 pub mod verify;
 pub mod view;

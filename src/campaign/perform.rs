@@ -9,7 +9,7 @@ use gusset_control::engine::{Ending, Experiment};
 use crate::session::certificate::MOST_ATTEMPTS;
 use crate::session::rehearsal::{Staging, staged};
 use crate::session::unaware::Unaware;
-use crate::setup::{self, Drawn, Trial};
+use gusset_setup::{self as setup, Drawn, Trial};
 
 /// Result of one task.
 #[derive(Debug, Clone, PartialEq)]

@@ -12,7 +12,7 @@ use super::{CampaignError, at};
 use gusset_config::{
     ConfigError, Finding, InputStore, KeyPath, LoadedStudy, Sampling, Scalar, Uncertain, load_study,
 };
-use crate::setup;
+use gusset_setup as setup;
 
 /// Most tasks of a campaign.
 pub(super) const MOST_TASKS: u64 = 100_000_000;

@@ -12,7 +12,7 @@ use super::question::{Answered, Question};
 use gusset_control::engine::{Notice, Operator, PhaseCell};
 use gusset_control::port::Reading;
 use crate::session::pause;
-use crate::setup::Facts;
+use gusset_setup::Facts;
 use gusset_quantity::units;
 
 /// Time between two looks for room on the operator's line.

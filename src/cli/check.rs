@@ -18,7 +18,7 @@ use super::{answer, tell, warn};
 use gusset_config::Loaded;
 use crate::session::Judged;
 use crate::session::certificate::Certificate;
-use crate::setup;
+use gusset_setup as setup;
 use gusset_proof::Spectrum;
 use gusset_proof::{Outcome, RecordedVerdict};
 use gusset_actuator::transfer::BetweenTicks;

@@ -7,7 +7,7 @@ use gusset_motion::metrics::Tracking;
 use gusset_record::{Run, Summary};
 use gusset_record::rt::timing::Quantity;
 use crate::session::{self, Finished, Page, integration};
-use crate::setup::{Facts, StructureFacts};
+use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};
 use crate::view::report::told;

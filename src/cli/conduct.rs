@@ -14,7 +14,7 @@ use gusset_control::engine::{Control, PhaseCell};
 use gusset_record::RunFolder;
 use gusset_record::rt::wall::Wall;
 use crate::session::{Finished, Judged, SessionError, Signals};
-use crate::setup::Facts;
+use gusset_setup::Facts;
 use gusset_proof::Verdict;
 
 /// Notices of the loop that may wait to be read.

@@ -16,7 +16,7 @@ use gusset_record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, sta
 use crate::session::{
     self, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, SpecimenRecords,
 };
-use crate::setup::{Prepared, position_reader};
+use gusset_setup::{Prepared, position_reader};
 
 /// Longest connection to read a position: of a server that answers a request, and of `gusset reset` itself.
 const SERVER_READS: Duration = Duration::from_millis(1500);

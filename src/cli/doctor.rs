@@ -6,7 +6,7 @@ use super::exit::Exit;
 use super::table::Table;
 use gusset_config::TimingSpec;
 use gusset_record::rt::doctor::{Finding, Verdict, examine, fitness};
-use crate::setup::rt_plan;
+use gusset_setup::rt_plan;
 
 /// Length of a tick for which the machine is examined.
 const USUAL_PERIOD_NS: u64 = 1_000_000;

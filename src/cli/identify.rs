@@ -20,7 +20,7 @@ use crate::session::identification::{
     IdentificationError, Outcome, PICTURES, Plan, Request, files,
 };
 use crate::session::{self, Finished, Judged, Signals, Watches};
-use crate::setup::{self, Facts};
+use gusset_setup::{self as setup, Facts};
 
 /// An error with its exit code.
 fn told(error: IdentificationError) -> anyhow::Error {

@@ -16,7 +16,7 @@ use gusset_record::{Progress, RunFolder};
 use gusset_record::rt::load::{Load, USUAL_BYTES};
 use crate::session::fitness::Measured;
 use crate::session::{self, Finished, Signals, Watches, bare_loop};
-use crate::setup::Prepared;
+use gusset_setup::Prepared;
 use gusset_quantity::time::Ratio;
 use crate::view::report::{Percentiles, jitter_svg};
 

@@ -2,7 +2,7 @@
 
 use super::table::Table;
 use gusset_actuator::geometry::LawPlace;
-use crate::setup::{LimitFact, LimitFacts, LoadingFacts};
+use gusset_setup::{LimitFact, LimitFacts, LoadingFacts};
 use gusset_quantity::units::{number, quantity};
 
 /// Adds the limits to the table of a test.

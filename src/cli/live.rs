@@ -25,7 +25,7 @@ use gusset_record::Onlooker;
 use crate::session::Attendance;
 #[cfg(feature = "monitor")]
 use crate::session::Finished;
-use crate::setup::{Facts, Prepared};
+use gusset_setup::{Facts, Prepared};
 #[cfg(feature = "monitor")]
 use crate::view::live::Ended;
 #[cfg(feature = "monitor")]

@@ -9,7 +9,7 @@ use super::drawn::bar;
 use super::screen;
 use gusset_record::Progress;
 use gusset_record::rt::os::monotonic_ns;
-use crate::setup::Facts;
+use gusset_setup::Facts;
 use gusset_quantity::work::{self, Watcher};
 
 /// Work is shown once it has taken so long, in ns.

@@ -13,7 +13,7 @@ use super::test_file::refused;
 use super::{answer, only_with, tell, warn};
 use gusset_record::Progress;
 use crate::session::{self, Allowed, Judged, ReplayError, ResumeError, Signals, Watches};
-use crate::setup::{self, Prepared};
+use gusset_setup::{self as setup, Prepared};
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {

@@ -9,7 +9,7 @@ use gusset_config::Carrier;
 use gusset_link::openfresco::{Host, Nature, Role, ServeSettings};
 use gusset_link::server::{ServeOptions, Server};
 use gusset_link::socket::{resolve, resolve_host};
-use crate::setup::{Served, rt_plan};
+use gusset_setup::{Served, rt_plan};
 
 /// The budget of a busy loop is judged for this period; a client has none.
 const USUAL_PERIOD_NS: u64 = 1_000_000;

@@ -8,7 +8,7 @@ use super::serve_start::misasked;
 use super::tell;
 use gusset_config::{Carrier, ClientCertificate};
 use gusset_link::tls::{TlsFiles, TlsServer};
-use crate::setup::Served;
+use gusset_setup::Served;
 
 /// Who we are and who may command; none without TLS. `open`: the protocol lets everybody in unless told otherwise, as
 /// OpenFresco's do, and nobody else can reach the port or one machine is named.

@@ -12,7 +12,7 @@ use super::progress::remaining;
 use super::screen;
 use gusset_control::engine::Phase;
 use gusset_record::rt::os::monotonic_ns;
-use crate::setup::Facts;
+use gusset_setup::Facts;
 use crate::view::live::{Board, Margin, Mark, Snapshot, share};
 
 /// Limits of one axis that are shown at most.

@@ -24,7 +24,7 @@ fn board_of(rows: u64, seen: Glimpse, events: &[Event]) -> Arc<Board> {
     let path = folder.path().join("test.toml");
     std::fs::write(&path, text).unwrap();
     let loaded = gusset_config::load(&path, &[]).unwrap();
-    let prepared = crate::setup::build(&loaded).unwrap();
+    let prepared = gusset_setup::build(&loaded).unwrap();
     let about = About {
         title: "Frame".into(),
         run: "runs/frame".into(),

@@ -131,7 +131,7 @@ mod tests {
 
     fn analysis(text: &str) -> Analysis {
         let loaded = gusset_config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
-        let prepared = crate::setup::build(&loaded).unwrap();
+        let prepared = gusset_setup::build(&loaded).unwrap();
         prepared.facts.structure.unwrap().analysis.unwrap()
     }
 

@@ -3,7 +3,7 @@
 use super::checksum::sha256;
 use super::lineage::{ORIGIN, Origin};
 use gusset_record::{Event, FolderError, Layout, RunFolder};
-use crate::setup::Files;
+use gusset_setup::Files;
 
 /// Keeps all of it.
 pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderError> {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use gusset_config::{ClockChoice, Diagnostics, TimingSpec};
 use gusset_control::engine::{Experiment, Limits, OnMiss, Pacing, Side, StartupSettings, TestLimits};
-use crate::setup::{Facts, Files, LimitFacts, Prepared};
+use gusset_setup::{Facts, Files, LimitFacts, Prepared};
 use gusset_quantity::time::{RateError, Ratio};
 
 /// Warm-up ticks take this long at the most, in s.

@@ -17,7 +17,7 @@ use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use gusset_control::port::Port;
 use gusset_record::summary::Status;
 use gusset_record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
-use crate::setup::Files;
+use gusset_setup::Files;
 
 /// Name of the file in the folder of an interrupted test.
 const CONTINUED: &str = "continued.json";

@@ -10,7 +10,7 @@ use gusset_motion::metrics::falsified::Mode;
 use gusset_numerics::model::{Base, Structure};
 use gusset_motion::Excitation;
 use gusset_record::Column;
-use crate::setup;
+use gusset_setup as setup;
 use gusset_proof::Analysis;
 
 /// The numerical side of a test without its integrator.

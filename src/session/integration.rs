@@ -3,7 +3,7 @@
 use gusset_config::Method;
 use gusset_actuator::geometry::LawPlace;
 use gusset_numerics::integrate::Lambda;
-use crate::setup::{Facts, StructureFacts};
+use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::{Stability, grows, is_stable};
 use gusset_quantity::units::{compared, number};
 

@@ -2,7 +2,7 @@
 
 use super::rehearsal::{FullRehearsal, errors};
 use gusset_config::{ConfigError, DIVERGENCE_M, KeyPath};
-use crate::setup::{self, Prepared};
+use gusset_setup::{self as setup, Prepared};
 use gusset_proof::Kind;
 use gusset_proof::{Following, Verdict, added_damping};
 

@@ -1,7 +1,7 @@
 //! What became of the record while the test ran: others may have moved, deleted or changed what was being written.
 
 use gusset_record::{FolderError, Meddled, Recorded, Run, RunFolder, Whereabouts};
-use crate::setup::Facts;
+use gusset_setup::Facts;
 
 /// Finds the folder again and counts as lost what cannot be read in it any more.
 pub(super) fn look_over(folder: &mut RunFolder, facts: &mut Facts, recorded: &mut Recorded) {

@@ -91,7 +91,7 @@ use gusset_record::writer::WriterError;
 use gusset_record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};
 use gusset_record::rt::wall::Wall;
 use gusset_record::rt::{Granted, os};
-use crate::setup::{Facts, Prepared};
+use gusset_setup::{Facts, Prepared};
 use gusset_proof::RecordedVerdict;
 
 /// Why a test could not be run at all. Nothing was moved.

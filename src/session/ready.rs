@@ -16,7 +16,7 @@ use gusset_record::{
 use gusset_record::rt::sampler::Sampler;
 use gusset_record::rt::wall::Wall;
 use gusset_record::rt::{Granted, apply, os, pin_away};
-use crate::setup::{Facts, Files, rt_plan};
+use gusset_setup::{Facts, Files, rt_plan};
 use gusset_quantity::time::{Clock, SimClock};
 
 /// A test whose threads stand ready; nothing has moved.

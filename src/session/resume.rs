@@ -28,7 +28,7 @@ use gusset_config::Loaded;
 use gusset_control::port::Port;
 use gusset_record::summary::Status;
 use gusset_record::{MissingEnd, Run, ToldBy};
-use crate::setup::{self, Dial, Facts, Prepared};
+use gusset_setup::{self as setup, Dial, Facts, Prepared};
 use gusset_quantity::units::duration;
 pub use error::ResumeError;
 use places::{Tolerances, places, ticks_lost};

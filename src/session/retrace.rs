@@ -21,7 +21,7 @@ use gusset_control::engine::{
 };
 use gusset_control::port::Port;
 use gusset_record::{Column, Run};
-use crate::setup::{self, Prepared};
+use gusset_setup::{self as setup, Prepared};
 
 /// Makes the experiment of a test file.
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;

@@ -15,7 +15,7 @@ use gusset_record::lasting::{
 };
 use gusset_record::utc::rfc3339;
 use gusset_record::rt::wall::Wall;
-use crate::setup::Facts;
+use gusset_setup::Facts;
 
 /// The lasting records of a test that its caller knows.
 #[derive(Debug, Clone)]

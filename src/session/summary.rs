@@ -17,7 +17,7 @@ use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
 use gusset_record::rt::timing::{Quantity, Timing};
 use gusset_record::rt::wall::Wall;
-use crate::setup::Facts;
+use gusset_setup::Facts;
 
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]

@@ -472,7 +472,7 @@ mod tests {
     /// The rows of `numbers`, each with its number as step and time, and the state of a running test.
     fn tape(numbers: &[u64], rows: Range<u64>) -> Tape {
         let loaded = gusset_config::parse("test.toml".as_ref(), TEST.to_owned(), &[]).unwrap();
-        let experiment = crate::setup::build(&loaded).unwrap().experiment;
+        let experiment = gusset_setup::build(&loaded).unwrap().experiment;
         let layout = Layout::new(experiment.columns()).unwrap();
         let mut bytes = Vec::new();
         for number in numbers {

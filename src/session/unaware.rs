@@ -2,7 +2,7 @@
 //! of the controller stay those of the file.
 
 use gusset_config::{ConfigError, LambdaValue, Loaded};
-use crate::setup::{self, Trial};
+use gusset_setup::{self as setup, Trial};
 
 /// Estimates and λ of a controller, which no draw changes.
 #[derive(Debug)]

@@ -228,13 +228,13 @@ fn a_trial_has_the_damping_of_the_test() {
         { gap = { stiffness_n_per_m = 1e7, gap_m = 1.0, side = \"tension\" } } ]\n\
         [specimen.transfer]\ndelay_s = 0.001\n";
     let loaded = gusset_config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
-    let itself = gusset::setup::build(&loaded).unwrap();
-    let trial = gusset::setup::Trial {
-        believed: gusset::setup::estimates(&loaded).unwrap(),
-        ..gusset::setup::Trial::default()
+    let itself = gusset_setup::build(&loaded).unwrap();
+    let trial = gusset_setup::Trial {
+        believed: gusset_setup::estimates(&loaded).unwrap(),
+        ..gusset_setup::Trial::default()
     };
-    let trial = gusset::setup::build_trial(&loaded, &trial).unwrap();
-    let moves = |test: gusset::setup::Prepared| {
+    let trial = gusset_setup::build_trial(&loaded, &trial).unwrap();
+    let moves = |test: gusset_setup::Prepared| {
         let found = carry_out(test.experiment, &mut Budget::default());
         found.specimens[0].found[0].command
     };

@@ -3,7 +3,7 @@
 use crate::link_common::{COMPUTED, finish, gateway, gusset, linked, write};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_config as config;
-use gusset::setup;
+use gusset_setup as setup;
 
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
 

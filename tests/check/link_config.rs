@@ -6,7 +6,7 @@ use std::process::Stdio;
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 use gusset_config::{self as config, Offer};
-use gusset::setup;
+use gusset_setup as setup;
 
 /// What is said of a test with these keys in its link and its specimen.
 fn complaint(text: &str) -> String {

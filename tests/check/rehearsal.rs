@@ -525,7 +525,7 @@ fn rehearsal_beyond_its_budget_says_how_far_it_came() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let loaded = gusset_config::load(&test, &[]).unwrap();
-    let built = gusset::setup::build(&loaded).unwrap();
+    let built = gusset_setup::build(&loaded).unwrap();
     let found = rehearse(&loaded, Some(built.experiment), &mut Budget::new(64 * 20)).unwrap();
     assert!(found.is_out_of_budget());
     assert_eq!(found.specimens[0].stand_in, StandIn::Itself);
@@ -544,7 +544,7 @@ fn a_machine_that_is_slow_for_the_ticks_is_warned_of() {
     let warned = |text: &str, tick_s: f64| {
         let test = write(folder.path(), "test.toml", text);
         let loaded = gusset_config::load(&test, &[]).unwrap();
-        let built = gusset::setup::build(&loaded).unwrap();
+        let built = gusset_setup::build(&loaded).unwrap();
         let mut found = rehearse(&loaded, Some(built.experiment), &mut Budget::default()).unwrap();
         let measured = found.tick_s.unwrap();
         assert!(

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::common::{PATIENT, completed, json, same_physics, say};
 use gusset_config as config;
 use gusset_record::Run;
-use gusset::setup;
+use gusset_setup as setup;
 
 fn studies() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config");

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use gusset_control::engine::{Connected, Control, Experiment, Outcome, Phase};
 use gusset_record::{Column, MemoryRecorder, Recorder, TimedEvent};
-use gusset::setup::{Facts, Prepared};
+use gusset_setup::{Facts, Prepared};
 use gusset_quantity::time::{Clock, SimClock};
 
 /// A recorder whose content can still be read when the engine has taken it.
@@ -63,7 +63,7 @@ impl Run {
 pub fn prepare(text: &str) -> Prepared {
     let read = gusset_config::parse(Path::new("test.toml"), text.to_owned(), &[]);
     let loaded = read.unwrap_or_else(|error| panic!("{error}"));
-    gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"))
+    gusset_setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Runs a test on the simulated clock.

@@ -53,7 +53,7 @@ fn leave(
     }
     let file = write(folder, &format!("{number}.toml"), &text);
     let loaded = gusset_config::load(&file, &[]).unwrap_or_else(|error| panic!("{error}"));
-    let mut test = gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
+    let mut test = gusset_setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
     attach(
         &mut test.experiment,
         storey(1),

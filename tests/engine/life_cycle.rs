@@ -649,7 +649,7 @@ fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
     let text = two_along(ELASTIC, viscous, "at_end = \"zero_force\"");
     let read = gusset_config::parse(std::path::Path::new("test.toml"), text, &[]);
     let loaded = read.unwrap_or_else(|error| panic!("{error}"));
-    let refused = gusset::setup::build(&loaded).unwrap_err().to_string();
+    let refused = gusset_setup::build(&loaded).unwrap_err().to_string();
     assert!(
         refused.contains("specimen \"b\" has no stiffness on axis 1") && refused.contains("at_end"),
         "{refused}"

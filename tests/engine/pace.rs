@@ -238,7 +238,7 @@ fn recorded_of(
     let path = home.join("test.toml");
     std::fs::write(&path, text).unwrap();
     let loaded = gusset_config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
-    let mut test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    let mut test = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     // They are polled as partners on the real clock would be, which a socket under the simulated clock is not.
     for (port, partner) in test.experiment.ports[1..].iter_mut().zip(partners) {
         port.put_recording(partner);
@@ -595,7 +595,7 @@ fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
         );
         let path = crate::common::write(home.path(), "test.toml", &text);
         let loaded = gusset_config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
-        let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        let test = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
         let folder = RunFolder::create(&home.path().join("run")).unwrap();
         let words = a_hold(250 * ticks as usize, 150 * ticks as usize);
         session::run(

@@ -69,7 +69,7 @@ fn a_specimen_behind_a_link_without_limits_is_refused_with_a_table_that_can_be_p
     let folder = tempfile::tempdir().unwrap();
     let between = gateway("127.0.0.1:1", "stiffness_n_per_m = 4e5\n", "").replace(UNLIMITED, "");
     let path = write(folder.path(), "gateway.toml", &between);
-    let said = gusset::setup::load_served(&path, None)
+    let said = gusset_setup::load_served(&path, None)
         .unwrap_err()
         .to_string();
     assert!(said.contains("no trip level of"), "{said}");

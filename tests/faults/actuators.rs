@@ -65,7 +65,7 @@ fn played(compensation: &str, rig: &str, script: &Script) -> (Loaded, Played) {
         ..Extra::default()
     };
     let played = play(&loaded, extra, |_, _| {
-        let host = gusset::setup::load_served(&file, None)
+        let host = gusset_setup::load_served(&file, None)
             .unwrap_or_else(|error| panic!("{error}"))
             .host;
         host.faulty(script.clone()).unwrap()

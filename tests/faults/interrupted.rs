@@ -15,7 +15,7 @@ use gusset_link::NativeSetup;
 use gusset_link::server::Host;
 use gusset_record::{Journal, Layout, RunFolder};
 use gusset::session::{ResumeError, replay, resume_over};
-use gusset::setup::build_over;
+use gusset_setup::build_over;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 

@@ -31,7 +31,7 @@ fn the_forces_of_lost_replies_are_those_of_their_commands() {
     );
     std::fs::write(&rig, text).unwrap();
     let played = play(&loaded, Extra::default(), |_, _| {
-        let host = gusset::setup::load_served(&rig, None).unwrap().host;
+        let host = gusset_setup::load_served(&rig, None).unwrap().host;
         host.faulty(script.clone()).unwrap()
     });
     let played = played.unwrap();

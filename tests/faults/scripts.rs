@@ -21,7 +21,7 @@ fn play_script(script: &Script) -> Result<(Played, gusset_config::Loaded), Strin
         ..Extra::default()
     };
     let played = play(&loaded, extra, |_, _| {
-        let host = gusset::setup::load_served(&folder.join("rig.toml"), None)
+        let host = gusset_setup::load_served(&folder.join("rig.toml"), None)
             .unwrap()
             .host;
         host.faulty(script.clone()).unwrap()

@@ -93,7 +93,7 @@ fn the_record_says_which_acceleration_it_has() {
         let text = format!("{TEST}{method}\n");
         let read = gusset_config::parse(std::path::Path::new("test.toml"), text, &[]);
         let loaded = read.unwrap_or_else(|error| panic!("{error}"));
-        let built = gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
+        let built = gusset_setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
         let columns = built.experiment.columns();
         let column = columns.iter().find(|column| column.name == "a2").unwrap();
         let told = &column.meaning;

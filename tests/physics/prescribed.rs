@@ -202,6 +202,6 @@ fn strokes_that_cannot_be_are_refused_at_their_place() {
 
 fn refused(text: &str) -> String {
     let read = gusset_config::parse(std::path::Path::new("test.toml"), text.to_owned(), &[]);
-    let built = read.and_then(|loaded| gusset::setup::build(&loaded));
+    let built = read.and_then(|loaded| gusset_setup::build(&loaded));
     built.map(|_| ()).unwrap_err().to_string()
 }

@@ -509,7 +509,7 @@ fn where_no_critical_delay_can_be_known_the_reason_is_given() {
     let refused = |text: &str, words: &str| {
         let path = std::path::Path::new("test.toml");
         let said = gusset_config::parse(path, text.to_owned(), &[])
-            .and_then(|loaded| gusset::setup::build(&loaded).map(|_| ()));
+            .and_then(|loaded| gusset_setup::build(&loaded).map(|_| ()));
         let said = said.unwrap_err().to_string();
         assert!(
             said.contains(words) && said.contains("delay_used"),

@@ -1,7 +1,7 @@
 //! The state of a resumed test goes back to its last step that counts. Its largest magnitudes keep what came after that step.
 
 use super::*;
-use gusset::setup::Prepared;
+use gusset_setup::Prepared;
 
 /// Of a test that runs so many ticks.
 fn concluded(test: Prepared, out: &Path, ticks: usize) -> session::Finished {

@@ -194,7 +194,7 @@ fn shipped(name: &str, duration_s: f64, more: &[&str]) -> Experiment {
     ];
     sets.extend(more.iter().map(|set| (*set).to_owned()));
     let loaded = gusset_config::load(&path, &sets).unwrap_or_else(|error| panic!("{error}"));
-    let prepared = gusset::setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
+    let prepared = gusset_setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
     prepared.experiment
 }
 

@@ -103,7 +103,7 @@ pub fn two_rigs(home: &Path, safety: &str) -> PathBuf {
 
 /// Runs it with these rigs, and an operator who asks for the end after so many ticks.
 pub fn run_rigs(
-    mut test: gusset::setup::Prepared,
+    mut test: gusset_setup::Prepared,
     rigs: [Box<dyn Substructure>; 2],
     out: &Path,
     stops_after: Option<usize>,
@@ -124,9 +124,9 @@ pub fn run_rigs(
     session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
 }
 
-pub fn built(test: &Path) -> gusset::setup::Prepared {
+pub fn built(test: &Path) -> gusset_setup::Prepared {
     let loaded = gusset_config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
-    gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
+    gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Where two rigs stand, whoever put them there.

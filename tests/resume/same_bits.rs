@@ -268,7 +268,7 @@ fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
         );
         let test = test_in(home.path(), &text);
         let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
-        let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        let test = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
         let folder = RunFolder::create(&at("whole")).unwrap();
         let mut words = vec![Operator::Continue; 500 * ticks as usize];
         words.extend(vec![Operator::Hold; 150 * ticks as usize]);

@@ -69,7 +69,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         )
         .unwrap()
     };
-    let under = |mut test: gusset::setup::Prepared, off: f64, out: &str, words: Vec<Operator>| {
+    let under = |mut test: gusset_setup::Prepared, off: f64, out: &str, words: Vec<Operator>| {
         test.experiment.ports[0].go_live(far(off));
         test.experiment.ports[0].set_computed(true);
         let folder = RunFolder::create(&at(out)).unwrap();
@@ -81,7 +81,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     };
     let conclude = |test, off, out: &str| under(test, off, out, Vec::new());
     let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
-    let whole = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    let whole = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(conclude(whole, 0.0, "whole").cause, Cause::Done);
     killed(&at("whole"), &at("first"), 400);
     let again = || resume(&at("first"), None, false).unwrap_or_else(|e| panic!("{e}"));
@@ -145,7 +145,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     // Of one that was ended in order everything is known: a tenth of a millimetre is somewhere else.
     let mut words = vec![Operator::Continue; 300];
     words.push(Operator::Stop);
-    let whole = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    let whole = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     let ended = under(whole, 0.0, "stopped", words);
     assert_eq!(ended.cause, Cause::Operator);
     let again = || resume(&at("stopped"), None, false).unwrap_or_else(|e| panic!("{e}"));
@@ -160,7 +160,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
 }
 
 /// Runs a test with a damper behind its link, to its end.
-fn concluded(mut test: gusset::setup::Prepared, out: &Path) -> session::Finished {
+fn concluded(mut test: gusset_setup::Prepared, out: &Path) -> session::Finished {
     let far = Far {
         off: 0.0,
         damping: 2e4,
@@ -181,7 +181,7 @@ fn concluded(mut test: gusset::setup::Prepared, out: &Path) -> session::Finished
 }
 
 /// The frame whose bottom storey is the damper.
-fn damped(home: &Path, safety: &str, specimen: &str) -> gusset::setup::Prepared {
+fn damped(home: &Path, safety: &str, specimen: &str) -> gusset_setup::Prepared {
     // What bears a force in motion only bears another one at rest.
     let safety = format!("[safety]\nunlimited = \"a damper\"\nresume_within_n = 1e6\n{safety}");
     let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
@@ -190,7 +190,7 @@ fn damped(home: &Path, safety: &str, specimen: &str) -> gusset::setup::Prepared 
         + specimen;
     let test = test_in(home, &linked);
     let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
-    gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
+    gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test

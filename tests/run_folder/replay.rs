@@ -60,7 +60,7 @@ fn record(home: &Path, words: &[Operator]) -> PathBuf {
 
 fn record_of(test: &Path, words: &[Operator]) -> PathBuf {
     let loaded = gusset_config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
-    let test = gusset::setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    let test = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     let path = loaded.path.with_file_name("run");
     let folder = RunFolder::create(&path).unwrap();
     let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
@@ -636,7 +636,7 @@ fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
         &test_in(other.path(), ""),
         &["structure.initial_displacement_m=[0.001,0.001]".to_owned()],
     );
-    let test = gusset::setup::build(&loaded.unwrap_or_else(|e| panic!("{e}"))).unwrap();
+    let test = gusset_setup::build(&loaded.unwrap_or_else(|e| panic!("{e}"))).unwrap();
     let path = other.path().join("run");
     let folder = RunFolder::create(&path).unwrap();
     let nobody = crossbeam_channel::never();

@@ -9,7 +9,7 @@ use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use crate::session::integration;
 use crate::session::rehearsal::{FullRehearsal, Need};
-use crate::setup::{Facts, StructureFacts};
+use gusset_setup::{Facts, StructureFacts};
 use gusset_quantity::units::{duration, number, quantity, rate};
 
 /// Specimens, and records, that have a separate line. The page gives the number of the others.

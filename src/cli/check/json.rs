@@ -6,7 +6,7 @@ use super::super::spectrum::{delays_json, modes_json};
 use super::super::{certificate, rehearsed};
 use super::{Checked, commands};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
-use crate::setup::StructureFacts;
+use gusset_setup::StructureFacts;
 use gusset_proof::{Spectrum, Stability};
 
 /// The whole document.

@@ -6,7 +6,7 @@ use gusset_config::ClockChoice;
 use gusset_numerics::integrate::Lambda;
 use gusset_motion::{Quantity, STANDARD_GRAVITY};
 use crate::session::integration::{self, method_name};
-use crate::setup::{Facts, StructureFacts};
+use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::{Errors, Spectrum, per_cent};
 use gusset_quantity::units::{duration, number, quantity, rate};
 

@@ -1,7 +1,7 @@
 //! Numbers that nobody means: a compensator that leads away from the target, an estimate of another unit, a structure of nothing.
 
 use super::*;
-use crate::setup::build;
+use gusset_setup::build;
 
 const TEST: &str = r#"
 [time]

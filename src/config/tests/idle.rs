@@ -1,7 +1,7 @@
 //! Keys without an effect are told of, each with its reason; a file that only writes its defaults down is not.
 
 use super::*;
-use crate::setup::build;
+use gusset_setup::build;
 
 const LINKED: &str = r#"
 [time]

@@ -121,7 +121,7 @@ fn a_law_under_its_old_name_is_the_special_case_of_another() {
     };
     assert_eq!(found.yield_force(), Some(5e3));
     let text = read(&coulomb.replace("1e3", "-1"), &[]);
-    let build = |loaded: Loaded| crate::setup::build(&loaded).map(|_| ());
+    let build = |loaded: Loaded| gusset_setup::build(&loaded).map(|_| ());
     let refused = text.and_then(build).unwrap_err().to_string();
     shows(&refused, "slip_force_n = -1");
 }

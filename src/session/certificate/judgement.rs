@@ -10,7 +10,7 @@ use super::draw::Plan;
 use super::proportion::interval;
 use super::{Band, Rehearsed as Trial, Trials, carry_out};
 use gusset_config::{ConfigError, Loaded, SpecimenTable, missing_limits};
-use crate::setup::Facts;
+use gusset_setup::Facts;
 use gusset_quantity::units::quantity;
 use gusset_quantity::work::Work;
 

@@ -25,7 +25,7 @@ use super::unaware::Unaware;
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
 use gusset_control::engine::{Ending, Experiment, Stop, TestLimits};
 use gusset_record::rt::os;
-use crate::setup::{self, Trial};
+use gusset_setup::{self as setup, Trial};
 use gusset_quantity::work::{each, processors};
 
 /// Draws of one trial that the file could not be with, before that is an error.

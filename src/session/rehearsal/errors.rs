@@ -15,7 +15,7 @@ use gusset_control::engine::{Control, Ending, Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
 use gusset_motion::Excitation;
 use gusset_record::{Recorder, TimedEvent};
-use crate::setup::{self, Ideal, IdealCourse, NoCourse};
+use gusset_setup::{self as setup, Ideal, IdealCourse, NoCourse};
 use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
 
 /// Most numbers of one course.

@@ -7,7 +7,7 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ConfigError, Loaded};
 use gusset_control::engine::{Control, Operator};
 use gusset_record::{Recorder, TimedEvent};
-use crate::setup;
+use gusset_setup as setup;
 
 /// A hold that was rehearsed.
 #[derive(Debug, Clone, PartialEq)]

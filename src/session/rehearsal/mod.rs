@@ -48,7 +48,7 @@ use gusset_control::port::Poses;
 use gusset_control::port::limits::{AxisLimits, Range};
 use gusset_record::Recorder;
 use gusset_record::rt::os;
-use crate::setup;
+use gusset_setup as setup;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::time::SimClock;
 

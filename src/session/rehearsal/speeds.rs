@@ -3,7 +3,7 @@
 
 use super::{AxisNeed, Budget, Rehearsal, carry_out};
 use gusset_config::{ConfigError, Loaded};
-use crate::setup;
+use gusset_setup as setup;
 
 /// Largest velocity in m/s and force in N of one axis, at the specimen's scale.
 #[derive(Debug, Clone, Copy, PartialEq)]

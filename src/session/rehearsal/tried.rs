@@ -6,7 +6,7 @@ use super::{Budget, Need, Rehearsal, Staging, carry_out_with, expected};
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
 use gusset_control::engine::{Control, Ending, Stop};
 use gusset_control::port::limits::AxisLimits;
-use crate::setup;
+use gusset_setup as setup;
 
 /// Result of a rehearsal with all limits.
 #[derive(Debug, Clone, PartialEq)]

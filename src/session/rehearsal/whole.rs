@@ -28,7 +28,7 @@ impl FullRehearsal {
     /// Rehearses a test.
     ///
     /// # Errors
-    /// As [`crate::setup::build`].
+    /// As [`gusset_setup::build`].
     pub fn of(loaded: &Loaded) -> Result<Self, ConfigError> {
         let mut budget = Budget::default();
         let rehearsal = rehearse(loaded, None, &mut budget)?;

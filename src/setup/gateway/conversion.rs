@@ -264,7 +264,7 @@ fn at_client(own: &Limits, axis: &Axis, (metres, newtons): (f64, f64)) -> Limits
 }
 
 /// Units of a client that counts in `disp` and `force`, for a coordinate of a loading unit or for an axis.
-pub(in crate::setup) fn signal_units(
+pub(crate) fn signal_units(
     coordinate: Option<&Coordinate>,
     (disp, force): (DispUnit, ForceUnit),
 ) -> AxisUnits {

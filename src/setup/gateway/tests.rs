@@ -276,10 +276,10 @@ proptest! {
     }
 }
 
-/// The port of a test with a prescribed deformation, as [`crate::setup::specimens`] puts it together.
+/// The port of a test with a prescribed deformation, as [`crate::specimens`] puts it together.
 fn in_process(table: &SpecimenTable, rig: Rig) -> gusset_control::port::Port {
     use gusset_control::port::PoseRow;
-    use crate::setup::gear::axis;
+    use crate::gear::axis;
     let axes = table.axis.iter();
     let axes = axes.map(|gear| axis(table, gear, Vec::new()).0).collect();
     let spec = table.geometry.as_ref().unwrap();

@@ -11,10 +11,10 @@ use gusset_numerics::integrate::{AlphaWeights, MethodError};
 const USUAL_GAINS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// Limits that judge how a specimen follows.
-pub(in crate::setup) const TRACKED: [Limit; 2] = [Limit::Lag, Limit::GainError];
+pub(crate) const TRACKED: [Limit; 2] = [Limit::Lag, Limit::GainError];
 
 /// True of a gain from a target at rest to its command that a sound actuator needs.
-pub(in crate::setup) fn usual_gain(gain: f64) -> bool {
+pub(crate) fn usual_gain(gain: f64) -> bool {
     USUAL_GAINS.contains(&gain)
 }
 

@@ -16,7 +16,7 @@ use gusset_actuator::specimen::{Gear, Platform, Specimen};
 
 /// A geometry at the structure's scale, and what its coordinates are of the structure.
 #[derive(Debug)]
-pub(in crate::setup) struct Loading {
+pub(crate) struct Loading {
     pub geometry: Geometry,
     pub rows: Vec<PoseRow>,
     pub law_at: LawPlace,
@@ -38,7 +38,7 @@ pub(super) fn loading(
 }
 
 /// Rows and loading unit from the table alone.
-pub(in crate::setup) fn loading_of(
+pub(crate) fn loading_of(
     table: &SpecimenTable,
     rows: Vec<Sparse>,
 ) -> Result<(Vec<Sparse>, Option<Loading>), GeometryError> {
@@ -176,7 +176,7 @@ pub struct ActuatorFacts {
 }
 
 /// The loading unit of a specimen.
-pub(in crate::setup) fn facts(table: &SpecimenTable) -> Option<LoadingFacts> {
+pub(crate) fn facts(table: &SpecimenTable) -> Option<LoadingFacts> {
     let spec = table.geometry.as_ref()?;
     let geometry = spec.build(1.0).ok()?;
     let reference = geometry.reference();

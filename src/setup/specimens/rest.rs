@@ -91,7 +91,7 @@ mod tests {
              frequency_hz = 1.0\n[[specimen]]\nname = \"brace\"\nstorey = 1\n{specimen}"
         );
         let loaded = gusset_config::parse(Path::new("test.toml"), text, &[]).unwrap();
-        crate::setup::build(&loaded).unwrap().warnings.to_string()
+        crate::build(&loaded).unwrap().warnings.to_string()
     }
 
     #[test]

@@ -7,17 +7,17 @@ use gusset_proof::{Advice, SpecimenShare};
 
 impl Specimens {
     /// Σ Bᵀ k̂ B.
-    pub(in crate::setup) fn stiffness(&self, dofs: usize) -> SymMatrix {
+    pub(crate) fn stiffness(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.stiffness))
     }
 
     /// Σ Bᵀ k B before anything moves.
-    pub(in crate::setup) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
+    pub(crate) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.stiffness_at_rest))
     }
 
     /// Σ Bᵀ m B of the masses that the structure carries for the specimens.
-    pub(in crate::setup) fn mass(&self, dofs: usize) -> SymMatrix {
+    pub(crate) fn mass(&self, dofs: usize) -> SymMatrix {
         let weighs = |entry: &&Entry| entry.mass.iter().flatten().any(|m| *m != 0.0);
         self.gathered(dofs, |entry| {
             Some(entry).filter(weighs).map(|entry| &entry.mass)
@@ -25,12 +25,12 @@ impl Specimens {
     }
 
     /// Σ Bᵀ ĉ B.
-    pub(in crate::setup) fn damping(&self, dofs: usize) -> SymMatrix {
+    pub(crate) fn damping(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.damping))
     }
 
     /// Σ Bᵀ c B of the damping that acts around rest only.
-    pub(in crate::setup) fn rest_damping(&self, dofs: usize) -> SymMatrix {
+    pub(crate) fn rest_damping(&self, dofs: usize) -> SymMatrix {
         let acts = |entry: &&Entry| entry.rest_damping.iter().flatten().any(|c| *c != 0.0);
         self.gathered(dofs, |entry| {
             Some(entry).filter(acts).map(|entry| &entry.rest_damping)
@@ -38,7 +38,7 @@ impl Specimens {
     }
 
     /// Keeps only `share` of the damping that acts around rest in ĉ.
-    pub(in crate::setup) fn keep_rest_damping(&mut self, share: f64) {
+    pub(crate) fn keep_rest_damping(&mut self, share: f64) {
         for entry in &mut self.0 {
             let rest = entry.rest_damping.iter().flatten();
             for (value, rest) in entry.damping.iter_mut().flatten().zip(rest) {
@@ -48,13 +48,13 @@ impl Specimens {
     }
 
     /// Σ Bᵀ c B before anything moves.
-    pub(in crate::setup) fn damping_at_rest(&self, dofs: usize) -> SymMatrix {
+    pub(crate) fn damping_at_rest(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.damping_at_rest))
     }
 
     /// Upper bounds of the tangents, the damping as it counts in a sawtooth; or the specimen (from 0) whose law needs a
     /// declared reach.
-    pub(in crate::setup) fn bounds(&self, dofs: usize) -> Result<(SymMatrix, SymMatrix), usize> {
+    pub(crate) fn bounds(&self, dofs: usize) -> Result<(SymMatrix, SymMatrix), usize> {
         if let Some(index) = self.0.iter().position(|entry| entry.bounds.is_err()) {
             return Err(index);
         }
@@ -79,7 +79,7 @@ impl Specimens {
     }
 
     /// Named shares of K_max and C_max, one per axis.
-    pub(in crate::setup) fn parts(&self) -> Vec<Part> {
+    pub(crate) fn parts(&self) -> Vec<Part> {
         let mut parts = Vec::new();
         for entry in &self.0 {
             let Ok((stiffness, damping)) = &entry.bounds else {
@@ -105,7 +105,7 @@ impl Specimens {
     }
 
     /// The largest number that stability rests on of each specimen.
-    pub(in crate::setup) fn sizes(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn sizes(&self) -> impl Iterator<Item = f64> {
         self.0.iter().map(|entry| {
             let bounds = entry.bounds.iter().flat_map(|(k, c)| [k, c]);
             let all = [&entry.stiffness, &entry.damping, &entry.mass];
@@ -134,7 +134,7 @@ impl Specimens {
     }
 
     /// Advice on specimens that burden a proof more than they seem to.
-    pub(in crate::setup) fn advice(&self) -> Advice {
+    pub(crate) fn advice(&self) -> Advice {
         Advice {
             overcounted: self.overcounted().map(str::to_owned),
             heavy: self.heavy().map(str::to_owned),
@@ -142,7 +142,7 @@ impl Specimens {
     }
 
     /// The specimens in a proof of λ.
-    pub(in crate::setup) fn share(&self) -> SpecimenShare {
+    pub(crate) fn share(&self) -> SpecimenShare {
         SpecimenShare {
             attached: self.attached(),
             parts: self.parts(),
@@ -158,7 +158,7 @@ impl Specimens {
     }
 
     /// Σ Bᵀ m B of the masses whose inertia is inside the measured forces.
-    pub(in crate::setup) fn mass_in_force(&self, dofs: usize) -> SymMatrix {
+    pub(crate) fn mass_in_force(&self, dofs: usize) -> SymMatrix {
         let masses: Vec<Rows> = self
             .0
             .iter()
@@ -178,7 +178,7 @@ impl Specimens {
     }
 
     /// The same; none where there are no such masses.
-    pub(in crate::setup) fn late_mass(&self, dofs: usize) -> Option<SymMatrix> {
+    pub(crate) fn late_mass(&self, dofs: usize) -> Option<SymMatrix> {
         self.heavy().map(|_| self.mass_in_force(dofs))
     }
 

@@ -128,7 +128,7 @@ mod tests {
             "name = \"ground-storey\"\nlimits = { command_disp_m = { trip = [-0.1, 0.1] } }",
         );
         let loaded = gusset_config::parse(Path::new("test.toml"), text, &[]).unwrap();
-        let experiment = crate::setup::build(&loaded).unwrap().experiment;
+        let experiment = gusset_setup::build(&loaded).unwrap().experiment;
         let about = About {
             real_clock: true,
             ..About::default()

@@ -3,7 +3,7 @@
 use super::*;
 use gusset_config::ServedFile;
 use gusset_control::port::Port;
-use crate::setup::gateway::following::Following;
+use crate::gateway::following::Following;
 
 const ALL: [&str; 9] = [
     "none = {}",
@@ -138,7 +138,7 @@ fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let (text, rig) = (table_of(compensation), lagging());
     let table: SpecimenTable = toml::from_str(&text).unwrap();
     let told = Arc::clone(&rig.told);
-    let (axis, (metres, newtons)) = crate::setup::gear::axis(&table, &table.axis[0], Vec::new());
+    let (axis, (metres, newtons)) = crate::gear::axis(&table, &table.axis[0], Vec::new());
     let port = Port::new("column", vec![axis], Box::new(rig), 1, vec![2e6]).unwrap();
     let port = port.with_limits(
         table

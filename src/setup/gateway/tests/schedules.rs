@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use super::*;
-use crate::setup::gateway::following::Following;
+use crate::gateway::following::Following;
 
 const TICKS: u32 = 10;
 

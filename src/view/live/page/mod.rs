@@ -377,7 +377,7 @@ mod tests {
         let text = include_str!("../../../../config/paper-4-2-hardening.toml");
         std::fs::write(&path, text).unwrap();
         let loaded = gusset_config::load(&path, &[]).unwrap();
-        let prepared = crate::setup::build(&loaded).unwrap();
+        let prepared = gusset_setup::build(&loaded).unwrap();
         let about = About {
             real_clock: true,
             ..About::default()
