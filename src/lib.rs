@@ -56,7 +56,6 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs, missing_debug_implementations)]
 
-pub mod assets;
 pub mod benchmark;
 pub mod campaign;
 pub mod cli;
@@ -64,4 +63,3 @@ pub mod frontier;
 pub mod guide;
 pub mod session;
 pub mod verify;
-pub mod view;

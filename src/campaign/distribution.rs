@@ -2,7 +2,7 @@
 
 use super::drawing::{curve, of, picture, short};
 use super::measure::Measure;
-use crate::view::report::{Look, Scale, note};
+use gusset_view::report::{Look, Scale, note};
 
 /// Most points of an exceedance curve.
 const MOST_POINTS: usize = 2000;

@@ -1,7 +1,7 @@
 //! Pictures and numbers of the report.
 
 use super::measure::Measure;
-use crate::view::report::{Curve, Curves, Look, Scale};
+use gusset_view::report::{Curve, Curves, Look, Scale};
 
 /// Width and height of a picture.
 pub(super) const SIZE: (f64, f64) = (640.0, 420.0);

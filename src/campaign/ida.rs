@@ -7,7 +7,7 @@ use super::found::Shown;
 use super::fractile::{SHARES, fractile};
 use super::measure::{End, Measure};
 use super::study::Study;
-use crate::view::report::{Look, Scale, note, table};
+use gusset_view::report::{Look, Scale, note, table};
 
 /// Edge of a picture with a criterion of collapse, as a multiple of its value.
 const FARTHEST: f64 = 4.0;

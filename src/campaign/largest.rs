@@ -6,7 +6,7 @@ use super::drawing::short;
 use super::measure::Measure;
 use super::plan::Campaign;
 use super::task::Task;
-use crate::view::report::table;
+use gusset_view::report::table;
 
 /// Tests that are named for each measure.
 const NAMED: usize = 5;

@@ -9,7 +9,7 @@ use super::measure::Measure;
 use super::study::Study;
 use gusset_config::Scalar;
 use gusset_quantity::units::{number, unit_in_name};
-use crate::view::report::{Tornado, TornadoBar, note, table};
+use gusset_view::report::{Tornado, TornadoBar, note, table};
 
 /// Most bars of the picture.
 const MOST_BARS: usize = 20;

@@ -10,7 +10,7 @@ use crate::session::{self, Finished, Page, integration};
 use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};
-use crate::view::report::told;
+use gusset_view::report::told;
 
 /// Specimens or axes with their own row in the short form. The others have one row together.
 const MOST_ROWS: usize = 2;

@@ -1,7 +1,7 @@
 //! What stands in a status that is no sentence: bars, gauges, numbers in a few letters.
 
 use gusset_quantity::units::quantity;
-use crate::view::live::Mark;
+use gusset_view::live::Mark;
 
 /// A value between its levels: `│` where it trips, `┊` where it warns, `·` where it has been, `●` where it is.
 pub fn gauge(mark: &Mark, value: f64, peaks: [f64; 2], width: usize) -> String {

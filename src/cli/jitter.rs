@@ -18,7 +18,7 @@ use crate::session::fitness::Measured;
 use crate::session::{self, Finished, Signals, Watches, bare_loop};
 use gusset_setup::Prepared;
 use gusset_quantity::time::Ratio;
-use crate::view::report::{Percentiles, jitter_svg};
+use gusset_view::report::{Percentiles, jitter_svg};
 
 /// More than any machine keeps.
 const HIGHEST_HZ: f64 = 1e6;

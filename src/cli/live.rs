@@ -27,10 +27,10 @@ use crate::session::Attendance;
 use crate::session::Finished;
 use gusset_setup::{Facts, Prepared};
 #[cfg(feature = "monitor")]
-use crate::view::live::Ended;
+use gusset_view::live::Ended;
 #[cfg(feature = "monitor")]
-use crate::view::live::page::{LivePage, Serving, Token};
-use crate::view::live::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
+use gusset_view::live::page::{LivePage, Serving, Token};
+use gusset_view::live::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
 
 /// A port that no server of this program uses by default.
 #[cfg(feature = "monitor")]

@@ -13,7 +13,7 @@ use super::screen;
 use gusset_control::engine::Phase;
 use gusset_record::rt::os::monotonic_ns;
 use gusset_setup::Facts;
-use crate::view::live::{Board, Margin, Mark, Snapshot, share};
+use gusset_view::live::{Board, Margin, Mark, Snapshot, share};
 
 /// Limits of one axis that are shown at most.
 const MOST_LIMITS: usize = 4;

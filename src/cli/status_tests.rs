@@ -3,7 +3,7 @@
 use super::*;
 use gusset_control::engine::{Glimpse, Phase, PhaseCell};
 use gusset_record::{Event, LimitReached, Onlooker, Progress, TimedEvent};
-use crate::view::live::{About, LambdaUse, Subject, Tap};
+use gusset_view::live::{About, LambdaUse, Subject, Tap};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.
 fn board(rows: u64) -> Arc<Board> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::page::{PageError, read, write};
 use gusset_record::{FolderError, Journal, Run};
-use crate::view::report::{self, Matched, Matcher, Next, RunView};
+use gusset_view::report::{self, Matched, Matcher, Next, RunView};
 
 /// A page that was written, and what it says in a sentence.
 #[derive(Debug)]

@@ -15,11 +15,11 @@ use gusset_quantity::catalog::phase::Phase;
 use gusset_motion::metrics::energy::Model;
 use gusset_record::summary::Status;
 use gusset_record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
-use crate::view::report::{
+use gusset_view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
 };
-use crate::view::{Flaws, ResolvedTest, RunView, SummaryView, Timings, Trials};
+use gusset_view::{Flaws, ResolvedTest, RunView, SummaryView, Timings, Trials};
 
 /// Its name in the run folder.
 const PAGE: &str = "report.html";

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::view::report::{self, Curve, Curves, Look};
+use gusset_view::report::{self, Curve, Curves, Look};
 
 /// One curve of a figure.
 #[derive(Debug, Clone, PartialEq)]

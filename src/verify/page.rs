@@ -1,7 +1,7 @@
 //! The page that shows everything side by side with the claims, and the files beside it.
 
 use super::{Check, Figure, Part, Tabulation, Verdict};
-use crate::view::report::{banner, details, escape, frame, note, section, tiles};
+use gusset_view::report::{banner, details, escape, frame, note, section, tiles};
 
 /// index.html, and an SVG and a CSV for every figure: names and contents.
 #[must_use]

@@ -8,7 +8,7 @@
 use crate::common::engine::{Run, distance, run};
 use gusset_control::engine::Phase;
 use gusset_numerics::law::LawSpec;
-use gusset::view::report::metrics::identify;
+use gusset_view::report::metrics::identify;
 
 const ROUNDOFF: f64 = 2.3e-12;
 

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use crate::common::engine::{Run, distance, run};
-use gusset::view::report::metrics::{absorbed_energy, identify, loading};
+use gusset_view::report::metrics::{absorbed_energy, identify, loading};
 
 const K: f64 = 2e6;
 const YIELD: f64 = 6e3;

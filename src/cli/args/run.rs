@@ -114,7 +114,7 @@ pub(in crate::cli) struct LiveArgs {
         value_name = "ADDR",
         num_args = 0..=1,
         default_missing_value = "127.0.0.1:4824",
-        value_parser = crate::view::live::page::parse_address,
+        value_parser = gusset_view::live::page::parse_address,
     )]
     pub live: Option<String>,
     /// For --live: file with the token for readers, one line of at least 16 characters. Other users must not be able to

@@ -39,7 +39,7 @@ macro_rules! piece {
         Piece {
             suffix: $suffix,
             what: $what,
-            text: include_str!(concat!("../../assets/templates/", $file)),
+            text: include_str!(concat!("../templates/", $file)),
         }
     };
 }

@@ -5,7 +5,7 @@ use super::words::{felt, of_specimen, parameters, with_error};
 use gusset_config::Loaded;
 use gusset_motion::identify::Identification;
 use gusset_quantity::units::quantity;
-use crate::view::report::{
+use gusset_view::report::{
     Curve, Curves, Look, Scale, banner, escape, frame, note, section, tiles,
 };
 

@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use gusset_control::engine::PhaseCell;
     use gusset_record::{Onlooker, Progress};
-    use crate::view::live::{About, Board, Tap, metrics};
+    use crate::live::{About, Board, Tap, metrics};
 
     /// What is on the board after these events.
     fn seen(kinds: &[Event]) -> Arc<Board> {

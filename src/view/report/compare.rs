@@ -357,7 +357,7 @@ mod tests {
     use super::super::matched::Matcher;
     use super::super::synthetic::columns;
     use super::*;
-    use crate::view::Flaws;
+    use crate::Flaws;
 
     #[test]
     fn what_is_the_same_is_good_news_only_where_all_of_both_is_there() {

@@ -14,7 +14,7 @@ use super::thin;
 
 /// One curve.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Curve<'a> {
+pub struct Curve<'a> {
     pub name: &'a str,
     pub x: &'a [f64],
     pub y: &'a [f64],
@@ -23,7 +23,7 @@ pub(crate) struct Curve<'a> {
 
 /// Look of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Look {
+pub enum Look {
     /// A line in the next colour.
     Line,
     /// A thick line in the next colour.
@@ -50,7 +50,7 @@ struct Style {
 
 /// Words, unit ("1" for a pure number) and fixed range of an axis.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Scale<'a> {
+pub struct Scale<'a> {
     pub words: &'a str,
     pub unit: &'a str,
     pub range: Option<(f64, f64)>,
@@ -58,7 +58,7 @@ pub(crate) struct Scale<'a> {
 
 /// Curves over one pair of axes.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Curves<'a> {
+pub struct Curves<'a> {
     pub title: &'a str,
     pub across: Scale<'a>,
     pub up: Scale<'a>,
@@ -84,7 +84,7 @@ const FAR: f64 = 2.0;
 
 impl Curves<'_> {
     /// The picture as SVG: a part of a page that carries the style sheet, or a file of its own.
-    pub(crate) fn svg(&self, width: f64, height: f64, inline: bool) -> String {
+    pub fn svg(&self, width: f64, height: f64, inline: bool) -> String {
         // A page has its own margins, a file has none.
         let (skin, edge) = if inline {
             (Skin::Page, 0.0)

@@ -3,7 +3,7 @@
 //! Invariant: regrouping moves counts between bins and never changes their sum. Percentiles are taken as they were
 //! recorded, not computed again from the regrouped counts.
 
-use crate::view::{Percentiles, TimingEntry, Timings};
+use crate::{Percentiles, TimingEntry, Timings};
 
 /// One timing quantity: its key, its percentiles, its counts if they were kept.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,7 +10,7 @@ use super::text::escape;
 pub(super) use super::canvas::Canvas;
 
 /// A section with its heading.
-pub(crate) fn section(heading: &str, markup: &str) -> String {
+pub fn section(heading: &str, markup: &str) -> String {
     format!(
         "<section>\n<h2>{}</h2>\n{markup}</section>\n",
         escape(heading)
@@ -23,12 +23,12 @@ pub(super) fn paragraph(text: &str) -> String {
 }
 
 /// A small paragraph of text: how to read what stands above it.
-pub(crate) fn note(text: &str) -> String {
+pub fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
 }
 
 /// Key figures: each a value and the words below it; empty without figures.
-pub(crate) fn tiles(figures: &[(String, String)]) -> String {
+pub fn tiles(figures: &[(String, String)]) -> String {
     if figures.is_empty() {
         return String::new();
     }
@@ -44,7 +44,7 @@ pub(crate) fn tiles(figures: &[(String, String)]) -> String {
 }
 
 /// The box at the top of a page: the verdict in plain words, and sentences below it. `class` is `good`, `warning` or `bad`.
-pub(crate) fn banner(class: &str, headline: &str, sentences: &[String]) -> String {
+pub fn banner(class: &str, headline: &str, sentences: &[String]) -> String {
     let sentences: String = sentences.iter().map(|text| paragraph(text)).collect();
     format!(
         "<div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n{sentences}</div>\n",
@@ -53,7 +53,7 @@ pub(crate) fn banner(class: &str, headline: &str, sentences: &[String]) -> Strin
 }
 
 /// A table: a heading of texts, rows of texts. The first column holds names, the others numbers.
-pub(crate) fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
+pub fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     let mut out = String::from("<div class=\"wide\"><table>\n<thead><tr>");
     for cell in heading {
         out += &format!("<th>{}</th>", escape(cell));
@@ -88,7 +88,7 @@ pub(super) fn table_without(nothing: &str, heading: &[&str], rows: &[Vec<String>
 }
 
 /// Markup that a reader opens; nothing where it is empty. It stays folded on paper.
-pub(crate) fn details(summary: &str, markup: &str) -> String {
+pub fn details(summary: &str, markup: &str) -> String {
     if markup.is_empty() {
         return String::new();
     }
@@ -99,7 +99,7 @@ pub(crate) fn details(summary: &str, markup: &str) -> String {
 }
 
 /// Names and what they mean, as texts.
-pub(crate) fn definitions(pairs: &[(String, String)]) -> String {
+pub fn definitions(pairs: &[(String, String)]) -> String {
     let rows = pairs
         .iter()
         .map(|(name, text)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(text)));

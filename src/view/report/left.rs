@@ -5,7 +5,7 @@ use super::axis_end::{AxisEnd, FORCE, MEASURED};
 use super::rows::Rows;
 use super::scale::{AS_SEEN, Scale, own_unit};
 use super::text::{plural, quantity};
-use crate::view::TestFile;
+use crate::TestFile;
 
 /// Specimens that are told of one by one.
 const MOST_TOLD: usize = 8;

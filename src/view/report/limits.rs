@@ -9,7 +9,7 @@ use super::scale::{Scale, own_unit};
 use super::text::{NOTHING, exact, number, quantity};
 use gusset_quantity::catalog::column::JUDGED;
 use gusset_quantity::catalog::limit::Limit;
-use crate::view::{LimitView, LimitsView, SpecimenLimitsView};
+use crate::{LimitView, LimitsView, SpecimenLimitsView};
 
 /// The limits of the run, as markup; nothing where the summary has none.
 ///

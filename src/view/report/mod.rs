@@ -72,7 +72,7 @@ mod specimens;
 mod stale;
 #[cfg(test)]
 mod synthetic;
-mod table;
+pub mod table;
 mod tested;
 #[cfg(test)]
 mod tests;
@@ -86,22 +86,22 @@ mod worst;
 
 pub use columns::Combination;
 pub use compare::{compare, damages, doubts, verdict};
-pub(crate) use curves::{Curve, Curves, Look, Scale};
+pub use curves::{Curve, Curves, Look, Scale};
 pub use digest::Digest;
 pub use effect::effect;
-pub(crate) use html::{banner, definitions, details, note, section, table, tiles};
+pub use html::{banner, definitions, details, note, section, table, tiles};
 pub use identified::{
     IdentifiedAxis, followed, identified, missing_metrics, told, tracking_metrics,
 };
 pub use matched::{FirstDifference, Matched, Matcher, Next};
-pub(crate) use page::frame;
+pub use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
-pub(crate) use scatter::{ScatterMatrix, Variable};
+pub use scatter::{ScatterMatrix, Variable};
 pub use source::{BLOCK, Earlier, Source};
 pub use tested::{storeys, without_disp};
-pub(crate) use text::{count, escape};
-pub(crate) use tornado::{Tornado, TornadoBar};
+pub use text::{count, escape};
+pub use tornado::{Tornado, TornadoBar};
 
 use std::borrow::Cow;
 

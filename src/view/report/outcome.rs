@@ -10,7 +10,7 @@ use gusset_quantity::catalog::ending::Status;
 use gusset_quantity::catalog::event::Remark;
 use gusset_record::{Event, EventLine, MissCause};
 use gusset_proof::{RecordedFinding, RecordedVerdict, per_cent};
-use crate::view::{Feature, SummaryView};
+use crate::{Feature, SummaryView};
 
 /// How good the news is; decides the colour of the banner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -413,7 +413,7 @@ pub(super) fn refused(run: &RunView) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::Flaws;
+    use crate::Flaws;
     use serde_json::{Value, json};
 
     fn of(summary: Value, events: Vec<Value>) -> Verdict {

@@ -28,7 +28,7 @@ use super::timeline::timeline;
 use super::timing;
 use super::tracked;
 use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
-use crate::view::Trials;
+use crate::Trials;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("script.js");
@@ -229,7 +229,7 @@ pub(super) fn zoomable(title: &str, markup: &str) -> String {
 }
 
 /// A whole page round `markup`: self-contained, with the style sheet of all our pages.
-pub(crate) fn frame(title: &str, markup: &str) -> String {
+pub fn frame(title: &str, markup: &str) -> String {
     whole(title, "", "", markup, "")
 }
 

@@ -6,7 +6,7 @@ use super::html::note;
 use super::rows::Rows;
 use super::tested::axis_name;
 use super::text::trimmed;
-use crate::view::{AxisTable, TestFile};
+use crate::{AxisTable, TestFile};
 
 /// Unit of a column that is of a specimen's own end: which one it is stands in the configuration.
 const OWN: &str = "specimen unit";
@@ -15,7 +15,7 @@ pub(super) const AS_SEEN: &str = ", as the structure sees it";
 
 /// What a metre and a newton of an axis are for the structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Scale {
+pub struct Scale {
     pub(super) metres: f64,
     pub(super) newtons: f64,
 }

@@ -7,7 +7,7 @@ use super::text::{fixed, scaled};
 
 /// One number of each test.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Variable<'a> {
+pub struct Variable<'a> {
     pub name: &'a str,
     pub unit: &'a str,
     pub values: &'a [f64],
@@ -15,7 +15,7 @@ pub(crate) struct Variable<'a> {
 
 /// All pairs of `variables`.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct ScatterMatrix<'a> {
+pub struct ScatterMatrix<'a> {
     pub title: &'a str,
     pub variables: &'a [Variable<'a>],
     /// True for tests in the colour of `marked_as`.
@@ -44,7 +44,7 @@ const TICKS: usize = 3;
 
 impl ScatterMatrix<'_> {
     /// The picture as SVG for a page of `width`.
-    pub(crate) fn svg(&self, width: f64) -> String {
+    pub fn svg(&self, width: f64) -> String {
         let sides: Option<Vec<Side>> = self.variables.iter().map(Side::of).collect();
         let count = self.variables.len();
         let numbers = sides.iter().flatten().skip(1).flat_map(|side| &side.ticks);

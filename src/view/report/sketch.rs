@@ -6,7 +6,7 @@ use super::canvas::{Anchor, Canvas, Ink, Lettering};
 use super::charts::{Area, LABEL};
 use super::html::figure;
 use super::text::quantity;
-use crate::view::TestFile;
+use crate::TestFile;
 
 /// Storeys or DOFs that are drawn one by one; of more the ends are.
 const MOST: usize = 12;
@@ -280,7 +280,7 @@ fn nodes(n: usize, specimens: &[Joined]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::ResolvedTest;
+    use crate::ResolvedTest;
 
     fn of(text: &str) -> String {
         sketch(&ResolvedTest::from(text).file)

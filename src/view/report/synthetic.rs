@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::RunView;
 use gusset_record::{Column, EventLine};
-use crate::view::Flaws;
+use crate::Flaws;
 
 pub(super) const RATE: f64 = 1024.0;
 

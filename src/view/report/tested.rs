@@ -5,7 +5,7 @@ use super::columns::{Combination, MOST_DOFS, SpecimenAxis, Storey};
 use super::text::{exact, number, plural, shortened};
 use gusset_record::summary::ClockKind;
 use gusset_record::{Event, EventLine};
-use crate::view::{Excitation, SpecimenTable, Structure, TestFile, Variant};
+use crate::{Excitation, SpecimenTable, Structure, TestFile, Variant};
 
 /// Numbers from 1 of the specimens whose measured displacement is the command, as the events tell.
 #[must_use]
@@ -306,7 +306,7 @@ fn specimens(list: &[SpecimenTable]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::ResolvedTest;
+    use crate::ResolvedTest;
 
     #[test]
     fn the_list_names_structure_specimens_and_excitation() {

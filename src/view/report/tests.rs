@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::synthetic::{columns, hybrid, prescribed};
 use super::*;
-use crate::view::Timings;
+use crate::Timings;
 
 fn assert_pictures_are_well_formed(page: &str) {
     for inside in svgs(page) {

@@ -11,7 +11,7 @@ use gusset_quantity::text::is_hidden;
 pub(super) const NOTHING: &str = "–";
 
 /// Text made harmless for element content and quoted attributes; hidden characters are spelled.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 8);
     for c in text.chars() {
         match c {

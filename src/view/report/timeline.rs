@@ -227,7 +227,7 @@ mod tests {
             drawn.contains("leaving")
                 && drawn.contains("clock of the loop since the first event (s)")
         );
-        let page = crate::view::report::render(&run);
+        let page = crate::report::render(&run);
         for cell in ["<td>3.5670\u{a0}s</td>", "<td>8.0000\u{a0}s</td>"] {
             assert!(page.contains(cell), "{cell}");
         }

@@ -8,7 +8,7 @@ use super::text::number;
 
 /// One altered value: the smallest and the largest result, and the value at each of them as text.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct TornadoBar {
+pub struct TornadoBar {
     /// Name of the value.
     pub name: String,
     /// Smallest result and where it was found.
@@ -19,7 +19,7 @@ pub(crate) struct TornadoBar {
 
 /// Bars from the smallest to the largest result, in the given order.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Tornado<'a> {
+pub struct Tornado<'a> {
     pub title: &'a str,
     /// The result.
     pub across: Scale<'a>,
@@ -39,7 +39,7 @@ const MOST_LABEL: f64 = 0.25;
 
 impl Tornado<'_> {
     /// The picture as SVG for a page.
-    pub(crate) fn svg(&self, width: f64) -> String {
+    pub fn svg(&self, width: f64) -> String {
         let height = HEAD + WORDS + ROW * self.bars.len() as f64 + 8.0 + FOOT;
         picture(width, height, Skin::Page, self.title, |canvas| {
             self.draw(canvas, Area::whole(width, height));

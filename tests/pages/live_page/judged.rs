@@ -11,7 +11,7 @@ use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
-use gusset::view::live::{About, Board, Snapshot, Subject, Tap, metrics};
+use gusset_view::live::{About, Board, Snapshot, Subject, Tap, metrics};
 
 use super::exposition;
 use crate::common::engine::{prepare, run_on};

@@ -21,10 +21,10 @@ use tokio::time::{Interval, MissedTickBehavior};
 use super::connections::PendingRequest;
 use gusset_control::engine::{Glimpse, Phase};
 use gusset_record::rt::os::monotonic_ns;
-use crate::view::live::board::Board;
-use crate::view::live::history::{Bin, RECENT};
-use crate::view::live::latency::BOUNDS;
-use crate::view::live::metrics::FLAGS;
+use crate::live::board::Board;
+use crate::live::history::{Bin, RECENT};
+use crate::live::latency::BOUNDS;
+use crate::live::metrics::FLAGS;
 
 /// Time between two events for one viewer.
 const PACE: Duration = Duration::from_millis(33);

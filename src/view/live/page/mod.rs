@@ -370,7 +370,7 @@ mod tests {
 
     /// The board of a test, and the limit of λ for a specimen of stiffness [`STIFF`].
     fn board(phase: gusset_control::engine::PhaseCell) -> (Arc<Board>, f64) {
-        use crate::view::live::{About, Subject};
+        use crate::live::{About, Subject};
 
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.toml");
@@ -475,7 +475,7 @@ mod tests {
 
     #[test]
     fn the_room_of_lambda_is_found_also_while_nobody_looks() {
-        use crate::view::live::{AxisView, Snapshot};
+        use crate::live::{AxisView, Snapshot};
 
         let (board, limit) = board(gusset_control::engine::PhaseCell::default());
         let stiff = AxisView {

@@ -20,7 +20,7 @@ use crate::assets;
 use gusset_control::engine::{Glimpse, Operator, Phase};
 use gusset_record::{Event, Note, Word};
 use gusset_record::rt::os::monotonic_ns;
-use crate::view::live::metrics::metrics;
+use crate::live::metrics::metrics;
 
 /// State that all handlers share.
 #[derive(Debug)]

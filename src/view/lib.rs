@@ -11,6 +11,7 @@
 //! | `report` | the pages: one run, two runs, and the pieces of all other pages |
 //! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
 
+pub mod assets;
 mod lenient;
 mod limits;
 pub mod live;
