@@ -56,10 +56,7 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs, missing_debug_implementations)]
 
-pub mod benchmark;
 pub mod campaign;
 pub mod cli;
-pub mod frontier;
 pub mod guide;
 pub mod session;
-pub mod verify;

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gusset::frontier::plane_frame;
+use gusset_evidence::frontier::plane_frame;
 use gusset_numerics::linalg::{Spd, Storage, SymMatrix};
 
 use crate::timed;

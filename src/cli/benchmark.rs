@@ -11,7 +11,7 @@ use serde_json::json;
 use self::ground::GroundArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
+use gusset_evidence::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
 use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use gusset_quantity::time::Clock;
 use gusset_actuator::transfer::BetweenTicks;

@@ -10,7 +10,7 @@ use super::exit::{Exit, WithExit};
 use super::table::Table;
 use super::{answer, tell};
 use gusset_config::TimingSpec;
-use crate::frontier::{Point, Scalable, csv, svg};
+use gusset_evidence::frontier::{Point, Scalable, csv, svg};
 use gusset_record::{RunFolder, atomic};
 use gusset_record::rt::wall::Wall;
 use crate::session::frontier::{Trials, WANTED};

@@ -14,7 +14,7 @@ use gusset_proof::{
     CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams,
 };
 use gusset_quantity::units::{duration, number, quantity};
-use crate::verify::{Figure, Scale, Series};
+use gusset_evidence::verify::{Figure, Scale, Series};
 
 /// Modes that are listed.
 const LISTED: usize = 6;

@@ -11,7 +11,7 @@ use super::exit::{Exit, WithExit};
 use super::{answer, screen, tell};
 use gusset_record::make_free;
 use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
-use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
+use gusset_evidence::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 use gusset_quantity::work::Work;
 
 /// Proves the topics that are asked for.

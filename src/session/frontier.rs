@@ -8,7 +8,7 @@ use tracing::subscriber::NoSubscriber;
 
 use super::{SessionError, Signals, Watches, loop_round, run};
 use gusset_config::TimingSpec;
-use crate::frontier::{Length, ModelError, Point, Scalable, Search, Trial, largest};
+use gusset_evidence::frontier::{Length, ModelError, Point, Scalable, Search, Trial, largest};
 use gusset_record::{FolderError, Progress, RunFolder};
 use gusset_quantity::time::Ratio;
 

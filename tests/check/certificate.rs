@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::common::{Said, say, write};
-use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
+use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset::session::rehearsal::{Budget, carry_out};

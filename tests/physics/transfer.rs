@@ -1,7 +1,7 @@
 //! A test whose specimen stands behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
-use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
+use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_control::engine::{Ending, Stop};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use crate::benchmark::{DURATION_S, RATE_HZ, synthetic};
+use gusset_evidence::benchmark::{DURATION_S, RATE_HZ, synthetic};
 use crate::cli::tell;
 use gusset_config::read_input;
 use gusset_motion::{

@@ -1,0 +1,5 @@
+//! evidence
+
+pub mod benchmark;
+pub mod frontier;
+pub mod verify;
