@@ -17,9 +17,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use gusset::campaign::{Campaign, Task, plan, work};
+use gusset_session::campaign::{Campaign, Task, plan, work};
 use gusset_record::{Recorder, TimedEvent};
-use gusset::session::rehearsal::{Staging, staged};
+use gusset_session::rehearsal::{Staging, staged};
 use gusset_setup as setup;
 
 /// The frame of `config/frame-bouc-wen.toml` with a bilinear first storey, which OpenSees has too.

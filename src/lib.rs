@@ -56,7 +56,5 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs, missing_debug_implementations)]
 
-pub mod campaign;
 pub mod cli;
 pub mod guide;
-pub mod session;

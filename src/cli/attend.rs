@@ -11,7 +11,7 @@ use super::log::remark;
 use super::question::{Answered, Question};
 use gusset_control::engine::{Notice, Operator, PhaseCell};
 use gusset_control::port::Reading;
-use crate::session::pause;
+use gusset_session::pause;
 use gusset_setup::Facts;
 use gusset_quantity::units;
 

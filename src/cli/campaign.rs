@@ -11,9 +11,9 @@ use super::args::{
 };
 use super::exit::{Exit, Mistakes, WithExit};
 use super::{answer, screen, tell};
-use crate::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, Worked};
+use gusset_session::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, Worked};
 use gusset_config::ConfigError;
-use crate::session::{Signal, Signals};
+use gusset_session::{Signal, Signals};
 use gusset_quantity::units::duration;
 use gusset_quantity::work::{Work, processors};
 

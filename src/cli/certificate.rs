@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::table::Table;
-use crate::session::certificate::{Band, Certificate, Line, Trials};
+use gusset_session::certificate::{Band, Certificate, Line, Trials};
 use gusset_quantity::units::duration;
 
 /// Adds its lines and the verdict to a table.

@@ -6,7 +6,7 @@ use super::table::{Table, misses};
 use gusset_motion::metrics::Tracking;
 use gusset_record::{Run, Summary};
 use gusset_record::rt::timing::Quantity;
-use crate::session::{self, Finished, Page, integration};
+use gusset_session::{self as session, Finished, Page, integration};
 use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};

@@ -13,7 +13,7 @@ use gusset_config::Locator;
 use gusset_control::engine::{Control, PhaseCell};
 use gusset_record::RunFolder;
 use gusset_record::rt::wall::Wall;
-use crate::session::{Finished, Judged, SessionError, Signals};
+use gusset_session::{Finished, Judged, SessionError, Signals};
 use gusset_setup::Facts;
 use gusset_proof::Verdict;
 

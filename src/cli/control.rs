@@ -13,8 +13,8 @@ use gusset_config::{Protocol, SpecimenTable, specimens_of};
 use gusset_link::served::{Latch, LinkMaker};
 use gusset_link::server::Host;
 use gusset_record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};
-use crate::session::{
-    self, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, SpecimenRecords,
+use gusset_session::{
+    self as session, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, SpecimenRecords,
 };
 use gusset_setup::{Prepared, position_reader};
 

@@ -9,7 +9,7 @@ use super::exit::{Exit, WithExit};
 use super::tell;
 use gusset_record::Run;
 use gusset_record::export::{self, Choice, Extra, Format, Rows};
-use crate::session::{self, Derived};
+use gusset_session::{self as session, Derived};
 
 /// Writes a run in a form that other programs read.
 pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {

@@ -13,8 +13,8 @@ use gusset_config::TimingSpec;
 use gusset_evidence::frontier::{Point, Scalable, csv, svg};
 use gusset_record::{RunFolder, atomic};
 use gusset_record::rt::wall::Wall;
-use crate::session::frontier::{Trials, WANTED};
-use crate::session::{Signal, Signals};
+use gusset_session::frontier::{Trials, WANTED};
+use gusset_session::{Signal, Signals};
 use gusset_quantity::time::Ratio;
 use gusset_quantity::work::Work;
 

@@ -16,10 +16,10 @@ use super::test_file::refused;
 use super::{answer, tell, warn};
 use gusset_config::{ConfigError, Loaded};
 use gusset_record::{Progress, RunFolder};
-use crate::session::identification::{
+use gusset_session::identification::{
     IdentificationError, Outcome, PICTURES, Plan, Request, files,
 };
-use crate::session::{self, Finished, Judged, Signals, Watches};
+use gusset_session::{self as session, Finished, Judged, Signals, Watches};
 use gusset_setup::{self as setup, Facts};
 
 /// An error with its exit code.

@@ -22,9 +22,9 @@ use gusset_control::engine::PhaseCell;
 use gusset_record::Note;
 use gusset_record::Onlooker;
 #[cfg(feature = "monitor")]
-use crate::session::Attendance;
+use gusset_session::Attendance;
 #[cfg(feature = "monitor")]
-use crate::session::Finished;
+use gusset_session::Finished;
 use gusset_setup::{Facts, Prepared};
 #[cfg(feature = "monitor")]
 use gusset_view::live::Ended;

@@ -13,7 +13,7 @@ use gusset_control::engine::{Glimpse, Phase};
 use gusset_record::Run;
 use gusset_record::summary::Status;
 use gusset_record::rt::os::monotonic_ns;
-use crate::session::{Answer, Request, Unanswered, ask, pause};
+use gusset_session::{Answer, Request, Unanswered, ask, pause};
 
 /// How long a test that answers may take to do what it is told, unless it is told to end.
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -14,7 +14,7 @@ use rustix::process::getpgrp;
 use rustix::termios::{QueueSelector, tcflush, tcgetpgrp};
 
 use super::log::remark;
-use crate::session::pause;
+use gusset_session::pause;
 
 /// Time between two looks whether it still stands.
 const LOOK_EVERY: Duration = Duration::from_millis(50);

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::table::Table;
 use gusset_control::engine::{Ending, Stop};
 use gusset_control::port::Poses;
-use crate::session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
+use gusset_session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
 use gusset_quantity::units::{duration, number, quantity};
 
 /// The needs of each axis beside its limits: one line per quantity.

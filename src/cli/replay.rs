@@ -8,7 +8,7 @@ use super::exit::{Exit, WithExit};
 use super::tell;
 use gusset_record::Run;
 use gusset_record::export::Notice;
-use crate::session;
+use gusset_session as session;
 
 /// Replays one run folder.
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {

@@ -9,7 +9,7 @@ use super::exit::{Exit, WithExit};
 use super::tell;
 use gusset_record::export::Notice;
 use gusset_record::{Run, Summary};
-use crate::session;
+use gusset_session as session;
 
 /// Writes report.html again, from the run folder alone; or the page of two runs.
 pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {

@@ -15,7 +15,7 @@ use gusset_link::openfresco::Role;
 use gusset_link::secret::read_key;
 use gusset_link::served::RecordSettings;
 use gusset_link::server::{Host, ServeOptions, Server, USUAL_LISTEN};
-use crate::session::Judged;
+use gusset_session::Judged;
 use gusset_setup::{self as setup, Served, load_served, openfresco_role, rt_plan};
 use gusset_proof::Verdict;
 use anyhow::Context;

@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use crossbeam_channel::{Sender, unbounded};
 
 use super::tell;
-use crate::session;
+use gusset_session as session;
 
 /// Writes the report of every folder that it receives; at its end it has written all of them.
 pub(super) struct Reports {

@@ -15,7 +15,7 @@ use super::test_file::refused;
 use super::{answer, tell};
 use gusset_config::{Finding, KeyPath, Locator};
 use gusset_link::server::{ServeError, Server};
-use crate::session::{Signal, Signals, missing};
+use gusset_session::{Signal, Signals, missing};
 
 /// An error in the option `flag`, or else in the key `key` below `[serve]`, shown at its place in the file.
 pub(super) fn misasked(

@@ -612,7 +612,7 @@ mod tests {
         // One who says something all the time, but no line, has no more time than others.
         let mut slow = call();
         let is_hung_up = (0..120).any(|_| {
-            crate::session::pause(Duration::from_millis(100));
+            crate::pause(Duration::from_millis(100));
             slow.write_all(b" ").is_err()
         });
         assert!(is_hung_up, "he was listened to for 12 s");

@@ -7,7 +7,7 @@ use crate::common::{Said, say, write};
 use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_motion::{Grid, Motion, Quantity};
-use gusset::session::rehearsal::{Budget, carry_out};
+use gusset_session::rehearsal::{Budget, carry_out};
 use serde_json::Value;
 
 fn certify(folder: &Path, text: &str, more: &[&str]) -> (Option<i32>, Value) {

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::common::{FRAME, Said, run, say, write};
-use gusset::session::rehearsal::{Budget, StandIn, rehearse};
+use gusset_session::rehearsal::{Budget, StandIn, rehearse};
 use serde_json::Value;
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use gusset_config as config;
-use gusset::session::Judged;
+use gusset_session::Judged;
 use gusset_setup as setup;
 use serde_json::Value;
 use tempfile::TempDir;

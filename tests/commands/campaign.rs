@@ -527,7 +527,7 @@ fn studies_of_the_repository_can_be_planned() {
     );
     for (name, tasks) in [("vrths-monte-carlo", 100), ("compensator-tuning", 16)] {
         let path = format!("config/campaigns/{name}.toml");
-        let study = gusset::campaign::Study::load(Path::new(&path)).unwrap();
+        let study = gusset_session::campaign::Study::load(Path::new(&path)).unwrap();
         assert_eq!(study.tasks, tasks, "{name}");
     }
 }

@@ -116,7 +116,7 @@ fn an_operator_who_has_enough_of_waiting_for_a_specimen_is_heard() {
                 }
                 None => patience -= 1,
             }
-            gusset::session::pause(Duration::from_millis(1));
+            gusset_session::pause(Duration::from_millis(1));
         };
         assert_eq!(status.code(), Some(code), "{asked:?}");
         let summary = Run::open(&run).unwrap().summary().unwrap().clone();

@@ -30,7 +30,7 @@ fn note(text: &str) {
 
 /// Lets this thread rest.
 fn rest(time: Duration) {
-    gusset::session::pause(time);
+    gusset_session::pause(time);
 }
 
 /// Numbers that look random and are the same every time: splitmix64 (Steele, Lea, Flood 2014).

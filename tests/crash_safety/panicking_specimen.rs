@@ -13,7 +13,7 @@ use gusset_config as config;
 use gusset_control::port::{Axis, Port};
 use gusset_record::summary::Status;
 use gusset_record::{Run, RunFolder};
-use gusset::session::{self, Finished, Watches};
+use gusset_session::{self as session, Finished, Watches};
 use gusset_setup::{self as setup, Prepared};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,

@@ -6,7 +6,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::{Control, Ending, Operator};
 use gusset_record::RunFolder;
 use gusset_record::summary::Status;
-use gusset::session::{self, Watches};
+use gusset_session::{self as session, Watches};
 use gusset_quantity::substructure::{Coupling, LinkFault};
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 

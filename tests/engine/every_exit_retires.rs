@@ -7,7 +7,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset_control::port::{Axis, Exit};
 use gusset_record::{Event, RunFolder};
-use gusset::session::{self, Watches};
+use gusset_session::{self as session, Watches};
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::SimClock;
 

@@ -12,7 +12,7 @@ use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator,
 use gusset_control::port::limits::{AxisLimits, Bound, Hit, Range};
 use gusset_control::port::{Axis, Exit, Exits, Port, Reference, UnloadFailure, Zero};
 use gusset_record::{Event, Word};
-use gusset::session::ending;
+use gusset_session::ending;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
 

@@ -9,7 +9,7 @@ use crate::common::spring::Spring;
 use gusset_control::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset_control::port::{Axis, HOLD_AT, Order, Port};
 use gusset_record::RunFolder;
-use gusset::session::{self, Watches, replay};
+use gusset_session::{self as session, Watches, replay};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };

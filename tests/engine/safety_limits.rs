@@ -601,7 +601,7 @@ fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out(
         assert_eq!(code, 1, "{said}");
         let found = summary(folder.path(), "run");
         assert_eq!(found.left["a"], "reached", "{said}");
-        let found = gusset::session::replay(&folder.path().join("run")).unwrap();
+        let found = gusset_session::replay(&folder.path().join("run")).unwrap();
         assert!(found.is_exact(), "{found:?}");
     }
 }

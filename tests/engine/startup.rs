@@ -472,7 +472,7 @@ fn on_simulated_time_a_test_that_waits_for_somebody_makes_no_rows_at_full_speed(
         ..Control::from(requests)
     };
     let says = std::thread::spawn(move || {
-        gusset::session::pause(std::time::Duration::from_millis(300));
+        gusset_session::pause(std::time::Duration::from_millis(300));
         ask.send(Operator::Stop).unwrap();
     });
     let began = std::time::Instant::now();

@@ -23,7 +23,7 @@ use gusset_wire::handshake::{
 };
 use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice};
 
-use crate::campaign::Chance;
+use gusset_session::campaign::Chance;
 
 /// The limit of the commanded speed, m/s.
 const SPEED: f64 = 0.1;

@@ -14,12 +14,12 @@ use gusset_control::engine::{Ending, Phase, Stop};
 use gusset_link::NativeSetup;
 use gusset_link::server::Host;
 use gusset_record::{Journal, Layout, RunFolder};
-use gusset::session::{ResumeError, replay, resume_over};
+use gusset_session::{ResumeError, replay, resume_over};
 use gusset_setup::build_over;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use crate::campaign::{
+use gusset_session::campaign::{
     Chance, from_environment, moves_by_itself, on_all_processors, operator, script, tests,
 };
 use crate::invariants;

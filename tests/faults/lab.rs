@@ -11,7 +11,7 @@ use gusset_link::fault::StallingClock;
 use gusset_link::server::{Host, Simulated, Tap, Tapped};
 use gusset_link::{NativeSetup, Transport};
 use gusset_record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
-use gusset::session::{Replay, ending, replay_rows};
+use gusset_session::{Replay, ending, replay_rows};
 use gusset_setup::{Files, Prepared, build, build_over};
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 

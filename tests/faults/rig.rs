@@ -15,7 +15,7 @@ use gusset_link::server::Host;
 use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_quantity::state::Visit;
 
-use crate::campaign::Chance;
+use gusset_session::campaign::Chance;
 
 /// Where one rig stands, in its own coordinate, and what it reads there.
 #[derive(Debug, Clone, Copy, Default)]

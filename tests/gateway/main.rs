@@ -19,7 +19,7 @@ fn waits_for(else_what: &str, is_so: impl Fn() -> bool) {
         if is_so() {
             return;
         }
-        gusset::session::pause(pause);
+        gusset_session::pause(pause);
     }
     panic!("{else_what}");
 }

@@ -298,7 +298,7 @@ fn a_udp_client_that_waits_takes_over_when_the_first_falls_silent() {
         first.send(&vector(3.0, 0.001)).unwrap();
         first.send(&vector(10.0, 0.0)).unwrap();
         assert_eq!(first.recv(&mut answer).unwrap(), 16);
-        gusset::session::pause(Duration::from_millis(200));
+        gusset_session::pause(Duration::from_millis(200));
     }
     let is_answered = (0..100).any(|_| {
         second.send(b"a").unwrap();

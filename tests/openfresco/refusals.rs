@@ -69,7 +69,7 @@ fn a_second_tcp_client_of_a_computed_specimen_waits_until_the_first_has_ended() 
     second.write_all(&vector(3.0, 0.005)).unwrap();
     second.write_all(&vector(10.0, 0.0)).unwrap();
     // Long enough for a look at the port.
-    gusset::session::pause(std::time::Duration::from_millis(300));
+    gusset_session::pause(std::time::Duration::from_millis(300));
     assert_eq!(drive(&mut first, 50), in_process(1, 50));
     first.retire(Retirement::Orderly);
     let mut answer = [0; 16];

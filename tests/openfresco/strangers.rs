@@ -205,7 +205,7 @@ fn what_strangers_send_all_the_time_is_told_only_so_often() {
         for stranger in &strangers {
             stranger.send_to(&[0xff; 100], &served.address).unwrap();
         }
-        gusset::session::pause(std::time::Duration::from_millis(5));
+        gusset_session::pause(std::time::Duration::from_millis(5));
     }
     let keys = "protocol = \"openfresco\"\ntransport = \"udp\"";
     let (code, said) = run(folder, "run", &linked(STEPS, &served.address, keys));

@@ -7,7 +7,7 @@
 use crate::common::engine::{Run, distance, prepare, run};
 use gusset_config::ClockChoice;
 use gusset_record::RunFolder;
-use gusset::session;
+use gusset_session as session;
 
 const MASS: f64 = 2e3;
 

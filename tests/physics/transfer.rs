@@ -7,7 +7,7 @@ use gusset_actuator::compensation::CompensationSpec;
 use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset_record::{Event, Run};
-use gusset::session::replay;
+use gusset_session::replay;
 use gusset_actuator::transfer::BetweenTicks;
 
 /// An actuator with everything that may depend on when and how often it is asked.

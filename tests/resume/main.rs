@@ -29,7 +29,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::{Operator, Phase};
 use gusset_control::port::{Axis, Port};
 use gusset_record::{Run, RunFolder};
-use gusset::session::{self, Allowed, ResumeError, Watches, replay, resume, resume_allowed};
+use gusset_session::{self as session, Allowed, ResumeError, Watches, replay, resume, resume_allowed};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,

@@ -10,7 +10,7 @@ use crate::common::{FRAME, PATIENT, completed, copy, json, names, run, same_phys
 use gusset_quantity::catalog::ending::Cause;
 use gusset_record::summary::Status;
 use gusset_record::{Run, RunFolder};
-use gusset::session::{self, Watches};
+use gusset_session::{self as session, Watches};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use crate::common::change;
 use gusset_control::engine::{Operator, OperatorCommands, Phase};
 use gusset_record::{Run, RunFolder};
-use gusset::session::{self, Watches, replay};
+use gusset_session::{self as session, Watches, replay};
 
 const FRAME: &str = r#"
 title = "replayed"

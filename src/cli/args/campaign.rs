@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use crate::campaign::Chunks;
+use gusset_session::campaign::Chunks;
 
 #[derive(Debug, Args)]
 #[command(

@@ -7,8 +7,8 @@ use super::{Checked, needs};
 use gusset_config::{ClockChoice, Loaded};
 use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
-use crate::session::integration;
-use crate::session::rehearsal::{FullRehearsal, Need};
+use gusset_session::integration;
+use gusset_session::rehearsal::{FullRehearsal, Need};
 use gusset_setup::{Facts, StructureFacts};
 use gusset_quantity::units::{duration, number, quantity, rate};
 

@@ -3,7 +3,7 @@
 use super::super::table::Table;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_control::port::Poses;
-use crate::session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
+use gusset_session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
 use gusset_quantity::units::{number, quantity, quantity_range};
 
 /// Lines that the needs of a usual test may take. Where every quantity would take more, motion and force of an axis take a line each.

@@ -5,7 +5,7 @@ use super::super::{limits, spectrum as modes};
 use gusset_config::ClockChoice;
 use gusset_numerics::integrate::Lambda;
 use gusset_motion::{Quantity, STANDARD_GRAVITY};
-use crate::session::integration::{self, method_name};
+use gusset_session::integration::{self, method_name};
 use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::{Errors, Spectrum, per_cent};
 use gusset_quantity::units::{duration, number, quantity, rate};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::super::table::Table;
 use gusset_motion::identify::Identification;
-use crate::session::identification::{Axis, Outcome, felt, of_specimen, parameters, with_error};
+use gusset_session::identification::{Axis, Outcome, felt, of_specimen, parameters, with_error};
 use gusset_quantity::units::{duration, quantity};
 
 /// Rows of the frequency response that are printed.

@@ -3,7 +3,7 @@
 use gusset_quantity::catalog::phase::{GIVEN_UP, Phase};
 use gusset_record::summary::Peak;
 use gusset_record::{FolderError, Run};
-use crate::session::row_peaks::RowPeaks;
+use crate::row_peaks::RowPeaks;
 
 /// Findings in the rows of a run.
 #[derive(Debug, Default)]

@@ -7,9 +7,9 @@ use thiserror::Error;
 use gusset_config::ConfigError;
 use gusset_control::port::limits::Hit;
 use gusset_record::{FolderError, MissingEnd};
-use crate::session::continued::{Now, WentOn};
-use crate::session::desk::Unanswered;
-use crate::session::replay_error::ReplayError;
+use crate::continued::{Now, WentOn};
+use crate::desk::Unanswered;
+use crate::replay_error::ReplayError;
 
 /// Why a test cannot go on. Nothing was moved.
 #[derive(Debug, Error)]

@@ -11,8 +11,8 @@ use gusset_control::engine::{EndPosition, Phase, Place};
 use gusset_control::port::Port;
 use gusset_record::summary::{Peak, Status};
 use gusset_record::{Row, Run};
-use crate::session::checksum::unreadable;
-use crate::session::lineage::{Kept, Origin};
+use crate::checksum::unreadable;
+use crate::lineage::{Kept, Origin};
 use gusset_quantity::substructure::Status as LinkStatus;
 
 /// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.

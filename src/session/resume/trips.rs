@@ -8,7 +8,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::Phase;
 use gusset_record::summary::Status;
 use gusset_record::{Event, EventLine, FolderError, Run};
-use crate::session::checksum::unreadable;
+use crate::checksum::unreadable;
 
 /// Name of a trip that neither events nor rows name.
 const UNKNOWN: &str = "unknown";

@@ -229,7 +229,7 @@ fn more_clients_than_there_are_places_keep_no_stop_out() {
                     // One that was closed for a newcomer comes back no more.
                     let _ = std::io::Write::write_all(&mut client, web::KEEP_ALIVE);
                 }
-                gusset::session::pause(std::time::Duration::from_millis(50));
+                gusset_session::pause(std::time::Duration::from_millis(50));
             }
         });
         assert_eq!(running.order("stop").status, 202);

@@ -6,9 +6,9 @@ use super::task::Task;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_config::ConfigError;
 use gusset_control::engine::{Ending, Experiment};
-use crate::session::certificate::MOST_ATTEMPTS;
-use crate::session::rehearsal::{Staging, staged};
-use crate::session::unaware::Unaware;
+use crate::certificate::MOST_ATTEMPTS;
+use crate::rehearsal::{Staging, staged};
+use crate::unaware::Unaware;
 use gusset_setup::{self as setup, Drawn, Trial};
 
 /// Result of one task.

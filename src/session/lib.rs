@@ -10,6 +10,7 @@
 //!
 //! No shared mutable state with the loop, no mutex it could meet.
 
+pub mod campaign;
 mod agreement;
 mod archive;
 mod bare;
