@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use gusset_session::campaign::{Campaign, Task, plan, work};
 use gusset_record::{Recorder, TimedEvent};
+use gusset_session::campaign::{Campaign, Task, plan, work};
 use gusset_session::rehearsal::{Staging, staged};
 use gusset_setup as setup;
 

@@ -13,17 +13,17 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_config as config;
 use gusset_config::LimitsSpec;
 use gusset_config::fault_script::Script;
 use gusset_control::engine::{Connected, Control, Ending};
-use gusset_numerics::law::LawSpec;
 use gusset_link::server::{Host, Simulated};
 use gusset_link::{NativeSetup, Transport};
+use gusset_numerics::law::LawSpec;
+use gusset_quantity::time::SimClock;
 use gusset_record::{FolderImage, Recorder, TimedEvent};
 use gusset_setup as setup;
-use gusset_actuator::specimen::{Specimen, Uniaxial};
-use gusset_quantity::time::SimClock;
 
 const TEST: &str = r#"
 title = "virtual laboratory"

@@ -16,20 +16,20 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use gusset_config::Carrier;
-use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_link::native::unlimited_axis;
 use gusset_link::secret::read_key;
 use gusset_link::server::{Host, ServeOptions, Server};
 use gusset_link::{
     NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
 };
+use gusset_numerics::law::{LawSpec, LinearSpec};
 
-use gusset_record::writer::{Clocks, Writer, WriterSettings};
-use gusset_record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
-use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
+use gusset_record::writer::{Clocks, Writer, WriterSettings};
+use gusset_record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
 use gusset_wire::Side;
 use gusset_wire::handshake::{Axis, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;

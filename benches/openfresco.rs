@@ -6,14 +6,14 @@
 use std::net::{TcpListener, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config as config;
 use gusset_link::openfresco::{Host, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset_link::server::{ServeOptions, Server};
 use gusset_link::{SocketOptions, TcpTransport, Transport, UdpTransport};
-use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
-use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset_wire::openfresco::{Carrier, Peer};
 
 const STEPS: u64 = 20_000;

@@ -14,10 +14,10 @@ use std::sync::{Arc, Mutex};
 use gusset_config as config;
 use gusset_control::engine::{Connected, Control, Side};
 use gusset_numerics::integrate::Integrator;
-use gusset_record::{RingSize, WhenFull, ring};
-use gusset_record::rt::os::monotonic_ns;
-use gusset_setup as setup;
 use gusset_quantity::time::{Clock, Nanos};
+use gusset_record::rt::os::monotonic_ns;
+use gusset_record::{RingSize, WhenFull, ring};
+use gusset_setup as setup;
 
 /// Real readings and a memory of every one; whoever would sleep is at once where he wants to wake up.
 #[derive(Debug)]

@@ -10,9 +10,9 @@
 use std::hint::black_box;
 
 use gusset_actuator::compensation::CompensationSpec;
-use gusset_record::rt::os::monotonic_ns;
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_actuator::transfer::{Transfer, TransferSpec};
+use gusset_record::rt::os::monotonic_ns;
 
 const DT: f64 = 1.0 / 4096.0;
 const BATCH: usize = 64;

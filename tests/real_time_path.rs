@@ -16,13 +16,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::engine::prepare;
 use common::rig::{Act, Log, Phase, attach, storey};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::engine::{Connected, Control, Ending, Experiment, OnMiss, Operator};
 use gusset_control::port::limits::Bound;
-use gusset_record::{RingReader, RingSize, WhenFull, ring};
-use gusset_record::rt::clock::MonotonicClock;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
+use gusset_record::rt::clock::MonotonicClock;
+use gusset_record::{RingReader, RingSize, WhenFull, ring};
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter};
 
 const FRAME: &str = r#"

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
+use gusset_evidence::verify::{TABLE_2, chain_of_example_4_3};
 use gusset_numerics::integrate::{Gui, Integrator, Lambda, RowForces, Start, State};
 use gusset_numerics::linalg::{Aligned, Lanes};
 use gusset_numerics::model::{Base, Motion, Structure};
-use gusset_evidence::verify::{TABLE_2, chain_of_example_4_3};
 
 use crate::opponents::{DT, LAMBDA, base, dense, newton, plain_sweeps};
 use crate::{timed, verdict};

@@ -21,8 +21,8 @@ mod mesh;
 mod opponent;
 mod opponents;
 
-use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use gusset_quantity::time::Clock;
+use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -11,9 +11,9 @@ use super::log::remark;
 use super::question::{Answered, Question};
 use gusset_control::engine::{Notice, Operator, PhaseCell};
 use gusset_control::port::Reading;
+use gusset_quantity::units;
 use gusset_session::pause;
 use gusset_setup::Facts;
-use gusset_quantity::units;
 
 /// Time between two looks for room on the operator's line.
 const ROOM: Duration = Duration::from_millis(5);

@@ -11,11 +11,11 @@ use serde_json::json;
 use self::ground::GroundArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use gusset_evidence::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
-use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
-use gusset_quantity::time::Clock;
 use gusset_actuator::transfer::BetweenTicks;
+use gusset_evidence::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
+use gusset_quantity::time::Clock;
 use gusset_quantity::work::{Work, each, processors};
+use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 
 #[derive(Debug, Subcommand)]
 pub enum Of {

@@ -11,11 +11,11 @@ use super::args::{
 };
 use super::exit::{Exit, Mistakes, WithExit};
 use super::{answer, screen, tell};
-use gusset_session::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, Worked};
 use gusset_config::ConfigError;
-use gusset_session::{Signal, Signals};
 use gusset_quantity::units::duration;
 use gusset_quantity::work::{Work, processors};
+use gusset_session::campaign::{self, Campaign, CampaignError, Collected, Engine, Prove, Worked};
+use gusset_session::{Signal, Signals};
 
 /// Carries out a command on a campaign.
 pub fn campaign(command: &CampaignCommand) -> anyhow::Result<Exit> {

@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::table::Table;
-use gusset_session::certificate::{Band, Certificate, Line, Trials};
 use gusset_quantity::units::duration;
+use gusset_session::certificate::{Band, Certificate, Line, Trials};
 
 /// Adds its lines and the verdict to a table.
 pub fn tabulate(certificate: &Certificate, table: &mut Table) {

@@ -15,13 +15,13 @@ use super::spectrum;
 use super::table::Table;
 use super::test_file::{load, refused};
 use super::{answer, tell, warn};
+use gusset_actuator::transfer::BetweenTicks;
 use gusset_config::Loaded;
+use gusset_proof::Spectrum;
+use gusset_proof::{Outcome, RecordedVerdict};
 use gusset_session::Judged;
 use gusset_session::certificate::Certificate;
 use gusset_setup as setup;
-use gusset_proof::Spectrum;
-use gusset_proof::{Outcome, RecordedVerdict};
-use gusset_actuator::transfer::BetweenTicks;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use super::table::{Table, misses};
 use gusset_motion::metrics::Tracking;
-use gusset_record::{Run, Summary};
-use gusset_record::rt::timing::Quantity;
-use gusset_session::{self as session, Finished, Page, integration};
-use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};
+use gusset_record::rt::timing::Quantity;
+use gusset_record::{Run, Summary};
+use gusset_session::{self as session, Finished, Page, integration};
+use gusset_setup::{Facts, StructureFacts};
 use gusset_view::report::told;
 
 /// Specimens or axes with their own row in the short form. The others have one row together.

@@ -11,11 +11,11 @@ use super::screen::in_colour;
 use super::{tell, warn};
 use gusset_config::Locator;
 use gusset_control::engine::{Control, PhaseCell};
+use gusset_proof::Verdict;
 use gusset_record::RunFolder;
 use gusset_record::rt::wall::Wall;
 use gusset_session::{Finished, Judged, SessionError, Signals};
 use gusset_setup::Facts;
-use gusset_proof::Verdict;
 
 /// Notices of the loop that may wait to be read.
 const NOTICES: usize = 1024;

@@ -14,7 +14,8 @@ use gusset_link::served::{Latch, LinkMaker};
 use gusset_link::server::Host;
 use gusset_record::lasting::{Kept, LastingError, LastingRecord, SpecimenKey, state_folder};
 use gusset_session::{
-    self as session, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, SpecimenRecords,
+    self as session, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest,
+    SpecimenRecords,
 };
 use gusset_setup::{Prepared, position_reader};
 

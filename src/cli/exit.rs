@@ -1,7 +1,7 @@
 //! The exit code of a command that failed.
 
-pub use gusset_quantity::catalog::ending::Exit;
 use gusset_config::ConfigError;
+pub use gusset_quantity::catalog::ending::Exit;
 
 /// The exit code of an error that reached the top: everything that fails before a specimen is commanded is a
 /// matter of usage, unless the error says otherwise.

@@ -11,12 +11,12 @@ use super::table::Table;
 use super::{answer, tell};
 use gusset_config::TimingSpec;
 use gusset_evidence::frontier::{Point, Scalable, csv, svg};
-use gusset_record::{RunFolder, atomic};
-use gusset_record::rt::wall::Wall;
-use gusset_session::frontier::{Trials, WANTED};
-use gusset_session::{Signal, Signals};
 use gusset_quantity::time::Ratio;
 use gusset_quantity::work::Work;
+use gusset_record::rt::wall::Wall;
+use gusset_record::{RunFolder, atomic};
+use gusset_session::frontier::{Trials, WANTED};
+use gusset_session::{Signal, Signals};
 
 /// Beyond this rate no clock of ours ticks.
 const HIGHEST_HZ: f64 = 1e6;

@@ -10,9 +10,9 @@ use anyhow::Context;
 use super::args::GuideArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use gusset_quantity::catalog::explained::explain;
-use gusset_config::nearest;
 use crate::guide::{self, CONTENTS, Entry, MANUAL_LIST, PAGES, plain_text};
+use gusset_config::nearest;
+use gusset_quantity::catalog::explained::explain;
 
 /// The widest text.
 const WIDEST: usize = 100;

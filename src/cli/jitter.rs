@@ -12,12 +12,12 @@ use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, only_with, tell};
 use gusset_quantity::catalog::ending::Cause;
-use gusset_record::{Progress, RunFolder};
+use gusset_quantity::time::Ratio;
 use gusset_record::rt::load::{Load, USUAL_BYTES};
+use gusset_record::{Progress, RunFolder};
 use gusset_session::fitness::Measured;
 use gusset_session::{self as session, Finished, Signals, Watches, bare_loop};
 use gusset_setup::Prepared;
-use gusset_quantity::time::Ratio;
 use gusset_view::report::{Percentiles, jitter_svg};
 
 /// More than any machine keeps.

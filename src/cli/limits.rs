@@ -2,8 +2,8 @@
 
 use super::table::Table;
 use gusset_actuator::geometry::LawPlace;
-use gusset_setup::{LimitFact, LimitFacts, LoadingFacts};
 use gusset_quantity::units::{number, quantity};
+use gusset_setup::{LimitFact, LimitFacts, LoadingFacts};
 
 /// Adds the limits to the table of a test.
 pub fn tabulate(limits: &LimitFacts, table: &mut Table) {

@@ -7,9 +7,9 @@ use super::args::ListArgs;
 use super::drawn::cut;
 use super::exit::Exit;
 use gusset_config::printable;
+use gusset_quantity::units::{duration, quantity};
 use gusset_record::FolderError;
 use gusset_record::listing::{Listed, Peak, State, listed};
-use gusset_quantity::units::{duration, quantity};
 
 /// Widest line.
 const COLUMNS: usize = 100;

@@ -62,8 +62,8 @@ use args::{Cli, Command, LogArg};
 use clap::ValueEnum as _;
 
 use gusset_config::Diagnostics;
-use gusset_record::rt::os;
 use gusset_quantity::text::printable;
+use gusset_record::rt::os;
 
 /// Runs the command line and returns the exit code: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.

@@ -11,8 +11,8 @@ use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use gusset_control::engine::{Glimpse, Phase};
 use gusset_record::Run;
-use gusset_record::summary::Status;
 use gusset_record::rt::os::monotonic_ns;
+use gusset_record::summary::Status;
 use gusset_session::{Answer, Request, Unanswered, ask, pause};
 
 /// How long a test that answers may take to do what it is told, unless it is told to end.

@@ -7,10 +7,10 @@ use std::sync::{Mutex, PoisonError};
 
 use super::drawn::bar;
 use super::screen;
+use gusset_quantity::work::{self, Watcher};
 use gusset_record::Progress;
 use gusset_record::rt::os::monotonic_ns;
 use gusset_setup::Facts;
-use gusset_quantity::work::{self, Watcher};
 
 /// Work is shown once it has taken so long, in ns.
 const PATIENCE_NS: u64 = 2_000_000_000;

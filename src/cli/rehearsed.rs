@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use super::table::Table;
 use gusset_control::engine::{Ending, Stop};
 use gusset_control::port::Poses;
-use gusset_session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
 use gusset_quantity::units::{duration, number, quantity};
+use gusset_session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
 
 /// The needs of each axis beside its limits: one line per quantity.
 pub fn tabulate(full: &FullRehearsal, table: &mut Table) {

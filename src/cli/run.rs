@@ -12,7 +12,9 @@ use super::status::Status;
 use super::test_file::refused;
 use super::{answer, only_with, tell, warn};
 use gusset_record::Progress;
-use gusset_session::{self as session, Allowed, Judged, ReplayError, ResumeError, Signals, Watches};
+use gusset_session::{
+    self as session, Allowed, Judged, ReplayError, ResumeError, Signals, Watches,
+};
 use gusset_setup::{self as setup, Prepared};
 
 /// Runs one test.

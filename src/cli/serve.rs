@@ -10,15 +10,15 @@ use super::serve_reports::Reports;
 use super::serve_start::{misasked, run_until_signal, unbound};
 use super::test_file::refused;
 use super::{serve_openfresco, serve_tls, tell};
+use anyhow::Context;
 use gusset_config::{self as config, Carrier, ClientCertificate, Offer, SignalOrderSpec};
 use gusset_link::openfresco::Role;
 use gusset_link::secret::read_key;
 use gusset_link::served::RecordSettings;
 use gusset_link::server::{Host, ServeOptions, Server, USUAL_LISTEN};
+use gusset_proof::Verdict;
 use gusset_session::Judged;
 use gusset_setup::{self as setup, Served, load_served, openfresco_role, rt_plan};
-use gusset_proof::Verdict;
-use anyhow::Context;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
 const USUAL_PERIOD_NS: u64 = 1_000_000;

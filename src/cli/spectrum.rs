@@ -8,13 +8,11 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::table::Table;
-use gusset_record::{atomic, make_free};
-use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
-use gusset_proof::{
-    CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams,
-};
-use gusset_quantity::units::{duration, number, quantity};
 use gusset_evidence::verify::{Figure, Scale, Series};
+use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
+use gusset_proof::{CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams};
+use gusset_quantity::units::{duration, number, quantity};
+use gusset_record::{atomic, make_free};
 
 /// Modes that are listed.
 const LISTED: usize = 6;

@@ -9,10 +9,10 @@ use serde_json::json;
 use super::args::VerifyArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, screen, tell};
-use gusset_record::make_free;
-use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use gusset_evidence::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 use gusset_quantity::work::Work;
+use gusset_record::make_free;
+use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 
 /// Proves the topics that are asked for.
 pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {

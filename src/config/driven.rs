@@ -11,9 +11,9 @@ use super::{
     AxisTable, CertificateTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded,
     PrescribedPlace, PrescribedTable, TestFile, Time, TimeTable, parse,
 };
-use gusset_quantity::catalog::limit::{CheckedBy, Limit};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_motion::Motion;
+use gusset_quantity::catalog::limit::{CheckedBy, Limit};
 use gusset_quantity::time::Ratio;
 
 /// The motion of one axis.

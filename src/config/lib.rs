@@ -70,7 +70,6 @@ use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
-pub use gusset_quantity::text::printable;
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
 pub use campaign::{LoadedStudy, load_study, parse_study};
 pub use campaign_table::{
@@ -90,6 +89,7 @@ pub use excitation::{
 };
 pub use fault_rules::{ScriptError, check_script};
 use fault_script::Script;
+pub use gusset_quantity::text::printable;
 pub use input_store::InputStore;
 pub use input_store::read_input;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
@@ -530,4 +530,4 @@ impl Transform for ForToml {
 }
 
 #[cfg(test)]
-mod tests;
+mod schema_tests;

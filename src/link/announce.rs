@@ -4,8 +4,8 @@
 //! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
 //! lead the specimen home; the specimen's end comes in where that has failed.
 
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::port::limits::{AxisLimits, Bound, Range};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Limits, Unit};
 

@@ -23,9 +23,9 @@ pub use server::Simulated;
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
 
 use self::tls::TlsFault;
-use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 
 /// Moves bytes. Streams and datagrams look the same from above: a datagram is a chunk that happens to hold whole
 /// frames.

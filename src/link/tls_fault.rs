@@ -3,8 +3,8 @@
 use rustls::{AlertDescription, CertificateError, Error, InvalidMessage};
 use thiserror::Error as Thiserror;
 
-use gusset_record::utc;
 use gusset_quantity::substructure::LinkFault;
+use gusset_record::utc;
 
 /// Why a TLS session does not come about, or ends; "it" is the peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Thiserror)]

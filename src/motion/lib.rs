@@ -9,10 +9,10 @@
 //! No file is opened here, no clock is read. During a test only [`Excitation::load_into`], [`Excitation::base`],
 //! [`Excitation::ground`] and [`Prescribed::at`] run: they read tables and allocate nothing.
 
-pub mod identify;
-pub mod metrics;
 mod base;
 pub mod error;
+pub mod identify;
+pub mod metrics;
 mod noise;
 mod paths;
 mod prescribed;

@@ -3,9 +3,9 @@
 use nalgebra::Complex;
 
 use gusset_actuator::compensation::CompensationSpec;
-use gusset_quantity::finding::KeyPath;
-use gusset_numerics::spectral::delay::Delayed;
 use gusset_actuator::transfer::TransferSpec;
+use gusset_numerics::spectral::delay::Delayed;
+use gusset_quantity::finding::KeyPath;
 
 /// One specimen and what is declared of its actuator.
 #[derive(Debug, Clone)]

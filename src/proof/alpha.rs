@@ -6,9 +6,9 @@ use super::criterion::StabilityProof;
 use super::integration::Stability;
 use super::kind::Kind;
 use super::lambda::Advice;
-use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_numerics::linalg::{Spd, SymMatrix};
 use gusset_numerics::spectral::{AlphaStep, Weights, spectral_radius};
+use gusset_quantity::finding::{Finding, KeyPath};
 
 /// Largest structure that is examined: eigenvalues of six times as many rows.
 const LARGEST: usize = 40;

@@ -4,8 +4,8 @@
 use super::actuator::Follows;
 use super::analysis::{Analysis, Loop};
 use super::case::Case;
-use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_numerics::spectral::delay::{DiscreteLimit, continuous};
+use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_quantity::units::duration;
 
 /// A warning for each specimen of which an axis lags more than the recursion tolerates of all axes together, and for each

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::analysis::{Analysis, Attached};
 use super::case::Case;
 use super::kind::Kind;
-use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_numerics::linalg;
+use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_quantity::units::number;
 
 /// Share of the damping of a mode that the actuators may take before a finding.

@@ -13,8 +13,8 @@ use super::bound::{DelayBound, DelayBounds, DelayCondition, diverging, growing};
 use super::case::Case;
 use super::kind::Kind;
 use super::state::{Bears, State};
-use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
+use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_quantity::units::duration;
 
 /// What is known of one specimen behind a declared actuator.

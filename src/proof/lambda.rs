@@ -5,10 +5,10 @@ use super::criterion::{LambdaChoice, Parts, StabilityError, StabilityProof};
 use super::integration::Stability;
 use super::kind::Kind;
 use super::online::OnlineLimit;
-use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_numerics::integrate::Lambda;
 use gusset_numerics::linalg::{Spd, SymMatrix};
 use gusset_numerics::model::Part;
+use gusset_quantity::finding::{Finding, KeyPath};
 
 /// Degrees of freedom up to which the limit of λ is found again and again while a test runs: milliseconds each time.
 const MOST_ONLINE: usize = 200;

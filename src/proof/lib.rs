@@ -52,3 +52,6 @@ pub use online::{LambdaLimit, OnlineLimit};
 pub use recorded::{Outcome, RecordedFinding, RecordedVerdict};
 pub use spectrum::{CriticalDelays, Spectrum};
 pub use verdict::{Judgement, Verdict};
+
+#[cfg(test)]
+mod integrate_tests;

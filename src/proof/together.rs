@@ -5,8 +5,8 @@ use super::analysis::Loop;
 use super::case::Case;
 use super::kind::Kind;
 use super::roots::roots;
-use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_numerics::spectral::delay::Delayed;
+use gusset_quantity::finding::{Finding, KeyPath};
 
 /// The finding on all actuators together; none for a single axis, and where the loop is stable.
 pub(super) fn together(case: &Case<'_>) -> Option<(Kind, Finding)> {

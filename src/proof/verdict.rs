@@ -270,10 +270,10 @@ fn unknown_actuators(case: &Case<'_>) -> Vec<Finding> {
 mod tests {
     use super::super::{Actuator, Analysis, AtRest, Attached, Machine, Matrices};
     use super::*;
+    use gusset_actuator::transfer::TransferSpec;
     use gusset_numerics::integrate::Lambda;
     use gusset_numerics::linalg::SymMatrix;
     use gusset_numerics::spectral::delay::sdof;
-    use gusset_actuator::transfer::TransferSpec;
 
     const MASS: f64 = 1000.0;
     const DAMPING: f64 = 400.0;

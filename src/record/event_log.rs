@@ -12,9 +12,9 @@ use super::append::{Appender, Flushed, Store, Unit};
 use super::events::{Event, EventLine};
 use super::intact::Extent;
 use super::miss::{MissClasses, SampleWindow, classify};
-use crate::rt::sampler::SchedSample;
 use super::note::{Note, Position};
 use super::warned::Warned;
+use crate::rt::sampler::SchedSample;
 use gusset_quantity::catalog::event::Severity;
 
 /// One moment as the writer's two clocks show it.

@@ -21,7 +21,6 @@
 //!
 //! No clock is read here: whoever starts the writer says how ([`writer::Clocks`]).
 
-pub mod rt;
 pub mod append;
 pub mod atomic;
 mod buffers;
@@ -43,6 +42,7 @@ mod missing;
 pub mod note;
 pub mod onlooker;
 pub mod ring;
+pub mod rt;
 pub mod run;
 mod strides;
 pub mod summary;

@@ -7,8 +7,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 use super::MissClasses;
-pub use gusset_quantity::catalog::ending::Status;
 pub use gusset_proof::RecordedVerdict;
+pub use gusset_quantity::catalog::ending::Status;
 
 /// Which clock a run used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

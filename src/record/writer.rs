@@ -38,10 +38,10 @@ use super::checkpoint::StateFolder;
 use super::event_log::Moment;
 use super::intact::Extent;
 use super::miss::MissClasses;
-use crate::rt::sampler::SchedSample;
 use super::note::Note;
 use super::onlooker::Onlooker;
 use super::ring::RingReader;
+use crate::rt::sampler::SchedSample;
 
 /// The clocks that the writer reads.
 #[derive(Debug, Clone, Copy)]

@@ -13,14 +13,14 @@ use serde::Serialize;
 use super::lineage::Origin;
 use super::reason::{named, stop_words};
 use super::summary::finite;
+use gusset_config::{Time, TimeTable};
+use gusset_control::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
 use gusset_quantity::catalog::ending::{Cause, Kind};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Part;
-use gusset_config::{Time, TimeTable};
-use gusset_control::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
+use gusset_quantity::substructure::LinkFault;
 use gusset_record::summary::{Peak, Status};
 use gusset_record::{Event, EventLine, FolderError, Run, Summary};
-use gusset_quantity::substructure::LinkFault;
 use rows::Rows;
 
 /// A key of `summary.json` that is not what the record shows.

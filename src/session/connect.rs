@@ -10,12 +10,12 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender};
 
 use super::lineage::ACCEPT;
-use gusset_quantity::catalog::event::Remark;
 use gusset_config::ClockChoice;
 use gusset_control::engine::{Control, Experiment, Operator};
 use gusset_control::port::Port;
-use gusset_record::{Event, FolderError, Run, Writer};
+use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::substructure::{Introduction, LinkFault, Retirement, Unavailable};
+use gusset_record::{Event, FolderError, Run, Writer};
 
 /// How often the operator's line is looked at meanwhile.
 const LOOK_EVERY: Duration = Duration::from_millis(20);

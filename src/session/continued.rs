@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::lineage::{Generation, Lineage, Origin, places, way_from};
-use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use gusset_control::port::Port;
+use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use gusset_record::summary::Status;
 use gusset_record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
 use gusset_setup::Files;

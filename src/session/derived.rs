@@ -12,10 +12,10 @@
 
 use thiserror::Error;
 
-use gusset_quantity::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
 use gusset_config::{self as config, ConfigError, TestFile, Weighting};
 use gusset_control::engine::Phase;
 use gusset_numerics::model::{BuildError, StructureSpec};
+use gusset_quantity::catalog::column::{ACCEL, DISP, GROUND, STATE, TIME};
 use gusset_record::export::{Rows, Sum};
 use gusset_record::{FolderError, Run};
 

@@ -3,8 +3,8 @@
 //! Recordings of versions up to 0.2.0 have no column `operator`. The commands of the operator follow from `hold`, from `state` and
 //! from the row before. Nothing else in the program knows such rows.
 
-use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
 use gusset_control::engine::OperatorCommands;
+use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
 use gusset_record::{Column, Layout};
 
 /// Physical columns that recordings of earlier versions do not have.

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use gusset_config as config;
 use gusset_control::engine::Side;
+use gusset_motion::Excitation;
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::falsified::Mode;
 use gusset_numerics::model::{Base, Structure};
-use gusset_motion::Excitation;
+use gusset_proof::Analysis;
 use gusset_record::Column;
 use gusset_setup as setup;
-use gusset_proof::Analysis;
 
 /// The numerical side of a test without its integrator.
 pub(super) struct Energetics {

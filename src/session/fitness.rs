@@ -9,8 +9,8 @@
 
 use serde_json::{Value, json};
 
-use gusset_record::MissClasses;
 use gusset_quantity::units::{duration, number, rate};
+use gusset_record::MissClasses;
 
 /// Rates of usual hybrid tests, Hz.
 const RATES: [f64; 5] = [256.0, 512.0, 1024.0, 2048.0, 4096.0];

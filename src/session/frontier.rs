@@ -9,8 +9,8 @@ use tracing::subscriber::NoSubscriber;
 use super::{SessionError, Signals, Watches, loop_round, run};
 use gusset_config::TimingSpec;
 use gusset_evidence::frontier::{Length, ModelError, Point, Scalable, Search, Trial, largest};
-use gusset_record::{FolderError, Progress, RunFolder};
 use gusset_quantity::time::Ratio;
+use gusset_record::{FolderError, Progress, RunFolder};
 
 /// Share of the deadlines that a model must keep.
 pub const WANTED: f64 = 0.9999;

@@ -1,11 +1,11 @@
 //! The stability of the integration in words, for `check`, the certificate and the end of `run`.
 
-use gusset_config::Method;
 use gusset_actuator::geometry::LawPlace;
+use gusset_config::Method;
 use gusset_numerics::integrate::Lambda;
-use gusset_setup::{Facts, StructureFacts};
 use gusset_proof::{Stability, grows, is_stable};
 use gusset_quantity::units::{compared, number};
+use gusset_setup::{Facts, StructureFacts};
 
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";

@@ -2,9 +2,9 @@
 
 use super::rehearsal::{FullRehearsal, errors};
 use gusset_config::{ConfigError, DIVERGENCE_M, KeyPath};
-use gusset_setup::{self as setup, Prepared};
 use gusset_proof::Kind;
 use gusset_proof::{Following, Verdict, added_damping};
+use gusset_setup::{self as setup, Prepared};
 
 /// Least default of `safety.divergence_m` in m for a test that moves a specimen behind a link.
 const LEAST_DIVERGENCE_M: f64 = 0.1;

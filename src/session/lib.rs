@@ -10,10 +10,10 @@
 //!
 //! No shared mutable state with the loop, no mutex it could meet.
 
-pub mod campaign;
 mod agreement;
 mod archive;
 mod bare;
+pub mod campaign;
 pub mod certificate;
 mod checksum;
 mod compare;
@@ -84,16 +84,16 @@ use guarded::Ended;
 use ready::{Ready, prepare};
 use specimen_records::HeldRecords;
 
-use gusset_quantity::catalog::ending::{Cause, Exit};
-use gusset_quantity::catalog::event::Remark;
 use gusset_config::ConfigError;
 use gusset_control::engine::Control;
-use gusset_record::writer::WriterError;
-use gusset_record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};
+use gusset_proof::RecordedVerdict;
+use gusset_quantity::catalog::ending::{Cause, Exit};
+use gusset_quantity::catalog::event::Remark;
 use gusset_record::rt::wall::Wall;
 use gusset_record::rt::{Granted, os};
+use gusset_record::writer::WriterError;
+use gusset_record::{Event, FolderError, Progress, Recorded, RunFolder, Summary, Writer};
 use gusset_setup::{Facts, Prepared};
-use gusset_proof::RecordedVerdict;
 
 /// Why a test could not be run at all. Nothing was moved.
 #[derive(Debug, Error)]

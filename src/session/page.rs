@@ -11,8 +11,8 @@ use super::agreement::{is_of_an_earlier_version, with_record};
 use super::energetics::{Without, known};
 use super::lineage::{Generation, Lineage, Origin, way_from};
 use super::replay_error::ReplayError;
-use gusset_quantity::catalog::phase::Phase;
 use gusset_motion::metrics::energy::Model;
+use gusset_quantity::catalog::phase::Phase;
 use gusset_record::summary::Status;
 use gusset_record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use gusset_view::report::{
@@ -167,9 +167,7 @@ impl Source for OnDisk<'_> {
             time = at(time_at);
             // The last exchange of a step counts; the others are trials and repeated requests.
             let running = at(state_at).filter(|state| *state == Phase::Running.code());
-            // A client that never commits and sends no time has no steps.
             let next = running.and(at(commits_at)).zip(time);
-            let next = next.filter(|(commits, time)| *commits > 0.0 || *time > 0.0);
             if next.is_some() && next == step {
                 count_trial(&mut trials, time);
                 filled -= 1;

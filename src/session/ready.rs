@@ -6,18 +6,18 @@ use std::thread::JoinHandle;
 use super::guarded::{Ended, run_to_the_end};
 use super::sampling::spawn_sampler;
 use super::{SessionError, Watches, archive};
-use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_config::ClockChoice;
 use gusset_control::engine::{Connected, Control, Experiment};
+use gusset_quantity::catalog::event::{Remark, Severity};
+use gusset_quantity::time::{Clock, SimClock};
+use gusset_record::rt::sampler::Sampler;
+use gusset_record::rt::wall::Wall;
+use gusset_record::rt::{Granted, apply, os, pin_away};
 use gusset_record::writer::Clocks;
 use gusset_record::{
     Event, Layout, Note, RingSize, RunFolder, WhenFull, Writer, WriterSettings, ring,
 };
-use gusset_record::rt::sampler::Sampler;
-use gusset_record::rt::wall::Wall;
-use gusset_record::rt::{Granted, apply, os, pin_away};
 use gusset_setup::{Facts, Files, rt_plan};
-use gusset_quantity::time::{Clock, SimClock};
 
 /// A test whose threads stand ready; nothing has moved.
 pub(super) struct Ready {

@@ -1,8 +1,8 @@
 //! Why a test ended, in words, and what its specimens report after the last command.
 
 use super::lineage::ACCEPT;
-use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::{EndPosition, Ending, IncompleteShutdown, Outcome, Stop};
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{AGREED, Holder};
 
 /// How a test ended, and why in words.

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use super::tape::{Shared, at, with};
-use gusset_quantity::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
 use gusset_control::engine::Experiment;
-use gusset_record::Layout;
+use gusset_quantity::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::Nanos;
+use gusset_record::Layout;
 
 /// Answers as the recorded specimen did.
 struct Recorded {

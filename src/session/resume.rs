@@ -24,13 +24,13 @@ use super::retrace::{
     unusable_states,
 };
 use super::row_peaks::{earlier_peaks, peak_of};
+pub use error::ResumeError;
 use gusset_config::Loaded;
 use gusset_control::port::Port;
+use gusset_quantity::units::duration;
 use gusset_record::summary::Status;
 use gusset_record::{MissingEnd, Run, ToldBy};
 use gusset_setup::{self as setup, Dial, Facts, Prepared};
-use gusset_quantity::units::duration;
-pub use error::ResumeError;
 use places::{Tolerances, places, ticks_lost};
 use trips::Trips;
 

@@ -4,12 +4,12 @@
 //! folds rows: a resume and the check of a run folder use it. Steps after the last one that counts are included, because they
 //! loaded the specimens. Invariant: a stale measurement raises no peak.
 
-use gusset_quantity::catalog::phase::Part;
 use gusset_control::engine::{EarlierPeaks, Peaks};
 use gusset_control::port::Port;
+use gusset_quantity::catalog::phase::Part;
+use gusset_quantity::substructure::Status;
 use gusset_record::summary::Peak;
 use gusset_record::{FolderError, Run};
-use gusset_quantity::substructure::Status;
 
 /// Largest magnitudes of a test and of those that it went on with, which came to `before`: as its summary has them, of a test
 /// without one those of its rows from the one with this number on. What is before them the retraced loop knows.

@@ -7,14 +7,14 @@ use std::path::Path;
 
 use super::guarded::Ended;
 use super::lineage::itself;
-use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::EndPosition;
 use gusset_control::port::Port;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_record::lasting::{
     Kept, LastingError, LastingRecord, Place, SpecimenKey, is_same, state_folder,
 };
-use gusset_record::utc::rfc3339;
 use gusset_record::rt::wall::Wall;
+use gusset_record::utc::rfc3339;
 use gusset_setup::Facts;
 
 /// The lasting records of a test that its caller knows.

@@ -8,15 +8,15 @@ use serde_json::{Value, json};
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::reason::{ending, last_words};
-use gusset_quantity::catalog::ending::Cause;
 use gusset_config::ClockChoice;
 use gusset_control::engine::{Gaps, Outcome};
-use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
-use gusset_record::{FolderError, Recorded, RunFolder, Summary, times};
+use gusset_quantity::catalog::ending::Cause;
 use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
 use gusset_record::rt::timing::{Quantity, Timing};
 use gusset_record::rt::wall::Wall;
+use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
+use gusset_record::{FolderError, Recorded, RunFolder, Summary, times};
 use gusset_setup::Facts;
 
 /// When the loop began, and how long it took on the wall.

@@ -13,15 +13,15 @@ use crossbeam_channel::Sender;
 
 use super::earlier_rows::EarlierRows;
 use super::replay_error::ReplayError;
+use gusset_control::engine::{Experiment, Operator, OperatorCommands, Phase};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
-use gusset_control::engine::{Experiment, Operator, OperatorCommands, Phase};
+use gusset_quantity::substructure::LinkFault;
+use gusset_quantity::work::Work;
 use gusset_record::{
     Column, Event, EventLine, EventLines, FolderError, Journal, Layout, Recorder, Run, TimedEvent,
     WarmUpRows,
 };
-use gusset_quantity::substructure::LinkFault;
-use gusset_quantity::work::Work;
 
 /// Columns that say where within a step a row stands.
 const MOMENT: [&str; 2] = ["sub_tick", "time"];

@@ -4,11 +4,11 @@ use super::specimens::Specimens;
 use super::structure::vector;
 use super::{Refused, Site, path};
 use gusset_config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
-use gusset_numerics::model::Structure;
 use gusset_motion::{
     Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, Signal,
     Unit, base_motion, parse_table,
 };
+use gusset_numerics::model::Structure;
 
 /// Most numbers of all motions of a test together, which are laid out before it: 4 GiB, twelve hours of a ground motion at 4096 Hz.
 const MOST_NUMBERS: u64 = 1 << 29;

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use super::LimitFacts;
 use gusset_config::{ClockChoice, Method, TimingSpec};
-use gusset_numerics::integrate::Lambda;
 use gusset_motion::RecordFacts;
+use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
 
 /// What is known about a test before it runs.

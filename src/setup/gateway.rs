@@ -18,6 +18,7 @@ use super::links::{beside, folder, native_setup, tls_client, wire_axes};
 use super::remote::remote_settings;
 use super::specimens::loading::at_actuators;
 use gusset_config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTable};
+use gusset_control::port::{Pace, WiringCheck};
 use gusset_link::announce::narrower;
 use gusset_link::openfresco::{Remote, RemoteSettings};
 use gusset_link::secret::read_key;
@@ -25,7 +26,6 @@ use gusset_link::served::{Controller, LinkBuild, LinkMaker, PaceClock, Pacing, W
 use gusset_link::server::Host;
 use gusset_link::tls::TlsClient;
 use gusset_link::{NativeLink, NativeSetup};
-use gusset_control::port::{Pace, WiringCheck};
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::Sampling;
 

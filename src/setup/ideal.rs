@@ -9,14 +9,14 @@ use super::gear::scaled;
 use super::specimens::{IdealLaw, IdealPort};
 use super::{Initial, Refused, Site, Trial, excitation, method, proof, specimens, structure};
 use gusset_config::{ConfigError, LambdaValue, Loaded};
+use gusset_control::port::Axis;
+use gusset_motion::Excitation;
 use gusset_numerics::integrate::{
     Forces, Lambda, MethodError, Moment, Newmark, NewmarkBeta, NewtonSettings, State, Stepper,
     Tangents,
 };
 use gusset_numerics::linalg::{Spd, SymMatrix};
 use gusset_numerics::model::{Base, Structure};
-use gusset_motion::Excitation;
-use gusset_control::port::Axis;
 
 /// Parts in which a static load is applied.
 const PARTS: u32 = 20;

@@ -36,14 +36,14 @@ mod trial;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
-use gusset_control::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
-use gusset_link::{NativeSetup, Transport};
-use gusset_record::rt;
-use gusset_proof::{Analysis, AtRest, Kind, Matrices, Stability};
 pub use facts::{Facts, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
+use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
+use gusset_control::engine::{Experiment, Numerical, Side, StaticLoad, StepAudit};
+use gusset_link::{NativeSetup, Transport};
+use gusset_proof::{Analysis, AtRest, Kind, Matrices, Stability};
+use gusset_record::rt;
 pub use ideal::{Ideal, IdealCourse, NoCourse, build_ideal};
 pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
 use method::Initial;
@@ -443,3 +443,6 @@ fn numerical(
     let numerical = safety::counted(&site.loaded.file, numerical);
     Ok((numerical, settling, facts))
 }
+
+#[cfg(test)]
+mod tests;

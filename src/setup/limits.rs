@@ -5,11 +5,11 @@ mod specimen;
 use serde::Serialize;
 
 use super::specimens::loading::LoadingFacts;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ClockChoice, ExitChoice, TestFile, Time};
 use gusset_control::engine::{Limits, OnMiss};
 use gusset_control::port::Port;
 use gusset_control::port::limits::Bound;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::duration;
 
 /// All limits of a test.

@@ -9,16 +9,16 @@ use gusset_config::{
     Carrier, ClockChoice, Finding, KeyPath, LinkCoupling, LinkSpec, SpecimenTable, StaleChoice,
     TestFile, TlsSpec, WATCHDOG_MAX_S,
 };
+use gusset_control::port::limits::AxisLimits;
+use gusset_control::port::{OnStale, WaitRules};
 use gusset_link::announce::announce;
 use gusset_link::openfresco::{Remote, RemoteSettings};
 use gusset_link::secret::read_key;
 use gusset_link::tls::{FileError, TlsClient, TlsFiles};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions, Wait};
-use gusset_control::port::limits::AxisLimits;
-use gusset_control::port::{OnStale, WaitRules};
-use gusset_record::rt::throttle::Throttle;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::Ratio;
+use gusset_record::rt::throttle::Throttle;
 use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
 

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use super::specimens::Specimens;
 use super::{Site, StructureFacts, path};
 use gusset_config::{Finding, KeyPath};
-use gusset_numerics::model::StructureSpec;
 use gusset_motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
+use gusset_numerics::model::StructureSpec;
 use gusset_proof::Kind;
 use gusset_quantity::units::{duration, number, quantity};
 

@@ -4,8 +4,8 @@
 use super::excitation::{grid, motion, warn, with_files};
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use gusset_config::{Finding, KeyPath, PrescribedPlace, PrescribedTable};
 use gusset_actuator::geometry::{Fault, Geometry, MOST};
+use gusset_config::{Finding, KeyPath, PrescribedPlace, PrescribedTable};
 use gusset_motion::{Grid, Prescribed, PrescribedSpec};
 
 /// The histories of one specimen.

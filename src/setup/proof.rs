@@ -4,7 +4,6 @@ use super::method::Initial;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{Finding, LambdaValue, Method, Severity};
-use gusset_quantity::finding::KeyPath;
 use gusset_numerics::integrate::{Gui, Lambda, Start};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{ModelError, Part, Structure};
@@ -13,6 +12,7 @@ use gusset_proof::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Proven, Request, Stability, StabilityError,
     StabilityProof, alpha_stability, lambda_path,
 };
+use gusset_quantity::finding::KeyPath;
 
 /// Upper bounds of the tangents.
 struct Bounds {

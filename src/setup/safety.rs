@@ -2,7 +2,6 @@
 
 use super::gear::Rows;
 use super::{Refused, Site, path};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{
     AxisTable, BoundSpec, ExitChoice, Finding, LimitsSpec, ShareSpec, SpecimenTable, TestFile,
     Time, ZeroChoice,
@@ -10,6 +9,7 @@ use gusset_config::{
 use gusset_control::engine::{InitialForce, Intake, Numerical, StartupSettings, TestLimits};
 use gusset_control::port::limits::Bound;
 use gusset_control::port::{Axis, Exit, Exits, Reference, Zero};
+use gusset_quantity::catalog::limit::Limit;
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;

@@ -6,15 +6,15 @@ use super::gateway;
 use super::links::{beside, wire_axes};
 use super::specimens::loading::{behind_actuators, own_offsets};
 use super::speed;
+use gusset_actuator::specimen::{InUnits, Mounted, Specimen};
+use gusset_actuator::transfer::Transfer;
 use gusset_config::{
     ConfigError, Finding, KeyPath, Offer, ServedFile, SpecimenTable, load_serve_file,
 };
 use gusset_link::openfresco::{Role, Transformation};
 use gusset_link::secret::read_key;
 use gusset_link::server::Host;
-use gusset_actuator::specimen::{InUnits, Mounted, Specimen};
 use gusset_proof::{Accepts, Kind, Verdict};
-use gusset_actuator::transfer::Transfer;
 use gusset_wire::key::PreSharedKey;
 use gusset_wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 

@@ -3,8 +3,8 @@
 use super::gateway::signal_units;
 use super::gear;
 use super::specimens::loading::loading_of;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ServedFile, SpecimenTable};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::AxisUnits;
 
 /// Trip levels of one axis, or the range that they allow for one signal of the client. Infinite without a level.

@@ -10,22 +10,22 @@ mod unwatched;
 
 use super::gear::Rows;
 use super::{Estimate, Refused, Site, path, safety};
+use entry::entry;
+use gusset_actuator::geometry::Geometry;
+use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 pub use gusset_config::check::measured::needing_measured_disp;
 use gusset_config::{Finding, LinkSpec, Loaded, ProbeChoice};
-use gusset_actuator::geometry::Geometry;
-use gusset_link::NativeLink;
-use gusset_link::openfresco::Remote;
-use gusset_numerics::model::StructureSpec;
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{
     Axis, Declared, LinearStandIn, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
     WiringCheck,
 };
-use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
+use gusset_link::NativeLink;
+use gusset_link::openfresco::Remote;
+use gusset_numerics::model::StructureSpec;
 use gusset_numerics::spectral::delay::Weights;
 use gusset_proof::Attached;
 use gusset_quantity::substructure::Substructure;
-use entry::entry;
 use loading::Loading;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.

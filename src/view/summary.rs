@@ -8,10 +8,10 @@ use serde_json::Value;
 use super::lenient;
 use super::limits::LimitsView;
 use super::timing::Timings;
+use gusset_proof::RecordedVerdict;
 use gusset_quantity::catalog::ending::Status;
 use gusset_record::MissClasses;
 use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
-use gusset_proof::RecordedVerdict;
 
 /// How far a test came, and what it lost.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]

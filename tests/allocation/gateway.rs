@@ -1,12 +1,12 @@
 //! What a server does for an exchange allocates nothing: limits, formula, log.
 
-use gusset_quantity::catalog::ending::Cause;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::LimitsSpec;
 use gusset_link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
-use gusset_record::Run;
-use gusset_actuator::specimen::SpecimenLaw;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
+use gusset_record::Run;
 
 #[test]
 fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {

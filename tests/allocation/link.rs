@@ -5,15 +5,17 @@ use std::net::SocketAddr;
 use std::sync::mpsc;
 use std::time::Duration;
 
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::Carrier;
-use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_link::native::unlimited_axis;
 use gusset_link::server::{Host, ServeOptions, Server};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions};
-use gusset_record::rt::os::monotonic_ns;
-use gusset_actuator::specimen::SpecimenLaw;
-use gusset_quantity::substructure::{Command, Coupling, Freshness, Measurement, Retirement, Substructure};
+use gusset_numerics::law::{LawSpec, LinearSpec};
+use gusset_quantity::substructure::{
+    Command, Coupling, Freshness, Measurement, Retirement, Substructure,
+};
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_wire::handshake::{Axis, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
 

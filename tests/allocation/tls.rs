@@ -5,18 +5,18 @@ use std::net::SocketAddr;
 use std::sync::Mutex;
 use std::time::Duration;
 
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::{Carrier, ServeTlsSpec, TlsSpec};
-use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_link::native::unlimited_axis;
 use gusset_link::server::{Host, ServeError, ServeOptions, Server};
 use gusset_link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
-use gusset_record::rt::os::monotonic_ns;
-use gusset_actuator::specimen::SpecimenLaw;
+use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_wire::handshake::{Axis, Sampling, Unit};
 
 /// Threads are counted, so these tests run one after another.

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::common::{Said, say, write};
-use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_actuator::compensation::CompensationSpec;
+use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset_session::rehearsal::{Budget, carry_out};
 use serde_json::Value;

@@ -1,8 +1,8 @@
 //! Mistakes in the file of a gateway are shown where they stand, before anything is connected.
 
 use crate::link_common::{COMPUTED, finish, gateway, gusset, linked, write};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config as config;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_setup as setup;
 
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";

@@ -10,7 +10,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-use gusset_session::campaign::{TASKS, campaign, complete, planned, study, undisturbed};
+use crate::campaign::{TASKS, campaign, complete, planned, study, undisturbed};
 use crate::common::{Said, gusset, say};
 
 /// A planned campaign with 5 chunks in a folder whose name needs quotes.

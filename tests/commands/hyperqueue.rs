@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use gusset_session::campaign::{campaign, complete, planned, undisturbed};
+use crate::campaign::{campaign, complete, planned, undisturbed};
 use crate::common::Said;
 
 /// Python with HyperQueue. Without it a test says SKIPPED, and fails where CI=true.

@@ -20,7 +20,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use gusset_session::campaign::{campaign, complete};
+use crate::campaign::{campaign, complete};
 use crate::common::{FRAME, Said, gusset, say};
 
 /// Nothing takes this long unless it hangs.

@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use gusset_control::engine::{Connected, Control, Experiment, Outcome, Phase};
+use gusset_quantity::time::{Clock, SimClock};
 use gusset_record::{Column, MemoryRecorder, Recorder, TimedEvent};
 use gusset_setup::{Facts, Prepared};
-use gusset_quantity::time::{Clock, SimClock};
 
 /// A recorder whose content can still be read when the engine has taken it.
 #[derive(Clone, Default)]

@@ -10,8 +10,8 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
-use gusset_record::{End, Run};
 use gusset_record::rt::os::monotonic_ns;
+use gusset_record::{End, Run};
 
 use crate::common::{FRAME, PATIENT, completed, gusset, say, write};
 use crate::{Dice, note, rest, rows};

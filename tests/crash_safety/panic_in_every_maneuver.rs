@@ -9,11 +9,11 @@ use gusset_control::engine::{
     Connected, Control, Ending, Experiment, Notice, Operator, Phase, PhaseCell, Stop,
 };
 use gusset_control::port::{Pace, WiringCheck};
-use gusset_record::MemoryRecorder;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::{Clock, Nanos, SimClock};
+use gusset_record::MemoryRecorder;
 
 /// Every maneuver: wiring check, zeroing with confirmation, static load, ramp, warm-up, steps, hold and shutdown.
 const TEST: &str = r#"title = "Two columns"

@@ -8,17 +8,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::common::{FRAME, PATIENT, json, say, write};
 use crate::link_common::Served;
-use gusset_quantity::catalog::ending::Cause;
 use gusset_config as config;
 use gusset_control::port::{Axis, Port};
-use gusset_record::summary::Status;
-use gusset_record::{Run, RunFolder};
-use gusset_session::{self as session, Finished, Watches};
-use gusset_setup::{self as setup, Prepared};
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::Nanos;
+use gusset_record::summary::Status;
+use gusset_record::{Run, RunFolder};
+use gusset_session::{self as session, Finished, Watches};
+use gusset_setup::{self as setup, Prepared};
 
 /// A spring whose code has a bug that shows at a given time, and perhaps another in its last words.
 #[derive(Debug)]

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::{Control, Ending, Operator};
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::substructure::{Coupling, LinkFault};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_record::RunFolder;
 use gusset_record::summary::Status;
 use gusset_session::{self as session, Watches};
-use gusset_quantity::substructure::{Coupling, LinkFault};
-use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 use crate::common::engine::{prepare, run_on};
 use crate::common::rig::{Act, Log, Phase, attach, storey, two_floors};

@@ -3,13 +3,13 @@
 
 use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset_control::port::{Axis, Exit};
-use gusset_record::{Event, RunFolder};
-use gusset_session::{self as session, Watches};
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::SimClock;
+use gusset_record::{Event, RunFolder};
+use gusset_session::{self as session, Watches};
 
 const STEPS: u32 = 12;
 /// Warm-up and a static load, so that faults before t = 0 are among those tried.

@@ -8,13 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::common::engine::{Run, run_on};
 use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
 use gusset_control::port::limits::Bound;
-use gusset_record::Event;
-use gusset_record::rt::timing::Quantity;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::{Coupling, Retirement};
 use gusset_quantity::time::{Clock, Nanos, SimClock};
+use gusset_record::Event;
+use gusset_record::rt::timing::Quantity;
 
 const STEPS: u32 = 40;
 /// One tick, ns.

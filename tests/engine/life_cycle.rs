@@ -6,15 +6,15 @@ use std::sync::{Arc, Mutex};
 use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig;
 use crate::common::spring::Spring;
-use gusset_quantity::catalog::ending::Cause;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset_control::port::limits::{AxisLimits, Bound, Hit, Range};
 use gusset_control::port::{Axis, Exit, Exits, Port, Reference, UnloadFailure, Zero};
-use gusset_record::{Event, Word};
-use gusset_session::ending;
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
+use gusset_record::{Event, Word};
+use gusset_session::ending;
 
 /// 1 kHz in wall and test time; one storey of 2 t on 3e5 N/m, beside the specimen.
 const PERIOD: f64 = 1e-3;

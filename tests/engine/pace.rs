@@ -8,12 +8,12 @@ use crate::common::engine::{Run, prepare, run, run_on, run_under};
 use crate::common::spring::Spring;
 use gusset_control::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset_control::port::{Axis, HOLD_AT, Order, Port};
-use gusset_record::RunFolder;
-use gusset_session::{self as session, Watches, replay};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
+use gusset_record::RunFolder;
+use gusset_session::{self as session, Watches, replay};
 
 /// Steps of 10 ms, springs of 2e5 N/m on the bottom storey; `ticks` of them.
 fn frame(ticks: u32, more: &str) -> String {
@@ -143,8 +143,7 @@ fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
     // A stop within one tick would turn by the way of a tick, 2π 3.2/1000 = 0.02 of the amplitude; the slow-down is over 2 ticks
     // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
     assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
-    let pace =
-        |e: &&gusset_record::TimedEvent| matches!(e.kind, gusset_record::Event::Pace { .. });
+    let pace = |e: &&gusset_record::TimedEvent| matches!(e.kind, gusset_record::Event::Pace { .. });
     assert!(slow.events.iter().filter(pace).count() > 20);
     assert_eq!(within.events.iter().filter(pace).count(), 0);
 }

@@ -10,13 +10,13 @@ use crate::link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
     test_file, write,
 };
-use gusset_quantity::catalog::limit::{Kind, Limit, Scope};
 use gusset_config as config;
 use gusset_control::engine::{Ending, Stop};
 use gusset_control::port::limits::{AxisLimits, Bound};
-use gusset_record::Event;
+use gusset_quantity::catalog::limit::{Kind, Limit, Scope};
 use gusset_quantity::substructure::Status;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
+use gusset_record::Event;
 use gusset_wire::handshake::Limits;
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";

@@ -7,9 +7,9 @@ use crate::common::engine::{Run, run_on};
 use crate::common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset_control::engine::{EndPosition, Ending, Phase as Ended, Stop};
 use gusset_control::port::{Exit, Pace, Reference, WiringCheck, Zero};
-use gusset_record::Event;
 use gusset_quantity::substructure::{Coupling, Retirement, Status};
 use gusset_quantity::time::{Clock, SimClock};
+use gusset_record::Event;
 
 const STEPS: u32 = 40;
 

@@ -6,13 +6,13 @@ use std::sync::{Arc, Mutex};
 use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig;
 use crate::common::spring::Spring;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::engine::{Control, EndPosition, Ending, Operator, Stop};
 use gusset_control::port::limits::{AxisLimits, Bound};
 use gusset_control::port::{Axis, Exit, Exits, Order, Pace, Port, Reference, WiringCheck, Zero};
-use gusset_record::Event;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
+use gusset_record::Event;
 
 const PERIOD: f64 = 1e-3;
 const STIFFNESS: f64 = 2e5;

@@ -3,11 +3,11 @@
 use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset_control::port::{Exit, Trend, WiringCheck};
-use gusset_record::rt::timing::Quantity;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
+use gusset_record::rt::timing::Quantity;
 
 const STEPS: f64 = 1024.0;
 

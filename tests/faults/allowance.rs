@@ -6,11 +6,11 @@
 
 use std::sync::{Arc, Mutex};
 
-use gusset_quantity::catalog::ending;
 use gusset_config::LimitsSpec;
 use gusset_link::Transport;
 use gusset_link::served::{Controller, Latch, LinkBuild, ServedSpecimen};
 use gusset_link::server::{Host, Simulated};
+use gusset_quantity::catalog::ending;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
@@ -23,7 +23,7 @@ use gusset_wire::handshake::{
 };
 use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice};
 
-use gusset_session::campaign::Chance;
+use crate::campaign::Chance;
 
 /// The limit of the commanded speed, m/s.
 const SPEED: f64 = 0.1;

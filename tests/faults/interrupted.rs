@@ -19,7 +19,7 @@ use gusset_setup::build_over;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use gusset_session::campaign::{
+use crate::campaign::{
     Chance, from_environment, moves_by_itself, on_all_processors, operator, script, tests,
 };
 use crate::invariants;
@@ -108,9 +108,12 @@ impl Course {
         }
         let prepared = match prepared {
             Ok(prepared) => prepared,
-            Err(error @ (ResumeError::Complete(_) | ResumeError::NotBegun(_))) => {
-                return Ok(Gone::Nowhere(error.to_string()));
-            }
+            // A test that tripped at a limit of its commands needs a wider one.
+            Err(
+                error @ (ResumeError::Complete(_)
+                | ResumeError::NotBegun(_)
+                | ResumeError::NextBeyond { .. }),
+            ) => return Ok(Gone::Nowhere(error.to_string())),
             Err(error) => return Err(error.to_string()),
         };
         let step = prepared

@@ -1,12 +1,12 @@
 //! What holds in every test, whatever goes wrong. Each check says what it found.
 
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{CommandPace, Loaded};
 use gusset_control::engine::{Ending, Phase, Stop};
-use gusset_link::server::Tapped;
 use gusset_control::port::limits::AxisLimits;
-use gusset_record::{End, Event, Journal};
+use gusset_link::server::Tapped;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::time::Nanos;
+use gusset_record::{End, Event, Journal};
 use gusset_wire::native::Kind;
 
 use crate::lab::Played;

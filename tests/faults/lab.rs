@@ -10,10 +10,10 @@ use gusset_control::engine::{Connected, Control, Notice, Operator, Outcome, Phas
 use gusset_link::fault::StallingClock;
 use gusset_link::server::{Host, Simulated, Tap, Tapped};
 use gusset_link::{NativeSetup, Transport};
+use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset_session::{Replay, ending, replay_rows};
 use gusset_setup::{Files, Prepared, build, build_over};
-use gusset_quantity::time::{Clock, Nanos, SimClock};
 
 use crate::rig::Seen;
 

@@ -5,17 +5,17 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use gusset_quantity::catalog::limit::Limit;
+use gusset_actuator::specimen::{Specimen, Uniaxial};
 use gusset_config::{
     AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
 };
-use gusset_numerics::law::{LawSpec, Reach};
 use gusset_link::NativeSetup;
 use gusset_link::server::Host;
-use gusset_actuator::specimen::{Specimen, Uniaxial};
+use gusset_numerics::law::{LawSpec, Reach};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::state::Visit;
 
-use gusset_session::campaign::Chance;
+use crate::campaign::Chance;
 
 /// Where one rig stands, in its own coordinate, and what it reads there.
 #[derive(Debug, Clone, Copy, Default)]

@@ -9,9 +9,9 @@ use crate::link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, finish, gateway, gusset, run, summary,
     test_file,
 };
+use gusset_quantity::substructure::Status;
 use gusset_record::Run;
 use gusset_record::summary::Status as Ended;
-use gusset_quantity::substructure::Status;
 use gusset_wire::native::{Cause, Frame};
 
 const STEPS: u32 = 100;

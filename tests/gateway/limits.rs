@@ -8,9 +8,9 @@ use crate::link_common::{
     COMPUTED, Fake, ONE_AXIS, ONE_AXIS_LAW, Served, finish, gateway, gusset, run, summary,
     test_file,
 };
+use gusset_quantity::substructure::Status;
 use gusset_record::Run;
 use gusset_record::summary::Status as Ended;
-use gusset_quantity::substructure::Status;
 
 const STEPS: u32 = 500;
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";

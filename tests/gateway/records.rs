@@ -7,14 +7,14 @@ use crate::link_common::{
     COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
     gusset, run, summary, test_file,
 };
-use gusset_quantity::catalog::ending::Cause;
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::LimitsSpec;
 use gusset_link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
-use gusset_record::Run;
-use gusset_record::summary::Status;
-use gusset_actuator::specimen::SpecimenLaw;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
+use gusset_record::Run;
+use gusset_record::summary::Status;
 
 const STEPS: u32 = 200;
 const WARM_UP: usize = 5;
@@ -475,5 +475,6 @@ fn a_history_of_trials_has_one_row_a_step() {
     let page = gusset_session::write_report(&kept).unwrap();
     let page = std::fs::read_to_string(page.path).unwrap();
     assert!(page.contains("400\u{a0}exchanges beside the last exchange of each step"));
+    assert!(page.contains("Trials and repeated requests: 200\u{a0}steps"));
     assert!(!page.contains("MISSING") && !page.contains("Identified specimen"));
 }

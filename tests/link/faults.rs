@@ -11,9 +11,9 @@ use crate::link_common::{
     summary, test_file,
 };
 use gusset_control::engine::NOT_AWAITED;
+use gusset_quantity::substructure::Status;
 use gusset_record::Run;
 use gusset_record::summary::Status as Ended;
-use gusset_quantity::substructure::Status;
 use gusset_wire::handshake::{Bye, Control};
 use gusset_wire::native::{Cause, Frame};
 
@@ -384,7 +384,7 @@ fn an_operator_who_has_enough_of_waiting_for_an_answer_is_heard() {
         assert_eq!(columns[0][last], NOT_AWAITED, "{word}");
         assert!(Status(columns[1][last] as u32).has(Status::OWED));
         assert_ne!(columns[2][last].to_bits(), columns[2][last - 1].to_bits());
-        let replayed = ::gusset::session::replay(run.path()).unwrap();
+        let replayed = gusset_session::replay(run.path()).unwrap();
         assert!(replayed.is_exact(), "{replayed:?}");
     }
 }

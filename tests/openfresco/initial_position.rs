@@ -8,9 +8,9 @@ use crate::link_common::{
     Fake, ONE_AXIS_LAW, Served, adapter, element, finish, gateway, gusset, linked, run, summary,
 };
 use gusset_link::openfresco::{Remote, RemoteSettings};
-use gusset_record::Run;
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
+use gusset_record::Run;
 use gusset_wire::handshake::{Capabilities, Welcome};
 use gusset_wire::openfresco::{Carrier, Peer};
 

@@ -6,9 +6,9 @@ use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 
 use crate::link_common::{PATIENCE, Served};
+use gusset_quantity::substructure::Command;
 use gusset_record::Run;
 use gusset_record::summary::Status;
-use gusset_quantity::substructure::Command;
 use gusset_wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, Sampling, Unit, Versions, layout_hash,
 };

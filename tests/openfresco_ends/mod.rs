@@ -9,12 +9,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::{self as config, LimitsSpec};
 use gusset_link::openfresco::{End, Host, Nature, RemoteSettings, Role, ServeSettings};
 use gusset_link::served::{Computed, ServedSpecimen};
 use gusset_link::server::{ServeError, ServeOptions, Server as Bound, ServerEvent};
 use gusset_link::tls::TlsServer;
-use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Measurement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;

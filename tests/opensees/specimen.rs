@@ -2,8 +2,8 @@
 //! answer with displacement and force, as exactly as the stiff spring between the two allows.
 
 use crate::programs::{LONG, Peer, free_port, python};
-use gusset_link::openfresco::{Remote, RemoteSettings};
 use gusset_actuator::specimen::{InProcess, SpecimenLaw};
+use gusset_link::openfresco::{Remote, RemoteSettings};
 use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_wire::openfresco as of;

@@ -5,8 +5,8 @@
 //! bottom drift over that of the reference (up to 1.05 good, to 3 fluctuating, beyond it unstable).
 
 use crate::common::engine::{distance, prepare, run_with_facts};
-use gusset_setup::Facts;
 use gusset_proof::Kind;
+use gusset_setup::Facts;
 
 const STEP: f64 = 0.05;
 

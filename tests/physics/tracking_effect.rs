@@ -2,10 +2,10 @@
 
 use crate::common::engine::prepare;
 use crate::common::{FRAME, completed, json, write};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::engine::{Ending, Phase, Stop};
-use gusset_record::{Event, Run};
 use gusset_numerics::spectral::delay::sdof;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_record::{Event, Run};
 use nalgebra::{Complex, DMatrix};
 
 /// Three floors by matrices, with two specimens of one and of two axes: one carries mass in its force, the axes of the other

@@ -1,14 +1,14 @@
 //! A test whose specimen stands behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
-use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::CompensationSpec;
+use gusset_actuator::transfer::BetweenTicks;
 use gusset_control::engine::{Ending, Stop};
+use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_motion::{Grid, Motion, Quantity};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Event, Run};
 use gusset_session::replay;
-use gusset_actuator::transfer::BetweenTicks;
 
 /// An actuator with everything that may depend on when and how often it is asked.
 const ACTUATOR: &str = "[specimen.transfer]\ndelay_s = 0.0037\nactuator = { servo_hydraulic = {} }\nseed = 4\n\

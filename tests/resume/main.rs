@@ -25,16 +25,18 @@ use std::time::{Duration, Instant};
 
 use common::killed::{column, killed};
 use common::{completed, copy, say, write};
-use gusset_quantity::catalog::ending::Cause;
 use gusset_control::engine::{Operator, Phase};
 use gusset_control::port::{Axis, Port};
-use gusset_record::{Run, RunFolder};
-use gusset_session::{self as session, Allowed, ResumeError, Watches, replay, resume, resume_allowed};
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
 use gusset_quantity::time::Nanos;
+use gusset_record::{Run, RunFolder};
+use gusset_session::{
+    self as session, Allowed, ResumeError, Watches, replay, resume, resume_allowed,
+};
 
 /// A frame whose bottom storey is a Bouc–Wen formula and whose upper storey has a yielding element: both remember.
 fn frame(rate: u32, ticks: u32, seconds: f64, ease: f64) -> String {

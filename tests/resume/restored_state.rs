@@ -8,12 +8,12 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
 use gusset_control::port::{Axis, Order, Port};
-use gusset_record::{Column, Event, Recorder, TimedEvent};
 use gusset_quantity::state::{StateError, TestState, Visit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
+use gusset_record::{Column, Event, Recorder, TimedEvent};
 
 /// A state, and how many rows and events there were before it.
 type Saved = (usize, usize, TestState);

@@ -318,10 +318,7 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
     let first = made(folder.path(), "first", FRAME);
     let second = made(folder.path(), "second", FRAME);
     let samples = second.join("samples.bin");
-    let stride = gusset_record::Run::open(&second)
-        .unwrap()
-        .layout()
-        .stride();
+    let stride = gusset_record::Run::open(&second).unwrap().layout().stride();
     let bytes = fs::read(&samples).unwrap();
     fs::write(&samples, &bytes[..bytes.len() / stride / 2 * stride]).unwrap();
     let said = say(["report".as_ref(), second.as_os_str()]);

@@ -239,8 +239,8 @@ impl<S: Specimen> Substructure for InProcess<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_numerics::law::LawSpec;
     use crate::specimen::{SpecimenLaw, Uniaxial};
+    use gusset_numerics::law::LawSpec;
     use gusset_quantity::state::{StateError, TestState};
 
     fn laws() -> Vec<Box<dyn gusset_numerics::law::Law>> {

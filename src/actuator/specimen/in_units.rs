@@ -135,8 +135,8 @@ impl<S: Specimen> Specimen for InUnits<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_numerics::law::{LawSpec, LinearSpec};
     use crate::specimen::SpecimenLaw;
+    use gusset_numerics::law::{LawSpec, LinearSpec};
 
     #[test]
     fn a_spring_in_millimetres_and_kilonewtons_is_the_same_spring() {

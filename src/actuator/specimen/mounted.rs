@@ -96,8 +96,8 @@ impl Specimen for Mounted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_numerics::law::LawSpec;
     use crate::specimen::SpecimenLaw;
+    use gusset_numerics::law::LawSpec;
 
     fn plastic() -> Box<dyn Specimen> {
         let text =

@@ -182,8 +182,8 @@ impl<S: Specimen> Specimen for Platform<S> {
 mod tests {
     use super::*;
     use crate::geometry::{Coordinate, GeometrySpec, PlanePins};
-    use gusset_numerics::law::LawSpec;
     use crate::specimen::SpecimenLaw;
+    use gusset_numerics::law::LawSpec;
     use gusset_quantity::state::TestState;
 
     fn geometry() -> Geometry {

@@ -32,8 +32,8 @@ pub use spec::{
     TransferSpec,
 };
 
-use gusset_numerics::law::Reach;
 use crate::specimen::Specimen;
+use gusset_numerics::law::Reach;
 use gusset_quantity::state::Visit;
 
 /// What is wrong with a transfer system.

@@ -1,6 +1,6 @@
 use super::*;
-use gusset_numerics::law::{LawSpec, LinearSpec};
 use crate::specimen::SpecimenLaw;
+use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_quantity::state::{TestState, Visit};
 use std::f64::consts::PI;
 

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use gusset_evidence::benchmark::{DURATION_S, RATE_HZ, synthetic};
 use crate::cli::tell;
 use gusset_config::read_input;
+use gusset_evidence::benchmark::{DURATION_S, RATE_HZ, synthetic};
 use gusset_motion::{
     FileSignal, Grid, Motion, MotionError, Processing, Quantity, Resample, Signal, Unit,
 };

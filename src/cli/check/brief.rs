@@ -7,10 +7,10 @@ use super::{Checked, needs};
 use gusset_config::{ClockChoice, Loaded};
 use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
+use gusset_quantity::units::{duration, number, quantity, rate};
 use gusset_session::integration;
 use gusset_session::rehearsal::{FullRehearsal, Need};
 use gusset_setup::{Facts, StructureFacts};
-use gusset_quantity::units::{duration, number, quantity, rate};
 
 /// Specimens, and records, that have a separate line. The page gives the number of the others.
 const LISTED: usize = 2;

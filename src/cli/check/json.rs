@@ -6,8 +6,8 @@ use super::super::spectrum::{delays_json, modes_json};
 use super::super::{certificate, rehearsed};
 use super::{Checked, commands};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
-use gusset_setup::StructureFacts;
 use gusset_proof::{Spectrum, Stability};
+use gusset_setup::StructureFacts;
 
 /// The whole document.
 pub(super) fn document(checked: &Checked<'_>) -> Value {

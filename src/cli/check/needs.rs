@@ -1,10 +1,10 @@
 //! The needs of every axis beside its limits, as the short page of `gusset check` shows them.
 
 use super::super::table::Table;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::port::Poses;
-use gusset_session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::{number, quantity, quantity_range};
+use gusset_session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
 
 /// Lines that the needs of a usual test may take. Where every quantity would take more, motion and force of an axis take a line each.
 const MOST_LINES: usize = 12;

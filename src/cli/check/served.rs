@@ -8,8 +8,8 @@ use super::super::table::Table;
 use super::super::test_file::refused;
 use super::super::{answer, tell, warn};
 use super::in_words;
-use gusset_setup::{ServedLimit, load_served, served_limits};
 use gusset_quantity::units::in_axis_unit;
+use gusset_setup::{ServedLimit, load_served, served_limits};
 
 /// Checks a served file. The exit code says whether its verdict is clear.
 ///

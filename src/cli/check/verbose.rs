@@ -3,12 +3,12 @@
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
 use gusset_config::ClockChoice;
-use gusset_numerics::integrate::Lambda;
 use gusset_motion::{Quantity, STANDARD_GRAVITY};
-use gusset_session::integration::{self, method_name};
-use gusset_setup::{Facts, StructureFacts};
+use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Errors, Spectrum, per_cent};
 use gusset_quantity::units::{duration, number, quantity, rate};
+use gusset_session::integration::{self, method_name};
+use gusset_setup::{Facts, StructureFacts};
 
 /// Everything that is known of the test without a rehearsal.
 pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::super::table::Table;
 use gusset_motion::identify::Identification;
-use gusset_session::identification::{Axis, Outcome, felt, of_specimen, parameters, with_error};
 use gusset_quantity::units::{duration, quantity};
+use gusset_session::identification::{Axis, Outcome, felt, of_specimen, parameters, with_error};
 
 /// Rows of the frequency response that are printed.
 const ROWS: usize = 10;

@@ -168,10 +168,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
 }
 
 /// Everything that is wrong with the `samples` of a study of the test `file`. The paths begin with `sample`.
-pub(crate) fn check_samples(
-    file: &TestFile,
-    samples: &[UncertaintyTable],
-) -> Vec<Finding> {
+pub(crate) fn check_samples(file: &TestFile, samples: &[UncertaintyTable]) -> Vec<Finding> {
     let mut with = file.clone();
     with.uncertainty = samples.to_vec();
     let mut findings = Findings(Vec::new());

@@ -2,12 +2,12 @@
 //! ways and places of the file that limits, or what the rig can give, forbid.
 
 use super::Findings;
-use gusset_quantity::catalog::limit::Limit;
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::limit_table::LimitsSpec;
 use crate::safety::{ExitChoice, SafetyTable};
 use crate::specimen::SpecimenTable;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::text::is_reason;
 
 /// A range, the place of its key, why a position outside it is impossible, and its label.

@@ -10,16 +10,16 @@ use super::operator::OperatorCommands;
 use super::phase::Phase;
 use super::port_columns::{named, of_test, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
+use crate::port::Port;
 use gusset_quantity::catalog::column::{
     ACCEL, BASE, CAUSES, DISP, GROUND, HEAD, Kind, OWN_ACCEL, ROTATION, TIMING, VEL,
 };
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
-use crate::port::Port;
-use gusset_record::Column;
-use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::state::Visit;
 use gusset_quantity::time::Nanos;
+use gusset_record::Column;
+use gusset_record::rt::timing::TickStamps;
 
 /// What the operator wants in a tick: one number of its row.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

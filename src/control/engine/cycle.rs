@@ -20,8 +20,8 @@ use super::test_judge::TestJudge;
 use super::tick::Tick;
 use super::{Peaks, Plan, StaticLoad, Stop};
 use crate::port::Port;
-use gusset_record::{Event, LimitReached, ON_MISS, Recorder, WarmUpRows};
 use gusset_record::rt::timing::TickStamps;
+use gusset_record::{Event, LimitReached, ON_MISS, Recorder, WarmUpRows};
 
 /// A motion or a rest of all specimens, tick by tick.
 pub(super) trait Maneuver {

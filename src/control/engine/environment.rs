@@ -11,9 +11,9 @@ use super::supervision::Supervision;
 use super::tick::Tick;
 use super::{Ending, Stop};
 use gusset_numerics::integrate::StepError;
-use gusset_record::{Event, GridOf, Standing, TimedEvent};
-use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::timing::TickStamps;
+use gusset_record::{Event, GridOf, Standing, TimedEvent};
 
 /// Longest wait for an edge in which no request of the operator is taken.
 const NAP_NS: u64 = 100_000_000;

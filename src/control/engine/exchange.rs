@@ -12,13 +12,13 @@ use super::phase::Phase;
 use super::test_judge::limit_event;
 use super::tick::Tick;
 use super::{Limits, Stop};
-use gusset_quantity::catalog::phase::NOT_AWAITED;
 use crate::port::limits::{Found, Hit, Level};
 use crate::port::{OnStale, Port};
-use gusset_record::{Event, LimitReached};
-use gusset_record::rt::timing::TickStamps;
+use gusset_quantity::catalog::phase::NOT_AWAITED;
 use gusset_quantity::substructure::{Coupling, Freshness, Holder, LISTEN_NS, LinkFault, Status};
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::timing::TickStamps;
+use gusset_record::{Event, LimitReached};
 
 /// Sends the target to a specimen that is commanded once a step, once the target is known. In a hold (`holds`) nothing moves: it
 /// is sent afterwards. Real-time: yes.

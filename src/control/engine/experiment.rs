@@ -3,8 +3,8 @@
 use super::columns::Row;
 use super::{Limits, Pacing, Resumption, Side, StartupSettings, StaticLoad};
 use crate::port::Port;
-use gusset_record::Column;
 use gusset_quantity::time::Ratio;
+use gusset_record::Column;
 
 /// Everything a test needs, as plain data.
 #[derive(Debug)]

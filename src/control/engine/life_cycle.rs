@@ -17,11 +17,11 @@ use super::stepping::Stepping;
 use super::tick::Tick;
 use super::{Ending, Experiment, Outcome, Resumption, Side, Stop};
 use crate::port::{Port, Poses};
-use gusset_record::{Column, Event, GridOf, Recorder};
-use gusset_record::rt::timing::Timing;
 use gusset_quantity::state::{StateError, TestState};
 use gusset_quantity::substructure::Retirement;
 use gusset_quantity::time::{Clock, SimClock};
+use gusset_record::rt::timing::Timing;
+use gusset_record::{Column, Event, GridOf, Recorder};
 
 /// A test whose specimens are connected. Nothing has moved.
 #[derive(Debug)]

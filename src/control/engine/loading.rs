@@ -16,9 +16,9 @@ use super::standing::Listening;
 use super::static_load::StaticLoad;
 use super::tick::Tick;
 use super::{Ending, Stop};
+use crate::port::{MotionCheck, Port, Rest, UNBOUNDED_RAMP_S};
 use gusset_numerics::integrate::State;
 use gusset_numerics::model::Base;
-use crate::port::{MotionCheck, Port, Rest, UNBOUNDED_RAMP_S};
 use gusset_record::Event;
 use gusset_record::rt::timing::TickStamps;
 

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::audit::StepAudit;
 use super::intake::{Closed, Intake};
+use crate::port::Port;
+use gusset_motion::{Excitation, Prescribed};
 use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
 use gusset_numerics::linalg::Aligned;
 use gusset_numerics::model::{Acceleration, Base, Motion, Structure};
-use gusset_motion::{Excitation, Prescribed};
-use crate::port::Port;
 use gusset_quantity::state::{TestState, Visit};
 
 /// What decides where the specimens go.

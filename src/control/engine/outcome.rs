@@ -2,8 +2,8 @@
 
 use super::{EndPosition, Ending, Gaps, IncompleteShutdown, Peaks};
 use crate::port::LinkCount;
-use gusset_record::rt::timing::Timing;
 use gusset_quantity::substructure::Holder;
+use gusset_record::rt::timing::Timing;
 
 /// The results of a test beside its rows and events.
 #[derive(Debug)]

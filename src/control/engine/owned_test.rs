@@ -22,10 +22,10 @@ use super::{
     Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Side, StaticLoad, Stop,
 };
 use crate::port::Port;
-use gusset_record::{Column, Event, Recorder};
-use gusset_record::rt::timing::Timing;
 use gusset_quantity::state::TestState;
 use gusset_quantity::time::Clock;
+use gusset_record::rt::timing::Timing;
+use gusset_record::{Column, Event, Recorder};
 
 /// Largest model whose states are kept.
 const MOST_DOFS_OF_A_STATE: usize = 10_000;

@@ -4,8 +4,8 @@
 //! specimens see slower time and never a burst of commands.
 
 use super::OnMiss;
-use gusset_record::rt::timing::TickStamps;
 use gusset_quantity::time::{Clock, Nanos, Ratio, Schedule};
+use gusset_record::rt::timing::TickStamps;
 
 /// From the end of the set-up to the first edge, so that the first edge can be met.
 const LEAD_NS: u64 = 2_000_000;

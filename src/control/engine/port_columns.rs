@@ -5,12 +5,12 @@
 
 use std::ops::Range;
 
+use crate::port::Port;
 use gusset_quantity::catalog::column::{
     ACTUATOR_FORCE, ADDED, COMMAND, COMPENSATION, EXCHANGES, FALSE_DAMPING, FORCE, GAIN, JUDGED,
     Kind, LAG, MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE,
     STALE, STATUS, STIFFNESS, STROKE, TANGENT, TANGENT_DAMPING, TARGET,
 };
-use crate::port::Port;
 use gusset_record::Column;
 
 /// The numbers of a port, in the order of its columns. Real-time: yes.

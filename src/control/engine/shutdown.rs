@@ -15,9 +15,9 @@ use super::order::Order;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Stop};
+use crate::port::{Brake, Port, ReturnMove, UnloadFailure};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::GIVEN_UP;
-use crate::port::{Brake, Port, ReturnMove, UnloadFailure};
 use gusset_record::Event;
 use gusset_record::rt::timing::TickStamps;
 

@@ -12,11 +12,11 @@ use super::peaks::first_beyond;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Stop};
-use gusset_quantity::catalog::ending::Cause;
 use crate::port::{PacerTick, Port};
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::state::{Digest, TestState};
 use gusset_record::Event;
 use gusset_record::rt::timing::TickStamps;
-use gusset_quantity::state::{Digest, TestState};
 
 /// Where the stepping is beside its steps.
 #[derive(Debug, Clone, Copy)]

@@ -3,11 +3,11 @@
 use thiserror::Error;
 
 use super::test_hit::TestHit;
-use gusset_quantity::catalog::ending::Cause;
-use gusset_actuator::geometry::Fault;
-use gusset_numerics::integrate::StepError;
 use crate::port::WiringFault;
 use crate::port::limits::Hit;
+use gusset_actuator::geometry::Fault;
+use gusset_numerics::integrate::StepError;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::units::{compared, compared_within, duration};
 

@@ -6,11 +6,11 @@ use super::stop::Stop;
 use super::test_hit::TestHit;
 use super::test_limits::{TestLimits, value, worst};
 use super::tick::Tick;
-use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
 use crate::port::limits::Level;
-use gusset_record::{Event, LimitReached};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::state::Visit;
+use gusset_record::{Event, LimitReached};
 
 /// Judges the limits of the test as a whole, and remembers what was warned of.
 pub(super) struct TestJudge {

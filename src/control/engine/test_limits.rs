@@ -1,9 +1,9 @@
 //! Limits of the test as a whole: what belongs to no specimen alone.
 
 use super::numerical::Side;
-use gusset_quantity::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
 use crate::port::Port;
 use crate::port::limits::Bound;
+use gusset_quantity::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
 
 /// Limits of the test that are judged at every step, in the order of their columns.
 const OF_STEPS: [Limit; 4] = Limit::judging(&[Judges::Step]);

@@ -12,10 +12,10 @@ use super::order::{Kind, Order, Sends};
 use super::phase::Phase;
 use super::test_hit::TestHit;
 use super::{Ending, Stop};
-use gusset_quantity::catalog::limit::Limit;
 use crate::port::Port;
-use gusset_record::{Event, WarmUp as WarmUpEvent, WarmUpRows};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_record::rt::timing::TickStamps;
+use gusset_record::{Event, WarmUp as WarmUpEvent, WarmUpRows};
 
 /// Standard deviations of a count by which it may be too large by chance.
 const CHANCE: f64 = 3.0;

@@ -9,10 +9,10 @@ use super::phase::Phase;
 use super::ramping::HoldRamp;
 use super::tick::Tick;
 use super::{Ending, Side, Stop};
-use gusset_numerics::integrate::State;
 use crate::port::{Port, Probe};
-use gusset_record::{Event, GridOf};
+use gusset_numerics::integrate::State;
 use gusset_record::rt::timing::TickStamps;
+use gusset_record::{Event, GridOf};
 
 /// The check of one specimen.
 pub(super) struct WiringCheck {

@@ -6,10 +6,10 @@ use super::compensators::Compensators;
 use super::probe::SIGMAS;
 use super::retrace::Tick;
 use super::*;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::Compensator;
 use gusset_actuator::geometry::LawPlace;
 use gusset_proof::CriticalDelay;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::state::TestState;
 use limits::AxisLimits;
 
@@ -725,7 +725,10 @@ impl Port {
     pub fn brake(&mut self, brake: &mut Brake) -> bool {
         let goes_on = brake.go_on();
         if goes_on {
-            self.path.coast(brake.steps(), brake.tick_s());
+            let steps = self.guard.last_steps().iter();
+            let share = brake.share();
+            self.path
+                .coast(steps.map(|step| share * step), brake.tick_s());
         }
         goes_on
     }

@@ -2,11 +2,9 @@
 //!
 //! All axes lose their speed in the same ticks, so that the specimen stays on the straight line of its last step.
 
-/// The last commands of a specimen that is stopped, in its own units.
-#[derive(Debug)]
+/// The last commands of a specimen that is stopped.
+#[derive(Debug, Clone, Copy)]
 pub struct Brake {
-    /// The last step of the test, an axis each.
-    steps: Vec<f64>,
     ticks: u64,
     /// The tick, from 1; 0 before the first.
     tick: u64,
@@ -14,10 +12,9 @@ pub struct Brake {
 }
 
 impl Brake {
-    /// From this last step to rest in `ticks` of `tick_s` s.
-    pub(super) const fn new(steps: Vec<f64>, ticks: u64, tick_s: f64) -> Self {
+    /// To rest in `ticks` of `tick_s` s.
+    pub(super) const fn new(ticks: u64, tick_s: f64) -> Self {
         Self {
-            steps,
             ticks,
             tick: 0,
             tick_s,
@@ -36,10 +33,9 @@ impl Brake {
         self.tick < self.ticks
     }
 
-    /// The steps of this tick.
-    pub(super) fn steps(&self) -> impl Iterator<Item = f64> + '_ {
-        let share = 1.0 - self.tick as f64 / self.ticks as f64;
-        self.steps.iter().map(move |step| share * step)
+    /// Share of the last step of the test that this tick moves.
+    pub(super) fn share(&self) -> f64 {
+        1.0 - self.tick as f64 / self.ticks as f64
     }
 
     /// Wall time of a tick in s.

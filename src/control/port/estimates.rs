@@ -329,9 +329,9 @@ impl Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_quantity::catalog::limit::Limit;
     use crate::port::limits::{AxisLimits, Bound, Found};
     use crate::port::{Axis, Port};
+    use gusset_quantity::catalog::limit::Limit;
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };

@@ -28,6 +28,8 @@ pub struct Guard {
     recorded: Vec<(usize, usize)>,
     /// Metres and newtons in one unit of each axis.
     units: Vec<(f64, f64)>,
+    /// Steps of all axes from which a brake begins, in the specimen's units.
+    last_steps: Box<[f64]>,
     /// Wall time in s from command to command of a specimen of whole steps: beside the test, and in it.
     ticks: Option<[f64; 2]>,
     /// The watch of an interrupted test over a specimen of whole steps: its commands were, and will be, a step apart.
@@ -49,6 +51,7 @@ impl Guard {
             recorded: recorded(&limits),
             declared: limits.clone(),
             watch: Watch::new(limits, tick),
+            last_steps: vec![0.0; units.len()].into(),
             units,
             ticks: None,
             interrupted: None,
@@ -326,17 +329,22 @@ impl Guard {
     }
 
     /// The brake of a specimen from its last command, in ticks of `tick` s; none if it rests within a tick.
-    pub(super) fn brake(&self, tick: f64) -> Option<Brake> {
-        let axes = self.units.iter().enumerate();
-        let steps: Vec<f64> = axes
-            .map(|(axis, (metres, _))| self.watch.last_step(axis) / metres)
-            .collect();
-        let ticks = steps.iter().enumerate().map(|(axis, step)| {
-            let most = self.brake_accel(axis) * tick * tick / self.metres_of(axis);
-            (step.abs() / most).ceil()
-        });
-        let ticks = ticks.fold(0.0, f64::max) as u64;
-        (ticks > 1).then(|| Brake::new(steps, ticks, tick))
+    pub(super) fn brake(&mut self, tick: f64) -> Option<Brake> {
+        let mut ticks: f64 = 0.0;
+        for axis in 0..self.units.len() {
+            let metres = self.metres_of(axis);
+            let step = self.watch.last_step(axis) / metres;
+            let most = self.brake_accel(axis) * tick * tick / metres;
+            ticks = ticks.max((step.abs() / most).ceil());
+            self.last_steps[axis] = step;
+        }
+        let ticks = ticks as u64;
+        (ticks > 1).then(|| Brake::new(ticks, tick))
+    }
+
+    /// The steps of all axes from which a brake begins, in the specimen's units.
+    pub(super) fn last_steps(&self) -> &[f64] {
+        &self.last_steps
     }
 
     /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis

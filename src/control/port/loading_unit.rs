@@ -290,8 +290,8 @@ impl LoadingUnit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_actuator::geometry::{GeometrySpec, PlanePins};
     use crate::port::{Axis, Exit, Exits, Port};
+    use gusset_actuator::geometry::{GeometrySpec, PlanePins};
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };

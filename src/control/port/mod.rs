@@ -76,6 +76,11 @@ pub use gusset_quantity::catalog::phase::Stage;
 
 use std::ops::Range;
 
+use command_path::CommandPath;
+use estimates::{Estimates, Observation};
+use exchange::Exchange;
+use exchange_state::Loss;
+use feedback::Feedback;
 use gusset_actuator::compensation::Parameter;
 use gusset_actuator::geometry::{Coordinate, Fault, Geometry};
 use gusset_quantity::state::{TestState, Visit};
@@ -84,11 +89,6 @@ use gusset_quantity::substructure::{
     Unavailable,
 };
 use gusset_quantity::time::Nanos;
-use command_path::CommandPath;
-use estimates::{Estimates, Observation};
-use exchange::Exchange;
-use exchange_state::Loss;
-use feedback::Feedback;
 use initial_stiffness::InitialStiffness;
 use introduction::Expectation;
 use loading_unit::LoadingUnit;
@@ -813,7 +813,9 @@ impl Port {
     }
 
     /// Axis (from 0) and limit of each judged value that has a column: the limit has a level, and no other column has the value.
-    pub fn recorded_limits(&self) -> impl Iterator<Item = (usize, gusset_quantity::catalog::limit::Limit)> {
+    pub fn recorded_limits(
+        &self,
+    ) -> impl Iterator<Item = (usize, gusset_quantity::catalog::limit::Limit)> {
         self.guard.recorded_limits()
     }
 

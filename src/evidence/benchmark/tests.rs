@@ -2,8 +2,8 @@ use nalgebra::Complex;
 
 use super::*;
 use gusset_actuator::compensation::CompensationSpec;
-use gusset_motion::{Grid, Motion as GroundMotion, Quantity};
 use gusset_actuator::transfer::BetweenTicks;
+use gusset_motion::{Grid, Motion as GroundMotion, Quantity};
 
 const DT: f64 = 1.0 / RATE_HZ;
 
@@ -358,8 +358,8 @@ fn drawn_plants_have_the_published_spread_and_come_again() {
 
 #[test]
 fn the_count_of_unstable_roots_says_the_same_of_the_cases() {
-    use gusset_numerics::spectral::unstable_roots;
     use gusset_actuator::transfer::TransferSpec;
+    use gusset_numerics::spectral::unstable_roots;
     let plant: TransferSpec = toml::from_str("actuator.servo_hydraulic = {}").unwrap();
     let (m, c, k) = SPECIMEN;
     for case in 1..=4 {

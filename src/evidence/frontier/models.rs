@@ -4,13 +4,13 @@ use std::f64::consts::TAU;
 
 use thiserror::Error;
 
+use crate::verify::chain_of_example_4_3;
 use gusset_control::engine::{Numerical, Side};
+use gusset_motion::{Excitation, LoadTerm, MotionError};
 use gusset_numerics::integrate::{Gui, GuiError, Integrator, Lambda, Start, State};
 use gusset_numerics::law::{BilinearSpec, LawError, Reach};
 use gusset_numerics::linalg::{NotPositiveDefinite, SymMatrix};
 use gusset_numerics::model::{self, Acceleration, Element, End, Structure};
-use gusset_motion::{Excitation, LoadTerm, MotionError};
-use crate::verify::chain_of_example_4_3;
 
 /// A model that comes in any size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

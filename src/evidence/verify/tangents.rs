@@ -6,7 +6,9 @@ use super::drive::{Random, invariants, jury, transition};
 use super::figure::{Figure, Scale, Series};
 use super::stability::circle;
 use super::{Check, Effort, Proof};
-use gusset_numerics::spectral::{Locus, Transfer, alpha, crossing_stiffness, lambda_limit_changed, poles};
+use gusset_numerics::spectral::{
+    Locus, Transfer, alpha, crossing_stiffness, lambda_limit_changed, poles,
+};
 
 /// Fig. 4: the loop of (36) to (39) against the program's step with another stiffness than its own.
 pub(super) fn closed_loop(effort: Effort) -> Proof {

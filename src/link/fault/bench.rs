@@ -432,9 +432,9 @@ impl Substructure for Bench {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_numerics::law::LawSpec;
     use crate::served::Computed;
     use gusset_actuator::specimen::Uniaxial;
+    use gusset_numerics::law::LawSpec;
 
     /// A spring of 1000 N/m in millimetres and newtons, played with these faults.
     fn play(kinds: &[(Option<u64>, Option<u64>, Kind)], commands: &[f64]) -> Vec<(f64, f64)> {

@@ -7,9 +7,9 @@ use std::collections::VecDeque;
 
 use super::Queue;
 use super::dice::Dice;
-use gusset_config::fault_script::{Fault, Kind, MEMORY, Place, Script, Way};
 use crate::Transport;
 use crate::tls::TlsFault;
+use gusset_config::fault_script::{Fault, Kind, MEMORY, Place, Script, Way};
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 use gusset_wire::native::{Kind as FrameKind, forge_force, forge_length, forge_sequence, peek};

@@ -17,9 +17,9 @@ pub(super) use refused::with_words;
 pub use setup::{NativeSetup, unlimited_axis};
 pub(crate) use setup::{SOFTWARE, fit};
 
-use gusset_config::Carrier;
 use crate::Transport;
 use crate::tls::TlsClient;
+use gusset_config::Carrier;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
     Retirement, Substructure, Unavailable,

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use super::refused::SetupError;
-use gusset_config::Carrier;
 use crate::SocketOptions;
 use crate::announce;
 use crate::secret::random;
+use gusset_config::Carrier;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::text::is_hidden;
 use gusset_wire::handshake::{self, Axis, Hello, Limits, Sampling, Versions, Welcome, layout_hash};

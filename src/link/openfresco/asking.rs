@@ -6,9 +6,9 @@ use super::error::{Lost, RemoteError};
 use super::settings::RemoteSettings;
 use crate::Transport;
 use crate::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport};
-use gusset_record::rt::os;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement};
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 use gusset_wire::WireError;
 use gusset_wire::openfresco::Peer;
 use gusset_wire::openfresco::{

@@ -15,12 +15,12 @@ use super::error::{Lost, RemoteError};
 use super::settings::RemoteSettings;
 use crate::Transport;
 use crate::socket::LOOK;
-use gusset_record::rt::os;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 use gusset_wire::not_foreign;
 use gusset_wire::openfresco::Peer;
 

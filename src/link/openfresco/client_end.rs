@@ -3,9 +3,9 @@
 use thiserror::Error;
 
 use super::host::HostFault;
-use gusset_quantity::catalog::ending::Cause;
 use crate::Transport;
 use crate::tls::TlsFault;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::LinkFault;
 use gusset_wire::WireError;
 

@@ -14,9 +14,9 @@ use super::remarks::Remark;
 use super::role::Nature;
 use super::tally::Tally;
 use super::trials::Trials;
-use gusset_quantity::catalog::ending::Cause;
 use crate::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
 use gusset_actuator::specimen::Specimen;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_wire::openfresco::{Course, Matrix, Response};
 

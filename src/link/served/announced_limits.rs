@@ -73,9 +73,9 @@ impl AnnouncedLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_quantity::catalog::limit::Limit;
     use crate::served::{Computed, ServedSpecimen};
     use gusset_actuator::specimen::SpecimenLaw;
+    use gusset_quantity::catalog::limit::Limit;
     use gusset_quantity::substructure::{Command, Measurement, Status};
     use gusset_wire::handshake::Limits;
 

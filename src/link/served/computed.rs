@@ -252,8 +252,8 @@ impl Substructure for Computed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_numerics::law::LawSpec;
     use gusset_actuator::specimen::Uniaxial;
+    use gusset_numerics::law::LawSpec;
 
     fn spring() -> Box<dyn Specimen> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 4e5 }").unwrap();

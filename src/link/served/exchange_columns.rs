@@ -1,13 +1,13 @@
 //! The rows of a server: one per exchange, and their columns.
 
 use super::Trip;
-use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
-use gusset_quantity::catalog::phase::Phase;
 use gusset_actuator::geometry::Coordinate;
 use gusset_control::port::Port;
-use gusset_record::Column;
+use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
+use gusset_quantity::catalog::phase::Phase;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
+use gusset_record::Column;
 
 /// One recorded exchange.
 pub(super) struct Exchange<'a> {

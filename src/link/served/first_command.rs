@@ -2,9 +2,9 @@
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
 use super::{Trip, USUAL_TICK_S};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::port::Port;
 use gusset_control::port::limits::{AxisLimits, Hit, Level};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Command;
 use gusset_quantity::units::AxisUnits;
 use gusset_quantity::units::in_axis_unit;

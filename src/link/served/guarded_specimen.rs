@@ -11,17 +11,17 @@ use super::pacing::{PacedPath, Pacing};
 use super::recording::Recording;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
-use gusset_quantity::catalog::event::Remark;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::port::Port;
 use gusset_control::port::limits::{Found, Level};
-use gusset_record::Event;
-use gusset_record::rt::os;
+use gusset_quantity::catalog::event::Remark;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::{
     Command, Freshness, Introduction, LISTEN_NS, LinkFault, Measurement, Status,
 };
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
+use gusset_record::Event;
+use gusset_record::rt::os;
 
 /// Whose motion a command is part of.
 #[derive(Debug, Clone, Copy, PartialEq)]

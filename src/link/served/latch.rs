@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use gusset_record::lasting::{Kept, LastingRecord, LatchedTrip, Place};
-use gusset_record::utc::rfc3339;
 use gusset_record::rt::wall::Wall;
+use gusset_record::utc::rfc3339;
 
 /// The latch of one served specimen. Clones share it.
 #[derive(Debug, Clone, Default)]

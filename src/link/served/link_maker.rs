@@ -8,11 +8,11 @@ use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use super::{Controller, TestEnd, Wanted, Whereabouts};
-use gusset_record::rt::os;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 
 /// Interval at which a wait for a connection checks that the test is still wanted.
 const LOOK_EVERY: Duration = Duration::from_millis(20);

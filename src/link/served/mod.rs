@@ -25,8 +25,7 @@ mod recording;
 mod served_specimen;
 mod session_record;
 mod session_summary;
-#[cfg(test)]
-pub(crate) mod simulated_pace;
+pub mod simulated_pace;
 mod speed_allowance;
 #[cfg(test)]
 mod tests;
@@ -49,9 +48,9 @@ pub use served_specimen::ServedSpecimen;
 pub use session_record::RecordSettings;
 pub use whereabouts::Whereabouts;
 
-use gusset_quantity::catalog::ending::Cause;
 use gusset_actuator::geometry::Fault;
 use gusset_control::port::limits::Hit;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::units::{compared, quantity};
 use gusset_wire::handshake::{Limits, Sampling};

@@ -10,8 +10,8 @@ use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
-use gusset_quantity::catalog::event::Remark;
 use gusset_control::port::SHARE_OF_SPEED;
+use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::substructure::{Command, Measurement};
 
 impl GuardedSpecimen {

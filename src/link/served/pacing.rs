@@ -17,8 +17,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use gusset_record::rt::os;
 use gusset_quantity::state::TestState;
+use gusset_record::rt::os;
 
 /// Largest speed of a path, of the mean speed.
 pub(super) const FASTEST: f64 = 1.875;

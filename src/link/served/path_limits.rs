@@ -2,9 +2,9 @@
 
 use super::Trip;
 use super::pacing::{AllowedAccel, FASTEST, HARDEST, Pacing};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::port::Port;
 use gusset_control::port::limits::{AxisLimits, Hit, Level};
+use gusset_quantity::catalog::limit::Limit;
 
 /// The distance of each axis in m from one place to the other, with its limits. Places are in the units of the axes.
 fn distances<'a>(

@@ -6,14 +6,14 @@ use super::identity::Identity;
 use super::link_maker::LinkMaker;
 use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
-use gusset_quantity::catalog::event::Remark;
 use gusset_control::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
-use gusset_record::lasting::Place;
-use gusset_record::utc::rfc3339;
-use gusset_record::rt::os;
-use gusset_record::rt::wall::Wall;
+use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::substructure::{Command, Introduction, Measurement, Retirement};
 use gusset_quantity::units::{AxisUnits, in_axis_unit, number as number_of, signed_in_axis_unit};
+use gusset_record::lasting::Place;
+use gusset_record::rt::os;
+use gusset_record::rt::wall::Wall;
+use gusset_record::utc::rfc3339;
 
 const WHILE: &str = "while its direction was tried";
 

@@ -4,13 +4,13 @@ use super::exchange_columns::Exchange;
 use super::identity::Identity;
 use super::session_record::{RecordSettings, SessionRecord};
 use super::{Controller, GuardStore, Trip};
-use gusset_quantity::catalog::ending::Cause;
-use gusset_quantity::catalog::event::{Remark, Severity};
 use crate::quota::Allowance;
 use gusset_control::port::Port;
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::event::{Remark, Severity};
+use gusset_quantity::substructure::LinkStats;
 use gusset_record::Event;
 use gusset_record::rt::os;
-use gusset_quantity::substructure::LinkStats;
 
 /// The record of a served specimen, and its settings.
 #[derive(Default)]

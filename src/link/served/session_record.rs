@@ -12,21 +12,21 @@ use super::exchange_columns::{Exchange, HEAD, columns};
 use super::identity::Identity;
 use super::session_summary::{self, Counted};
 use super::{Controller, Trip};
+use gusset_control::port::Port;
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::{Remark, Severity};
-use gusset_control::port::Port;
+use gusset_quantity::substructure::{LinkStats, Status};
+use gusset_quantity::units::AxisUnits;
 use gusset_record::Summary;
+use gusset_record::rt::timing::Timing;
+use gusset_record::rt::wall::Wall;
+use gusset_record::rt::{os, pin_away};
 use gusset_record::summary::RecordedVerdict;
 use gusset_record::writer::Clocks;
 use gusset_record::{
     Column, Event, FolderError, Layout, Note, Position, Recorder, RingRecorder, RingSize,
     RunFolder, TripValue, WhenFull, Writer, WriterSettings, ring,
 };
-use gusset_record::rt::timing::Timing;
-use gusset_record::rt::wall::Wall;
-use gusset_record::rt::{os, pin_away};
-use gusset_quantity::substructure::{LinkStats, Status};
-use gusset_quantity::units::AxisUnits;
 
 /// Where and what a server records.
 #[derive(Debug, Clone)]

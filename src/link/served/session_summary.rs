@@ -6,12 +6,12 @@ use serde_json::json;
 
 use super::exchange_columns::Exchange;
 use gusset_quantity::catalog::ending::Cause;
-use gusset_record::summary::{ClockKind, InputFile, LinkCounts, Peak};
-use gusset_record::{MissClasses, Recorded, Summary};
-use gusset_record::rt::timing::Timing;
-use gusset_record::rt::wall::Wall;
 use gusset_quantity::substructure::LinkStats;
 use gusset_quantity::units::AxisUnits;
+use gusset_record::rt::timing::Timing;
+use gusset_record::rt::wall::Wall;
+use gusset_record::summary::{ClockKind, InputFile, LinkCounts, Peak};
+use gusset_record::{MissClasses, Recorded, Summary};
 
 /// What is counted while a test runs.
 pub(super) struct Counted {

@@ -3,12 +3,11 @@
 use std::sync::{Arc, Mutex};
 
 use super::{GuardStore, Latch, ServedSpecimen};
+use crate::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
+use gusset_config::LimitsSpec;
+use gusset_control::port::{Pace, WiringCheck};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
-use gusset_config::LimitsSpec;
-use crate::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
-use gusset_control::port::{Pace, WiringCheck};
-use gusset_record::lasting::{LastingRecord, SpecimenKey};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
@@ -16,6 +15,7 @@ use gusset_quantity::substructure::{
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
 use gusset_quantity::units::position;
+use gusset_record::lasting::{LastingRecord, SpecimenKey};
 
 const K: f64 = 8000.0;
 

@@ -3,10 +3,10 @@
 use std::net::SocketAddr;
 
 use super::connection::ClientLink;
-use gusset_quantity::catalog::ending::Cause;
 use crate::Transport;
 use crate::native::with_words;
 use crate::served::TestEnd;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
 use gusset_wire::native;

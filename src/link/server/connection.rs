@@ -5,13 +5,13 @@
 use std::os::fd::BorrowedFd;
 
 use super::wire_end::WireEnd;
-use gusset_config::fault_script::Script;
 use crate::fault::FaultyWire;
 use crate::tls::{TlsFault, TlsStream};
 use crate::{TcpTransport, Transport, UdpTransport, Wait};
-use gusset_record::rt::os;
+use gusset_config::fault_script::Script;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 
 /// The transport of a connection.
 pub(super) enum Connection {

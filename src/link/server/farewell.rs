@@ -6,8 +6,8 @@
 use std::net::SocketAddr;
 
 use crate::Transport;
-use gusset_record::rt::os;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 use gusset_wire::native::{Kind, LARGEST_FRAME, peek};
 
 /// The server repeats the answer for this time after the session. A controller waits for less time.

@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use gusset_config::fault_script::Script;
-use gusset_config::{LimitsSpec, ScriptError, check_script};
 use crate::announce::units_of;
 use crate::fault::Bench;
 use crate::served::{
     AxesBehind, ClientScale, Computed, GuardStore, Latch, LinkBuild, LinkMaker, Memory, Pacing,
     RecordSettings, ServedSpecimen, Unconnected, Whereabouts, first_words,
 };
+use gusset_actuator::specimen::Specimen;
+use gusset_config::fault_script::Script;
+use gusset_config::{LimitsSpec, ScriptError, check_script};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{Port, WiringCheck};
-use gusset_actuator::specimen::Specimen;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Capabilities};

@@ -16,9 +16,9 @@ use rustix::net::sockopt;
 
 use super::connection::Connection;
 use super::{ServeError, ServeOptions};
-use gusset_config::Carrier;
 use crate::socket::{SocketOptions, TcpTransport, UdpTransport, beside, resolve};
 use crate::tls::{TlsServer, TlsStream};
+use gusset_config::Carrier;
 
 /// The proof of identity that a server asks of its clients.
 #[derive(Debug, Default)]

@@ -56,12 +56,12 @@ use thiserror::Error;
 use super::openfresco::{Host as OpenFrescoHost, ServeSettings};
 use super::tls::TlsServer;
 use super::{ConnectError, socket};
+use data_thread::Served;
+use greeter::Greeter;
 use gusset_config::Carrier;
 use gusset_record::rt::{Granted, RtPlan, apply};
 use gusset_wire::key::PreSharedKey;
 use gusset_wire::openfresco::Carrier as Bytes;
-use data_thread::Served;
-use greeter::Greeter;
 use listener::{Access, Listener};
 use native_handshake::Offer;
 use reception::Reception;
@@ -411,12 +411,12 @@ mod tests {
     use super::*;
     use crate::openfresco::{Nature, Role};
     use crate::served::ServedSpecimen;
-    use gusset_record::rt::os::monotonic_ns;
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
     use gusset_quantity::time::Nanos;
     use gusset_quantity::units::AxisUnits;
+    use gusset_record::rt::os::monotonic_ns;
 
     /// A specimen that panics when it is moved.
     struct Broken;

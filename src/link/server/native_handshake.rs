@@ -11,12 +11,12 @@ use super::ServerEvent;
 use super::handshake_step::{Failure, Step};
 use super::hosted::Host;
 use super::shared::{Occupancy, Shared};
-use gusset_config::WATCHDOG_MAX_S;
 use crate::inbox::Inbox;
 use crate::native::{SOFTWARE, fit};
 use crate::secret::random;
 use crate::served::elsewhere;
 use crate::tls::is_client_hello;
+use gusset_config::WATCHDOG_MAX_S;
 use gusset_quantity::text::is_hidden;
 use gusset_wire::handshake::{
     self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,

@@ -9,12 +9,12 @@ use super::native_handshake::{self, NativeOpening};
 use super::native_session::NativeConversation;
 use super::session::Session;
 use super::shared::Shared;
-use gusset_quantity::catalog::ending::Cause;
 use crate::Transport;
 use crate::served::{Controller, ServedSpecimen, TestEnd};
 use crate::socket::LOOK;
-use gusset_record::rt::throttle::Throttle;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::throttle::Throttle;
 use gusset_wire::handshake::{self, Control};
 use gusset_wire::native::Frame;
 

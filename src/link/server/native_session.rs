@@ -20,16 +20,16 @@ use super::sampling::SampleClock;
 use super::session::Conversation;
 use super::shared::Shared;
 use super::silence::{Due, Silence};
-use gusset_quantity::catalog::event::Remark;
 use crate::Transport;
 use crate::served::{ServedSpecimen, TestEnd};
 use crate::socket::LOOK;
+use ends::Wrong;
+use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::substructure::{LinkFault, Status};
 use gusset_quantity::time::Nanos;
 use gusset_wire::WireError;
 use gusset_wire::handshake::Arm;
 use gusset_wire::native::{Cause, Frame, Heartbeat, Moment, Notice};
-use ends::Wrong;
 
 /// Reads of the messages that came while the specimen was busy, before the newest command is passed on.
 const MOST_READS: u32 = 64;

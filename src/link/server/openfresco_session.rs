@@ -18,9 +18,9 @@ use crate::openfresco::{
 };
 use crate::served::{Controller, TestEnd};
 use crate::socket::LOOK;
-use gusset_record::rt::os::monotonic_ns;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os::monotonic_ns;
 use gusset_wire::openfresco::{Action, Course, Sizes, datagrams};
 
 /// After its goodbye the client has this time to close first.

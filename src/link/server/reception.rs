@@ -368,10 +368,10 @@ mod tests {
     use crossbeam_channel::{Receiver, bounded, unbounded};
 
     use super::*;
-    use gusset_config as config;
     use crate::openfresco::{Nature, Role, ServeSettings};
     use crate::server::ServeOptions;
     use crate::server::listener::Access;
+    use gusset_config as config;
     use gusset_wire::openfresco::Carrier;
 
     const PEER: ([u8; 4], u16) = ([127, 0, 0, 1], 9);

@@ -21,9 +21,9 @@ pub use tcp::TcpTransport;
 pub(crate) use tcp::discard;
 pub use udp::UdpTransport;
 
-use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 
 /// Largest remainder of frames that a transport keeps while the system takes no bytes.
 const KEPT: usize = 96 * 1024;

@@ -9,9 +9,9 @@ use super::{
     ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
 };
 use crate::Transport;
-use gusset_record::rt::os::Errno;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os::Errno;
 
 /// UDP to one peer: datagrams of everybody else are not seen.
 #[derive(Debug)]

@@ -18,8 +18,8 @@ use super::thread::TlsTransport;
 use super::{RECORD_LIMIT_NS, provider};
 use crate::socket::{ConnectError, SocketOptions, TcpTransport};
 use crate::tls_fault::TlsFault;
-use gusset_record::rt::os;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 
 /// Who we are, whom we trust and what the far end must be called.
 #[derive(Clone)]

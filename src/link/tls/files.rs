@@ -13,8 +13,8 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{Error, InconsistentKeys, RootCertStore};
 use thiserror::Error as Thiserror;
 
-use gusset_config::{ServeTlsSpec, TlsSpec};
 use crate::tls_fault::TlsFault;
+use gusset_config::{ServeTlsSpec, TlsSpec};
 use gusset_record::rt::secret_file::{SecretError, open_secret};
 
 /// No PEM file of use is longer.

@@ -13,9 +13,9 @@ use super::session::Session;
 use crate::socket::{Pause, SocketOptions, Wait, discard, has_hung_up};
 use crate::tls_fault::TlsFault;
 use crate::{TcpTransport, Transport};
-use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 
 /// A TLS session on a TCP connection.
 pub struct TlsStream {

@@ -22,9 +22,9 @@ use super::stream::TlsStream;
 use crate::Transport;
 use crate::socket::{Pause, Wait};
 use crate::tls_fault::TlsFault;
-use gusset_record::rt::os;
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 
 /// Bytes of a ring, at least.
 const RING: usize = 64 * 1024;

@@ -227,6 +227,3 @@ impl fmt::Display for Lambda {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -12,11 +12,11 @@ use serde_json::{Map, Value};
 
 use super::encoding::{from_one, from_one_if_any, hexadecimal, real};
 use super::payload::{LimitReached, Standing, TripValue, WarmUp, Word};
-use gusset_quantity::catalog::event::{self, EventRow, Remark};
-use gusset_quantity::catalog::phase::Phase;
 use crate::checksum::Checksum;
 use crate::miss::Evidence;
 use crate::{GridOf, MissCause};
+use gusset_quantity::catalog::event::{self, EventRow, Remark};
+use gusset_quantity::catalog::phase::Phase;
 use gusset_quantity::substructure::LinkFault;
 
 /// What happened.

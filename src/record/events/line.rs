@@ -7,9 +7,9 @@ use serde_json::{Map, Value};
 
 use super::kinds::Event;
 use super::sentence;
-use gusset_quantity::catalog::event::{self, EventRow, Group, Severity};
 use crate::TimedEvent;
 use crate::utc::rfc3339;
+use gusset_quantity::catalog::event::{self, EventRow, Group, Severity};
 use gusset_quantity::text::printable;
 
 /// An event with the moment at which it happened.

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use super::encoding::{from_one, from_one_if_any, real};
-use gusset_quantity::catalog::limit::{Limit, Scope};
 use crate::miss::ON_MISS;
+use gusset_quantity::catalog::limit::{Limit, Scope};
 
 /// A word of the program: a constant where the program writes it, a text where it reads a file.
 pub type Word = Cow<'static, str>;

@@ -5,8 +5,8 @@
 
 use serde_json::{Map, Value};
 
-use gusset_quantity::catalog::event;
 use crate::miss::{ON_MISS, late_words};
+use gusset_quantity::catalog::event;
 use gusset_quantity::units::{
     compared, compared_within, duration, in_axis_unit, number, reading, unit_of_key,
 };

@@ -15,11 +15,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 
 use super::ExportError;
-use gusset_quantity::catalog::column::{self, Kind};
-use gusset_quantity::catalog::phase::Phase;
 use crate::Column;
 use crate::journal::Journal;
 use crate::layout::{COMMITS, Layout};
+use gusset_quantity::catalog::column::{self, Kind};
+use gusset_quantity::catalog::phase::Phase;
 
 /// Which rows are exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,10 +14,10 @@ use crate::event_log::{EventContext, EventLog, Moment};
 use crate::events::Event;
 use crate::intact::Extent;
 use crate::journal::JournalWriter;
-use crate::rt::sampler::SchedSample;
 use crate::note::{Note, Position};
 use crate::onlooker::{Onlooker, Watched};
 use crate::ring::RingReader;
+use crate::rt::sampler::SchedSample;
 
 /// Bytes of rows that are written without waiting for the time to do so.
 pub(super) const CHUNK: usize = 256 << 10;

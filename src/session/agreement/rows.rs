@@ -1,9 +1,9 @@
 //! The rows of a run show its end, its steps and its largest magnitudes.
 
+use crate::row_peaks::RowPeaks;
 use gusset_quantity::catalog::phase::{GIVEN_UP, Phase};
 use gusset_record::summary::Peak;
 use gusset_record::{FolderError, Run};
-use crate::row_peaks::RowPeaks;
 
 /// Findings in the rows of a run.
 #[derive(Debug, Default)]

@@ -3,10 +3,10 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::CampaignError;
-use gusset_quantity::catalog::column;
 use gusset_config::{Finding, KeyPath, LoadedStudy, nearest};
 use gusset_control::engine::{Experiment, Phase};
 use gusset_numerics::model::StructureSpec;
+use gusset_quantity::catalog::column;
 use gusset_record::{Column, Recorder, TimedEvent};
 
 /// Time at the end of a test over which a residual displacement is averaged, s.

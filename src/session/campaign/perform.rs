@@ -3,12 +3,12 @@
 use super::measure::{End, Taker, storeys};
 use super::study::Study;
 use super::task::Task;
-use gusset_quantity::catalog::ending::Cause;
-use gusset_config::ConfigError;
-use gusset_control::engine::{Ending, Experiment};
 use crate::certificate::MOST_ATTEMPTS;
 use crate::rehearsal::{Staging, staged};
 use crate::unaware::Unaware;
+use gusset_config::ConfigError;
+use gusset_control::engine::{Ending, Experiment};
+use gusset_quantity::catalog::ending::Cause;
 use gusset_setup::{self as setup, Drawn, Trial};
 
 /// Result of one task.

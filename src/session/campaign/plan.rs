@@ -11,8 +11,8 @@ use super::study::{MOST_TASKS, Study};
 use super::task::Task;
 use super::{CampaignError, at};
 use gusset_config::read_text;
-use gusset_record::{atomic, make_free};
 use gusset_record::rt::os;
+use gusset_record::{atomic, make_free};
 
 /// Format of the plan and of the parts.
 const FORMAT: u64 = 1;

@@ -9,8 +9,8 @@ use super::plan::Campaign;
 use super::task::Task;
 use super::work::Stop;
 use super::{CampaignError, at};
-use gusset_record::atomic::random_number;
 use gusset_quantity::work::each;
+use gusset_record::atomic::random_number;
 
 /// How many tasks are computed again, and the seed of their choice.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,8 +12,8 @@ use super::study::Study;
 use super::task::Task;
 use super::{CampaignError, at};
 use gusset_config::Scalar;
-use gusset_record::atomic::AtomicFile;
 use gusset_quantity::units::unit_in_name;
+use gusset_record::atomic::AtomicFile;
 
 /// Kind of a column with these values of an axis.
 fn kind_of(values: &[Scalar]) -> CellKind {

@@ -7,8 +7,8 @@ use super::perform::perform;
 use super::plan::{Campaign, Plan, read};
 use super::task::Task;
 use super::{CampaignError, at};
-use gusset_record::rt::os;
 use gusset_quantity::work::each;
+use gusset_record::rt::os;
 
 /// Results are written at least this often, in ns.
 const FLUSH_NS: u64 = 15_000_000_000;

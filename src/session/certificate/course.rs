@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use gusset_quantity::catalog::column;
 use gusset_control::engine::{Experiment, Phase};
+use gusset_quantity::catalog::column;
 use gusset_record::{Recorder, TimedEvent};
 
 /// Most numbers of a reference that are kept; of a longer one every second, third, … row.

@@ -2,9 +2,9 @@
 //!
 //! Every number is a function of the seed, the trial and its own place, so that a trial is the same whichever thread runs it.
 
+use gusset_actuator::transfer::noise::normal_pair;
 use gusset_config::{Loaded, Uncertain};
 use gusset_setup::{Drawn, Trial};
-use gusset_actuator::transfer::noise::normal_pair;
 
 /// Channel of the numbers of the file, of what was identified (one per specimen), and of seeds.
 const OF_KEYS: u64 = 1 << 32;

@@ -10,9 +10,9 @@ use super::draw::Plan;
 use super::proportion::interval;
 use super::{Band, Rehearsed as Trial, Trials, carry_out};
 use gusset_config::{ConfigError, Loaded, SpecimenTable, missing_limits};
-use gusset_setup::Facts;
 use gusset_quantity::units::quantity;
 use gusset_quantity::work::Work;
+use gusset_setup::Facts;
 
 /// One judgement.
 #[derive(Debug)]

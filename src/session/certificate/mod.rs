@@ -24,9 +24,9 @@ use super::rehearsal::{AxisNeed, Staging, staged};
 use super::unaware::Unaware;
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
 use gusset_control::engine::{Ending, Experiment, Stop, TestLimits};
+use gusset_quantity::work::{each, processors};
 use gusset_record::rt::os;
 use gusset_setup::{self as setup, Trial};
-use gusset_quantity::work::{each, processors};
 
 /// Draws of one trial that the file could not be with, before that is an error.
 pub const MOST_ATTEMPTS: u64 = 50;

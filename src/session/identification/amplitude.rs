@@ -1,9 +1,9 @@
 //! How far an axis is driven: as was asked for if the limits allow it, else a share of what they leave.
 
 use super::{IdentificationError, refusal};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{LimitsSpec, RangeSpec, SpecimenTable};
 use gusset_motion::identify::{Band, Course};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::{compared, number, quantity};
 
 /// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.

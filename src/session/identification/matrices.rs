@@ -7,8 +7,8 @@
 use nalgebra::DMatrix;
 
 use super::outcome::Axis;
-use gusset_config::SpecimenTable;
 use gusset_actuator::geometry::{GeometrySpec, LawPlace};
+use gusset_config::SpecimenTable;
 use gusset_motion::identify::{Estimate, Felt, Identification, SpecimenFit};
 
 /// Stiffness in N/m and damping in N s/m.

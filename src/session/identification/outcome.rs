@@ -6,12 +6,12 @@ use serde_json::{Value, json};
 
 use super::IdentificationError as Error;
 use super::plan::{Driven, Plan, gear};
-use gusset_quantity::catalog::column;
 use gusset_config::Loaded;
 use gusset_control::engine::Phase;
 use gusset_motion::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
-use gusset_record::Run;
+use gusset_quantity::catalog::column;
 use gusset_quantity::substructure::Status;
+use gusset_record::Run;
 
 /// State of a row in which the test runs.
 const RUNNING: f64 = Phase::Running.code();

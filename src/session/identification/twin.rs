@@ -11,6 +11,10 @@ use super::matrices::{self, Found, rows};
 use super::outcome::{Axis, Outcome};
 use super::plan::Plan;
 use gusset_actuator::compensation::{CompensationSpec, ModelInverseSpec};
+use gusset_actuator::specimen::{CoupledSpec, SpecimenLaw};
+use gusset_actuator::transfer::{
+    ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,
+};
 use gusset_config::TimingSpec;
 use gusset_config::{
     ClockChoice, IdentifiedTable, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable,
@@ -18,10 +22,6 @@ use gusset_config::{
 };
 use gusset_motion::identify::{Estimate, Fit, Identification, Model};
 use gusset_numerics::law::{LawSpec, LinearSpec};
-use gusset_actuator::specimen::{CoupledSpec, SpecimenLaw};
-use gusset_actuator::transfer::{
-    ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,
-};
 
 /// Share of a tick, and of the gain, below which there is nothing to make up for.
 const NOTHING: f64 = 0.05;

@@ -9,14 +9,14 @@ use std::thread;
 
 use super::budget::Budget;
 use super::{Staging, StandIn, staged_with};
-use gusset_quantity::catalog::column;
 use gusset_config::{ConfigError, Loaded};
 use gusset_control::engine::{Control, Ending, Experiment, Phase};
-use gusset_numerics::model::StructureSpec;
 use gusset_motion::Excitation;
+use gusset_numerics::model::StructureSpec;
+use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
+use gusset_quantity::catalog::column;
 use gusset_record::{Recorder, TimedEvent};
 use gusset_setup::{self as setup, Ideal, IdealCourse, NoCourse};
-use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
 
 /// Most numbers of one course.
 const MOST: u64 = 4_000_000;

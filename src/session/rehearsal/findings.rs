@@ -2,10 +2,10 @@
 
 use super::hold::depends_on_pace;
 use super::{Held, Need, Needs, Rehearsal};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ClockChoice, Finding, KeyPath, Loaded};
 use gusset_control::engine::{Ending, Stop};
 use gusset_control::port::Poses;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::quantity;
 
 /// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.

@@ -3,9 +3,9 @@
 
 use super::prompter::Prompter;
 use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ConfigError, Loaded};
 use gusset_control::engine::{Control, Operator};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Recorder, TimedEvent};
 use gusset_setup as setup;
 

@@ -40,17 +40,17 @@ pub use whole::FullRehearsal;
 use meter::Meter;
 use prompter::Prompter;
 
-use gusset_quantity::catalog::ending::Cause;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Outcome};
 use gusset_control::port::Poses;
 use gusset_control::port::limits::{AxisLimits, Range};
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::substructure::Substructure;
+use gusset_quantity::time::SimClock;
 use gusset_record::Recorder;
 use gusset_record::rt::os;
 use gusset_setup as setup;
-use gusset_quantity::substructure::Substructure;
-use gusset_quantity::time::SimClock;
 
 /// What stood for a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::Sender;
 
 use gusset_control::engine::Operator;
-use gusset_record::{Recorder, TimedEvent};
-use gusset_record::rt::os;
 use gusset_quantity::work::Work;
+use gusset_record::rt::os;
+use gusset_record::{Recorder, TimedEvent};
 
 /// Ticks from one look at the wall clock to the next.
 const EVERY: u64 = 64;

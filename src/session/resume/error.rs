@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use gusset_config::ConfigError;
-use gusset_control::port::limits::Hit;
-use gusset_record::{FolderError, MissingEnd};
 use crate::continued::{Now, WentOn};
 use crate::desk::Unanswered;
 use crate::replay_error::ReplayError;
+use gusset_config::ConfigError;
+use gusset_control::port::limits::Hit;
+use gusset_record::{FolderError, MissingEnd};
 
 /// Why a test cannot go on. Nothing was moved.
 #[derive(Debug, Error)]

@@ -6,14 +6,14 @@
 use std::collections::VecDeque;
 
 use super::ResumeError;
-use gusset_quantity::catalog::column;
-use gusset_control::engine::{EndPosition, Phase, Place};
-use gusset_control::port::Port;
-use gusset_record::summary::{Peak, Status};
-use gusset_record::{Row, Run};
 use crate::checksum::unreadable;
 use crate::lineage::{Kept, Origin};
+use gusset_control::engine::{EndPosition, Phase, Place};
+use gusset_control::port::Port;
+use gusset_quantity::catalog::column;
 use gusset_quantity::substructure::Status as LinkStatus;
+use gusset_record::summary::{Peak, Status};
+use gusset_record::{Row, Run};
 
 /// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
 const LOST_S: f64 = 0.05;

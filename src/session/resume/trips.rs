@@ -4,11 +4,11 @@
 //! versions up to 0.2.0 have no column `cause`. There, a row with the state *tripped* needs an event that explains it.
 
 use super::ResumeError;
+use crate::checksum::unreadable;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::Phase;
 use gusset_record::summary::Status;
 use gusset_record::{Event, EventLine, FolderError, Run};
-use crate::checksum::unreadable;
 
 /// Name of a trip that neither events nor rows name.
 const UNKNOWN: &str = "unknown";

@@ -5,8 +5,8 @@
 use toml::Value;
 
 use super::ResumeError;
-use gusset_quantity::catalog::limit::{Scope, TABLE};
 use gusset_config::{Loaded, TestFile};
+use gusset_quantity::catalog::limit::{Scope, TABLE};
 
 /// What differs between two test files: the key with its value before and now.
 type Difference = (String, Option<Value>, Option<Value>);

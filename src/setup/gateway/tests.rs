@@ -10,12 +10,12 @@ use std::sync::{Arc, Mutex};
 use proptest::prelude::*;
 
 use super::conversion::{self, Client};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
 use gusset_link::served::{
     Controller, LinkBuild, Pacing, ServedSpecimen, Trip, simulated_pace as simulated,
 };
 use gusset_link::server::Host;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
@@ -278,8 +278,8 @@ proptest! {
 
 /// The port of a test with a prescribed deformation, as [`crate::specimens`] puts it together.
 fn in_process(table: &SpecimenTable, rig: Rig) -> gusset_control::port::Port {
-    use gusset_control::port::PoseRow;
     use crate::gear::axis;
+    use gusset_control::port::PoseRow;
     let axes = table.axis.iter();
     let axes = axes.map(|gear| axis(table, gear, Vec::new()).0).collect();
     let spec = table.geometry.as_ref().unwrap();

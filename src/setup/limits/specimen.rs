@@ -3,10 +3,10 @@
 use super::super::links;
 use super::super::specimens::loading;
 use super::{LimitFact, SpecimenLimits};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
 use gusset_control::port::limits::{AxisLimits, listed};
 use gusset_control::port::{Port, WiringCheck};
+use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::units::{self, duration};
 

@@ -1,11 +1,11 @@
 //! The compensators of a specimen, and what a simulated actuator asks of the grid.
 
 use super::super::{Refused, Site, path};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_actuator::compensation::{CompensationSpec, Compensator};
 use gusset_config::steps::Time;
 use gusset_config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};
 use gusset_numerics::integrate::{AlphaWeights, MethodError};
+use gusset_quantity::catalog::limit::Limit;
 
 /// Commands over a target at rest that no sound actuator needs to leave.
 const USUAL_GAINS: std::ops::RangeInclusive<f64> = 0.5..=2.0;

@@ -9,10 +9,10 @@ use serde::Serialize;
 
 use super::super::gear::Rows;
 use super::super::{Refused, Site};
-use gusset_config::{AxisTable, KeyPath, SpecimenTable};
 use gusset_actuator::geometry::{Geometry, GeometryError, GeometrySpec, LawPlace, MOST};
-use gusset_control::port::PoseRow;
 use gusset_actuator::specimen::{Gear, Platform, Specimen};
+use gusset_config::{AxisTable, KeyPath, SpecimenTable};
+use gusset_control::port::PoseRow;
 
 /// A geometry at the structure's scale, and what its coordinates are of the structure.
 #[derive(Debug)]

@@ -4,8 +4,8 @@ use super::super::Site;
 use super::super::gear::axis;
 use super::loading::{offsets, own_offsets};
 
-use gusset_config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
 use gusset_actuator::specimen::Specimen;
+use gusset_config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
 
 /// Share of what a zero shifted by the offsets would do that is roundoff.
 const ROUNDOFF: f64 = 1e-9;

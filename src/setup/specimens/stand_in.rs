@@ -4,10 +4,10 @@ use super::super::trial::Drawn;
 use super::super::{Refused, Rows, Site};
 use super::loading::offsets;
 use super::{Stand, compensation};
-use gusset_config::{KeyPath, SpecimenTable};
-use gusset_control::port::Axis;
 use gusset_actuator::specimen::{CoupledSpec, Mounted, Specimen, Stiffened};
 use gusset_actuator::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
+use gusset_config::{KeyPath, SpecimenTable};
+use gusset_control::port::Axis;
 
 /// The law as it was drawn, mounted off the zero of its axes by `offsets` (m, N), behind the actuator and the sensors of its
 /// table, if there are any.

@@ -1,9 +1,9 @@
 //! Limits of estimates that are never made: they can never trip, and whoever relies on them must hear of it.
 
 use super::super::{Site, path};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_config::{Finding, KeyPath, LimitsSpec};
 use gusset_control::port::Declared;
+use gusset_quantity::catalog::limit::Limit;
 
 /// Warns of each such limit of one specimen.
 pub(super) fn unwatched(

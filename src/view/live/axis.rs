@@ -6,9 +6,9 @@ use super::board::AxisView;
 use super::history::corners;
 use super::marks::Mark;
 use super::subject::{WatchedAxis, at};
+use gusset_control::engine::Phase;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Part;
-use gusset_control::engine::Phase;
 
 /// Points of the loop in one bin at most: a longer bin is thinned while it is filled.
 const MOST_POINTS: usize = 512;

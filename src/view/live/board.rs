@@ -10,9 +10,9 @@ use super::latency::LatencyView;
 use super::subject::Subject;
 use super::trip::Trip;
 use gusset_control::engine::{Glimpse, Phase, PhaseCell};
-use gusset_record::MissClasses;
 use gusset_proof::OnlineLimit;
 use gusset_quantity::text::printable;
+use gusset_record::MissClasses;
 
 /// Time over which the stiffest tangent is kept: once to twice this, ns.
 pub(super) const WINDOW_NS: u64 = 1_000_000_000;

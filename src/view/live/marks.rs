@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset_control::engine::Experiment;
 use gusset_control::port::limits::{Bound, Range};
+use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset_record::Column;
 
 /// One limit with its levels, SI.

@@ -3,11 +3,11 @@
 use serde::Serialize;
 
 use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
-use gusset_quantity::catalog::column;
 use gusset_control::engine::Experiment;
 use gusset_control::port::{DispZero, Exit};
-use gusset_record::Column;
+use gusset_quantity::catalog::column;
 use gusset_quantity::text::printable;
+use gusset_record::Column;
 
 /// Degrees of freedom that are drawn at most.
 const MOST_DOFS: usize = 8;

@@ -14,8 +14,8 @@ use super::latency::{KEYS, Latency, Stall};
 use super::specimen::{RowHead, SpecimenTap};
 use super::subject::{ChannelKind, at};
 use super::trip::Trip;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::engine::Phase;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Event, Note, Onlooker, Progress, TimedEvent};
 
 /// Bins a second of wall time at most, on the real clock.

@@ -3,10 +3,10 @@
 use serde::Serialize;
 
 use super::subject::Subject;
-use gusset_quantity::catalog::ending::Cause;
-use gusset_quantity::catalog::limit::Limit;
 use gusset_control::engine::{Phase, TestHit};
 use gusset_control::port::limits::{Hit, Level};
+use gusset_quantity::catalog::ending::Cause;
+use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Event, EventLine, LimitReached, ON_MISS, TimedEvent, Word, late_words};
 
 /// One of the reasons for which a test has tripped.
@@ -117,9 +117,9 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::live::{About, Board, Tap, metrics};
     use gusset_control::engine::PhaseCell;
     use gusset_record::{Onlooker, Progress};
-    use crate::live::{About, Board, Tap, metrics};
 
     /// What is on the board after these events.
     fn seen(kinds: &[Event]) -> Arc<Board> {

@@ -13,9 +13,9 @@ use super::source::Source;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;
-use gusset_quantity::catalog::phase::Phase;
 use gusset_motion::metrics::energy::{Balance, Energies, Model};
 use gusset_motion::metrics::tracking::Noise;
+use gusset_quantity::catalog::phase::Phase;
 use gusset_record::Column;
 
 /// Readings at rest that are kept at most.

@@ -7,9 +7,9 @@ use super::html::{beside, details, note, paragraph, table_without};
 use super::rows::Rows;
 use super::scale::{Scale, own_unit};
 use super::text::{NOTHING, exact, number, quantity};
+use crate::{LimitView, LimitsView, SpecimenLimitsView};
 use gusset_quantity::catalog::column::JUDGED;
 use gusset_quantity::catalog::limit::Limit;
-use crate::{LimitView, LimitsView, SpecimenLimitsView};
 
 /// The limits of the run, as markup; nothing where the summary has none.
 ///

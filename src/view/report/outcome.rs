@@ -6,11 +6,11 @@ use std::collections::BTreeSet;
 
 use super::RunView;
 use super::text::{count, exact, plural, quantity};
+use crate::{Feature, SummaryView};
+use gusset_proof::{RecordedFinding, RecordedVerdict, per_cent};
 use gusset_quantity::catalog::ending::Status;
 use gusset_quantity::catalog::event::Remark;
 use gusset_record::{Event, EventLine, MissCause};
-use gusset_proof::{RecordedFinding, RecordedVerdict, per_cent};
-use crate::{Feature, SummaryView};
 
 /// How good the news is; decides the colour of the banner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

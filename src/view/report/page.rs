@@ -27,8 +27,8 @@ use super::text::{escape, number, plural};
 use super::timeline::timeline;
 use super::timing;
 use super::tracked;
-use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
 use crate::Trials;
+use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("script.js");

@@ -11,9 +11,9 @@ use super::holder::{Item, hold};
 use super::shaking::Shaking;
 use super::source::Source;
 use super::table::Table;
-use gusset_quantity::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::tracking::Noise;
+use gusset_quantity::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
 use gusset_record::Column;
 
 /// DOFs of which spectra are made.

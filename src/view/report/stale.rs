@@ -8,8 +8,8 @@ use std::borrow::Cow;
 
 use super::sieve::Stretch;
 use gusset_quantity::catalog::column;
-use gusset_record::Column;
 use gusset_quantity::substructure::Status;
+use gusset_record::Column;
 
 /// Kinds of columns that are of a measurement.
 const MEASURED: [&str; 6] = [

@@ -6,8 +6,8 @@ use rand::SeedableRng as _;
 use serde_json::json;
 
 use super::RunView;
-use gusset_record::{Column, EventLine};
 use crate::Flaws;
+use gusset_record::{Column, EventLine};
 
 pub(super) const RATE: f64 = 1024.0;
 

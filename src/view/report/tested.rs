@@ -3,9 +3,9 @@
 use super::RunView;
 use super::columns::{Combination, MOST_DOFS, SpecimenAxis, Storey};
 use super::text::{exact, number, plural, shortened};
+use crate::{Excitation, SpecimenTable, Structure, TestFile, Variant};
 use gusset_record::summary::ClockKind;
 use gusset_record::{Event, EventLine};
-use crate::{Excitation, SpecimenTable, Structure, TestFile, Variant};
 
 /// Numbers from 1 of the specimens whose measured displacement is the command, as the events tell.
 #[must_use]

@@ -8,11 +8,11 @@ use bincode::error::{DecodeError, EncodeError};
 use super::{
     Arm, Axis, Bye, Control, Hello, Limits, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
 };
-use gusset_quantity::text::is_hidden;
 use crate::bytes::{finite, same_length};
 use crate::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
 use crate::native::{CONTROL_LIMIT, Cause, MAX_AXES};
 use crate::{ControlFault, Side, WireError};
+use gusset_quantity::text::is_hidden;
 
 /// Largest control message in bytes.
 pub const LIMIT: usize = CONTROL_LIMIT;

@@ -4,10 +4,10 @@ mod messages;
 use proptest::prelude::*;
 
 use super::*;
-use gusset_quantity::substructure::Command;
 use crate::key::{PreSharedKey, SessionKey};
 use crate::native::{Decoder, Encoder, Frame, MAX_AXES};
 use crate::{ControlFault, Side, WireError};
+use gusset_quantity::substructure::Command;
 
 fn axis(name: &str) -> Axis {
     Axis {

@@ -7,11 +7,11 @@ use super::layout::{
     CRC_LEN, HEADER_LEN, HISTORY, MEASURED_WORDS, WORD, earlier_words, trailer_len,
 };
 use super::view::{Cause, CommandFrame, Frame, Heartbeat, MeasurementFrame, Notice};
-use gusset_quantity::substructure::Status;
 use crate::bytes::{Word, array, finite, finite_words, halves};
 use crate::key::{MAC_LEN, SessionKey};
 use crate::window::{Arrival, SequenceWindow};
 use crate::{Progress, Side, WireError};
+use gusset_quantity::substructure::Status;
 
 /// Finds the end of the first frame in a stream. Only the header is looked at, every length in it is bounded
 /// by [`super::LARGEST_FRAME`], and a wrong protocol shows with its first byte. An error is final: a stream

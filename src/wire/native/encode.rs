@@ -6,10 +6,10 @@ use super::layout::{
     MAX_AXES, NO_SEQUENCE, VERSION, WORD, body_end, earlier_words, trailer_len,
 };
 use super::view::{Heartbeat, Notice};
-use gusset_quantity::substructure::{Command, Measurement};
 use crate::bytes::{Word, finite, joined, put, same_length};
 use crate::key::{MAC_LEN, SessionKey};
 use crate::{Side, WireError};
+use gusset_quantity::substructure::{Command, Measurement};
 
 /// What a specimen says about the moment of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

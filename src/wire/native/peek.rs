@@ -91,9 +91,9 @@ fn seal(frame: &mut [u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_quantity::substructure::{Command, Measurement};
     use crate::native::{Decoder, Encoder, Frame, Moment};
     use crate::{Side, WireError};
+    use gusset_quantity::substructure::{Command, Measurement};
 
     fn measurement() -> Vec<u8> {
         let measured = Measurement {

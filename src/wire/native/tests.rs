@@ -6,10 +6,10 @@ use proptest::prelude::*;
 
 use super::layout::*;
 use super::*;
-use gusset_quantity::substructure::{Command, Measurement, Status};
 use crate::key::{PreSharedKey, SessionKey};
 use crate::window::Arrival;
 use crate::{Progress, Side, WireError};
+use gusset_quantity::substructure::{Command, Measurement, Status};
 
 const SESSION: u64 = 0xA1B2_C3D4_E5F6_0718;
 

@@ -4,10 +4,10 @@
 //! cannot fail and allocate nothing.
 
 use super::layout::{NO_SEQUENCE, earlier_words};
-use gusset_quantity::catalog::ending;
-use gusset_quantity::substructure::{Measurement, Retirement, Status};
 use crate::WireError;
 use crate::bytes::{Word, copy_words, same_length};
+use gusset_quantity::catalog::ending;
+use gusset_quantity::substructure::{Measurement, Retirement, Status};
 
 /// Why a test holds, retires or ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

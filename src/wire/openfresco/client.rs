@@ -9,8 +9,8 @@ use super::hello::{HELLO, UdpGreeting};
 use super::inbox::Carrier;
 use super::sizes::{SIZES_LEN, Sizes};
 use super::vector::Response;
-use gusset_quantity::substructure::{Command, Measurement};
 use crate::WireError;
+use gusset_quantity::substructure::{Command, Measurement};
 
 /// What listens at the other end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

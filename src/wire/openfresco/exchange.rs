@@ -6,9 +6,9 @@ use super::followed::Followed;
 use super::inbox::{Carrier, Inbox};
 use super::sizes::Counts;
 use super::vector::{Response, Signals, read_matrix, write_action, write_matrix, write_vector};
-use gusset_quantity::substructure::{Command, Measurement};
 use crate::WireError;
 use crate::bytes::{finite, get_f64, same_length};
+use gusset_quantity::substructure::{Command, Measurement};
 
 /// What a server owes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

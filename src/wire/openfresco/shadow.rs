@@ -10,9 +10,9 @@ use super::hello::{ENDIAN, HELLO, UdpGreeting};
 use super::inbox::{Carrier, Inbox};
 use super::sizes::{BLOCK_LEN, DEFAULT_DATA_SIZE, Sizes};
 use super::vector::Response;
-use gusset_quantity::substructure::{Command, Measurement};
 use crate::WireError;
 use crate::bytes::{array, finite, get_f64, put_doubles};
+use gusset_quantity::substructure::{Command, Measurement};
 
 /// How to talk to an actor.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,8 +8,8 @@ mod sizes;
 use proptest::prelude::*;
 
 use super::*;
-use gusset_quantity::substructure::{Command, Measurement};
 use crate::WireError;
+use gusset_quantity::substructure::{Command, Measurement};
 
 const ONE: Interface = Interface { axes: 1, forces: 1 };
 

@@ -38,12 +38,18 @@ pub fn start(home: &Path, text: &str) -> (Running, BufReader<ChildStderr>, [Stri
     let mut said = BufReader::new(child.stderr.take().unwrap());
     let running = Running(child);
     let mut after = |start: &str| {
-        let mut line = String::new();
-        said.read_line(&mut line).unwrap();
-        let rest = line.strip_prefix(start);
-        rest.unwrap_or_else(|| panic!("{start:?}: {line}"))
-            .trim()
-            .to_owned()
+        let mut lines = String::new();
+        // Findings of the verdict come before.
+        loop {
+            let begun = lines.len();
+            assert!(
+                said.read_line(&mut lines).unwrap() > 0,
+                "{start:?}: {lines}"
+            );
+            if let Some(rest) = lines[begun..].strip_prefix(start) {
+                return rest.trim().to_owned();
+            }
+        }
     };
     let address = after("live page: ");
     let token = after("control token (HOLD, CONTINUE, CONFIRM, STOP on the page): ");

@@ -2,15 +2,15 @@
 
 use std::sync::Arc;
 
-use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset_control::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
 use gusset_control::port::limits::{AxisLimits, Bound, Range};
 use gusset_control::port::{Axis, Order, Port, Reference, Zero};
-use gusset_record::{Event, Onlooker, Progress};
+use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
+use gusset_record::{Event, Onlooker, Progress};
 use gusset_view::live::{About, Board, Snapshot, Subject, Tap, metrics};
 
 use super::exposition;

@@ -1,12 +1,12 @@
 //! The mathematics on records of simulated actuators: truth, bias and spread.
 
+use gusset_actuator::specimen::{Specimen, SpecimenLaw};
+use gusset_actuator::transfer::{Transfer, TransferSpec};
 use gusset_motion::identify::{
     Band, Course, Identification, IdentifyError, Model, Record, Shape, identify,
 };
-use gusset_numerics::law::LawSpec;
 use gusset_motion::{Grid, Quantity};
-use gusset_actuator::specimen::{Specimen, SpecimenLaw};
-use gusset_actuator::transfer::{Transfer, TransferSpec};
+use gusset_numerics::law::LawSpec;
 
 const RATE: f64 = 512.0;
 const BAND: Band = Band {

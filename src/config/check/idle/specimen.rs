@@ -1,18 +1,16 @@
 //! Keys of `[[specimen]]` and of its link that have no effect beside the others.
 
 use super::Findings;
-use gusset_quantity::catalog::limit::Limit;
-use gusset_actuator::compensation::CompensationSpec;
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::limit_table::LimitsSpec;
-use crate::link_table::{
-    Carrier, CommandPace, LinkCoupling, LinkSpec, Protocol, StaleChoice,
-};
+use crate::link_table::{Carrier, CommandPace, LinkCoupling, LinkSpec, Protocol, StaleChoice};
 use crate::safety::{ExitChoice, SafetyTable, ZeroChoice};
 use crate::specimen::SpecimenTable;
-use gusset_numerics::law::Reach;
+use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::transfer::{BetweenTicks, TransferSpec};
+use gusset_numerics::law::Reach;
+use gusset_quantity::catalog::limit::Limit;
 
 /// One specimen; `safety` is that of the test, and absent where the file is only served.
 pub(in crate::check) fn check_idle_specimen(
@@ -224,11 +222,7 @@ fn refuse_relative_zeros(specimen: &SpecimenTable, at: &KeyPath, findings: &mut 
 
 /// The link of one specimen of a test; `at` is its place. On the simulated clock every link is lockstep, whatever the file
 /// says for the real one.
-pub(in crate::check) fn check_idle_link(
-    link: &LinkSpec,
-    at: &KeyPath,
-    findings: &mut Findings,
-) {
+pub(in crate::check) fn check_idle_link(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
     let native = link.protocol == Protocol::Gusset;
     let lockstep = !native || link.coupling == LinkCoupling::Lockstep;
     let stale = link.max_stale.is_some();

@@ -1,8 +1,8 @@
 //! The compensator of one axis, and the two points of the grid between which its lead is.
 
 use super::gap::Gap;
-use gusset_actuator::compensation::Compensator;
 use crate::port::Axis;
+use gusset_actuator::compensation::Compensator;
 use gusset_quantity::state::Visit;
 
 /// What is kept of one axis.

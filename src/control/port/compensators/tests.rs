@@ -3,10 +3,12 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use gusset_actuator::compensation::CompensationSpec;
 use crate::port::{Axis, Order, Port, StepPacer};
+use gusset_actuator::compensation::CompensationSpec;
 use gusset_quantity::substructure::Substructure;
-use gusset_quantity::substructure::{Command, Coupling, Freshness, LinkFault, Measurement, Retirement};
+use gusset_quantity::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement,
+};
 use gusset_quantity::time::Nanos;
 
 /// Wall time of a tick, s.

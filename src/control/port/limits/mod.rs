@@ -17,8 +17,8 @@ mod watch;
 pub use judge::RECORDED;
 pub use watch::{Estimated, Watch};
 
-use gusset_quantity::catalog::limit::{AXIS_LIMITS, Kind, Limit};
 use gusset_config::{BoundSpec, DIVERGENCE_M, LimitsSpec, RangeSpec};
+use gusset_quantity::catalog::limit::{AXIS_LIMITS, Kind, Limit};
 use gusset_quantity::units::compared;
 
 /// How bad it is.
@@ -294,5 +294,7 @@ impl Found {
     }
 }
 
+#[cfg(test)]
+mod file_tests;
 #[cfg(test)]
 mod tests;

@@ -3,9 +3,9 @@
 use super::Remote;
 use crate::openfresco::asking::{Asking, Came, pause, send};
 use crate::openfresco::error::{Lost, RemoteError, Saying};
-use gusset_record::rt::os;
 use gusset_quantity::substructure::{LinkFault, Measurement};
 use gusset_quantity::time::Nanos;
+use gusset_record::rt::os;
 use gusset_wire::WireError;
 use gusset_wire::openfresco::{Client, Matrix, Reading};
 

@@ -1,7 +1,6 @@
 //! The end of a native session with its last frames, and a repeated Arm.
 
 use super::{NativeConversation, send};
-use gusset_quantity::catalog::ending::{self, Kind};
 use crate::Transport;
 use crate::served::{TestEnd, Trip, with_last_words};
 use crate::server::ServerEvent;
@@ -9,6 +8,7 @@ use crate::server::backlog::Backlog;
 use crate::server::channel::{Channel, said_goodbye};
 use crate::server::native_handshake;
 use crate::server::shared::Shared;
+use gusset_quantity::catalog::ending::{self, Kind};
 use gusset_wire::WireError;
 use gusset_wire::handshake::{self, Arm, Control, Refuse};
 use gusset_wire::native::{Cause, Notice};

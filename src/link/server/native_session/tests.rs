@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use crate::Transport;
 use crate::served::LinkBuild;
 use crate::server::{Host, ServerEvent, Simulated, Tap, Tapped};
-use gusset_control::port::{Pace, WiringCheck};
 use gusset_actuator::specimen::SpecimenLaw;
+use gusset_control::port::{Pace, WiringCheck};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,

@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{fraction, positive, require, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
-use gusset_quantity::state::Visit;
 use branch::Branch;
+use gusset_quantity::state::Visit;
 pub use wear::{DegradationSpec, PinchingSpec};
 use wear::{Point, Wear};
 

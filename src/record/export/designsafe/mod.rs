@@ -29,9 +29,9 @@ use test::{Test, is_of_dof, is_of_specimen};
 use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
 use super::{ExportError, Exported, Extra};
-use gusset_quantity::catalog::column::GROUND;
 use crate::atomic;
 use crate::run::Run;
+use gusset_quantity::catalog::column::GROUND;
 
 const READERS: [(&str, &str); 2] = [
     (

@@ -2,8 +2,8 @@
 //! for the test; rows count from the first edge of theirs. Events of the kind `grid` say when that was on the loop's clock.
 
 use super::stamps::Stamped;
-use gusset_quantity::catalog::phase::{Part, Phase};
 use crate::{Event, EventLine, GridOf};
+use gusset_quantity::catalog::phase::{Part, Phase};
 
 /// Places row after row, from the first of the file on.
 pub(super) struct Grid {

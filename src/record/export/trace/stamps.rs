@@ -1,8 +1,8 @@
 //! The stamps of a tick, as they stand in its row.
 
-use gusset_quantity::catalog::column;
 use crate::export::ExportError;
 use crate::layout::Layout;
+use gusset_quantity::catalog::column;
 
 /// Where the stamps of a tick stand in its row.
 pub(super) struct Stamps {

@@ -1,9 +1,9 @@
 //! Compensators of a gateway: the same commands and the same tracking as a test gives for the same targets.
 
 use super::*;
+use crate::gateway::following::Following;
 use gusset_config::ServedFile;
 use gusset_control::port::Port;
-use crate::gateway::following::Following;
 
 const ALL: [&str; 9] = [
     "none = {}",

@@ -1,8 +1,8 @@
 //! Rows of a gateway that paces: the numbers of targets, and a target that is refused.
 
 use super::*;
-use gusset_quantity::catalog::ending::Cause;
 use gusset_link::served::RecordSettings;
+use gusset_quantity::catalog::ending::Cause;
 use gusset_record::Run;
 
 #[test]

@@ -154,7 +154,10 @@ fn course(
     }
     assert_eq!(served.tripped(), None);
     let rests = told.lock().unwrap().len();
-    served.end(gusset_quantity::catalog::ending::Cause::ControllerVanished, "");
+    served.end(
+        gusset_quantity::catalog::ending::Cause::ControllerVanished,
+        "",
+    );
     simulated::pass(1_000_000_000);
     assert_eq!(
         told.lock().unwrap().len(),

@@ -19,12 +19,12 @@ use serde_json::{Value, json};
 use tokio::time::{Interval, MissedTickBehavior};
 
 use super::connections::PendingRequest;
-use gusset_control::engine::{Glimpse, Phase};
-use gusset_record::rt::os::monotonic_ns;
 use crate::live::board::Board;
 use crate::live::history::{Bin, RECENT};
 use crate::live::latency::BOUNDS;
 use crate::live::metrics::FLAGS;
+use gusset_control::engine::{Glimpse, Phase};
+use gusset_record::rt::os::monotonic_ns;
 
 /// Time between two events for one viewer.
 const PACE: Duration = Duration::from_millis(33);

@@ -31,12 +31,12 @@ use tokio::sync::Notify;
 pub use access::{Token, TokenError};
 
 use super::board::{Board, Ended, MARGIN_EVERY_NS};
-use gusset_control::engine::Operator;
-use gusset_record::{Event, Note};
-use gusset_record::rt::os::monotonic_ns;
 use access::AccessRules;
 use connections::WebListener;
 use feed::Feed;
+use gusset_control::engine::Operator;
+use gusset_record::rt::os::monotonic_ns;
+use gusset_record::{Event, Note};
 use routes::{Refusals, Site};
 
 /// Default port of the page.

@@ -17,10 +17,10 @@ use super::access::{AccessRules, Refusal};
 use super::connections::{Connection, MOST_VIEWERS, Peer, WebListener};
 use super::feed::{Feed, Viewer};
 use crate::assets;
-use gusset_control::engine::{Glimpse, Operator, Phase};
-use gusset_record::{Event, Note, Word};
-use gusset_record::rt::os::monotonic_ns;
 use crate::live::metrics::metrics;
+use gusset_control::engine::{Glimpse, Operator, Phase};
+use gusset_record::rt::os::monotonic_ns;
+use gusset_record::{Event, Note, Word};
 
 /// State that all handlers share.
 #[derive(Debug)]

@@ -283,7 +283,10 @@ fn a_shadow_of_another_version_says_which() {
             found: 2.7
         }
     );
-    assert_eq!(error.fault(), gusset_quantity::substructure::LinkFault::Version);
+    assert_eq!(
+        error.fault(),
+        gusset_quantity::substructure::LinkFault::Version
+    );
 }
 
 #[test]

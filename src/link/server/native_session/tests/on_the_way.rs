@@ -7,10 +7,10 @@ use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
 
 use super::*;
-use gusset_config::Carrier;
 use crate::inbox::Inbox;
 use crate::server::acting::{Acting, PACING, TICKS};
 use crate::server::{RunningServer, ServeOptions, Server};
+use gusset_config::Carrier;
 
 /// The path is interrupted at this command.
 const AT: usize = 1000;

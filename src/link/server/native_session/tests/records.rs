@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use super::*;
-use gusset_config::fault_script::Script;
 use crate::served::RecordSettings;
+use gusset_config::fault_script::Script;
 use gusset_record::Run;
 use gusset_record::summary::{Status as Ended, Summary};
 

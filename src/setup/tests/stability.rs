@@ -2,7 +2,7 @@
 //! is none.
 
 use super::*;
-use gusset_setup::{Facts, build};
+use crate::{Facts, build};
 use gusset_proof::Kind;
 
 /// One mass in m, all of whose stiffness and damping are those of a specimen.
@@ -336,7 +336,7 @@ fn a_law_that_wears_says_which_bound_it_lacks_and_where() {
     let worn = "law = { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 5e3, post_yield_ratio = 0.1, beta = 0.7, \
                 gamma = 0.3, exponent = 2, degradation = { stiffness = 0.02, strength = 0.005 } } }\n";
     let (before, _) = GOOD.split_once("law = ").unwrap();
-    let made = |text: &str| read(text, &[]).and_then(|loaded| gusset_setup::build(&loaded));
+    let made = |text: &str| read(text, &[]).and_then(|loaded| crate::build(&loaded));
     let text = format!("{before}{worn}");
     let said = made(&text).unwrap_err().to_string();
     shows(&said, "`bouc_wen.hardening_ratio` must be given");

@@ -1,7 +1,7 @@
 //! Numbers that nobody means: a compensator that leads away from the target, an estimate of another unit, a structure of nothing.
 
 use super::*;
-use gusset_setup::build;
+use crate::build;
 
 const TEST: &str = r#"
 [time]

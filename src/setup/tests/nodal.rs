@@ -1,7 +1,7 @@
 //! A table of nodal forces is taken column by column: what the names of its columns say against that is told.
 
 use super::*;
-use gusset_setup::build;
+use crate::build;
 
 /// The same for a file of these lines: the peak, and what is told of it; or why it is refused.
 fn built(lines: &str, sets: &[&str]) -> Result<((usize, f64), Vec<String>), String> {

@@ -5,10 +5,10 @@ mod nonlinear;
 mod restored;
 
 use super::{scalar, storeys};
-use crate::integrate::*;
-use crate::law::{BilinearSpec, BiviscousSpec, CubicSpec, Law, Reach};
-use crate::linalg::SymMatrix;
-use crate::model::{Base, Element, End, Structure};
+use gusset_numerics::integrate::*;
+use gusset_numerics::law::{BilinearSpec, BiviscousSpec, CubicSpec, Law, Reach};
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::{Base, Element, End, Structure};
 
 /// What can be stepped, by name.
 #[derive(Debug, Clone, Copy, PartialEq)]

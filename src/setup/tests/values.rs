@@ -331,7 +331,7 @@ fn a_rotation_has_no_unit_of_length() {
              law.linear.stiffness_n_per_m = 1000.0\naxis = [{{ unit_disp = \"{unit}\" }}]\n"
         );
         let loaded = read(&text, &[]).expect("a file that can be read");
-        gusset_setup::build(&loaded).map(|_| ())
+        crate::build(&loaded).map(|_| ())
     };
     for row in ["[0, 1]", "[0, -1]"] {
         assert!(built(row, "m").is_ok(), "{row}");
@@ -352,7 +352,7 @@ fn rotations_are_named_once_and_recorded_in_radians() {
     let built = |text: &str, rotations: &str| {
         let loaded = read(text, &[&format!("structure.rotations={rotations}")])
             .expect("a file that can be read");
-        gusset_setup::build(&loaded).map(|test| (test.experiment.columns(), test.facts))
+        crate::build(&loaded).map(|test| (test.experiment.columns(), test.facts))
     };
     let units = |rotations: &str| {
         let (columns, _) = built(node, rotations).expect("a test");

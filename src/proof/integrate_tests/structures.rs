@@ -39,7 +39,7 @@ fn a_free_chain_drifts_straight_and_keeps_its_momentum() {
         late_mass: None,
     };
     let limit = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
-    let w = crate::linalg::highest_frequency(&k, &proof.mass).unwrap();
+    let w = gusset_numerics::linalg::highest_frequency(&k, &proof.mass).unwrap();
     let o2 = w * w * 0.04;
     assert!((limit / (4.0 * o2 / (o2 - 4.0)) - 1.0).abs() < 1e-6);
 }

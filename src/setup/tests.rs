@@ -1,8 +1,11 @@
 //! What a user sees: every mistake of a test file as it is shown, and what a good file becomes.
 
-use super::*;
+use std::path::Path;
+
+use gusset_config::*;
 
 mod certificate;
+mod critical_delays;
 mod far;
 mod hints;
 mod idle;
@@ -11,7 +14,6 @@ mod nodal;
 mod overrides;
 mod places;
 mod renamed;
-mod schema;
 mod stability;
 mod values;
 mod waits;

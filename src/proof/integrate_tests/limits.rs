@@ -129,7 +129,7 @@ impl TwoStoreys {
 
 #[test]
 fn example_4_1_has_the_published_frequencies_limit_and_behaviour() {
-    let found = crate::linalg::frequencies(
+    let found = gusset_numerics::linalg::frequencies(
         &storeys(&EXAMPLE_4_1.k),
         &SymMatrix::diagonal(&EXAMPLE_4_1.m),
         2,

@@ -1,7 +1,7 @@
 //! Waits that are longer than anybody can mean, numbers that no count takes, and texts that a terminal would obey.
 
 use super::*;
-use gusset_setup::build;
+use crate::build;
 
 #[track_caller]
 fn refused_as(text: &str, set: &str, parts: &[&str]) {

@@ -2,7 +2,6 @@
 
 use serde_json::Value;
 
-use super::super::ForToml;
 use super::*;
 use crate::fault_script::Script;
 use schemars::transform::Transform;

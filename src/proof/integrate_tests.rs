@@ -6,9 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
 use super::*;
-use crate::linalg::SymMatrix;
-use crate::model::Part;
-use gusset_proof::*;
+use gusset_numerics::integrate::*;
+use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::model::Part;
 
 mod by_rows;
 mod companions;

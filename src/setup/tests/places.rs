@@ -1,7 +1,7 @@
 //! Ways and places that a test file gives, against what may be commanded and what the rig can give; and loads that move nothing.
 
 use super::*;
-use gusset_setup::build;
+use crate::build;
 
 const RIG: &str = r#"
 [time]

@@ -1,7 +1,7 @@
 //! Keys without an effect are told of, each with its reason; a file that only writes its defaults down is not.
 
 use super::*;
-use gusset_setup::build;
+use crate::build;
 
 const LINKED: &str = r#"
 [time]

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use super::*;
-use crate::integrate::RowForces;
-use crate::law::{LawSpec, Reach};
-use crate::linalg::{Aligned, Lanes};
-use crate::model::{Base, Element, End, Motion, Structure};
+use gusset_numerics::integrate::RowForces;
+use gusset_numerics::law::{LawSpec, Reach};
+use gusset_numerics::linalg::{Aligned, Lanes};
+use gusset_numerics::model::{Base, Element, End, Motion, Structure};
 
 /// A chain with links of two kinds, and a law that remembers and one that does not at every other mass.
 fn chain(n: usize, c: f64, k: f64) -> Structure {
