@@ -1,291 +1,29 @@
 //! A separate binary: it names nothing of the crate, so `rustc --test` builds it in seconds.
 //!
-//! Modules depend on each other in one direction only. This table is the authority: an edge that is not here is a
-//! decision to be discussed, not a line to be added in passing.
+//! The compiler keeps the direction of dependencies between the members of the workspace. Here stand the rules that it does not
+//! know.
 
 #[path = "dependency/cycles.rs"]
 mod cycles;
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Module → what it may name. `cli` may name everything.
-///
-/// Every module may name `catalog`. A folder with a separate line (`view/live`) counts as a module.
-const ALLOWED: &[(&str, &[&str])] = &[
-    ("catalog", &[]),
-    ("time", &[]),
-    ("units", &[]),
-    ("finding", &[]),
-    ("work", &[]),
-    ("assets", &[]),
-    // The state of a test, of which every part that changes in a test is one.
-    ("state", &[]),
-    ("law", &["state"]),
-    ("linalg", &[]),
-    ("substructure", &["state", "time"]),
-    ("geometry", &["state"]),
-    (
-        "specimen",
-        &["geometry", "law", "state", "substructure", "time"],
-    ),
-    ("transfer", &["law", "specimen", "state"]),
-    ("model", &["law", "linalg", "state"]),
-    ("metrics", &[]),
-    // A record is scaled to a response spectrum, of which there is one.
-    ("motion", &["metrics"]),
-    ("spectral", &[]),
-    ("integrate", &["linalg", "model", "state"]),
-    (
-        "benchmark",
-        &["compensation", "metrics", "motion", "transfer"],
-    ),
-    ("identify", &["motion", "units"]),
-    ("compensation", &["state"]),
-    // Every proof and verdict.
-    (
-        "stability",
-        &[
-            "compensation",
-            "finding",
-            "integrate",
-            "linalg",
-            "model",
-            "spectral",
-            "transfer",
-            "units",
-        ],
-    ),
-    (
-        "port",
-        &[
-            "compensation",
-            // The levels of the limits.
-            "config",
-            "geometry",
-            // Tables of critical delays.
-            "stability",
-            "state",
-            "substructure",
-            "time",
-            "units",
-        ],
-    ),
-    // A summary repeats the verdict.
-    (
-        "record",
-        &[
-            "stability",
-            "state",
-            "substructure",
-            "text",
-            "units",
-            "work",
-        ],
-    ),
-    ("text", &[]),
-    // Pages and their rendering: they describe the program, and no code of it.
-    ("guide", &[]),
-    ("wire", &["substructure", "text"]),
-    (
-        "link",
-        &[
-            // Fault scripts, and names of protocols and transports.
-            "config",
-            // Poses that a gateway refuses, and the coordinates in its records.
-            "geometry",
-            "port",
-            "record",
-            "rt",
-            "specimen",
-            "state",
-            "substructure",
-            "text",
-            "time",
-            "units",
-            "wire",
-        ],
-    ),
-    ("rt", &["time"]),
-    // Substructures say what the bits of a status column mean.
-    (
-        "view",
-        &[
-            "assets",
-            "config",
-            "metrics",
-            "record",
-            "stability",
-            "substructure",
-            "text",
-        ],
-    ),
-    // Looks at what passes and sends an operator's requests; decides nothing.
-    (
-        "view/live",
-        &[
-            "assets",
-            "config",
-            "port",
-            "engine",
-            "integrate",
-            "record",
-            "rt",
-            "stability",
-            "substructure",
-            "text",
-        ],
-    ),
-    (
-        "verify",
-        &[
-            "integrate",
-            "law",
-            "linalg",
-            "model",
-            "view",
-            "spectral",
-            "stability",
-            "time",
-        ],
-    ),
-    (
-        "engine",
-        &[
-            "port",
-            "geometry",
-            "integrate",
-            "linalg",
-            "model",
-            "motion",
-            "record",
-            "rt",
-            "state",
-            "substructure",
-            "time",
-            "units",
-        ],
-    ),
-    (
-        "frontier",
-        &[
-            "engine",
-            "integrate",
-            "law",
-            "linalg",
-            "model",
-            "motion",
-            "verify",
-        ],
-    ),
-    // The schema of a file: it knows no engine, and a view may use it.
-    (
-        "config",
-        &[
-            "compensation",
-            "finding",
-            "geometry",
-            "law",
-            "model",
-            "motion",
-            "specimen",
-            "text",
-            "time",
-            "transfer",
-            "units",
-            "wire",
-        ],
-    ),
-    // From a test file to an experiment.
-    (
-        "setup",
-        &[
-            "compensation",
-            "config",
-            "port",
-            "engine",
-            "finding",
-            "geometry",
-            "integrate",
-            "law",
-            "linalg",
-            "link",
-            "model",
-            "motion",
-            "rt",
-            "specimen",
-            "spectral",
-            "stability",
-            "substructure",
-            "time",
-            "transfer",
-            "units",
-            "wire",
-        ],
-    ),
-    (
-        "session",
-        &[
-            "compensation",
-            "config",
-            "port",
-            "engine",
-            "frontier",
-            "geometry",
-            "identify",
-            "integrate",
-            "law",
-            "metrics",
-            "model",
-            "motion",
-            "record",
-            "view",
-            "rt",
-            "setup",
-            "specimen",
-            "stability",
-            "substructure",
-            "time",
-            "transfer",
-            "work",
-            "units",
-        ],
-    ),
-    // Many simulated tests. It uses rehearsals and no part of the loop.
-    (
-        "campaign",
-        &[
-            "config", "engine", "model", "motion", "record", "rt", "session", "setup", "units",
-            "view", "work",
-        ],
-    ),
-];
-
-/// Modules that know no system: no files, sockets, threads, clocks or logs.
+/// Members, and modules of them, that know no system: no files, sockets, threads, clocks or logs.
 const PURE: &[&str] = &[
-    "catalog",
-    "law",
-    "linalg",
-    "metrics",
-    "model",
+    "quantity/catalog",
+    "quantity/finding",
+    "quantity/state",
+    "quantity/substructure",
+    "quantity/text",
+    "numerics",
     "motion",
-    "spectral",
-    "integrate",
-    "specimen",
-    "transfer",
-    "stability",
-    "state",
-    "finding",
-    "compensation",
-    "geometry",
-    "guide",
-    "benchmark",
-    "identify",
-    "port",
-    "substructure",
-    "text",
+    "actuator",
+    "proof",
     "wire",
+    "control/port",
+    "evidence/benchmark",
+    "guide",
 ];
 
 /// Ways to the system that a pure module must not take.
@@ -323,22 +61,6 @@ fn sources() -> Vec<PathBuf> {
     found
 }
 
-fn module_of(path: &Path) -> String {
-    let relative = path
-        .strip_prefix(Path::new(env!("CARGO_MANIFEST_DIR")).join("src"))
-        .unwrap();
-    let relative = relative.to_str().unwrap();
-    let folders = ALLOWED.iter().map(|(module, _)| *module);
-    let folder = folders
-        .filter(|module| module.contains('/'))
-        .find(|module| {
-            let rest = relative.strip_prefix(module);
-            rest.is_some_and(|rest| rest.starts_with(['/', '.']))
-        });
-    let first = relative.split('/').next().unwrap();
-    folder.unwrap_or(first.trim_end_matches(".rs")).to_owned()
-}
-
 /// The file without its tests and without comments: what the program is made of.
 fn code_of(path: &Path) -> String {
     // A test may take its material from anywhere.
@@ -356,91 +78,20 @@ fn code_of(path: &Path) -> String {
         .join("\n")
 }
 
-/// Every module named after `crate::`, in `use` lines (braces included) and in paths.
-fn named(code: &str) -> BTreeSet<String> {
-    let mut found = BTreeSet::new();
-    for (at, _) in code.match_indices("crate::") {
-        let rest = &code[at + "crate::".len()..];
-        let list = rest.strip_prefix('{').map_or(rest, |inner| inner);
-        let word: String = list
-            .trim_start()
-            .chars()
-            .take_while(|c| c.is_alphanumeric() || *c == '_')
-            .collect();
-        let folders = ALLOWED.iter().map(|(module, _)| *module);
-        let folder = folders
-            .filter(|module| module.contains('/'))
-            .find(|module| {
-                let after = rest.strip_prefix(&module.replace('/', "::"));
-                after.is_some_and(|after| {
-                    !after.starts_with(|c: char| c.is_alphanumeric() || c == '_')
-                })
-            });
-        found.insert(folder.map_or(word, str::to_owned));
-        assert!(
-            !rest.starts_with('{'),
-            "one `use crate::…` a module, please: {}",
-            &rest[..40]
-        );
-    }
-    found
-}
-
-#[test]
-fn modules_depend_only_on_what_the_table_allows() {
-    let table: BTreeMap<&str, &[&str]> = ALLOWED.iter().copied().collect();
-    let mut wrong = Vec::new();
-    for path in sources() {
-        let module = module_of(&path);
-        if matches!(module.as_str(), "main" | "lib" | "cli") {
-            continue;
-        }
-        let allowed = table.get(module.as_str()).unwrap_or_else(|| {
-            panic!("module {module} has no line in the table: decide what it may depend on")
-        });
-        for name in named(&code_of(&path)) {
-            if name != module && name != "catalog" && !allowed.contains(&name.as_str()) {
-                wrong.push(format!(
-                    "{}: {module} must not depend on {name}",
-                    path.display()
-                ));
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "forbidden edges:\n{}", wrong.join("\n"));
-}
-
-#[test]
-fn the_table_has_no_cycle() {
-    let table: BTreeMap<&str, &[&str]> = ALLOWED.iter().copied().collect();
-    fn visit<'a>(
-        module: &'a str,
-        table: &BTreeMap<&'a str, &'a [&'a str]>,
-        path: &mut Vec<&'a str>,
-    ) {
-        assert!(
-            !path.contains(&module),
-            "cycle: {} → {module}",
-            path.join(" → ")
-        );
-        path.push(module);
-        for next in table.get(module).copied().unwrap_or_default() {
-            visit(next, table, path);
-        }
-        path.pop();
-    }
-    for (module, _) in ALLOWED {
-        visit(module, &table, &mut Vec::new());
-    }
-}
-
 #[test]
 fn pure_modules_do_not_touch_the_system() {
     let mut wrong = Vec::new();
-    for path in sources()
-        .iter()
-        .filter(|p| PURE.contains(&module_of(p).as_str()))
-    {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let is_pure = |path: &&PathBuf| {
+        let inside = path.strip_prefix(&root).unwrap().with_extension("");
+        PURE.iter().any(|pure| inside.starts_with(pure))
+    };
+    let all = sources();
+    assert!(
+        PURE.iter()
+            .all(|pure| root.join(pure).exists() || root.join(format!("{pure}.rs")).exists())
+    );
+    for path in all.iter().filter(is_pure) {
         let code = code_of(path);
         for way in SYSTEM.iter().filter(|way| code.contains(**way)) {
             wrong.push(format!("{}: names {way}", path.display()));
@@ -459,7 +110,7 @@ fn unsafe_code_stands_in_one_file_only() {
         let code = code_of(&path);
         let unsafe_here = code.contains("unsafe {") || code.contains("unsafe fn");
         assert!(
-            !unsafe_here || path.ends_with("src/rt/os.rs"),
+            !unsafe_here || path.ends_with("src/record/rt/os.rs"),
             "{}",
             path.display()
         );
@@ -470,7 +121,11 @@ fn unsafe_code_stands_in_one_file_only() {
 #[test]
 fn only_two_files_name_faer() {
     for path in sources() {
-        let mut may = ["src/linalg/sparse.rs", "src/spectral/eigen.rs"].into_iter();
+        let mut may = [
+            "src/numerics/linalg/sparse.rs",
+            "src/numerics/spectral/eigen.rs",
+        ]
+        .into_iter();
         assert!(
             !code_of(&path).contains("faer") || may.any(|file| path.ends_with(file)),
             "{} names faer",

@@ -10,9 +10,9 @@ use std::ops::Range;
 
 use toml_edit::{Item, TableLike, Value};
 
-use super::Finding;
 use super::document::{KeyPath, Node, Segment};
 use super::edit::put_in_table;
+use gusset_quantity::finding::Finding;
 
 /// A key with a new name.
 struct RenamedKey {

@@ -17,11 +17,13 @@ struct Sources {
     code: BTreeMap<Module, String>,
     /// Names that a module imports, with their paths.
     imports: BTreeMap<Module, BTreeMap<String, Module>>,
+    /// Members of the workspace in `src/`.
+    members: BTreeSet<Module>,
 }
 
 impl Sources {
     fn read(root: &Path) -> Self {
-        let mut code = BTreeMap::new();
+        let (mut code, mut members) = (BTreeMap::new(), BTreeSet::new());
         for path in super::sources() {
             let inside = path.strip_prefix(root).unwrap();
             let is_test = inside.components().any(|part| {
@@ -31,6 +33,9 @@ impl Sources {
             let is_root = ["main.rs", "lib.rs"]
                 .iter()
                 .any(|name| inside == Path::new(name));
+            if inside.ends_with("lib.rs") && !is_root {
+                members.insert(module_of(inside));
+            }
             if !is_test && !is_root {
                 code.insert(module_of(inside), without_tests(&path));
             }
@@ -45,13 +50,24 @@ impl Sources {
         Self {
             imports: imports.collect(),
             code,
+            members,
+        }
+    }
+
+    /// The root of the member that holds `module`. That of the root package has no folder.
+    fn member_of(&self, module: &Module) -> Module {
+        let member = module.iter().take(1).cloned().collect();
+        if self.members.contains(&member) {
+            member
+        } else {
+            Module::new()
         }
     }
 
     /// The module that holds what `path` names, seen from `module`.
     fn target(&self, module: &Module, path: &[String], depth: usize) -> Option<Module> {
         let (mut at, mut rest) = match path.first()?.as_str() {
-            "crate" => (Module::new(), &path[1..]),
+            "crate" => (self.member_of(module), &path[1..]),
             "self" => (module.clone(), &path[1..]),
             "super" => {
                 let ups = path.iter().take_while(|part| *part == "super").count();
@@ -116,7 +132,9 @@ fn below(module: &Module, name: &str) -> Module {
 fn module_of(inside: &Path) -> Module {
     let plain = inside.with_extension("");
     let parts = plain.iter().map(|part| part.to_str().unwrap().to_owned());
-    parts.filter(|part| part != "mod").collect()
+    parts
+        .filter(|part| !["mod", "lib"].contains(&part.as_str()))
+        .collect()
 }
 
 /// The code without comments, and without what is only compiled for tests.
