@@ -4,7 +4,7 @@
 ///
 /// Loopback addresses are one machine. An address for all interfaces (`0.0.0.0`, `[::]`) includes them.
 #[must_use]
-pub fn share_a_port(one: &str, other: &str) -> bool {
+pub(crate) fn share_a_port(one: &str, other: &str) -> bool {
     let parts = |address: &str| -> Option<(String, u16)> {
         let (host, port) = address.rsplit_once(':')?;
         let host = host.trim_matches(['[', ']']).to_ascii_lowercase();

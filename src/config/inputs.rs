@@ -129,7 +129,7 @@ impl Inputs {
 
     /// The path of `requested` in a run folder, if it was read.
     #[must_use]
-    pub fn path_in_run_folder(&self, requested: &str) -> Option<String> {
+    pub(crate) fn path_in_run_folder(&self, requested: &str) -> Option<String> {
         let index = self.position(requested)?;
         Some(format!("{INPUTS_FOLDER}/{}", self.files[index].name))
     }

@@ -12,11 +12,13 @@
 //! use std::path::Path;
 //!
 //! let text = "[time]\nrate_hz = 1024\nduration = 20\n".to_owned();
-//! let error = gusset::config::parse(Path::new("test.toml"), text, &[]).unwrap_err();
+//! let error = gusset_config::parse(Path::new("test.toml"), text, &[]).unwrap_err();
 //! assert!(error.to_string().contains("did you mean `duration_s`?"));
 //! ```
 //!
 //! Unknown keys are refused, and so is every number that is not finite except λ = ∞.
+//!
+//! Begin reading with [`TestFile`].
 
 mod address;
 mod axis_table;

@@ -212,7 +212,7 @@ impl LimitsSpec {
 
     /// The trip level of a size or a count, if it is given.
     #[must_use]
-    pub fn trip_size(&self, limit: Limit) -> Option<f64> {
+    pub(crate) fn trip_size(&self, limit: Limit) -> Option<f64> {
         self.size(limit)?.trip
     }
 

@@ -78,7 +78,7 @@ impl Locator {
 
     /// True if an override says something at `path` itself.
     #[must_use]
-    pub fn overrides(&self, path: &KeyPath) -> bool {
+    pub(crate) fn overrides(&self, path: &KeyPath) -> bool {
         self.overrides.iter().any(|o| o.path().starts_with(path))
     }
 

@@ -118,7 +118,7 @@ pub enum ServerKind {
 impl OpenFrescoSpec {
     /// Keys outside their ranges for a specimen of `axes` axes: the key, the value, and what is allowed.
     #[must_use]
-    pub fn out_of_range(&self, axes: usize) -> Vec<(&'static str, usize, &'static str)> {
+    pub(crate) fn out_of_range(&self, axes: usize) -> Vec<(&'static str, usize, &'static str)> {
         let mut wrong = Vec::new();
         if let Some(size) = self.data_size.filter(|n| !(1..=MAX_DATA_SIZE).contains(n)) {
             wrong.push(("data_size", size, "from 1 to 65536"));

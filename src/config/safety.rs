@@ -183,7 +183,7 @@ impl SafetyTable {
 
     /// True if it says more than the reasons that a server knows, too.
     #[must_use]
-    pub fn bounds_a_test(&self) -> bool {
+    pub(crate) fn bounds_a_test(&self) -> bool {
         let rest = Self {
             unlimited: None,
             accept_wiring: None,

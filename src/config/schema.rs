@@ -248,7 +248,7 @@ pub enum Weighting {
 impl IntegratorTable {
     /// Why this method cannot command a specimen, or nothing if it can.
     #[must_use]
-    pub fn why_no_specimen(&self) -> Option<&'static str> {
+    pub(crate) fn why_no_specimen(&self) -> Option<&'static str> {
         match self.method {
             Method::Gui => None,
             Method::KrAlpha | Method::MkrAlpha => {
@@ -269,7 +269,7 @@ impl IntegratorTable {
 
     /// True for the methods with ρ∞.
     #[must_use]
-    pub fn is_alpha(&self) -> bool {
+    pub(crate) fn is_alpha(&self) -> bool {
         matches!(self.method, Method::KrAlpha | Method::MkrAlpha)
     }
 

@@ -121,7 +121,7 @@ impl PaceTable {
 impl ServeTable {
     /// True if a key names a unit of the client.
     #[must_use]
-    pub const fn names_units(&self) -> bool {
+    pub(crate) const fn names_units(&self) -> bool {
         self.unit_disp.is_some() || self.unit_force.is_some()
     }
 }

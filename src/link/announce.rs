@@ -82,7 +82,7 @@ pub fn narrower(one: &Limits, other: &Limits) -> Limits {
 
 /// What the specimen's end keeps of which the test knows nothing, in words; `None` if there is no such thing.
 #[must_use]
-pub fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -> Option<String> {
+pub(crate) fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -> Option<String> {
     let AxisUnits { disp, force, .. } = units;
     let sides = [
         (

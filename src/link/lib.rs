@@ -4,6 +4,9 @@
 //! [`gusset_wire`] knows bytes and no sockets; a [`Transport`] knows sockets and no bytes. On the loop's thread there
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
+//!
+//! `native` and `openfresco` are the clients, `server` and `served` the far end: a session of the first and the specimen behind it.
+//! `fault` plays the faults of a script on any of them. This member knows no structure and no test. Begin reading with `native`.
 
 pub mod announce;
 pub mod fault;

@@ -6,6 +6,9 @@
 //! result is a [`Series`] of `steps + 1` numbers in SI units, and warnings in plain words. The same description gives the
 //! same bits on every machine, and a random motion is the same function of time whatever the step.
 //!
+//! [`metrics`] reads numbers off recorded histories: tracking, energy, response spectra. [`identify`] finds an actuator and a
+//! specimen from one recorded motion. Begin reading with [`Signal`].
+//!
 //! No file is opened here, no clock is read. During a test only [`Excitation::load_into`], [`Excitation::base`],
 //! [`Excitation::ground`] and [`Prescribed::at`] run: they read tables and allocate nothing.
 

@@ -157,7 +157,7 @@ impl Motion {
     ///
     /// # Errors
     /// See [`MotionError`].
-    pub fn evaluate_with_rate(
+    pub(crate) fn evaluate_with_rate(
         &self,
         quantity: Quantity,
         grid: Grid,

@@ -42,11 +42,11 @@ use header::Header;
 use rows::Settings;
 
 /// Most bytes of one file.
-pub const LARGEST_FILE: usize = 1 << 29;
+pub(crate) const LARGEST_FILE: usize = 1 << 29;
 /// Most numbers of one file.
 pub const MOST_VALUES: usize = 1 << 25;
 /// Most columns of one table.
-pub const MOST_COLUMNS: usize = 1 << 16;
+pub(crate) const MOST_COLUMNS: usize = 1 << 16;
 
 /// Endings of the names of PEER files.
 const PEER_ENDINGS: [&str; 3] = ["at2", "vt2", "dt2"];

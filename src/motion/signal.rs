@@ -128,15 +128,6 @@ impl Signal {
         }
     }
 
-    /// The path of the file, to be changed: `resolved.toml` points to the copy in the run folder.
-    pub fn path_mut(&mut self) -> Option<&mut String> {
-        if let Self::File(file) = self {
-            Some(&mut file.path)
-        } else {
-            None
-        }
-    }
-
     pub(super) fn source(
         &self,
         quantity: Quantity,

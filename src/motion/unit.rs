@@ -10,7 +10,7 @@ pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// A unit of time as headers spell it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TimeUnit {
+pub(crate) struct TimeUnit {
     /// Seconds in `parts` of this unit.
     seconds: f64,
     /// See `seconds`: dividing by a thousand rounds once, multiplying by 0.001 twice.
@@ -65,7 +65,7 @@ impl TimeUnit {
 
     /// Reads `s`, `msec`, `Minutes`, with or without brackets.
     #[must_use]
-    pub fn from_header(text: &str) -> Option<Self> {
+    pub(crate) fn from_header(text: &str) -> Option<Self> {
         let plain = without_brackets(text).to_lowercase();
         let plain = plain.strip_prefix("in ").unwrap_or(&plain).trim_start();
         TIMES
@@ -76,19 +76,19 @@ impl TimeUnit {
 
     /// True of a unit shorter than the second.
     #[must_use]
-    pub const fn is_fraction(self) -> bool {
+    pub(crate) const fn is_fraction(self) -> bool {
         self.parts > 1.0
     }
 
     /// Converts a time from this unit to s.
     #[must_use]
-    pub fn to_seconds(self, time: f64) -> f64 {
+    pub(crate) fn to_seconds(self, time: f64) -> f64 {
         time * self.seconds / self.parts
     }
 
     /// Converts a time from s to this unit.
     #[must_use]
-    pub fn from_seconds(self, seconds: f64) -> f64 {
+    pub(crate) fn of_seconds(self, seconds: f64) -> f64 {
         seconds * self.parts / self.seconds
     }
 }
@@ -101,7 +101,7 @@ fn without_brackets(text: &str) -> &str {
 
 /// True of a header's word for another unit of time than the second.
 #[must_use]
-pub fn is_time_but_no_second(text: &str) -> bool {
+pub(crate) fn is_time_but_no_second(text: &str) -> bool {
     TimeUnit::from_header(text).is_some_and(|unit| unit != TimeUnit::SECOND)
 }
 
@@ -301,7 +301,7 @@ impl Unit {
 
     /// True of two spellings of one unit: `gal` is `cm/s2`.
     #[must_use]
-    pub fn is_same_as(self, other: Self) -> bool {
+    pub(crate) fn is_same_as(self, other: Self) -> bool {
         self.quantity() == other.quantity() && self.to_si() == other.to_si()
     }
 
@@ -337,7 +337,7 @@ impl Unit {
 
     /// Reads the many spellings of headers: `G`, `CM/S**2`, `cm/sec/sec`, `[m/s^2]`, `Gal`, `m s-2`, `units of g`.
     #[must_use]
-    pub fn from_header(text: &str) -> Option<Self> {
+    pub(crate) fn from_header(text: &str) -> Option<Self> {
         let plain = without_brackets(text).to_lowercase();
         let plain = ["in ", "units of ", "unit of "]
             .iter()

@@ -72,7 +72,7 @@ impl Actuator {
 
 /// An actuator with its compensation.
 #[derive(Debug, Clone, Copy)]
-pub struct Follows<'a> {
+pub(crate) struct Follows<'a> {
     pub transfer: &'a TransferSpec,
     compensation: Option<&'a CompensationSpec>,
     /// Of wall time, s.

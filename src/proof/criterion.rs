@@ -269,7 +269,7 @@ impl StabilityProof {
     ///
     /// # Errors
     /// See [`StabilityError`].
-    pub fn choose_of(
+    pub(crate) fn choose_of(
         &self,
         request: Option<Lambda>,
         gain: f64,

@@ -7,6 +7,7 @@
 //! configuration key, numbers, advice.
 //! Not proven: compensation that adapts or feeds back, tangents beyond their declared bounds, structures above the stated
 //! sizes, and KR-α beyond its estimates. Such cases are findings of kind [`Kind::Unknown`] or [`Kind::Unproven`].
+//! Begin reading with [`Verdict`].
 //! Inputs are plain values. Nothing here reads a file, a clock or a thread.
 
 mod actuator;

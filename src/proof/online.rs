@@ -54,7 +54,7 @@ impl OnlineLimit {
     /// The same where so much of the damping of each axis counts in a sawtooth, as in the bounds: its velocity is then not
     /// that of the integrator.
     #[must_use]
-    pub fn with_sawtooths(self, sawtooths: Vec<f64>) -> Self {
+    pub(crate) fn with_sawtooths(self, sawtooths: Vec<f64>) -> Self {
         Self { sawtooths, ..self }
     }
 

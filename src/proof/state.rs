@@ -11,7 +11,7 @@ const LEFT: f64 = 0.05;
 
 /// What delay the loop bears in continuous time.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Bears {
+pub(crate) enum Bears {
     /// Every one.
     Every,
     /// Less than a critical one, s: lag of the actuator in s at its frequency, and that frequency in rad/s.
@@ -89,7 +89,7 @@ impl State {
     }
 
     /// True if no delay is stable, or the state is unstable without any.
-    pub fn bears_nothing(&self) -> bool {
+    pub(crate) fn bears_nothing(&self) -> bool {
         matches!(self.bears, Bears::None(_) | Bears::Unstable(_))
     }
 
@@ -99,7 +99,7 @@ impl State {
     }
 
     /// Whether what is left of the delay, twice its `spread` in s included, is below what is critical; none where it is not known.
-    pub fn bears_what_is_left(&self, spread: f64) -> Option<bool> {
+    pub(crate) fn bears_what_is_left(&self, spread: f64) -> Option<bool> {
         match (&self.bears, self.left) {
             (Bears::Every, _) => Some(true),
             (Bears::None(_) | Bears::Unstable(_), _) => Some(false),

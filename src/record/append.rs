@@ -14,7 +14,7 @@ use super::intact::Extent;
 const RETRY_NS: u64 = 100_000_000;
 
 /// A call that brings what was written to the disk itself.
-pub type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
+pub(crate) type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
 
 /// Something that takes bytes at its end and can be cut back.
 pub trait Store: Write + Send {
@@ -100,7 +100,7 @@ impl Unit {
 
 /// What came of a flush.
 #[derive(Debug)]
-pub enum Flushed {
+pub(crate) enum Flushed {
     /// Nothing was waiting, or everything was written.
     Clean,
     /// Everything was written, for the first time since the store failed.
@@ -113,7 +113,7 @@ pub enum Flushed {
 
 /// Appends whole units to a store.
 #[derive(Debug)]
-pub struct Appender<S> {
+pub(crate) struct Appender<S> {
     store: S,
     unit: Unit,
     /// Bytes of whole units in the store.
@@ -160,7 +160,7 @@ impl<S: Store> Appender<S> {
 
     /// Units that wait.
     #[must_use]
-    pub fn waiting_units(&self) -> u64 {
+    pub(crate) fn waiting_units(&self) -> u64 {
         match self.unit {
             Unit::Stride(stride) => (self.pending.len() / stride.max(1)) as u64,
             Unit::Line => self.pending.iter().filter(|&&b| b == b'\n').count() as u64,
@@ -175,6 +175,7 @@ impl<S: Store> Appender<S> {
 
     /// True while the store holds a torn tail that it did not let go of.
     #[must_use]
+    #[cfg(test)]
     pub const fn is_torn(&self) -> bool {
         self.torn
     }
@@ -201,7 +202,7 @@ impl<S: Store> Appender<S> {
     }
 
     /// Writes what waits, also to a store that has just failed: the last attempt of a run.
-    pub fn flush_at_once(&mut self, now_ns: u64) -> Flushed {
+    pub(crate) fn flush_at_once(&mut self, now_ns: u64) -> Flushed {
         let result = self.repair().and_then(|()| self.write_pending());
         match result {
             Ok(()) if self.retry_ns.take().is_some() => Flushed::Recovered,

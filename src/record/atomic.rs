@@ -46,7 +46,7 @@ impl AtomicFile {
     }
 
     /// Gives up the lock of the temporary file.
-    pub fn unlock(&self) {
+    pub(crate) fn unlock(&self) {
         // A file system may have no locks.
         let _there_may_be_none = self.file.unlock();
     }

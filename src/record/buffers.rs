@@ -45,7 +45,7 @@ pub(super) struct StateSender {
 
 impl StateSender {
     /// Allocates the buffers, each with the room of `room`.
-    pub fn allocate(&mut self, room: &TestState) {
+    pub(crate) fn allocate(&mut self, room: &TestState) {
         self.spare.clear();
         self.spare.extend((0..BUFFERS).map(|_| Checkpoint {
             step: 0,

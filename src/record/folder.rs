@@ -109,13 +109,13 @@ pub(super) fn at(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
 
 /// The default name of a run: `<title-slug>-<YYYYmmdd-HHMMSS>` in UTC.
 #[must_use]
-pub fn default_name(title: &str, utc_ns: u64) -> String {
+pub(crate) fn default_name(title: &str, utc_ns: u64) -> String {
     format!("{}-{}", slug(title), stamp(utc_ns))
 }
 
 /// Small letters, digits and single hyphens, at most 48 of them; `run` if nothing is left.
 #[must_use]
-pub fn slug(title: &str) -> String {
+pub(crate) fn slug(title: &str) -> String {
     let mut slug = String::new();
     for c in title.chars() {
         if c.is_ascii_alphanumeric() {

@@ -36,7 +36,7 @@ pub fn encode(sequence: u64, values: &[f64], out: &mut Vec<u8>) {
 
 /// Appends rows to a store, whole rows only, whatever the store does (see [`super::append`]).
 #[derive(Debug)]
-pub struct JournalWriter<S> {
+pub(crate) struct JournalWriter<S> {
     appender: Appender<S>,
     stride: usize,
 }
@@ -67,7 +67,7 @@ impl<S: Store> JournalWriter<S> {
     }
 
     /// Writes the rows that wait: the last attempt of a run.
-    pub fn flush_at_once(&mut self, now_ns: u64) -> Flushed {
+    pub(crate) fn flush_at_once(&mut self, now_ns: u64) -> Flushed {
         self.appender.flush_at_once(now_ns)
     }
 
@@ -97,14 +97,8 @@ impl<S: Store> JournalWriter<S> {
 
     /// Bytes that wait for the store.
     #[must_use]
-    pub fn waiting_bytes(&self) -> usize {
+    pub(crate) fn waiting_bytes(&self) -> usize {
         self.appender.waiting()
-    }
-
-    /// The store.
-    #[must_use]
-    pub const fn store(&self) -> &S {
-        self.appender.store()
     }
 }
 

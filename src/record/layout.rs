@@ -20,7 +20,7 @@ use thiserror::Error;
 use super::Column;
 
 /// Last four bytes of every record.
-pub const MARKER: [u8; 4] = *b"ROW\n";
+pub(crate) const MARKER: [u8; 4] = *b"ROW\n";
 /// Bytes of a record before the columns: the sequence number.
 pub const HEAD: usize = 8;
 /// Bytes of a record after the columns: checksum and marker.

@@ -19,6 +19,9 @@
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
 //!
+//! [`rt`] asks the operating system for what a real-time thread needs, holds the real clock, and has the only `unsafe` code. This
+//! member knows no specimen and no test file. Begin reading with [`layout`].
+//!
 //! No clock is read here: whoever starts the writer says how ([`writer::Clocks`]).
 
 pub mod append;

@@ -60,7 +60,11 @@ pub struct Evidence {
 
 /// The class of a miss by `late_ns`; the table of this module.
 #[must_use]
-pub const fn classify(known: MissCause, evidence: Option<Evidence>, late_ns: u64) -> MissCause {
+pub(crate) const fn classify(
+    known: MissCause,
+    evidence: Option<Evidence>,
+    late_ns: u64,
+) -> MissCause {
     let evidence = match evidence {
         Some(evidence) => evidence,
         // A hypervisor is not blamed without steal.
@@ -90,7 +94,7 @@ pub const fn classify(known: MissCause, evidence: Option<Evidence>, late_ns: u64
 
 /// The latest samples.
 #[derive(Debug, Default)]
-pub struct SampleWindow {
+pub(crate) struct SampleWindow {
     samples: VecDeque<SchedSample>,
 }
 

@@ -299,7 +299,7 @@ impl RingReader {
 
     /// Events that wait now.
     #[must_use]
-    pub fn events_waiting(&self) -> usize {
+    pub(crate) fn events_waiting(&self) -> usize {
         self.events.slots()
     }
 

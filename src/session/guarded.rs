@@ -20,7 +20,7 @@ pub(super) struct Ended {
 
 impl Ended {
     /// The end of a test whose loop never ran.
-    pub fn without_loop(unconnected: Option<Unconnected>) -> Self {
+    pub(crate) fn without_loop(unconnected: Option<Unconnected>) -> Self {
         Self {
             outcome: None,
             fault: None,

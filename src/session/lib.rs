@@ -9,6 +9,9 @@
 //! | caller | everything else | joins the rest |
 //!
 //! No shared mutable state with the loop, no mutex it could meet.
+//!
+//! Rehearsal, certificate, replay and resume are sessions on the simulated clock. [`campaign`] runs many of them for one study. This
+//! member knows every other one but the command line. Begin reading with [`run`].
 
 mod agreement;
 mod archive;
@@ -47,7 +50,7 @@ mod signals;
 mod specimen_records;
 mod summary;
 mod tape;
-pub mod unaware;
+pub(crate) mod unaware;
 mod watches;
 
 use std::sync::mpsc;

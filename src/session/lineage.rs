@@ -109,7 +109,7 @@ impl Origin {
     }
 
     /// Its text for the folder of the resumed test: the parent is found from there as long as both are moved together.
-    pub fn text_for(text: &str, folder: &Path) -> Option<String> {
+    pub(crate) fn text_for(text: &str, folder: &Path) -> Option<String> {
         let mut origin: Self = serde_json::from_str(text).ok()?;
         origin.parent = way_from(folder, &origin.parent_absolute)?;
         serde_json::to_string_pretty(&origin).ok()

@@ -105,7 +105,7 @@ impl RowPeaks {
     }
 
     /// Of all rows, with stale measurements.
-    pub fn of_every_row(run: &Run, specimens: usize) -> Self {
+    pub(crate) fn of_every_row(run: &Run, specimens: usize) -> Self {
         Self {
             every_row: true,
             ..Self::of_test(run, specimens)

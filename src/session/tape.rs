@@ -74,7 +74,7 @@ impl Recording {
     }
 
     /// Of rows alone.
-    pub fn without_checkpoints(samples: Box<dyn Read + Send>, layout: &Layout) -> Self {
+    pub(crate) fn without_checkpoints(samples: Box<dyn Read + Send>, layout: &Layout) -> Self {
         Self {
             journal: Journal::new(samples, layout.columns().len()),
             checkpoints: None,
@@ -220,13 +220,13 @@ impl Tape {
     }
 
     /// Whether the row that comes is that of a test's end, or of the way out: only there a specimen can be lost.
-    pub fn is_over_next(&self) -> bool {
+    pub(crate) fn is_over_next(&self) -> bool {
         let state = at(self.next(), self.places[0]);
         [Phase::Tripped.code(), Phase::Leaving.code(), NOT_AWAITED].contains(&state)
     }
 
     /// How a specimen was lost that the row that comes says is lost.
-    pub fn fault_next(&self) -> LinkFault {
+    pub(crate) fn fault_next(&self) -> LinkFault {
         match Cause::of_column(at(self.next(), self.places[3])) {
             Some(Cause::LinkNotFinite) => LinkFault::NotFinite,
             Some(Cause::LinkDiverged) => LinkFault::Diverged,
@@ -235,12 +235,12 @@ impl Tape {
     }
 
     /// Whether the row that comes is that in which the operator ended a wait.
-    pub fn waits_in_vain_next(&self) -> bool {
+    pub(crate) fn waits_in_vain_next(&self) -> bool {
         at(self.next(), self.places[0]) == NOT_AWAITED
     }
 
     /// Whether anybody has answered since the row before: there was an exchange.
-    pub fn has_an_answer_next(&self) -> bool {
+    pub(crate) fn has_an_answer_next(&self) -> bool {
         let (before, next) = (Some(&self.passed), self.next());
         let mut places = self.sequences.iter();
         places.any(|place| at(next, *place) > at(before, *place))

@@ -6,7 +6,7 @@ use gusset_setup::{self as setup, Trial};
 
 /// Estimates and λ of a controller, which no draw changes.
 #[derive(Debug)]
-pub struct Unaware<'a> {
+pub(crate) struct Unaware<'a> {
     loaded: &'a Loaded,
     /// k̂ and ĉ of every specimen.
     estimates: Vec<setup::Estimate>,

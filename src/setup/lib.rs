@@ -6,6 +6,8 @@
 //!
 //! [`build`] makes the experiment, [`build_rehearsal`] the same experiment without its links. [`load_served`] makes the specimen
 //! that `gusset serve` offers.
+//!
+//! This member is the only one that knows both the file and the controller. Begin reading with [`build`].
 
 mod case;
 mod excitation;

@@ -50,7 +50,7 @@ impl Site<'_> {
     }
 
     /// A complaint of a lower layer about `key`, at the nearest place below `at` that is called so.
-    pub fn refuse_key<T>(
+    pub(crate) fn refuse_key<T>(
         &mut self,
         at: &KeyPath,
         key: &str,

@@ -10,6 +10,9 @@
 //! | `summary`, `limits`, `timing`, `test_file` | `summary.json`, its limits, `timing.json`, `resolved.toml` |
 //! | `report` | the pages: one run, two runs, and the pieces of all other pages |
 //! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
+//!
+//! This member knows no loop that it could disturb: it reads what was recorded, or what passes. It moves nothing. Begin reading
+//! with [`report`].
 
 pub mod assets;
 mod lenient;
@@ -98,7 +101,7 @@ pub struct RunView {
 impl RunView {
     /// Timing from `timing.json`, else from the summary.
     #[must_use]
-    pub fn timings(&self) -> &Timings {
+    pub(crate) fn timings(&self) -> &Timings {
         match &self.summary {
             Some(summary) if self.timing.0.is_empty() => &summary.timing,
             _ => &self.timing,

@@ -329,7 +329,7 @@ impl TestFile {
     }
 
     /// Kinds of excitation, each with its signals.
-    pub fn excitations(&self) -> impl Iterator<Item = (&str, &[Excitation])> {
+    pub(crate) fn excitations(&self) -> impl Iterator<Item = (&str, &[Excitation])> {
         self.excitation.iter().map(|(kind, entries)| {
             let entries = match entries {
                 Excitations::One(one) => std::slice::from_ref(one),
@@ -341,7 +341,7 @@ impl TestFile {
 
     /// Whether there is an excitation of this kind.
     #[must_use]
-    pub fn is_excited_by(&self, kind: &str) -> bool {
+    pub(crate) fn is_excited_by(&self, kind: &str) -> bool {
         self.excitation.contains_key(kind)
     }
 
@@ -353,7 +353,7 @@ impl TestFile {
 
     /// Name of the specimen with a number from 1.
     #[must_use]
-    pub fn specimen_name(&self, number: u32) -> String {
+    pub(crate) fn specimen_name(&self, number: u32) -> String {
         let name = self.specimen(number).and_then(|table| table.name.clone());
         let name = name.filter(|name| !name.trim().is_empty());
         name.unwrap_or_else(|| format!("specimen {number}"))

@@ -14,7 +14,7 @@ pub const NONCE_LEN: usize = 32;
 /// Bytes of a proof.
 pub const PROOF_LEN: usize = 32;
 /// A pre-shared key has at least this many bytes; 32 random ones are recommended.
-pub const SHORTEST_KEY: usize = 16;
+pub(crate) const SHORTEST_KEY: usize = 16;
 /// A pre-shared key has at most this many bytes.
 pub const LONGEST_KEY: usize = 4096;
 
@@ -23,7 +23,7 @@ const PRE_SHARED_CONTEXT: &str = "gusset wire 1 pre-shared key";
 const SESSION_CONTEXT: &str = "gusset wire 1 session key";
 
 /// A nonce.
-pub type Nonce = [u8; NONCE_LEN];
+pub(crate) type Nonce = [u8; NONCE_LEN];
 /// A proof that its writer has the key.
 pub type Proof = [u8; PROOF_LEN];
 

@@ -8,6 +8,8 @@
 //! | [`key`] | pre-shared key, session key, keyed MAC |
 //! | [`window`] | duplicates, replays and late datagrams |
 //!
+//! This member knows values and bytes, and the hinge. Begin reading with [`native`].
+//!
 //! Invariants: every size, count and length that comes from a peer is checked before it is used, and bounded
 //! by a constant of this module; a frame either decodes as a whole or names the field that is wrong; nothing
 //! on the data path allocates; arbitrary bytes never panic. What is not here: when to give up waiting, what to

@@ -38,6 +38,7 @@ enum Left {
     Finished,
 }
 
+/// Kills a run after `delay`: from its start, or on the real clock from its first rows.
 fn kill_after(test: &Path, out: &Path, clock: &str, delay: Duration) -> u64 {
     let mut child = gusset()
         .arg("run")
@@ -50,6 +51,11 @@ fn kill_after(test: &Path, out: &Path, clock: &str, delay: Duration) -> u64 {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
+    let samples = out.join("samples.bin");
+    while clock == "real" && fs::metadata(&samples).map_or(0, |file| file.len()) == 0 {
+        assert_eq!(child.try_wait().unwrap(), None, "it ends by itself");
+        rest(Duration::from_millis(1));
+    }
     rest(delay);
     let killed_ns = monotonic_ns();
     child.kill().unwrap();

@@ -233,7 +233,7 @@ fn a_stiffness_far_from_what_the_server_reports_is_a_warning() {
     assert_eq!(code, Some(0));
     let events = std::fs::read_to_string(folder.path().join("stiffer/events.jsonl")).unwrap();
     assert!(
-        events.contains("reports a stiffness of 1.2e4 N/m"),
+        events.contains("reports a stiffness of 12 kN/m"),
         "{events}"
     );
 }

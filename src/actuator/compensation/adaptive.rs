@@ -120,7 +120,7 @@ impl Bounded {
     /// Goes towards `goal` on a straight line, for coefficients that mean something together only: what both ends of the line fit,
     /// all between them do. The slowest of them gives the pace, and where one stands at its bound all do. What is not a number
     /// moves nothing. Real-time: yes.
-    pub fn approach_as_one(&mut self, goal: &[f64]) {
+    pub(crate) fn approach_as_one(&mut self, goal: &[f64]) {
         if !goal.iter().all(|goal| goal.is_finite()) {
             return;
         }

@@ -17,7 +17,7 @@
 //! is a [`Fault`], which names the pose; what follows from it is not decided here.
 //!
 //! ```
-//! use gusset::geometry::{Coordinate, GeometrySpec, PlanePins};
+//! use gusset_actuator::geometry::{Coordinate, GeometrySpec, PlanePins};
 //!
 //! // Actuators of 4 m along x and of 3 m along y hold a point.
 //! let pins = |base_m| PlanePins { base_m, joint_m: [0.0, 0.0], length_m: None };

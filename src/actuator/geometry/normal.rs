@@ -21,7 +21,7 @@ pub(super) struct Factor {
 impl Factor {
     /// Becomes that of the first `columns` columns of `rows`, whose squares are weighed by `weights` where they are compared;
     /// false if they are not independent, or not numbers. Real-time: yes.
-    pub fn remake(&mut self, rows: &[Six], columns: usize, weights: &Six) -> bool {
+    pub(crate) fn remake(&mut self, rows: &[Six], columns: usize, weights: &Six) -> bool {
         let (mut least, mut largest) = (f64::INFINITY, 0.0f64);
         let mut pivots = [0.0; MOST];
         for i in 0..columns.min(MOST) {

@@ -76,7 +76,8 @@ impl<S: Specimen> InProcess<S> {
 
     /// The specimen back.
     #[must_use]
-    pub fn into_specimen(self) -> S {
+    #[cfg(test)]
+    pub(crate) fn into_specimen(self) -> S {
         self.specimen
     }
 

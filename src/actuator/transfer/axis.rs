@@ -102,12 +102,12 @@ impl Axis {
     }
 
     /// True if the specimen is part of the actuator's own loop.
-    pub const fn feels_the_specimen(&self) -> bool {
+    pub(crate) const fn feels_the_specimen(&self) -> bool {
         matches!(self.dynamics, Dynamics::Servo(_))
     }
 
     /// True if a command was committed.
-    pub const fn is_primed(&self) -> bool {
+    pub(crate) const fn is_primed(&self) -> bool {
         self.primed
     }
 
@@ -298,7 +298,7 @@ impl Axis {
     }
 
     /// The actuator stalls on its way: it stands where this share of the way ends. Real-time: yes.
-    pub fn stall_at(&mut self, share: f64) {
+    pub(crate) fn stall_at(&mut self, share: f64) {
         let before = self.committed.x[DISP];
         self.disp = before + share * (self.trial.x[DISP] - before);
         self.vel = share * self.trial.x[VEL];

@@ -5,7 +5,7 @@
 //! transition, what a held input adds and what its ramp adds (first-order hold; Van Loan 1978). Accurate to roundoff.
 
 /// A square matrix by rows.
-pub type Square<const D: usize> = [[f64; D]; D];
+pub(crate) type Square<const D: usize> = [[f64; D]; D];
 
 /// Terms of the Taylor series; with a norm of at most 1/2 what is left out is below 1e-20.
 const TERMS: usize = 16;
@@ -26,7 +26,7 @@ fn product<const D: usize>(a: &Square<D>, b: &Square<D>) -> Square<D> {
 
 /// The exponential of a matrix, by scaling and squaring. Not finite where the matrix is not.
 #[must_use]
-pub fn exponential<const D: usize>(a: &Square<D>) -> Square<D> {
+pub(crate) fn exponential<const D: usize>(a: &Square<D>) -> Square<D> {
     let rows = a.iter().map(|row| row.iter().map(|v| v.abs()).sum::<f64>());
     let mut norm = rows.fold(0.0, f64::max);
     let mut squarings = 0;
@@ -152,7 +152,7 @@ impl<const N: usize, const M: usize> Ramped<N, M> {
 
 /// True if every root of the polynomial, coefficients from the highest power down, lies left of the imaginary axis (Routh).
 #[must_use]
-pub fn is_hurwitz(coefficients: &[f64]) -> bool {
+pub(crate) fn is_hurwitz(coefficients: &[f64]) -> bool {
     let every_other =
         |from: usize| -> Vec<f64> { coefficients.iter().skip(from).step_by(2).copied().collect() };
     let (mut above, mut row) = (every_other(0), every_other(1));

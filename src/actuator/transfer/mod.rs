@@ -197,7 +197,8 @@ impl Transfer {
 
     /// Where the specimen stood at the last trial, in m: the truth, not what a sensor read.
     #[must_use]
-    pub fn achieved(&self) -> &[f64] {
+    #[cfg(test)]
+    pub(crate) fn achieved(&self) -> &[f64] {
         &self.disp
     }
 

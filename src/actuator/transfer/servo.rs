@@ -31,13 +31,13 @@ impl Servo {
         }
     }
 
-    pub fn lay_out(&mut self, dt: f64) {
+    pub(crate) fn lay_out(&mut self, dt: f64) {
         let of = |moves| tick(&self.spec, self.stiffness, self.damping, dt, moves);
         (self.tick, self.at_stop) = (of(true), of(false));
     }
 
     /// Force in N that a way in m of the piston takes from the cylinder.
-    pub fn bled(&self, way: f64) -> f64 {
+    pub(crate) fn bled(&self, way: f64) -> f64 {
         self.spec.velocity_feedback_n_per_m * way
     }
 }

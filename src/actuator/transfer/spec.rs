@@ -355,7 +355,7 @@ impl ServoHydraulicSpec {
     ///
     /// # Errors
     /// It is not.
-    pub fn check_loop(&self, stiffness: f64, damping: f64) -> Result<(), TransferError> {
+    pub(crate) fn check_loop(&self, stiffness: f64, damping: f64) -> Result<(), TransferError> {
         if is_hurwitz(&self.characteristic(stiffness, damping)) {
             Ok(())
         } else {

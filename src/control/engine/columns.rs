@@ -271,7 +271,7 @@ impl Row {
     }
 
     /// v and a of a tick whose equilibrium is not made. Real-time: yes.
-    pub fn no_outputs(&mut self) {
+    pub(crate) fn no_outputs(&mut self) {
         for range in [&self.vel, &self.accel] {
             if let Some(slots) = self.values.get_mut(range.clone()) {
                 slots.fill(f64::NAN);

@@ -50,7 +50,7 @@ impl Exchanges {
     }
 
     /// A resumed test continues at this number.
-    pub const fn continue_at(&mut self, sequence: u64) {
+    pub(crate) const fn continue_at(&mut self, sequence: u64) {
         self.sequence = sequence;
     }
 
@@ -62,7 +62,7 @@ impl Exchanges {
 
     /// True if a specimen is commanded once a step now. Real-time: yes.
     #[inline]
-    pub fn is_by_steps(&self, port: &Port) -> bool {
+    pub(crate) fn is_by_steps(&self, port: &Port) -> bool {
         self.commanding == Commanding::EveryStep && port.is_per_step()
     }
 }

@@ -159,7 +159,7 @@ impl Engine<'_> {
 
     /// The columns of the row that depend on wall time. Real-time: yes.
     #[inline]
-    pub fn time_row(&mut self, stamps: &TickStamps) {
+    pub(crate) fn time_row(&mut self, stamps: &TickStamps) {
         let pace = &self.environment.pace;
         let (first_edge, stretched) = (pace.first_edge(), pace.stretched());
         let row = &mut self.environment.journal.row;
@@ -233,7 +233,7 @@ impl Engine<'_> {
 
     /// Keeps the row of a step that ends the test: its measurements, without velocities and accelerations.
     #[cold]
-    pub fn keep_last_row(&mut self, stamps: &TickStamps) {
+    pub(crate) fn keep_last_row(&mut self, stamps: &TickStamps) {
         self.environment.journal.row.no_outputs();
         self.time_row(stamps);
         self.environment.journal.keep_row();
@@ -241,20 +241,20 @@ impl Engine<'_> {
 
     /// Notes the peak displacements of a step whose target was reached. Real-time: yes.
     #[inline]
-    pub fn note_reached(&mut self) {
+    pub(crate) fn note_reached(&mut self) {
         if let Side::Structure(numerical) = &*self.side {
             self.peaks.note_disp(&numerical.state.disp);
         }
     }
 
     /// The row records a stop that ended the wait for a reply. Real-time: yes.
-    pub fn mark_stop_in_wait(&mut self) {
+    pub(crate) fn mark_stop_in_wait(&mut self) {
         let row = &mut self.environment.journal.row;
         row.commands.add(OperatorCommands::STOP_IN_WAIT);
     }
 
     /// Test time of one tick that moves the specimens beside the test, in s.
-    pub fn tick_passes(&self) -> f64 {
+    pub(crate) fn tick_passes(&self) -> f64 {
         self.plan.dt / self.progress.pacer().ticks_per_step()
     }
 

@@ -90,12 +90,12 @@ impl Deadlines {
     }
 
     /// A tick of the warm-up. Real-time: yes.
-    pub fn warm_up_tick(&mut self, stamps: &TickStamps) {
+    pub(crate) fn warm_up_tick(&mut self, stamps: &TickStamps) {
         self.timing.tick(stamps);
     }
 
     /// Forgets the times so far: they do not belong to the test.
-    pub fn forget_timing(&mut self) {
+    pub(crate) fn forget_timing(&mut self) {
         self.timing.reset();
     }
 
@@ -107,7 +107,7 @@ impl Deadlines {
     }
 
     /// The histograms. They are megabytes: a second call has none.
-    pub fn take_timing(&mut self) -> Timing {
+    pub(crate) fn take_timing(&mut self) -> Timing {
         std::mem::replace(&mut self.timing, Timing::counting())
     }
 
@@ -188,7 +188,7 @@ impl Deadlines {
     }
 
     /// True if the policy ends the test at this miss. Real-time: yes.
-    pub fn ends_the_test(missed: &Missed, policy: OnMiss) -> bool {
+    pub(crate) fn ends_the_test(missed: &Missed, policy: OnMiss) -> bool {
         policy == OnMiss::Stop && missed.by_a_period
     }
 }

@@ -80,17 +80,17 @@ impl Ends {
     }
 
     /// True if the operator ended the test.
-    pub fn is_after_operator(&self) -> bool {
+    pub(crate) fn is_after_operator(&self) -> bool {
         self.after == Some(Ending::Stopped(Stop::Operator))
     }
 
     /// True if what trips in this phase does so in the shutdown that the operator asked for. Real-time: yes.
-    pub fn is_operators(&self, phase: Phase) -> bool {
+    pub(crate) fn is_operators(&self, phase: Phase) -> bool {
         phase == Phase::Leaving && self.is_after_operator()
     }
 
     /// The link of a specimen is lost.
-    pub fn mark_lost(&mut self, port: usize) {
+    pub(crate) fn mark_lost(&mut self, port: usize) {
         if let Some(left) = self.left.get_mut(port) {
             *left = EndPosition::Lost;
         }

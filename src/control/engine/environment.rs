@@ -45,21 +45,21 @@ impl Environment {
     }
 
     /// Sends an event of this moment. Real-time: yes.
-    pub fn report_now(&mut self, kind: Event) {
+    pub(crate) fn report_now(&mut self, kind: Event) {
         self.pace.keep_reading();
         let tick = self.place.of_event();
         self.report(&tick, kind);
     }
 
     /// Sends when the grid began, from which rows count their wall time. Real-time: yes.
-    pub fn report_grid(&mut self, of: GridOf) {
+    pub(crate) fn report_grid(&mut self, of: GridOf) {
         let Nanos(first_edge_ns) = self.pace.first_edge();
         let tick = self.place.of_event();
         self.report(&tick, Event::Grid { of, first_edge_ns });
     }
 
     /// Begins a new grid of edges.
-    pub fn begin_grid(&mut self, of: GridOf) {
+    pub(crate) fn begin_grid(&mut self, of: GridOf) {
         self.pace.begin();
         self.report_grid(of);
     }
@@ -80,7 +80,11 @@ impl Environment {
     /// # Errors
     /// The operator ends the test.
     #[inline]
-    pub fn wait_for_edge(&mut self, is_still: bool, stamps: &mut TickStamps) -> Result<(), Stop> {
+    pub(crate) fn wait_for_edge(
+        &mut self,
+        is_still: bool,
+        stamps: &mut TickStamps,
+    ) -> Result<(), Stop> {
         stamps.idle = self.pace.now();
         self.supervision.begin_tick(is_still);
         self.journal.row.commands.begin_tick();
@@ -118,7 +122,7 @@ impl Environment {
 
     /// Moves the grid after a late wake-up of the test, by the policy. Returns the ticks. Real-time: yes.
     #[inline]
-    pub fn stretch_after_wakeup(&mut self, stamps: &TickStamps) -> u64 {
+    pub(crate) fn stretch_after_wakeup(&mut self, stamps: &TickStamps) -> u64 {
         let late_ns = stamps.woke.since(stamps.release);
         let stalled = self.deadlines.stretch(&mut self.pace, late_ns, 0);
         self.journal.row.lateness.skipped_by_wakeup = stalled;
@@ -128,7 +132,7 @@ impl Environment {
     /// Outside of the test late ticks are not made up for, whatever the policy, so that no specimen sees a burst of commands.
     /// Real-time: yes.
     #[inline]
-    pub fn skip_late_edges(&mut self, stamps: &TickStamps) {
+    pub(crate) fn skip_late_edges(&mut self, stamps: &TickStamps) {
         let ticks = self.pace.skip_edges_before(stamps.woke);
         if ticks > 0 {
             self.note_gap(stamps.woke.since(stamps.release), ticks);
@@ -211,7 +215,7 @@ impl Environment {
     }
 
     /// Takes the request to give the test up, if it is the next. A replay makes it, whose clock is never late.
-    pub fn hear_if_given_up(&mut self) -> Result<(), Stop> {
+    pub(crate) fn hear_if_given_up(&mut self) -> Result<(), Stop> {
         match self.supervision.next_request() {
             Some(Operator::GiveUp) => self.hear(),
             _ => Ok(()),
@@ -219,7 +223,7 @@ impl Environment {
     }
 
     /// Reports the stop of the test, or of its shutdown, at this moment.
-    pub fn report_stop(&mut self, stop: &Stop) {
+    pub(crate) fn report_stop(&mut self, stop: &Stop) {
         if let Some(event) = event_of(stop) {
             self.report_now(event);
         }

@@ -163,7 +163,7 @@ impl Engine<'_> {
 
     /// A second specimen ends a test that ends already: it is reported, and the shutdown knows of it. Real-time: yes.
     #[cold]
-    pub fn stops_too(&mut self, stop: &Stop) {
+    pub(crate) fn stops_too(&mut self, stop: &Stop) {
         // A limit that trips was reported where it was judged.
         self.environment.report_stop(stop);
         self.exclude(stop);
@@ -193,7 +193,7 @@ impl Engine<'_> {
     /// Collects and judges the reply of one specimen, if it is here. It is waited for only if the exchange `waits`, and if the
     /// specimen does not take several ticks for it. Real-time: yes.
     #[inline]
-    pub fn collect_from(
+    pub(crate) fn collect_from(
         &mut self,
         index: usize,
         tick: &Tick,
@@ -325,7 +325,7 @@ impl Engine<'_> {
     ///
     /// # Errors
     /// The first trip.
-    pub fn judge_commands(&mut self) -> Result<(), Stop> {
+    pub(crate) fn judge_commands(&mut self) -> Result<(), Stop> {
         let mut result = Ok(());
         for index in 0..self.ports.len() {
             if let Err(stop) = self.judge_command(index) {
@@ -492,7 +492,7 @@ impl Engine<'_> {
 
     /// Keeps the row of the tick that ends the test, or its shutdown, although nothing follows from it.
     #[cold]
-    pub fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
+    pub(crate) fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         let in_wait = *stop == Stop::Operator;
         let has_row = matches!(
             stop,
@@ -541,7 +541,7 @@ impl Engine<'_> {
     /// # Errors
     /// The actuators cannot have these strokes.
     #[inline]
-    pub fn resolve_poses(&mut self) -> Result<(), Stop> {
+    pub(crate) fn resolve_poses(&mut self) -> Result<(), Stop> {
         for (index, port) in self.ports.iter_mut().enumerate() {
             let found = port.resolve_pose();
             found.map_err(|fault| Stop::Geometry { port: index, fault })?;
@@ -564,7 +564,7 @@ impl Engine<'_> {
     /// # Errors
     /// A link is lost.
     #[inline]
-    pub fn accept_step(&mut self) -> Result<(), Stop> {
+    pub(crate) fn accept_step(&mut self) -> Result<(), Stop> {
         self.accept_if(|_| true)
     }
 
@@ -583,12 +583,12 @@ impl Engine<'_> {
 
     /// The exchange did not belong to the test: its number is used again. Real-time: yes.
     #[inline]
-    pub fn reuse_number(&mut self) {
+    pub(crate) fn reuse_number(&mut self) {
         self.ports.iter_mut().for_each(Port::skip_number);
     }
 
     /// Aims every specimen at the first target, `B·x[0]`.
-    pub fn aim_at_start(&mut self) {
+    pub(crate) fn aim_at_start(&mut self) {
         match &mut *self.side {
             Side::Structure(numerical) => {
                 let base = numerical.base(0);

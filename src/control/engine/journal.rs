@@ -51,28 +51,28 @@ impl Journal {
 
     /// A command leaves. Real-time: yes.
     #[inline]
-    pub const fn command_left(&mut self) {
+    pub(crate) const fn command_left(&mut self) {
         self.covered = Covered::ButTheLast;
     }
 
     /// True if commands have left since the last row.
-    pub fn lacks_commands(&self) -> bool {
+    pub(crate) fn lacks_commands(&self) -> bool {
         self.covered == Covered::ButTheLast
     }
 
     /// The row that follows is that of a trip.
-    pub const fn note_trip(&mut self) {
+    pub(crate) const fn note_trip(&mut self) {
         self.has_trip = true;
     }
 
     /// True if the tick that tripped has a row.
-    pub const fn has_trip(&self) -> bool {
+    pub(crate) const fn has_trip(&self) -> bool {
         self.has_trip
     }
 
     /// Hands the finished row over; false if it was lost. Real-time: yes.
     #[inline]
-    pub fn keep_row(&mut self) -> bool {
+    pub(crate) fn keep_row(&mut self) -> bool {
         self.covered = Covered::All;
         let is_kept = self.recorder.row(self.row.values());
         self.row.commands = OperatorCommands::default();
@@ -81,7 +81,7 @@ impl Journal {
     }
 
     /// The row, and the recorder that takes states.
-    pub fn row_and_recorder(&mut self) -> (&mut Row, &mut dyn Recorder) {
+    pub(crate) fn row_and_recorder(&mut self) -> (&mut Row, &mut dyn Recorder) {
         (&mut self.row, self.recorder.as_mut())
     }
 
@@ -92,7 +92,7 @@ impl Journal {
     }
 
     /// Begins a warm-up: returns which of its rows are kept, and makes room for rows that are held back.
-    pub fn begin_warm_up(&mut self, ticks: u64) -> WarmUpRows {
+    pub(crate) fn begin_warm_up(&mut self, ticks: u64) -> WarmUpRows {
         let rows = match self.recorder.warm_up() {
             WarmUpRows::IfTheyMatter if ticks > MOST_HELD_BACK => WarmUpRows::AsTheyCome,
             rows => rows,
@@ -105,7 +105,7 @@ impl Journal {
     }
 
     /// Holds the finished row of a warm-up tick back. Real-time: yes.
-    pub fn hold_row_back(&mut self) {
+    pub(crate) fn hold_row_back(&mut self) {
         // Within its capacity.
         self.held_back.extend_from_slice(self.row.values());
         self.row.commands = OperatorCommands::default();
@@ -113,7 +113,7 @@ impl Journal {
     }
 
     /// The rows of the warm-up matter: the operator spoke in it, or the test ends before its first row. Real-time: yes.
-    pub fn keep_warm_up(&mut self) {
+    pub(crate) fn keep_warm_up(&mut self) {
         for row in self.held_back.chunks_exact(self.width) {
             self.rows_lost += u64::from(!self.recorder.row(row));
         }
@@ -122,7 +122,7 @@ impl Journal {
 
     /// The test has a row: those of the warm-up do not matter. Real-time: yes.
     #[inline]
-    pub fn drop_warm_up(&mut self) {
+    pub(crate) fn drop_warm_up(&mut self) {
         self.held_back.clear();
     }
 

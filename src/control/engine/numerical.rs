@@ -136,7 +136,7 @@ impl Numerical {
     /// True if the method needs the forces of the step that it is making: no specimen can hang on it.
     #[inline]
     #[must_use]
-    pub fn is_offline(&self) -> bool {
+    pub(crate) fn is_offline(&self) -> bool {
         matches!(self.stepper, Stepper::Offline(_))
     }
 

@@ -27,7 +27,7 @@ pub struct InitialForce {
 impl StartupSettings {
     /// True if nothing moves at once: the first command is where the specimen stands.
     #[must_use]
-    pub fn is_gentle(&self) -> bool {
+    pub(crate) fn is_gentle(&self) -> bool {
         self.zero_ticks > 0 || self.ramp_s > 0.0
     }
 }

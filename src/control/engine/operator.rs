@@ -73,7 +73,7 @@ impl OperatorCommands {
     /// The test was given up for missed deadlines.
     pub const GIVE_UP: Self = Self(16);
     /// A stop that ended the wait for a reply.
-    pub const STOP_IN_WAIT: Self = Self(32);
+    pub(crate) const STOP_IN_WAIT: Self = Self(32);
     /// An orderly stop after which the specimens go back to where their motion began.
     pub const RETRACE: Self = Self(64);
 
@@ -217,7 +217,7 @@ impl Requests {
 
     /// True if an end was asked for. It leaves the queue with everything before it. `first_waits`: the first interrupt does
     /// not count, and stays. Real-time: yes.
-    pub fn takes_an_end(&mut self, control: &Control, first_waits: bool) -> bool {
+    pub(crate) fn takes_an_end(&mut self, control: &Control, first_waits: bool) -> bool {
         while self.0.len() < MOST_ASKED
             && let Ok(word) = control.requests.try_recv()
         {

@@ -58,7 +58,7 @@ impl Pace {
 
     /// Reads the clock and keeps the reading for events. Real-time: yes.
     #[inline]
-    pub fn keep_reading(&mut self) -> Nanos {
+    pub(crate) fn keep_reading(&mut self) -> Nanos {
         self.now = self.clock.now();
         self.now
     }
@@ -84,7 +84,7 @@ impl Pace {
     }
 
     /// The test begins: rows count wall time from its first edge, which can be met.
-    pub fn begin_test(&mut self) {
+    pub(crate) fn begin_test(&mut self) {
         let now = self.read();
         self.skip_edges_before(now);
         self.first_edge = self.schedule.tick(self.edge);
@@ -92,13 +92,13 @@ impl Pace {
 
     /// The edge from which rows count wall time.
     #[inline]
-    pub const fn first_edge(&self) -> Nanos {
+    pub(crate) const fn first_edge(&self) -> Nanos {
         self.first_edge
     }
 
     /// Time of the next edge. Real-time: yes.
     #[inline]
-    pub fn next_edge(&self) -> Nanos {
+    pub(crate) fn next_edge(&self) -> Nanos {
         self.schedule.tick(self.edge)
     }
 
@@ -110,7 +110,7 @@ impl Pace {
 
     /// The tick of the next edge begins: reads the clock and moves on to the edge that ends the tick. Real-time: yes.
     #[inline]
-    pub fn begin_tick(&mut self, stamps: &mut TickStamps) {
+    pub(crate) fn begin_tick(&mut self, stamps: &mut TickStamps) {
         stamps.woke = self.keep_reading();
         self.edge += 1;
         stamps.deadline = self.schedule.tick(self.edge);
@@ -135,7 +135,7 @@ impl Pace {
 
     /// Moves on to the first edge at or after `now`. Returns the number of edges skipped. Steps are not counted by edges: none is
     /// lost. Real-time: yes.
-    pub fn skip_edges_before(&mut self, now: Nanos) -> u64 {
+    pub(crate) fn skip_edges_before(&mut self, now: Nanos) -> u64 {
         let behind = now.since(self.schedule.tick(self.edge));
         let ticks = behind.div_ceil(self.schedule.period_ns().max(1));
         self.edge += ticks;

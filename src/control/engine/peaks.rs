@@ -1,7 +1,7 @@
 //! Peaks over all degrees of freedom, recorded or not.
 
 use gusset_numerics::linalg::Lanes;
-pub use gusset_numerics::linalg::lanes::{Isa, Kernel};
+use gusset_numerics::linalg::{Isa, Kernel};
 use gusset_quantity::state::Visit;
 
 /// Largest absolute displacement, velocity and acceleration of each DOF.
@@ -55,7 +55,7 @@ impl Peaks {
 
     /// Notes displacements. Real-time: yes.
     #[inline]
-    pub fn note_disp(&mut self, disp: &[f64]) {
+    pub(crate) fn note_disp(&mut self, disp: &[f64]) {
         let peaks = &mut self.disp;
         Lanes::best_for(disp.len()).run(Highest {
             peaks,
@@ -66,7 +66,7 @@ impl Peaks {
     /// Notes velocities and accelerations. A DOF without mass has no acceleration: its peak becomes NaN.
     /// Real-time: yes.
     #[inline]
-    pub fn note_rates(&mut self, vel: &[f64], accel: &[f64]) {
+    pub(crate) fn note_rates(&mut self, vel: &[f64], accel: &[f64]) {
         let lanes = Lanes::best_for(vel.len());
         lanes.run(Highest {
             peaks: &mut self.vel,
@@ -81,7 +81,7 @@ impl Peaks {
 
 /// The first displacement beyond `bound`, or not a number. Real-time: yes.
 #[inline]
-pub fn first_beyond(disp: &[f64], bound: f64) -> Option<(usize, f64)> {
+pub(crate) fn first_beyond(disp: &[f64], bound: f64) -> Option<(usize, f64)> {
     if Lanes::best_for(disp.len()).run(Inside {
         values: disp,
         bound,

@@ -30,13 +30,13 @@ impl Place {
 
     /// The last step whose row was made. Real-time: yes.
     #[inline]
-    pub const fn steps_done(&self) -> u64 {
+    pub(crate) const fn steps_done(&self) -> u64 {
         self.steps_done
     }
 
     /// A step is made. Real-time: yes.
     #[inline]
-    pub const fn step_done(&mut self, step: u64) {
+    pub(crate) const fn step_done(&mut self, step: u64) {
         self.steps_done = step;
     }
 
@@ -54,7 +54,7 @@ impl Place {
     }
 
     /// Place of an event: the farthest tick, whose step may never end, or the last step. Real-time: yes.
-    pub fn of_event(&self) -> Tick {
+    pub(crate) fn of_event(&self) -> Tick {
         let made = self.at_rest(0.0);
         if self.farthest.time > made.time {
             self.farthest

@@ -31,7 +31,7 @@ impl Zeroing {
     }
 
     /// Reports the sensor readings, to the record and to the operator.
-    pub fn report_readings(engine: &mut Engine<'_>) {
+    pub(crate) fn report_readings(engine: &mut Engine<'_>) {
         for (index, port) in engine.ports.iter().enumerate() {
             for axis in 0..port.axes() {
                 let reading = port.reading(axis);

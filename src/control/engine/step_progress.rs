@@ -96,7 +96,7 @@ impl StepProgress {
 
     /// The step pacer. Real-time: yes.
     #[inline]
-    pub const fn pacer(&self) -> &StepPacer {
+    pub(crate) const fn pacer(&self) -> &StepPacer {
         &self.pacer
     }
 
@@ -107,7 +107,7 @@ impl StepProgress {
     }
 
     /// Rows of a hold count on; the next tick follows them. Real-time: yes.
-    pub const fn set_sub_tick(&mut self, sub_tick: u64) {
+    pub(crate) const fn set_sub_tick(&mut self, sub_tick: u64) {
         self.sub_tick = sub_tick;
     }
 
@@ -117,13 +117,13 @@ impl StepProgress {
     }
 
     /// The next command never left: the pacer goes back to before it was made.
-    pub fn take_back_the_next(&mut self) {
+    pub(crate) fn take_back_the_next(&mut self) {
         self.pacer = self.before;
     }
 
     /// True if the target of the step is reached. Real-time: yes.
     #[inline]
-    pub fn has_reached(&self) -> bool {
+    pub(crate) fn has_reached(&self) -> bool {
         self.target != Target::Ahead
     }
 
@@ -180,7 +180,7 @@ impl StepProgress {
 
     /// The next target is known. Returns where on the way to it. Real-time: yes.
     #[inline]
-    pub fn know_the_next(&mut self) -> f64 {
+    pub(crate) fn know_the_next(&mut self) -> f64 {
         self.step += 1;
         self.target = Target::Ahead;
         self.sub_tick = 0;
@@ -191,7 +191,7 @@ impl StepProgress {
 
     /// True if the last of `steps` is reached and not closed: a reply is owed, and there is no further target. Real-time: yes.
     #[inline]
-    pub fn is_at_the_end(&self, steps: u64) -> bool {
+    pub(crate) fn is_at_the_end(&self, steps: u64) -> bool {
         self.has_reached() && self.step >= steps
     }
 
@@ -215,7 +215,7 @@ impl StepProgress {
 
     /// The stage of the stride that has left; the one before if the change is an event. Real-time: yes.
     #[inline]
-    pub fn change_stage(&mut self, stage: Stage) -> Option<Stage> {
+    pub(crate) fn change_stage(&mut self, stage: Stage) -> Option<Stage> {
         let slow = |stage| stage == Stage::SlowDown;
         let before = std::mem::replace(&mut self.stage, stage);
         (slow(stage) != slow(before)).then_some(before)
@@ -223,13 +223,13 @@ impl StepProgress {
 
     /// Counts a tick for the next checkpoint. Real-time: yes.
     #[inline]
-    pub const fn count_tick(&mut self) {
+    pub(crate) const fn count_tick(&mut self) {
         self.unchecked += 1;
     }
 
     /// True if a checkpoint is due after this number of ticks; the count restarts. Real-time: yes.
     #[inline]
-    pub const fn is_checkpoint(&mut self, ticks: u64) -> bool {
+    pub(crate) const fn is_checkpoint(&mut self, ticks: u64) -> bool {
         let due = self.unchecked >= ticks;
         if due {
             self.unchecked = 0;

@@ -250,7 +250,7 @@ impl Maneuver for Stepping {
 impl Stepping {
     /// Makes the next command, unless a hold is complete or no target is left. Real-time: yes.
     #[inline]
-    pub fn prepare_next(engine: &mut Engine<'_>) {
+    pub(crate) fn prepare_next(engine: &mut Engine<'_>) {
         let held = engine.environment.supervision.is_held();
         let ports = engine.ports.iter_mut();
         match engine.progress.next(held, engine.plan.steps) {

@@ -80,7 +80,7 @@ impl Supervision {
     }
 
     /// The test is a motion that goes back to its start when it is interrupted.
-    pub const fn set_retraces(&mut self, retraces: bool) {
+    pub(crate) const fn set_retraces(&mut self, retraces: bool) {
         self.retraces = retraces;
     }
 
@@ -90,13 +90,13 @@ impl Supervision {
     }
 
     /// True if the motion of this phase goes back to its start when it is interrupted. Real-time: yes.
-    pub fn can_go_back(&self) -> bool {
+    pub(crate) fn can_go_back(&self) -> bool {
         let is_drive = self.retraces && matches!(self.phase, Phase::Running | Phase::Holding);
         !self.goes_back && (is_drive || self.phase == Phase::Probing)
     }
 
     /// The motion goes back to its start. No hold is left. Real-time: yes.
-    pub fn begin_going_back(&mut self) {
+    pub(crate) fn begin_going_back(&mut self) {
         self.goes_back = true;
         self.drop_hold();
     }
@@ -140,7 +140,7 @@ impl Supervision {
     }
 
     /// A restored test runs.
-    pub fn continue_running(&mut self) {
+    pub(crate) fn continue_running(&mut self) {
         self.phase = Phase::Running;
         self.show();
     }
@@ -169,7 +169,7 @@ impl Supervision {
     }
 
     /// Begins a hold; false if there is one. Real-time: yes.
-    pub fn begin_hold(&mut self) -> bool {
+    pub(crate) fn begin_hold(&mut self) -> bool {
         if self.is_held() {
             return false;
         }
@@ -179,7 +179,7 @@ impl Supervision {
     }
 
     /// The test continues; false if there was no hold. Real-time: yes.
-    pub fn end_hold(&mut self) -> bool {
+    pub(crate) fn end_hold(&mut self) -> bool {
         let was_held = self.is_held();
         self.hold = Hold::Off;
         self.continues = true;
@@ -187,7 +187,7 @@ impl Supervision {
     }
 
     /// The shutdown is not held.
-    pub fn drop_hold(&mut self) {
+    pub(crate) fn drop_hold(&mut self) {
         self.hold = Hold::Off;
     }
 
@@ -199,7 +199,7 @@ impl Supervision {
 
     /// A tick begins. Real-time: yes.
     #[inline]
-    pub fn begin_tick(&mut self, is_still: bool) {
+    pub(crate) fn begin_tick(&mut self, is_still: bool) {
         self.continues = false;
         self.motion = if is_still {
             Motion::Still
@@ -210,19 +210,19 @@ impl Supervision {
 
     /// The wait for the edge is over. Real-time: yes.
     #[inline]
-    pub fn end_wait(&mut self) {
+    pub(crate) fn end_wait(&mut self) {
         self.motion = Motion::Moves;
     }
 
     /// Asks for a confirmation of the sensor readings.
-    pub fn ask_for_confirmation(&mut self) {
+    pub(crate) fn ask_for_confirmation(&mut self) {
         self.confirmation = Confirmation::Awaited;
         self.show();
     }
 
     /// True while the confirmation is awaited. Real-time: yes.
     #[inline]
-    pub fn is_unconfirmed(&self) -> bool {
+    pub(crate) fn is_unconfirmed(&self) -> bool {
         self.confirmation == Confirmation::Awaited
     }
 
@@ -240,7 +240,7 @@ impl Supervision {
 
     /// The next request, which leaves the queue. Real-time: yes.
     #[inline]
-    pub fn take_request(&mut self) -> Option<Operator> {
+    pub(crate) fn take_request(&mut self) -> Option<Operator> {
         match self.hearing {
             Hearing::On => self.requests.take(&self.control),
             Hearing::Off => None,
@@ -248,7 +248,7 @@ impl Supervision {
     }
 
     /// The next request, which stays in the queue.
-    pub fn next_request(&mut self) -> Option<Operator> {
+    pub(crate) fn next_request(&mut self) -> Option<Operator> {
         match self.hearing {
             Hearing::On => self.requests.next(&self.control),
             Hearing::Off => None,
@@ -256,18 +256,18 @@ impl Supervision {
     }
 
     /// True if a stop was asked for; it leaves the queue, and what was asked before it. Real-time: yes.
-    pub fn takes_a_stop(&mut self) -> bool {
+    pub(crate) fn takes_a_stop(&mut self) -> bool {
         self.hearing == Hearing::On && self.requests.takes_an_end(&self.control, false)
     }
 
     /// True if a stop was asked for while a reply is awaited: a specimen that is to go back replies first. Real-time: yes.
-    pub fn takes_a_stop_in_wait(&mut self) -> bool {
+    pub(crate) fn takes_a_stop_in_wait(&mut self) -> bool {
         let first_waits = self.can_go_back();
         self.hearing == Hearing::On && self.requests.takes_an_end(&self.control, first_waits)
     }
 
     /// On simulated time a test that stands until the operator speaks would make millions of rows: it waits for him a while.
-    pub fn wait_where_it_stands(&mut self) {
+    pub(crate) fn wait_where_it_stands(&mut self) {
         let stands = self.motion == Motion::Still || self.phase == Phase::Holding;
         let is_waiting = stands && (self.is_unconfirmed() || self.is_held());
         if is_waiting && self.control.desk.is_some() && self.hearing == Hearing::On {

@@ -40,7 +40,7 @@ impl TestJudge {
     /// # Errors
     /// A limit tripped.
     #[inline]
-    pub fn judge_step(
+    pub(crate) fn judge_step(
         &mut self,
         tick: &Tick,
         side: &Side,
@@ -74,7 +74,7 @@ impl TestJudge {
     ///
     /// # Errors
     /// A limit tripped.
-    pub fn judge_misses(
+    pub(crate) fn judge_misses(
         &mut self,
         tick: &Tick,
         ports: &[Port],
@@ -101,7 +101,7 @@ impl TestJudge {
     }
 
     /// More misses in a row or in total than allowed: the limit, how many, and how many are allowed. Real-time: yes.
-    pub fn misses_beyond(&self, in_a_row: u64, total: u64) -> Option<(Limit, f64, f64)> {
+    pub(crate) fn misses_beyond(&self, in_a_row: u64, total: u64) -> Option<(Limit, f64, f64)> {
         [(Limit::MissesInARow, in_a_row), (Limit::Misses, total)]
             .map(|(limit, found)| (limit, found as f64, self.limits.of_test(limit).trip))
             .into_iter()

@@ -18,7 +18,7 @@ pub struct Tick {
 impl Tick {
     /// A tick before t = 0, with `dt` of test time since the last.
     #[must_use]
-    pub const fn before_start(dt: f64) -> Self {
+    pub(crate) const fn before_start(dt: f64) -> Self {
         Self::of_step(0, 0.0, dt)
     }
 

@@ -337,7 +337,7 @@ impl Port {
 
     /// The reported position is where the next command is, and what that is held against. Once a command has left the specimen
     /// stands where that sent it, whatever it reported before. Does nothing if it does not report one.
-    pub fn take_reported_position(&mut self) {
+    pub(crate) fn take_reported_position(&mut self) {
         let has_begun = self.has_begun();
         let Some(standing) = self.startup.standing() else {
             return;
@@ -391,7 +391,7 @@ impl Port {
     }
 
     /// Makes the next command of a probe, `share` of an exchange after the last; false at its end. Real-time: yes.
-    pub fn aim_probe(&mut self, probe: &mut Probe, share: f64) -> bool {
+    pub(crate) fn aim_probe(&mut self, probe: &mut Probe, share: f64) -> bool {
         let target = self.path.target_mut();
         let goes_on = probe.go_on(share, &mut target.disp, &mut target.vel);
         self.path.follow_target(&self.axes);
@@ -437,12 +437,12 @@ impl Port {
 
     /// True if the motion that brings the static load on checks the wiring.
     #[must_use]
-    pub const fn is_checked_by_static_load(&self) -> bool {
+    pub(crate) const fn is_checked_by_static_load(&self) -> bool {
         self.startup.wiring().is_by_static_load()
     }
 
     /// A reading at rest, before the static load comes on; none if it is an old one. Real-time: yes.
-    pub fn read_before_static_load(&mut self) {
+    pub(crate) fn read_before_static_load(&mut self) {
         if self.is_fresh() {
             let reading = at_rest(&self.path, &self.feedback);
             self.startup.wiring_mut().rest(reading);
@@ -453,20 +453,20 @@ impl Port {
     ///
     /// # Errors
     /// A channel is reversed.
-    pub fn check_by_static_load(&mut self) -> Result<(), WiringFault> {
+    pub(crate) fn check_by_static_load(&mut self) -> Result<(), WiringFault> {
         let reading = at_rest(&self.path, &self.feedback);
         self.startup.wiring_mut().moved(reading)
     }
 
     /// The axes (from 0) whose wiring the static load did not show.
     #[must_use]
-    pub fn unchecked_by_static_load(&self) -> Vec<usize> {
+    pub(crate) fn unchecked_by_static_load(&self) -> Vec<usize> {
         self.startup.wiring().unshown()
     }
 
     /// The specimen rests where it was sent, or as near as it comes. Returns the first axis (from 0) that does not follow; ways
     /// shorter than `least`, in the structure's units, are not judged. Real-time: yes.
-    pub fn check_motion(&self, check: &mut MotionCheck, least: f64) -> Option<usize> {
+    pub(crate) fn check_motion(&self, check: &mut MotionCheck, least: f64) -> Option<usize> {
         let reading = at_rest(&self.path, &self.feedback);
         check.rests(reading, self.stiffness.own(), least)
     }
@@ -486,7 +486,7 @@ fn at_rest<'a>(path: &'a CommandPath, feedback: &'a Feedback) -> [&'a [f64]; 3] 
 // Zero, initial force, and the estimates that begin there.
 impl Port {
     /// Keeps the measurement last taken for the zero, unless it is an old one.
-    pub fn take_reading(&mut self) {
+    pub(crate) fn take_reading(&mut self) {
         if self.is_fresh() {
             self.startup.take_reading(self.feedback.raw());
         }
@@ -494,12 +494,12 @@ impl Port {
 
     /// True if this many readings were kept.
     #[must_use]
-    pub fn has_read(&self, times: u32) -> bool {
+    pub(crate) fn has_read(&self, times: u32) -> bool {
         self.startup.has_read(times)
     }
 
     /// Drops the readings of an earlier startup.
-    pub fn forget_readings(&mut self) {
+    pub(crate) fn forget_readings(&mut self) {
         self.startup.forget_readings();
     }
 
@@ -510,7 +510,7 @@ impl Port {
     }
 
     /// Takes the zero of every relative channel from the readings. The estimates restart with the noise that was read.
-    pub fn take_zero(&mut self) {
+    pub(crate) fn take_zero(&mut self) {
         self.startup.take_zero(&mut self.axes, self.path.sent());
         self.estimates.rest(false);
         let axes = self.axes.iter().enumerate();
@@ -531,14 +531,14 @@ impl Port {
 
     /// An axis reads what it reads now where it read `disp` before an interruption: a relative channel takes the difference
     /// for drift of its zero.
-    pub fn take_disp_drift(&mut self, index: usize, disp: f64) {
+    pub(crate) fn take_disp_drift(&mut self, index: usize, disp: f64) {
         if let Some(axis) = self.axes.get_mut(index) {
             self.startup.take_disp_drift(index, disp, axis);
         }
     }
 
     /// A relative load cell takes its difference from `force` for drift.
-    pub fn take_force_drift(&mut self, index: usize, force: f64) {
+    pub(crate) fn take_force_drift(&mut self, index: usize, force: f64) {
         if let Some(axis) = self.axes.get_mut(index) {
             self.startup.take_force_drift(index, force, axis);
         }
@@ -546,13 +546,13 @@ impl Port {
 
     /// True if the zero of an axis' displacement sensor was read, not declared.
     #[must_use]
-    pub fn has_relative_disp(&self, index: usize) -> bool {
+    pub(crate) fn has_relative_disp(&self, index: usize) -> bool {
         self.startup.has_relative_disp(index)
     }
 
     /// True if the zero of an axis' load cell was read, not declared.
     #[must_use]
-    pub fn has_relative_force(&self, index: usize) -> bool {
+    pub(crate) fn has_relative_force(&self, index: usize) -> bool {
         self.startup.has_relative_force(index)
     }
 
@@ -565,21 +565,26 @@ impl Port {
     /// known to a `share` and the other axes are coupled with it. `measured`: displacement and force of each axis; all is in the
     /// specimen's own units.
     #[must_use]
-    pub fn unexplained_force(&self, axis: usize, measured: &[[f64; 2]], share: f64) -> (f64, f64) {
+    pub(crate) fn unexplained_force(
+        &self,
+        axis: usize,
+        measured: &[[f64; 2]],
+        share: f64,
+    ) -> (f64, f64) {
         self.stiffness
             .unexplained_force(axis, &self.axes, measured, share)
     }
 
     /// Initial stiffness of an axis at the specimen's own scale, N/m.
     #[must_use]
-    pub fn stiffness_at_specimen(&self, axis: usize) -> f64 {
+    pub(crate) fn stiffness_at_specimen(&self, axis: usize) -> f64 {
         let own = self.elastic_force_of(axis, 1.0);
         (own * self.newtons_of(axis) / self.metres_of(axis)).abs()
     }
 
     /// Change of the force of an axis whose displacement changes by `way`, by its initial stiffness; both in the specimen's own units.
     #[must_use]
-    pub fn elastic_force_of(&self, axis: usize, way: f64) -> f64 {
+    pub(crate) fn elastic_force_of(&self, axis: usize, way: f64) -> f64 {
         let known = self.axes.get(axis);
         known.map_or(0.0, |known| self.stiffness.elastic_force(axis, known, way))
     }
@@ -587,22 +592,22 @@ impl Port {
     /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units and
     /// by its initial stiffness: |kᵢⱼ| is at most √(kᵢᵢ kⱼⱼ).
     #[must_use]
-    pub fn most_force_of(&self, axis: usize, ways: &[f64]) -> f64 {
+    pub(crate) fn most_force_of(&self, axis: usize, ways: &[f64]) -> f64 {
         self.stiffness.most_force(axis, &self.axes, ways)
     }
 
     /// Nothing is estimated from here on: the specimen is at rest, and its measurements are in no row.
-    pub const fn pause_estimates(&mut self) {
+    pub(crate) const fn pause_estimates(&mut self) {
         self.estimates.rest(true);
     }
 
     /// Estimates continue.
-    pub const fn resume_estimates(&mut self) {
+    pub(crate) const fn resume_estimates(&mut self) {
         self.estimates.rest(false);
     }
 
     /// The estimates restart with the declared values: a wiring check is not part of the test.
-    pub fn forget_trial(&mut self) {
+    pub(crate) fn forget_trial(&mut self) {
         self.estimates.restart(self.stiffness.own());
     }
 }
@@ -610,19 +615,19 @@ impl Port {
 // Begin, interruption and end of the test.
 impl Port {
     /// Commands are a step apart from here on, or a tick again, if it is commanded once a step.
-    pub fn is_told_by_steps(&mut self, by_steps: bool) {
+    pub(crate) fn is_told_by_steps(&mut self, by_steps: bool) {
         self.guard.is_told_by_steps(by_steps);
     }
 
     /// The test begins or is resumed: energy counts from the next measurement on. Measurements before it are forgotten, since a
     /// replay has only those of the rows.
-    pub fn begin_test(&mut self) {
+    pub(crate) fn begin_test(&mut self) {
         self.guard.forget_measurements();
         self.estimates.begin_test();
     }
 
     /// The test is interrupted: no measurement is compared with those of the test, and no energy counts until it is resumed.
-    pub fn leave_test(&mut self) {
+    pub(crate) fn leave_test(&mut self) {
         self.guard.forget_measurements();
         self.estimates.leave_test();
     }
@@ -636,17 +641,17 @@ impl Port {
     }
 
     /// The motion from here on is not part of the test: nothing is estimated of how it is followed.
-    pub const fn pause_following(&mut self) {
+    pub(crate) const fn pause_following(&mut self) {
         self.tracking.test_runs(false);
     }
 
     /// The test is resumed: see [`Port::pause_following`].
-    pub const fn go_on_following(&mut self) {
+    pub(crate) const fn go_on_following(&mut self) {
         self.tracking.test_runs(true);
     }
 
     /// From here on the state before each command is kept, too: the last one never leaves, and is made again.
-    pub fn follow_compensation(&mut self) {
+    pub(crate) fn follow_compensation(&mut self) {
         if let Some(compensators) = self.path.compensators_mut() {
             compensators.follow_record();
         }
@@ -660,7 +665,7 @@ impl Port {
     }
 
     /// Takes them back.
-    pub fn thaw_compensation(&mut self, state: &TestState) {
+    pub(crate) fn thaw_compensation(&mut self, state: &TestState) {
         if let Some(compensators) = self.path.compensators_mut() {
             compensators.thaw(state);
         }
@@ -672,7 +677,7 @@ impl Port {
     }
 
     /// A partner that is commanded once a step gets an unanswered target once more.
-    pub fn ask_again(&mut self) {
+    pub(crate) fn ask_again(&mut self) {
         let per_step = self.path.is_per_step();
         let was_told = self.exchange.state_mut().ask_again(per_step);
         if per_step {
@@ -685,13 +690,13 @@ impl Port {
     }
 
     /// Makes the last command of the interrupted test again, at rest.
-    pub fn return_to_the_test(&mut self) {
+    pub(crate) fn return_to_the_test(&mut self) {
         self.path.return_to_the_test();
     }
 
     /// The test is resumed: a pending target is the next command again, and is judged by the commands of the test. All other ports
     /// make their next command of the path.
-    pub fn take_up_target(&mut self) {
+    pub(crate) fn take_up_target(&mut self) {
         self.guard.go_on();
         if self.exchange.state().is_pending() {
             self.path.take_goal(&self.axes);
@@ -700,7 +705,7 @@ impl Port {
 
     /// The answer to the target belongs to no command, because the specimen was held on its way: the target leaves once more. Real-time:
     /// yes.
-    pub fn take_back_target(&mut self) {
+    pub(crate) fn take_back_target(&mut self) {
         self.exchange.state_mut().pend();
         self.guard.watch_mut().takes_back_the_last();
         self.path.take_goal(&self.axes);
@@ -709,7 +714,7 @@ impl Port {
     /// The test is over, and nothing is estimated from here on. A partner that owes an answer gets no command before that has come.
     /// `tick`: the operator ended it, and the specimen is to brake in ticks of these seconds of wall time. If it need not, the last
     /// command counts as one at rest.
-    pub fn end_test(&mut self, tick: Option<f64>) -> Option<Brake> {
+    pub(crate) fn end_test(&mut self, tick: Option<f64>) -> Option<Brake> {
         self.exchange.state_mut().end_test();
         self.pause_estimates();
         self.pause_following();
@@ -734,13 +739,13 @@ impl Port {
     }
 
     /// The specimen is moved back from what it tripped at.
-    pub fn excuse(&mut self) {
+    pub(crate) fn excuse(&mut self) {
         self.guard.excuse(&self.startup);
     }
 
     /// True if what its return move goes by is known: no force that its load cell cannot read.
     #[must_use]
-    pub fn can_be_led(&self, tripped: bool) -> bool {
+    pub(crate) fn can_be_led(&self, tripped: bool) -> bool {
         !(self.guard.force_is_unknown() && *self.exits.after(tripped) == Exit::ZeroForce)
     }
 
@@ -751,7 +756,7 @@ impl Port {
     }
 
     /// Begins the return move with ticks of `tick` seconds of wall time; none where the specimen is to stay.
-    pub fn begin_return_move(&mut self, tripped: bool, tick: f64) -> Option<ReturnMove> {
+    pub(crate) fn begin_return_move(&mut self, tripped: bool, tick: f64) -> Option<ReturnMove> {
         let speed = self.exits.speed;
         self.leave_pose();
         let goal = match self.exits.after(tripped) {
@@ -785,7 +790,7 @@ impl Port {
     }
 
     /// The motion that begins here is retraced when it is interrupted.
-    pub fn begin_retraceable(&mut self) {
+    pub(crate) fn begin_retraceable(&mut self) {
         let axes = 0..self.axes.len();
         let noise = axes.map(|axis| SIGMAS * self.startup.reading(axis).force_noise);
         self.retrace = Some(Retrace::new(self.path.sent(), noise.collect()));
@@ -801,13 +806,13 @@ impl Port {
 
     /// True if there is a motion to retrace, and the specimen is not at its start.
     #[must_use]
-    pub fn can_retrace(&self) -> bool {
+    pub(crate) fn can_retrace(&self) -> bool {
         let retrace = self.retrace.as_ref();
         retrace.is_some_and(|retrace| retrace.start() != self.path.sent())
     }
 
     /// Begins to retrace the motion, with ticks of `tick` seconds of wall time; none where there is nothing to retrace.
-    pub fn begin_retrace(&mut self, tick: f64) -> Option<ReturnMove> {
+    pub(crate) fn begin_retrace(&mut self, tick: f64) -> Option<ReturnMove> {
         self.leave_pose();
         let retrace = self.retrace.as_mut()?;
         retrace.turn_back(tick);
@@ -864,7 +869,7 @@ impl Port {
 
     /// Who holds the specimen after the goodbye, when it is known whether it was armed.
     #[must_use]
-    pub fn left_to(&self) -> Holder {
+    pub(crate) fn left_to(&self) -> Holder {
         match self.holder() {
             Holder::ItsWatchdog if self.needs_no_acknowledgement() => Holder::NeverArmed,
             holder => holder,
@@ -873,13 +878,13 @@ impl Port {
 
     /// True of a specimen that need not acknowledge the goodbye.
     #[must_use]
-    pub fn needs_no_acknowledgement(&self) -> bool {
+    pub(crate) fn needs_no_acknowledgement(&self) -> bool {
         self.exchange.has_acknowledged().is_none()
     }
 
     /// True of a specimen that should have acknowledged the goodbye, and did not.
     #[must_use]
-    pub fn lacks_acknowledgement(&self) -> bool {
+    pub(crate) fn lacks_acknowledgement(&self) -> bool {
         self.exchange.has_acknowledged() == Some(false)
     }
 

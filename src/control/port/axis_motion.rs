@@ -34,7 +34,7 @@ impl AxisMotion {
     }
 
     /// Takes displacements, at rest. Real-time: yes.
-    pub fn rest_at(&mut self, disp: &[f64]) {
+    pub(crate) fn rest_at(&mut self, disp: &[f64]) {
         self.disp.copy_from_slice(disp);
         self.vel.fill(0.0);
     }

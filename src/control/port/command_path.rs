@@ -108,12 +108,12 @@ impl CommandPath {
         visit.choice(&mut self.in_force, &[InForce::Motion, InForce::Repetition]);
     }
 
-    pub fn set_pace(&mut self, per_step: bool, order: Order) {
+    pub(crate) fn set_pace(&mut self, per_step: bool, order: Order) {
         self.per_step = per_step;
         self.path.set_order(order);
     }
 
-    pub fn set_compensators(&mut self, compensators: Compensators) {
+    pub(crate) fn set_compensators(&mut self, compensators: Compensators) {
         self.compensators = Some(compensators);
     }
 
@@ -121,7 +121,7 @@ impl CommandPath {
         self.compensators.as_ref()
     }
 
-    pub const fn compensators_mut(&mut self) -> Option<&mut Compensators> {
+    pub(crate) const fn compensators_mut(&mut self) -> Option<&mut Compensators> {
         self.compensators.as_mut()
     }
 
@@ -137,7 +137,7 @@ impl CommandPath {
 
     /// Where a target is to be written. Real-time: yes.
     #[inline]
-    pub const fn target_mut(&mut self) -> &mut AxisMotion {
+    pub(crate) const fn target_mut(&mut self) -> &mut AxisMotion {
         &mut self.target
     }
 
@@ -147,7 +147,7 @@ impl CommandPath {
     }
 
     #[inline]
-    pub const fn velocity_of(&self) -> VelocityOf {
+    pub(crate) const fn velocity_of(&self) -> VelocityOf {
         self.velocity_of
     }
 
@@ -170,7 +170,7 @@ impl CommandPath {
 
     /// The last command with zero velocities. Real-time: yes.
     #[inline]
-    pub fn last_at_rest(&self) -> [&[f64]; 2] {
+    pub(crate) fn last_at_rest(&self) -> [&[f64]; 2] {
         [&self.sent, &self.still]
     }
 
@@ -182,7 +182,7 @@ impl CommandPath {
 
     /// Where the target of the next step is to be written. Real-time: yes.
     #[inline]
-    pub const fn goal_mut(&mut self) -> &mut AxisMotion {
+    pub(crate) const fn goal_mut(&mut self) -> &mut AxisMotion {
         self.path.goal_mut()
     }
 
@@ -224,7 +224,7 @@ impl CommandPath {
 
     /// The command is the target itself. Real-time: yes.
     #[inline]
-    pub fn follow_target(&mut self, axes: &[Axis]) {
+    pub(crate) fn follow_target(&mut self, axes: &[Axis]) {
         self.clearance = Clearance::Unjudged;
         let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
         let targets = self.target.iter();
@@ -261,7 +261,7 @@ impl CommandPath {
     }
 
     /// The goal is the target, and the command is made of it. Real-time: yes.
-    pub fn take_goal(&mut self, axes: &[Axis]) {
+    pub(crate) fn take_goal(&mut self, axes: &[Axis]) {
         self.land();
         self.prepare(axes);
     }
@@ -321,23 +321,23 @@ impl CommandPath {
     }
 
     /// Keeps the target that was just reached. Real-time: yes.
-    pub fn keep_target(&mut self) {
+    pub(crate) fn keep_target(&mut self) {
         self.kept_target.copy_from_slice(&self.target.disp);
     }
 
     /// Takes it back. Real-time: yes.
-    pub fn take_kept_target(&mut self) {
+    pub(crate) fn take_kept_target(&mut self) {
         self.target.disp.copy_from_slice(&self.kept_target);
     }
 
     /// The next command is the last one: nothing moves.
-    pub fn stand_still(&mut self) {
+    pub(crate) fn stand_still(&mut self) {
         self.clearance = Clearance::Unjudged;
         self.command.rest_at(&self.sent);
     }
 
     /// The next command is at these displacements; its velocity stays. For the begin of a ramp.
-    pub fn command_place(&mut self, disp: &[f64]) {
+    pub(crate) fn command_place(&mut self, disp: &[f64]) {
         self.command_mut().disp.copy_from_slice(disp);
     }
 
@@ -353,7 +353,7 @@ impl CommandPath {
     }
 
     /// The next command is these steps after the last, in the unit of each axis, in a tick of `tick` s. Real-time: yes.
-    pub fn coast(&mut self, steps: impl Iterator<Item = f64>, tick: f64) {
+    pub(crate) fn coast(&mut self, steps: impl Iterator<Item = f64>, tick: f64) {
         self.clearance = Clearance::Unjudged;
         let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
         for ((command, vel), (sent, step)) in commands.zip(self.sent.iter().zip(steps)) {
@@ -402,22 +402,22 @@ impl CommandPath {
     }
 
     /// The last command is the one of an interrupted test.
-    pub fn resume_from_here(&mut self) {
+    pub(crate) fn resume_from_here(&mut self) {
         self.resumed_from.clone_from(&self.sent);
     }
 
     /// True in a test that resumes an interrupted one.
-    pub const fn is_resumed(&self) -> bool {
+    pub(crate) const fn is_resumed(&self) -> bool {
         !self.resumed_from.is_empty()
     }
 
     /// True if the specimen was led away from where the interrupted test left it.
-    pub fn was_led_away(&self) -> bool {
+    pub(crate) fn was_led_away(&self) -> bool {
         self.is_resumed() && self.sent != self.resumed_from
     }
 
     /// Makes the last command of the interrupted test again, at rest.
-    pub fn return_to_the_test(&mut self) {
+    pub(crate) fn return_to_the_test(&mut self) {
         self.clearance = Clearance::Unjudged;
         if self.resumed_from.len() == self.command.disp.len() {
             self.command.disp.copy_from_slice(&self.resumed_from);

@@ -144,18 +144,18 @@ impl Estimates {
     }
 
     #[inline]
-    pub const fn is_resting(&self) -> bool {
+    pub(crate) const fn is_resting(&self) -> bool {
         self.is_resting
     }
 
     /// The test begins or is resumed: energy counts from the next measurement on.
-    pub const fn begin_test(&mut self) {
+    pub(crate) const fn begin_test(&mut self) {
         self.is_resting = false;
         self.energy = EnergyCount::FromNext;
     }
 
     /// The test is interrupted: no energy counts, and no sample belongs to the next.
-    pub fn leave_test(&mut self) {
+    pub(crate) fn leave_test(&mut self) {
         self.energy = EnergyCount::Off;
         for axis in &mut self.axes {
             axis.tangent.forget_samples();
@@ -272,7 +272,7 @@ impl Estimates {
     }
 
     /// True if there is a proof of stability to start from. Real-time: yes.
-    pub fn knows_stability(&self) -> bool {
+    pub(crate) fn knows_stability(&self) -> bool {
         let mut axes = self.axes.iter();
         axes.all(|axis| {
             let declared = &axis.declared;

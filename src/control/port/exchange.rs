@@ -179,7 +179,7 @@ impl Exchange {
     }
 
     /// The next command has this number for the controller, and the next free number on the link.
-    pub fn renumber(&mut self, sequence: u64) {
+    pub(crate) fn renumber(&mut self, sequence: u64) {
         self.numbers.rebase(sequence);
     }
 
@@ -209,7 +209,7 @@ impl Exchange {
     }
 
     #[inline]
-    pub const fn state_mut(&mut self) -> &mut ExchangeState {
+    pub(crate) const fn state_mut(&mut self) -> &mut ExchangeState {
         &mut self.state
     }
 
@@ -224,7 +224,7 @@ impl Exchange {
     }
 
     #[inline]
-    pub const fn is_recording(&self) -> bool {
+    pub(crate) const fn is_recording(&self) -> bool {
         self.is_recording
     }
 
@@ -278,7 +278,7 @@ impl Exchange {
 
     /// The answer was taken, fresh or stale. One that is not finite settles nothing. Real-time: yes.
     #[inline]
-    pub const fn note_answer(&mut self, is_fresh: bool, is_finite: bool) {
+    pub(crate) const fn note_answer(&mut self, is_fresh: bool, is_finite: bool) {
         if is_fresh {
             self.count.received += 1;
             self.has_answered = true;
@@ -309,21 +309,21 @@ impl Exchange {
     }
 
     /// The last exchange was not part of the test: the numbers of the test go on without it. Real-time: yes.
-    pub const fn skip_number(&mut self) {
+    pub(crate) const fn skip_number(&mut self) {
         if !self.is_recording {
             self.numbers.go_ahead();
         }
     }
 
     /// A tick passes without a command. Real-time: yes.
-    pub const fn skip_command(&mut self) {
+    pub(crate) const fn skip_command(&mut self) {
         if !self.is_recording {
             self.numbers.fall_behind();
         }
     }
 
     /// The next command is another one than the one of this number, which may have left: then that was accepted.
-    pub fn leave_number(&mut self, sequence: u64) {
+    pub(crate) fn leave_number(&mut self, sequence: u64) {
         if self.numbers.was_issued(sequence) {
             if !self.state.owes() {
                 // A link that is lost shows at the next command.
@@ -413,7 +413,7 @@ impl Exchange {
     }
 
     /// Everything that was counted.
-    pub fn full_count(&self) -> LinkCount {
+    pub(crate) fn full_count(&self) -> LinkCount {
         LinkCount {
             stats: self.substructure.stats(),
             ..self.count
@@ -429,12 +429,12 @@ impl Exchange {
     }
 
     #[inline]
-    pub const fn has_answered(&self) -> bool {
+    pub(crate) const fn has_answered(&self) -> bool {
         self.has_answered
     }
 
     /// From here on the specimen counts as one that has answered.
-    pub const fn take_for_answered(&mut self) {
+    pub(crate) const fn take_for_answered(&mut self) {
         self.has_answered = true;
     }
 
@@ -444,22 +444,22 @@ impl Exchange {
     }
 
     /// One more stale measurement; how many there are in a row. Real-time: yes.
-    pub const fn count_stale(&mut self) -> u64 {
+    pub(crate) const fn count_stale(&mut self) -> u64 {
         self.stale += 1;
         self.stale
     }
 
     #[inline]
-    pub const fn forget_stale(&mut self) {
+    pub(crate) const fn forget_stale(&mut self) {
         self.stale = 0;
     }
 
     #[inline]
-    pub const fn holding_in_a_row(&self) -> u64 {
+    pub(crate) const fn holding_in_a_row(&self) -> u64 {
         self.holding
     }
 
-    pub const fn set_holding_in_a_row(&mut self, answers: u64) {
+    pub(crate) const fn set_holding_in_a_row(&mut self, answers: u64) {
         self.holding = answers;
     }
 

@@ -122,7 +122,7 @@ impl ExchangeState {
     }
 
     #[inline]
-    pub const fn is_gone(&self) -> bool {
+    pub(crate) const fn is_gone(&self) -> bool {
         matches!(
             *self,
             Self::Lost {
@@ -134,19 +134,19 @@ impl ExchangeState {
 
     /// It owed an answer when the test ended, and gets no command until the tick after that has come. Real-time: yes.
     #[inline]
-    pub const fn owes_the_last(&self) -> bool {
+    pub(crate) const fn owes_the_last(&self) -> bool {
         matches!(*self, Self::Overdue { .. } | Self::Answered)
     }
 
     /// It may be commanded. Real-time: yes.
     #[inline]
-    pub const fn may_be_commanded(&self) -> bool {
+    pub(crate) const fn may_be_commanded(&self) -> bool {
         !self.is_lost() && !self.owes_the_last()
     }
 
     /// The target of a step is known. Real-time: yes.
     #[inline]
-    pub const fn pend(&mut self) {
+    pub(crate) const fn pend(&mut self) {
         match self {
             Self::Idle | Self::Pending => *self = Self::Pending,
             Self::Awaiting { target_follows, .. } => *target_follows = true,
@@ -157,7 +157,7 @@ impl ExchangeState {
 
     /// The command in force is the target of the step: its answer is that of the target. Real-time: yes.
     #[inline]
-    pub const fn told_the_target(&mut self) {
+    pub(crate) const fn told_the_target(&mut self) {
         if let Self::Awaiting { target_follows, .. } = self {
             *target_follows = false;
         }
@@ -165,7 +165,7 @@ impl ExchangeState {
 
     /// The interrupted test is resumed: a partner of whole steps gets its target again unless it has answered it. True if the
     /// target was sent before.
-    pub fn ask_again(&mut self, per_step: bool) -> bool {
+    pub(crate) fn ask_again(&mut self, per_step: bool) -> bool {
         let owed = self.owed();
         *self = if per_step && owed != Due::Nothing {
             Self::Pending
@@ -176,14 +176,14 @@ impl ExchangeState {
     }
 
     /// The test is over: an answer that is owed now is overdue.
-    pub const fn end_test(&mut self) {
+    pub(crate) const fn end_test(&mut self) {
         if let Self::Awaiting { since, .. } = *self {
             *self = Self::Overdue { since };
         }
     }
 
     /// A tick of the shutdown is over: an overdue answer that came in it is not waited for any more. Real-time: yes.
-    pub const fn close_tick_of_shutdown(&mut self) {
+    pub(crate) const fn close_tick_of_shutdown(&mut self) {
         if matches!(*self, Self::Answered) {
             *self = Self::Idle;
         }
@@ -200,7 +200,7 @@ impl ExchangeState {
 
     /// When the loop first looked for the answer that is owed; none if it is not owed, or was not looked for. Real-time: yes.
     #[inline]
-    pub const fn asked_at(&self) -> Option<Nanos> {
+    pub(crate) const fn asked_at(&self) -> Option<Nanos> {
         match *self {
             Self::Awaiting { since, .. } | Self::Overdue { since } => since,
             _ => None,
@@ -209,7 +209,7 @@ impl ExchangeState {
 
     /// When the loop first looked for the answer: now, if it has not before. Real-time: yes.
     #[inline]
-    pub fn look_for_answer(&mut self, now: Nanos) -> Nanos {
+    pub(crate) fn look_for_answer(&mut self, now: Nanos) -> Nanos {
         match self {
             Self::Awaiting { since, .. } | Self::Overdue { since } => *since.get_or_insert(now),
             _ => now,

@@ -119,11 +119,11 @@ impl Feedback {
         &self.peak
     }
 
-    pub fn peak_before_last(&self) -> &[f64] {
+    pub(crate) fn peak_before_last(&self) -> &[f64] {
         &self.peak_before_last
     }
 
-    pub fn peak_at_startup(&self) -> &[f64] {
+    pub(crate) fn peak_at_startup(&self) -> &[f64] {
         &self.peak_at_startup
     }
 
@@ -134,7 +134,7 @@ impl Feedback {
     }
 
     /// The next answers are counted from another number on.
-    pub const fn forget_number(&mut self) {
+    pub(crate) const fn forget_number(&mut self) {
         self.raw.sequence = 0;
     }
 
@@ -216,7 +216,7 @@ impl Feedback {
     }
 
     /// Takes the force of a lost answer that `recover` writes in the specimen's units; the number that it returns. Real-time: yes.
-    pub fn take_recovered(
+    pub(crate) fn take_recovered(
         &mut self,
         recover: impl FnOnce(&mut [f64]) -> Option<u64>,
         axes: &[Axis],
@@ -238,7 +238,7 @@ impl Feedback {
 
     /// residual −= Bᵀ·force, by the rows of the axes: these rows of it. Real-time: yes.
     #[inline]
-    pub fn subtract_force(&self, axes: &[Axis], rows: Range<usize>, residual: &mut [f64]) {
+    pub(crate) fn subtract_force(&self, axes: &[Axis], rows: Range<usize>, residual: &mut [f64]) {
         for (axis, force) in axes.iter().zip(&self.force) {
             for &(dof, coefficient) in &axis.row {
                 if rows.contains(&dof)
@@ -258,7 +258,7 @@ impl Feedback {
     }
 
     /// Takes it back. Real-time: yes.
-    pub fn take_kept(&mut self) {
+    pub(crate) fn take_kept(&mut self) {
         let [disp, force] = &self.kept;
         self.disp.copy_from_slice(disp);
         self.force.copy_from_slice(force);
@@ -266,14 +266,14 @@ impl Feedback {
 
     /// Raises the peaks of the test. Real-time: yes.
     #[inline]
-    pub fn note_peak(&mut self) {
+    pub(crate) fn note_peak(&mut self) {
         if self.is_fresh() {
             raise(&mut self.peak, &self.force);
         }
     }
 
     /// Raises the peaks before the test. Real-time: yes.
-    pub fn note_peak_at_startup(&mut self) {
+    pub(crate) fn note_peak_at_startup(&mut self) {
         if self.is_fresh() {
             raise(&mut self.peak_at_startup, &self.force);
         }
@@ -281,26 +281,26 @@ impl Feedback {
 
     /// The next command leaves: what is measured from here on is behind it. Real-time: yes.
     #[inline]
-    pub fn mark_command(&mut self) {
+    pub(crate) fn mark_command(&mut self) {
         self.peak_before_last.copy_from_slice(&self.peak);
     }
 
     /// The specimen is lost: its status shows that in every row from here on.
-    pub const fn note_loss(&mut self) {
+    pub(crate) const fn note_loss(&mut self) {
         self.raw.status.0 |= Status::LOST.0;
     }
 
     /// The command did not leave: the link is lost. Real-time: yes.
-    pub const fn note_unsent(&mut self) {
+    pub(crate) const fn note_unsent(&mut self) {
         self.raw.status.0 |= Status::UNSENT.0;
     }
 
     /// The loop does not wait for the answer any more: the status shows that until it comes. Real-time: yes.
-    pub const fn leave_owing(&mut self) {
+    pub(crate) const fn leave_owing(&mut self) {
         self.raw.status.0 |= Status::OWED.0;
     }
 
-    pub const fn is_left_owing(&self) -> bool {
+    pub(crate) const fn is_left_owing(&self) -> bool {
         self.raw.status.has(Status::OWED)
     }
 }

@@ -22,7 +22,7 @@ impl InitialStiffness {
     }
 
     /// k̂ between the axes, n × n by rows; the diagonal is not looked at.
-    pub fn couple(&mut self, stiffness: &[Vec<f64>]) {
+    pub(crate) fn couple(&mut self, stiffness: &[Vec<f64>]) {
         let n = self.own.len();
         let rows = stiffness.iter().enumerate().flat_map(|(i, row)| {
             let beside = move |(j, value): (usize, &f64)| if i == j { 0.0 } else { *value };
@@ -51,7 +51,7 @@ impl InitialStiffness {
 
     /// Force in N on an axis that the others make where they were measured, as declared. Real-time: yes.
     #[inline]
-    pub fn force_of_others(&self, index: usize, measured: &[f64]) -> f64 {
+    pub(crate) fn force_of_others(&self, index: usize, measured: &[f64]) -> f64 {
         if self.between.is_empty() {
             return 0.0;
         }
@@ -64,14 +64,14 @@ impl InitialStiffness {
     }
 
     /// Change of the force of an axis whose displacement changes by `way`; both in the specimen's own units.
-    pub fn elastic_force(&self, index: usize, axis: &Axis, way: f64) -> f64 {
+    pub(crate) fn elastic_force(&self, index: usize, axis: &Axis, way: f64) -> f64 {
         let own = self.own.get(index);
         own.map_or(0.0, |own| own / (axis.force_gain * axis.disp_gain) * way)
     }
 
     /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units: |kᵢⱼ|
     /// is at most √(kᵢᵢ kⱼⱼ).
-    pub fn most_force(&self, index: usize, axes: &[Axis], ways: &[f64]) -> f64 {
+    pub(crate) fn most_force(&self, index: usize, axes: &[Axis], ways: &[f64]) -> f64 {
         let roots = self.own.iter().map(|stiffness| stiffness.abs().sqrt());
         let roots: Vec<f64> = roots.collect();
         let each = ways.iter().zip(axes).zip(&roots);
@@ -84,7 +84,7 @@ impl InitialStiffness {
 
     /// Force of an axis that its displacement does not explain, and how far off that is where k̂ is known to a `share` and the other
     /// axes are coupled with it. `measured`: displacement and force of each axis; all is in the specimen's own units.
-    pub fn unexplained_force(
+    pub(crate) fn unexplained_force(
         &self,
         index: usize,
         axes: &[Axis],

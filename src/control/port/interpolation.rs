@@ -37,7 +37,7 @@ struct Way {
 
 /// The ways of all axes of one specimen.
 #[derive(Debug, Clone)]
-pub struct Interpolation {
+pub(crate) struct Interpolation {
     order: Order,
     ways: Vec<Way>,
     /// u₀, where the next target became known; none while it is not.
@@ -151,7 +151,7 @@ impl Interpolation {
     }
 
     /// Predicts with another order from here on.
-    pub fn set_order(&mut self, order: Order) {
+    pub(crate) fn set_order(&mut self, order: Order) {
         self.order = order;
     }
 

@@ -76,7 +76,7 @@ impl LinkNumbers {
 
     /// A number of the test on the link, as of the last command. Real-time: yes.
     #[inline]
-    pub const fn on_link(&self, sequence: u64) -> u64 {
+    pub(crate) const fn on_link(&self, sequence: u64) -> u64 {
         self.last.on_link(sequence)
     }
 
@@ -93,18 +93,18 @@ impl LinkNumbers {
     }
 
     /// True if the last command had this number of the test.
-    pub fn was_issued(&self, sequence: u64) -> bool {
+    pub(crate) fn was_issued(&self, sequence: u64) -> bool {
         let issued = self.sent.map(|sent| sent + self.last.ahead);
         issued == Some(sequence + self.next.ahead)
     }
 
     /// The last exchange was not part of the test. Real-time: yes.
-    pub const fn go_ahead(&mut self) {
+    pub(crate) const fn go_ahead(&mut self) {
         self.next.ahead += 1;
     }
 
     /// A tick of the test passes without a command. Real-time: yes.
-    pub const fn fall_behind(&mut self) {
+    pub(crate) const fn fall_behind(&mut self) {
         self.next.behind += 1;
     }
 
@@ -114,7 +114,7 @@ impl LinkNumbers {
     }
 
     /// The next command has this number for the controller, and the next free number on the link.
-    pub fn rebase(&mut self, sequence: u64) {
+    pub(crate) fn rebase(&mut self, sequence: u64) {
         let free = self
             .sent
             .map_or(0, |sent| self.on_link(sent).saturating_add(1));

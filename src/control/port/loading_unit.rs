@@ -146,7 +146,7 @@ impl LoadingUnit {
     }
 
     /// The strokes in m of a pose.
-    pub fn strokes_for(&self, pose: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub(crate) fn strokes_for(&self, pose: &[f64]) -> Result<Vec<f64>, Fault> {
         let mut placed = self.geometry.reference();
         self.geometry.place(pose, &mut placed)?;
         self.geometry.within_reach(&placed)?;
@@ -154,7 +154,7 @@ impl LoadingUnit {
     }
 
     /// The pose in which the actuators have these strokes in m, from the reference pose on.
-    pub fn pose_at(&self, strokes: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub(crate) fn pose_at(&self, strokes: &[f64]) -> Result<Vec<f64>, Fault> {
         let placed = self.found_at(strokes)?;
         Ok(placed.pose()[..self.rows.len()].to_vec())
     }
@@ -174,7 +174,7 @@ impl LoadingUnit {
     }
 
     /// It is led from the first of these strokes in m to the second. Real-time: yes.
-    pub fn begin_way(&mut self, strokes: [&[f64]; 2]) {
+    pub(crate) fn begin_way(&mut self, strokes: [&[f64]; 2]) {
         self.bend.begin(&self.geometry, strokes);
     }
 
@@ -209,7 +209,7 @@ impl LoadingUnit {
 
     /// residual −= Bᵀ·force, these rows of it. Real-time: yes.
     #[inline]
-    pub fn subtract_force(&self, rows: Range<usize>, residual: &mut [f64]) {
+    pub(crate) fn subtract_force(&self, rows: Range<usize>, residual: &mut [f64]) {
         for (row, force) in self.rows.iter().zip(&self.force) {
             for &(dof, coefficient) in &row.row {
                 if rows.contains(&dof)
@@ -228,12 +228,12 @@ impl LoadingUnit {
     }
 
     /// The next commands are strokes from where the actuators are, whatever pose was sought.
-    pub const fn leave_pose(&mut self) {
+    pub(crate) const fn leave_pose(&mut self) {
         self.fault = None;
     }
 
     /// The way to zero force from where the platform was sent last, in m, if its actuators turn beside the specimen.
-    pub fn unloading_from(&self, strokes: &[f64]) -> Option<PlatformUnloading> {
+    pub(crate) fn unloading_from(&self, strokes: &[f64]) -> Option<PlatformUnloading> {
         let turns = self.geometry.is_exact() && self.law_at == LawPlace::Platform;
         turns
             .then(|| PlatformUnloading::new(&self.geometry, strokes).ok())

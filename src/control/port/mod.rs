@@ -176,7 +176,7 @@ impl Port {
     }
 
     /// The target is the first one of the test; everything has rested there.
-    pub fn begin_way(&mut self) {
+    pub(crate) fn begin_way(&mut self) {
         self.path.begin();
         if self.path.is_per_step() {
             self.exchange.state_mut().pend();
@@ -208,12 +208,12 @@ impl Port {
 
     /// No command is made for the next tick: the last one has left, and is repeated. Real-time: yes.
     #[inline]
-    pub fn hold_compensation(&mut self) {
+    pub(crate) fn hold_compensation(&mut self) {
         self.path.hold();
     }
 
     /// The next command is the last one: nothing moves.
-    pub fn stand_still(&mut self) {
+    pub(crate) fn stand_still(&mut self) {
         self.leave_pose();
         self.path.stand_still();
     }
@@ -247,7 +247,7 @@ impl Port {
     /// Shortest time of one part of a way, as [`Port::ramp_time`]: where no limit bounds the speed, a specimen whose position is known
     /// gets `unbounded` s at least, and any other `shortest`.
     #[must_use]
-    pub fn way_time(&self, share: f64, tick: f64, shortest: f64, unbounded: f64) -> f64 {
+    pub(crate) fn way_time(&self, share: f64, tick: f64, shortest: f64, unbounded: f64) -> f64 {
         let unbounded = if self.standing().is_some() {
             unbounded
         } else {
@@ -281,7 +281,7 @@ impl Port {
 impl Port {
     /// A tick begins: nothing was judged in it. Real-time: yes.
     #[inline]
-    pub fn begin_tick(&mut self) {
+    pub(crate) fn begin_tick(&mut self) {
         self.guard.begin_tick();
     }
 
@@ -310,7 +310,12 @@ impl Port {
     ///
     /// # Errors
     /// The link is lost, or the command was not judged.
-    pub fn tell_target(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
+    pub(crate) fn tell_target(
+        &mut self,
+        sequence: u64,
+        time: f64,
+        dt: f64,
+    ) -> Result<(), LinkFault> {
         self.issue(sequence, time, dt)?;
         self.exchange.state_mut().told_the_target();
         Ok(())
@@ -400,7 +405,7 @@ impl Port {
 
     /// residual −= Bᵀ·force, these rows of it; the slice is whole. Real-time: yes.
     #[inline]
-    pub fn subtract_force(&mut self, rows: Range<usize>, residual: &mut [f64]) {
+    pub(crate) fn subtract_force(&mut self, rows: Range<usize>, residual: &mut [f64]) {
         match &self.loading_unit {
             Some(unit) => unit.subtract_force(rows, residual),
             None => self.feedback.subtract_force(&self.axes, rows, residual),
@@ -421,7 +426,7 @@ impl Port {
     }
 
     /// Takes the pose of a measurement that belongs to no step: in the row an impossible pose is NaN. Real-time: yes.
-    pub fn look_at_pose(&mut self) {
+    pub(crate) fn look_at_pose(&mut self) {
         if self.is_fresh() {
             let _ = self.resolve_pose();
         }
@@ -436,7 +441,7 @@ impl Port {
     }
 
     /// Takes what was kept for what enters equilibrium now. Real-time: yes.
-    pub fn take_kept(&mut self) {
+    pub(crate) fn take_kept(&mut self) {
         if !self.path.is_per_step() {
             self.path.take_kept_target();
             self.feedback.take_kept();
@@ -445,12 +450,12 @@ impl Port {
 
     /// Raises the peak of the force, if it was measured. Real-time: yes.
     #[inline]
-    pub fn note_peak(&mut self) {
+    pub(crate) fn note_peak(&mut self) {
         self.feedback.note_peak();
     }
 
     /// Raises the peak of the force before the test. Real-time: yes.
-    pub fn note_force_at_startup(&mut self) {
+    pub(crate) fn note_force_at_startup(&mut self) {
         self.feedback.note_peak_at_startup();
     }
 
@@ -527,26 +532,26 @@ impl Port {
     /// True if its target is known and was not sent yet. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn has_pending_target(&self) -> bool {
+    pub(crate) const fn has_pending_target(&self) -> bool {
         self.exchange.state().is_pending()
     }
 
     /// True if it owed an answer when the test ended: it gets no command until the tick after that has come. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn owes_the_last(&self) -> bool {
+    pub(crate) const fn owes_the_last(&self) -> bool {
         self.exchange.state().owes_the_last()
     }
 
     /// A tick of the shutdown is over: an overdue answer that came in it is not waited for any more. Real-time: yes.
-    pub const fn close_tick_of_shutdown(&mut self) {
+    pub(crate) const fn close_tick_of_shutdown(&mut self) {
         self.exchange.state_mut().close_tick_of_shutdown();
     }
 
     /// True if it may be commanded: it is not lost, and owes no answer of a test that is over. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn may_be_commanded(&self) -> bool {
+    pub(crate) const fn may_be_commanded(&self) -> bool {
         self.exchange.state().may_be_commanded()
     }
 
@@ -560,7 +565,7 @@ impl Port {
     /// True if it is lost because its link is gone: nothing is known of it. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn is_gone(&self) -> bool {
+    pub(crate) const fn is_gone(&self) -> bool {
         self.exchange.state().is_gone()
     }
 
@@ -572,43 +577,43 @@ impl Port {
     }
 
     /// The specimen is lost: its status shows that in every row from here on.
-    pub const fn note_loss(&mut self) {
+    pub(crate) const fn note_loss(&mut self) {
         self.feedback.note_loss();
     }
 
     /// True if a fresh measurement has come since the specimen was armed. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn has_answered(&self) -> bool {
+    pub(crate) const fn has_answered(&self) -> bool {
         self.exchange.has_answered()
     }
 
     /// From here on it counts as one that has answered.
-    pub const fn take_for_answered(&mut self) {
+    pub(crate) const fn take_for_answered(&mut self) {
         self.exchange.take_for_answered();
     }
 
     /// When the loop first looked for the answer that is owed; none if it did not. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn asked_at(&self) -> Option<Nanos> {
+    pub(crate) const fn asked_at(&self) -> Option<Nanos> {
         self.exchange.state().asked_at()
     }
 
     /// The same; the loop looks for the answer now, if it has not before. Real-time: yes.
     #[inline]
-    pub fn look_for_answer(&mut self, now: Nanos) -> Nanos {
+    pub(crate) fn look_for_answer(&mut self, now: Nanos) -> Nanos {
         self.exchange.state_mut().look_for_answer(now)
     }
 
     /// Its answer is not waited for any more: its status shows that until it comes. Real-time: yes.
-    pub const fn leave_owing(&mut self) {
+    pub(crate) const fn leave_owing(&mut self) {
         self.feedback.leave_owing();
     }
 
     /// True while its answer is owed and not waited for.
     #[must_use]
-    pub const fn is_left_owing(&self) -> bool {
+    pub(crate) const fn is_left_owing(&self) -> bool {
         self.feedback.is_left_owing()
     }
 
@@ -620,25 +625,25 @@ impl Port {
     }
 
     /// One more; how many there are. Real-time: yes.
-    pub const fn count_stale(&mut self) -> u64 {
+    pub(crate) const fn count_stale(&mut self) -> u64 {
         self.exchange.count_stale()
     }
 
     /// The last measurement was fresh. Real-time: yes.
     #[inline]
-    pub const fn forget_stale(&mut self) {
+    pub(crate) const fn forget_stale(&mut self) {
         self.exchange.forget_stale();
     }
 
     /// Answers in a row in which it reports a hold by its own watchdog. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn holding_in_a_row(&self) -> u64 {
+    pub(crate) const fn holding_in_a_row(&self) -> u64 {
         self.exchange.holding_in_a_row()
     }
 
     /// Sets their number. Real-time: yes.
-    pub const fn set_holding_in_a_row(&mut self, answers: u64) {
+    pub(crate) const fn set_holding_in_a_row(&mut self, answers: u64) {
         self.exchange.set_holding_in_a_row(answers);
     }
 
@@ -679,18 +684,18 @@ impl Port {
     }
 
     /// A tick passes without a command. Real-time: yes.
-    pub const fn skip_command(&mut self) {
+    pub(crate) const fn skip_command(&mut self) {
         self.exchange.skip_command();
     }
 
     /// The last exchange was not part of the test: the test's numbers continue without it. Real-time: yes.
-    pub const fn skip_number(&mut self) {
+    pub(crate) const fn skip_number(&mut self) {
         self.exchange.skip_number();
     }
 
     /// The next command is not the command `sequence` of the test. The exchange of that number may have been made: then the specimen
     /// is where that command sent it.
-    pub fn leave_number(&mut self, sequence: u64) {
+    pub(crate) fn leave_number(&mut self, sequence: u64) {
         self.exchange.leave_number(sequence);
     }
 
@@ -740,7 +745,8 @@ impl Port {
     /// Velocity of the target in m/s (it belongs to t − Δt/2 with the published start).
     #[inline]
     #[must_use]
-    pub fn target_vel(&self) -> &[f64] {
+    #[cfg(test)]
+    pub(crate) fn target_vel(&self) -> &[f64] {
         &self.path.target().vel
     }
 
@@ -790,7 +796,7 @@ impl Port {
     /// Force of an answer that was recovered last, N.
     #[inline]
     #[must_use]
-    pub fn recovered_force(&self) -> &[f64] {
+    pub(crate) fn recovered_force(&self) -> &[f64] {
         self.feedback.recovered()
     }
 
@@ -802,7 +808,7 @@ impl Port {
 
     /// Largest |force| of every exchange before the test, N.
     #[must_use]
-    pub fn force_at_startup(&self) -> &[f64] {
+    pub(crate) fn force_at_startup(&self) -> &[f64] {
         self.feedback.peak_at_startup()
     }
 
@@ -813,7 +819,7 @@ impl Port {
     }
 
     /// Axis (from 0) and limit of each judged value that has a column: the limit has a level, and no other column has the value.
-    pub fn recorded_limits(
+    pub(crate) fn recorded_limits(
         &self,
     ) -> impl Iterator<Item = (usize, gusset_quantity::catalog::limit::Limit)> {
         self.guard.recorded_limits()
@@ -895,13 +901,13 @@ impl Port {
     }
 
     /// What each axis has in [`Port::stability_used`]. Real-time: yes.
-    pub fn stability_used_by_axis(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn stability_used_by_axis(&self) -> impl Iterator<Item = f64> {
         self.estimates.stability_used()
     }
 
     /// Whether [`Port::stability_used`] is known. Real-time: yes.
     #[must_use]
-    pub fn knows_stability(&self) -> bool {
+    pub(crate) fn knows_stability(&self) -> bool {
         self.estimates.knows_stability()
     }
 
@@ -921,7 +927,7 @@ impl Port {
     /// True if [`Port::delay_margins`] are known as soon as the lag is. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn knows_margin(&self) -> bool {
+    pub(crate) fn knows_margin(&self) -> bool {
         self.tracking.knows_margin()
     }
 
@@ -940,7 +946,7 @@ impl Port {
     }
 
     /// The share of each axis. Real-time: yes.
-    pub fn delay_used_by_axis(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn delay_used_by_axis(&self) -> impl Iterator<Item = f64> {
         let lags = self.tracking.lags();
         lags.map(|(lag, critical)| lag.max(0.0) / critical + 0.0 * lag)
     }

@@ -74,7 +74,7 @@ impl MotionCheck {
 
     /// Size of the longest way that it was sent last, in the structure's units.
     #[must_use]
-    pub fn longest_way(&self) -> f64 {
+    pub(crate) fn longest_way(&self) -> f64 {
         let ways = self.axes.iter().map(|axis| axis.way.abs());
         ways.fold(0.0, f64::max)
     }

@@ -420,7 +420,7 @@ impl Probe {
     }
 
     /// What the last command gave is not known: one that counts is the next command once more. Real-time: yes.
-    pub fn give_again(&mut self) {
+    pub(crate) fn give_again(&mut self) {
         if self.back.is_none() {
             self.exchanges -= u32::from(self.counts_for().is_some());
         }

@@ -44,7 +44,7 @@ impl Ramp {
     }
 
     /// Makes the command at a share of a ramp that takes `seconds` of test time. Real-time: yes.
-    pub fn go_to(&self, share: f64, seconds: f64, axes: &[Axis], command: &mut AxisMotion) {
+    pub(crate) fn go_to(&self, share: f64, seconds: f64, axes: &[Axis], command: &mut AxisMotion) {
         let way = Self::way(share);
         let rate = Self::rate([share, seconds]);
         let ends = self.from.iter().zip(&self.to);

@@ -61,7 +61,7 @@ impl Startup {
         visit.flag(&mut self.zero_is_taken);
     }
 
-    pub fn set_references(&mut self, references: Vec<Reference>) {
+    pub(crate) fn set_references(&mut self, references: Vec<Reference>) {
         self.references = references;
     }
 
@@ -69,7 +69,7 @@ impl Startup {
         &self.wiring
     }
 
-    pub const fn wiring_mut(&mut self) -> &mut WiringCheck {
+    pub(crate) const fn wiring_mut(&mut self) -> &mut WiringCheck {
         &mut self.wiring
     }
 
@@ -91,25 +91,25 @@ impl Startup {
 
     /// True if the zero of an axis' displacement sensor is still to be taken. Real-time: yes.
     #[inline]
-    pub fn awaits_zero(&self, axis: usize) -> bool {
+    pub(crate) fn awaits_zero(&self, axis: usize) -> bool {
         !self.zero_is_taken && self.has_relative_disp(axis)
     }
 
     /// True if the zero of an axis' displacement sensor is read, not declared. Real-time: yes.
     #[inline]
-    pub fn has_relative_disp(&self, axis: usize) -> bool {
+    pub(crate) fn has_relative_disp(&self, axis: usize) -> bool {
         let reference = self.references.get(axis);
         reference.is_some_and(|of| of.disp == Zero::Relative)
     }
 
     /// True if the zero of an axis' load cell is read, not declared.
-    pub fn has_relative_force(&self, axis: usize) -> bool {
+    pub(crate) fn has_relative_force(&self, axis: usize) -> bool {
         let reference = self.references.get(axis);
         reference.is_some_and(|of| of.force == Zero::Relative)
     }
 
     /// Keeps a fresh measurement for the zero.
-    pub fn take_reading(&mut self, raw: &Measurement) {
+    pub(crate) fn take_reading(&mut self, raw: &Measurement) {
         let values = raw.disp.iter().zip(&raw.force);
         for (sums, (disp, force)) in self.sums.iter_mut().zip(values) {
             sums.take([*disp, *force]);
@@ -117,13 +117,13 @@ impl Startup {
     }
 
     /// True if this many readings were kept.
-    pub fn has_read(&self, times: u32) -> bool {
+    pub(crate) fn has_read(&self, times: u32) -> bool {
         let mut sums = self.sums.iter();
         sums.all(|sums| sums.count() >= f64::from(times))
     }
 
     /// Drops the readings.
-    pub fn forget_readings(&mut self) {
+    pub(crate) fn forget_readings(&mut self) {
         self.sums.fill(ReadingSums::default());
     }
 
@@ -135,7 +135,7 @@ impl Startup {
 
     /// Puts the zero of every relative channel into `axes`: commands count from `sent`, measurements from where it took the
     /// specimen.
-    pub fn take_zero(&mut self, axes: &mut [Axis], sent: &[f64]) {
+    pub(crate) fn take_zero(&mut self, axes: &mut [Axis], sent: &[f64]) {
         let declared = self.references.iter().zip(&self.sums);
         for ((axis, sent), (reference, sums)) in axes.iter_mut().zip(sent).zip(declared) {
             let reading = sums.reading();
@@ -152,14 +152,14 @@ impl Startup {
 
     /// An axis reads what it reads now where it read `disp` before an interruption: a relative channel takes the difference for
     /// drift of its zero.
-    pub fn take_disp_drift(&self, index: usize, disp: f64, axis: &mut Axis) {
+    pub(crate) fn take_disp_drift(&self, index: usize, disp: f64, axis: &mut Axis) {
         if self.has_relative_disp(index) {
             axis.measured_offset += self.reading(index).disp - disp;
         }
     }
 
     /// A relative load cell takes its difference from `force` for drift.
-    pub fn take_force_drift(&self, index: usize, force: f64, axis: &mut Axis) {
+    pub(crate) fn take_force_drift(&self, index: usize, force: f64, axis: &mut Axis) {
         if self.has_relative_force(index) {
             axis.force_offset += self.reading(index).force - force;
         }
@@ -185,7 +185,7 @@ impl Startup {
     }
 
     /// The specimen has reported this; where it reports nothing the stated position counts.
-    pub fn learn_position(&mut self, reported: &[f64]) {
+    pub(crate) fn learn_position(&mut self, reported: &[f64]) {
         match self.stated.clone() {
             Some(stated) if reported.is_empty() => self.report_position(&stated),
             _ => self.report_position(reported),
@@ -202,7 +202,7 @@ impl Startup {
     }
 
     /// The specimen was commanded since: the stated position is of another time.
-    pub fn forget_stated(&mut self) {
+    pub(crate) fn forget_stated(&mut self) {
         self.stated = None;
     }
 }

@@ -114,7 +114,7 @@ pub struct StepPacer {
 
 impl StepPacer {
     /// Visits a stage. Real-time: yes.
-    pub fn visit_stage(stage: &mut Stage, visit: &mut dyn Visit) {
+    pub(crate) fn visit_stage(stage: &mut Stage, visit: &mut dyn Visit) {
         visit.choice(stage, &[Stage::Correct, Stage::Predict, Stage::SlowDown]);
     }
 

@@ -90,7 +90,7 @@ impl Tangent {
     }
 
     /// What was measured last has nothing to do with what comes next; the values stay.
-    pub fn forget_samples(&mut self) {
+    pub(crate) fn forget_samples(&mut self) {
         self.begin(self.step);
     }
 

@@ -26,7 +26,7 @@ impl TargetPath {
     }
 
     /// Predicts with this order while the goal is unknown.
-    pub fn set_order(&mut self, order: Order) {
+    pub(crate) fn set_order(&mut self, order: Order) {
         self.interpolation.set_order(order);
     }
 
@@ -38,7 +38,7 @@ impl TargetPath {
 
     /// Where the target of the next step is to be written. Real-time: yes.
     #[inline]
-    pub const fn goal_mut(&mut self) -> &mut AxisMotion {
+    pub(crate) const fn goal_mut(&mut self) -> &mut AxisMotion {
         &mut self.goal
     }
 

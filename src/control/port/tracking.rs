@@ -241,7 +241,7 @@ impl Tracking {
         (self.test_runs, self.passes) = (false, None);
     }
 
-    pub fn set_critical(&mut self, tables: Vec<CriticalDelay>) {
+    pub(crate) fn set_critical(&mut self, tables: Vec<CriticalDelay>) {
         if tables.len() == self.axes.len() {
             self.critical = tables;
         }
@@ -252,25 +252,25 @@ impl Tracking {
     }
 
     /// The test runs from here on, or does not. Real-time: yes.
-    pub const fn test_runs(&mut self, runs: bool) {
+    pub(crate) const fn test_runs(&mut self, runs: bool) {
         self.test_runs = runs;
     }
 
     /// A command leaves that moves the specimen for `passes` s of test time, or the last one leaves again. Real-time: yes.
     #[inline]
-    pub fn note_sent(&mut self, passes: Option<f64>) {
+    pub(crate) fn note_sent(&mut self, passes: Option<f64>) {
         self.passes = passes.filter(|_| self.test_runs);
     }
 
     /// Smallest motion that counts, of what the displacement sensors are declared to add, m rms per axis.
-    pub fn declare_noise(&mut self, rms: impl Iterator<Item = f64>) {
+    pub(crate) fn declare_noise(&mut self, rms: impl Iterator<Item = f64>) {
         for (axis, rms) in self.axes.iter_mut().zip(rms) {
             axis.least = axis.least.max(ABOVE_NOISE * rms);
         }
     }
 
     /// The noise of each axis was read while zeroing, in m at the structure, from enough readings to know it or from fewer.
-    pub fn read_noise(&mut self, noise: impl Iterator<Item = (f64, bool)>) {
+    pub(crate) fn read_noise(&mut self, noise: impl Iterator<Item = (f64, bool)>) {
         for (axis, (rms, is_known)) in self.axes.iter_mut().zip(noise) {
             let known = if is_known { LEAST_M } else { axis.least };
             axis.least = known.max(ABOVE_NOISE * rms);
@@ -331,7 +331,7 @@ impl Tracking {
 
     /// True if delay margins are known as soon as the lag is. Real-time: yes.
     #[inline]
-    pub fn knows_margin(&self) -> bool {
+    pub(crate) fn knows_margin(&self) -> bool {
         self.is_on && !self.critical.is_empty()
     }
 

@@ -110,7 +110,7 @@ impl Trend {
     }
 
     /// The axes (from 0) whose direction did not show.
-    pub fn unshown(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn unshown(&self) -> impl Iterator<Item = usize> {
         let axes = self.axes.iter().enumerate();
         axes.filter(|(_, axis)| !axis.shown).map(|(index, _)| index)
     }

@@ -51,7 +51,7 @@ impl Wiring {
 /// Standard deviation of both sensors' noise at 4096 Hz: powers 6.25e-14 m² s and 1.16e-3 N² s.
 const NOISE_POWER: (f64, f64) = (6.25e-14, 1.16e-3);
 /// Quantum of the released converters, in V.
-pub const QUANTUM: f64 = 1.0 / (1_u32 << 18) as f64;
+pub(crate) const QUANTUM: f64 = 1.0 / (1_u32 << 18) as f64;
 /// The actuator gives no more, N.
 pub const FORCE_LIMIT_N: f64 = 8900.0;
 

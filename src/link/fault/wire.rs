@@ -131,7 +131,7 @@ impl<T: Transport> FaultyWire<T> {
     }
 
     /// The transport below.
-    pub fn inner_mut(&mut self) -> &mut T {
+    pub(crate) fn inner_mut(&mut self) -> &mut T {
         &mut self.inner
     }
 

@@ -163,7 +163,7 @@ impl Host {
     }
 
     /// The processor that the log's threads leave to the data.
-    pub fn keep_record_away_from(&mut self, cpu: Option<usize>) {
+    pub(crate) fn keep_record_away_from(&mut self, cpu: Option<usize>) {
         self.served.keep_record_away_from(cpu);
     }
 
@@ -215,7 +215,7 @@ impl Host {
 
     /// The operator's next step, if a trip is latched.
     #[must_use]
-    pub fn next_step(&self) -> Option<String> {
+    pub(crate) fn next_step(&self) -> Option<String> {
         self.served.next_step()
     }
 

@@ -35,7 +35,7 @@ impl AnnouncedLimits {
     }
 
     /// The next command leads away from here, from rest; displacements in m.
-    pub fn begin_at(&mut self, disp: impl Iterator<Item = f64>) {
+    pub(crate) fn begin_at(&mut self, disp: impl Iterator<Item = f64>) {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.stands_at(disp);
     }

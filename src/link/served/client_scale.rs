@@ -30,7 +30,7 @@ pub struct AxesBehind {
 
 impl ClientScale {
     /// True if numbers pass unchanged.
-    pub const fn is_of_axes(&self) -> bool {
+    pub(crate) const fn is_of_axes(&self) -> bool {
         matches!(self, Self::Axes)
     }
 
@@ -115,7 +115,7 @@ impl ClientScale {
     ///
     /// # Errors
     /// The actuators cannot have this pose.
-    pub fn place_for(
+    pub(crate) fn place_for(
         &self,
         port: &Port,
         disp: &[f64],

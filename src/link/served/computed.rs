@@ -56,7 +56,7 @@ impl Memory {
 
     /// True if a test of this process has armed the specimen: what is remembered is the state in which a test left it.
     #[must_use]
-    pub fn is_of_a_test(&self) -> bool {
+    pub(crate) fn is_of_a_test(&self) -> bool {
         self.was_armed.load(Ordering::Acquire)
     }
 
@@ -119,7 +119,7 @@ impl Computed {
 
     /// The same as the last test left it, and to be kept as this one leaves it.
     #[must_use]
-    pub fn recalling(mut self, memory: Memory) -> Self {
+    pub(crate) fn recalling(mut self, memory: Memory) -> Self {
         if let Some(left) = memory.recall() {
             put_back(self.specimen.as_mut(), &left.state);
             self.virgin = left.state;

@@ -27,13 +27,13 @@ pub(super) struct Exchange<'a> {
 
 impl Exchange<'_> {
     /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
-    pub const PROBING: f64 = Phase::Probing.code();
+    pub(crate) const PROBING: f64 = Phase::Probing.code();
     pub const RUNNING: f64 = Phase::Running.code();
-    pub const RAMPING: f64 = Phase::Ramping.code();
-    pub const KEPT_BACK: f64 = Phase::Tripped.code();
+    pub(crate) const RAMPING: f64 = Phase::Ramping.code();
+    pub(crate) const KEPT_BACK: f64 = Phase::Tripped.code();
 
     /// True if the command was not passed on.
-    pub fn is_kept_back(&self) -> bool {
+    pub(crate) fn is_kept_back(&self) -> bool {
         self.state == Self::KEPT_BACK
     }
 
@@ -120,7 +120,7 @@ impl Exchange<'_> {
     }
 
     /// Measured displacement and force of one axis after the other, SI. Real-time: yes.
-    pub fn measured_si(&self, units: &'_ [AxisUnits]) -> impl Iterator<Item = (f64, f64)> {
+    pub(crate) fn measured_si(&self, units: &'_ [AxisUnits]) -> impl Iterator<Item = (f64, f64)> {
         let measured = self.port.map_or(self.measured, Port::raw);
         let measured = measured.disp.iter().zip(&measured.force).zip(units);
         measured.map(|((disp, force), unit)| (unit.metres * disp, unit.newtons * force))

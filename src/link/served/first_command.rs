@@ -63,7 +63,7 @@ impl FirstCommand {
 
     /// A resumed test begins at its announced speed. The acceleration of its first command that moves is judged from that speed, not
     /// from the rest in which the specimen waited. A motion while test time is constant does not count. Real-time: yes.
-    pub fn take_up_pace(&mut self, command: &Command<'_>, elapsed: f64, port: &mut Port) {
+    pub(crate) fn take_up_pace(&mut self, command: &Command<'_>, elapsed: f64, port: &mut Port) {
         let from = *self.goes_on_from.get_or_insert(command.time);
         // A test that begins does so at rest.
         let goes_on = from > 0.0 && command.time > from;

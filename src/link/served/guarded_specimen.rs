@@ -121,7 +121,7 @@ impl GuardedSpecimen {
     }
 
     /// Each target of a controller becomes a path of commands.
-    pub fn set_pacing(&mut self, pacing: Pacing) {
+    pub(crate) fn set_pacing(&mut self, pacing: Pacing) {
         let (signals, axes) = (self.identity.units.len(), self.port.axes());
         self.port.take_velocities_of_a_path();
         let mut path = PacedPath::new(pacing, signals, axes);
@@ -185,7 +185,7 @@ impl GuardedSpecimen {
     }
 
     /// The session is over: the next one begins with this guard.
-    pub fn end_session(&mut self) {
+    pub(crate) fn end_session(&mut self) {
         if self.identity.is_lasting() {
             self.store.take_back(LastingGuard {
                 guard: self.port.guard().clone(),
@@ -198,14 +198,14 @@ impl GuardedSpecimen {
     ///
     /// # Errors
     /// The actuators cannot have this pose.
-    pub fn place_for(&self, disp: &[f64]) -> Result<Vec<f64>, TestEnd> {
+    pub(crate) fn place_for(&self, disp: &[f64]) -> Result<Vec<f64>, TestEnd> {
         let Identity { scale, units, .. } = &self.identity;
         let place = scale.place_for(&self.port, disp, units);
         place.map_err(|fault| TestEnd::failed(format_args!("the test cannot begin there: {fault}")))
     }
 
     /// The controller said that its first command will be here, at this place of the axes.
-    pub fn begins_at(&mut self, sequence: u64, start: &[f64]) {
+    pub(crate) fn begins_at(&mut self, sequence: u64, start: &[f64]) {
         self.first.begins = self.identity.moves.then(|| (sequence, start.to_vec()));
     }
 
@@ -274,7 +274,7 @@ impl GuardedSpecimen {
     ///
     /// # Errors
     /// The specimen holds. The command was not passed on, or is the last one.
-    pub fn exchange_as(
+    pub(crate) fn exchange_as(
         &mut self,
         origin: Origin,
         command: &Command<'_>,
@@ -295,7 +295,7 @@ impl GuardedSpecimen {
     }
 
     /// One command and its answer.
-    pub fn exchange_once(
+    pub(crate) fn exchange_once(
         &mut self,
         origin: Origin,
         command: &Command<'_>,
@@ -648,7 +648,7 @@ impl GuardedSpecimen {
     }
 
     /// The specimen's end repeats commands instead of measuring: no report may call them measurements.
-    pub fn measures_no_disp(&self, introduction: &Introduction) {
+    pub(crate) fn measures_no_disp(&self, introduction: &Introduction) {
         self.recording.event(Event::Connected {
             port: 0,
             peer: introduction.peer.clone(),

@@ -125,7 +125,7 @@ impl Latch {
 
     /// The operator's next step after a trip of this specimen.
     #[must_use]
-    pub fn next_step(&self) -> String {
+    pub(crate) fn next_step(&self) -> String {
         next_step(self.latched().control.as_deref())
     }
 

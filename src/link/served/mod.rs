@@ -285,19 +285,19 @@ impl TestEnd {
 
     /// The controller is lost without a goodbye.
     #[must_use]
-    pub fn vanished(text: impl ToString) -> Self {
+    pub(crate) fn vanished(text: impl ToString) -> Self {
         Self::of(Cause::ControllerVanished, text.to_string())
     }
 
     /// The operator of this server ends it.
     #[must_use]
-    pub fn told_to_stop() -> Self {
+    pub(crate) fn told_to_stop() -> Self {
         Self::of(Cause::Shutdown, "the server was stopped".to_owned())
     }
 
     /// The operator of this server ends it for the second time.
     #[must_use]
-    pub fn told_to_stop_at_once() -> Self {
+    pub(crate) fn told_to_stop_at_once() -> Self {
         Self {
             is_at_once: true,
             ..Self::told_to_stop()

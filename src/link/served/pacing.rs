@@ -70,7 +70,7 @@ impl Pacing {
 
     /// Time of the motion to a target, in s.
     #[must_use]
-    pub fn motion_s(self) -> f64 {
+    pub(crate) fn motion_s(self) -> f64 {
         self.period_s() * f64::from(self.ticks)
     }
 
@@ -190,7 +190,7 @@ impl PacedPath {
     }
 
     /// The specimen rests at these displacements of the client, and its axes at this place. The next command has this number.
-    pub fn rests_at(&mut self, sequence: u64, disp: &[f64], place: &[f64]) {
+    pub(crate) fn rests_at(&mut self, sequence: u64, disp: &[f64], place: &[f64]) {
         for (to, disp) in self.to.iter_mut().zip(disp) {
             *to = *disp;
         }
@@ -203,7 +203,7 @@ impl PacedPath {
     }
 
     /// True of the last target once more, in the same step, after its answer. Real-time: yes.
-    pub fn is_repeated(&self, target: &[f64], commits: u64) -> bool {
+    pub(crate) fn is_repeated(&self, target: &[f64], commits: u64) -> bool {
         self.answered == Some(commits) && self.to == target
     }
 
@@ -252,7 +252,7 @@ impl PacedPath {
     }
 
     /// Share of the time between two targets that one command takes.
-    pub fn share_of_tick(&self) -> f64 {
+    pub(crate) fn share_of_tick(&self) -> f64 {
         1.0 / f64::from(self.all_ticks())
     }
 

@@ -89,7 +89,7 @@ impl Recording {
     }
 
     /// A command left late. True of the first one. Real-time: yes.
-    pub fn misses_edge(&mut self) -> bool {
+    pub(crate) fn misses_edge(&mut self) -> bool {
         self.missed_edges += 1;
         if let Some(record) = &mut self.open {
             record.misses_edge();
@@ -137,7 +137,7 @@ impl Recording {
     }
 
     /// A warning for record and summary, which the summary lists once.
-    pub fn warn_once(&mut self, store: &GuardStore, event: Remark, text: &str) {
+    pub(crate) fn warn_once(&mut self, store: &GuardStore, event: Remark, text: &str) {
         match &mut self.open {
             Some(record) if !record.has_warned(text) => record.warn(event, text),
             _ => self.note(store, event, text),

@@ -212,7 +212,7 @@ impl ServedSpecimen {
     }
 
     /// The processor that the threads of the record leave to the data.
-    pub fn keep_record_away_from(&mut self, cpu: Option<usize>) {
+    pub(crate) fn keep_record_away_from(&mut self, cpu: Option<usize>) {
         self.guarded.recording.away_from = cpu;
     }
 }
@@ -290,7 +290,7 @@ impl ServedSpecimen {
 
     /// The operator's next step, if a trip is latched.
     #[must_use]
-    pub fn next_step(&self) -> Option<String> {
+    pub(crate) fn next_step(&self) -> Option<String> {
         let latch = &self.guarded.latch;
         let trip = latch.trip();
         trip.map(|_| format!("no test begins until {}", latch.next_step()))
@@ -361,7 +361,7 @@ impl ServedSpecimen {
     ///
     /// # Errors
     /// The specimen is not ready, or gone, or need not be ready.
-    pub fn begin_again(
+    pub(crate) fn begin_again(
         &mut self,
         sequence: u64,
         start: &[f64],
@@ -481,7 +481,7 @@ impl ServedSpecimen {
 
     /// The specimen receives the goodbye of this test, once, before the record is closed. Its answer beyond a plain goodbye is
     /// returned for the controller.
-    pub fn dismiss(&mut self, cause: Cause) -> Option<String> {
+    pub(crate) fn dismiss(&mut self, cause: Cause) -> Option<String> {
         if self.stage != Stage::Open {
             return None;
         }

@@ -207,7 +207,7 @@ impl SessionRecord {
     }
 
     /// True if the summary says so already.
-    pub fn has_warned(&self, text: &str) -> bool {
+    pub(crate) fn has_warned(&self, text: &str) -> bool {
         self.warnings.iter().any(|warning| warning == text)
     }
 
@@ -240,7 +240,7 @@ impl SessionRecord {
     }
 
     /// A command left late. Real-time: yes.
-    pub const fn misses_edge(&mut self) {
+    pub(crate) const fn misses_edge(&mut self) {
         self.counted.missed_edges += 1;
     }
 

@@ -14,6 +14,7 @@ pub const CLOCK: PaceClock = PaceClock {
     sleep_until_ns: |until| NOW_NS.set(now_ns().max(until)),
 };
 
+/// The time of the clock.
 pub fn now_ns() -> u64 {
     NOW_NS.get()
 }

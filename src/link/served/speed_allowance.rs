@@ -131,7 +131,7 @@ impl SpeedAllowance {
     }
 
     /// Why the last command was judged by less time than its client has for it, if it was.
-    pub fn says_cut(&self) -> Option<String> {
+    pub(crate) fn says_cut(&self) -> Option<String> {
         self.is_cut.then(|| {
             format!(
                 "at a specimen that moves a command has at most {MOST_S} s for its motion: send smaller steps more often"
@@ -142,7 +142,7 @@ impl SpeedAllowance {
     /// True if no command came for longer than two periods, so that the specimen has come to rest. After an Arm that holds for
     /// every specimen, else for one that moves: a formula, or a client without a rate, may take its time from step to step.
     /// Real-time: yes.
-    pub fn has_rested(&self, now: Nanos) -> bool {
+    pub(crate) fn has_rested(&self, now: Nanos) -> bool {
         let silent = |last: Nanos| now.since(last) as f64 * 1e-9 > self.two_periods();
         let is_due = self.waits || (self.moves && self.period_s.is_some());
         is_due && self.commanded.is_some_and(silent)

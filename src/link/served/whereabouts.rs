@@ -47,7 +47,7 @@ impl Whereabouts {
 
     /// For a computed specimen, as the file states: it is assumed at zero if its position is unknown.
     #[must_use]
-    pub fn of_a_computation(self) -> Self {
+    pub(crate) fn of_a_computation(self) -> Self {
         self.known().computed = true;
         self
     }

@@ -55,7 +55,7 @@ impl Backlog {
     }
 
     /// True if the client is more than one command ahead of the one that it must wait for.
-    pub const fn is_too_far_ahead(&self) -> bool {
+    pub(crate) const fn is_too_far_ahead(&self) -> bool {
         self.unanswered > MOST_UNANSWERED
     }
 
@@ -76,7 +76,7 @@ impl Backlog {
     }
 
     /// The notice that follows the command that was passed on.
-    pub fn take_notice(&mut self) -> Option<Cause> {
+    pub(crate) fn take_notice(&mut self) -> Option<Cause> {
         self.hold_follows.take()
     }
 }

@@ -147,7 +147,7 @@ impl CommandCount {
     }
 
     /// All commands up to this one that did not come are missed; returns their number. Real-time: yes.
-    pub fn misses_up_to(&mut self, last: u64) -> u64 {
+    pub(crate) fn misses_up_to(&mut self, last: u64) -> u64 {
         let next = last.saturating_add(1);
         let gap = next.saturating_sub(self.next);
         self.missed = self

@@ -33,7 +33,7 @@ impl Connection {
     }
 
     /// Closes the writing half and reads the bytes that have arrived. Otherwise the close could destroy our last bytes.
-    pub fn close_gently(&mut self) {
+    pub(crate) fn close_gently(&mut self) {
         match self {
             Connection::Tcp(tcp) => tcp.close_gently(),
             Connection::Tls(tls) => tls.close_gently(),
@@ -86,7 +86,7 @@ impl ClientLink {
     }
 
     /// The simulated end of the wire, if time is simulated.
-    pub fn wire_end(&mut self) -> Option<&mut WireEnd> {
+    pub(crate) fn wire_end(&mut self) -> Option<&mut WireEnd> {
         match self.connection() {
             Connection::Simulated(end) => Some(end),
             Connection::Tcp(_) | Connection::Udp(_) | Connection::Tls(_) => None,

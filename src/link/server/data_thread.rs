@@ -31,7 +31,7 @@ pub(super) enum Served {
 
 impl Served {
     /// The logs of tests leave this processor to the data thread.
-    pub fn keep_record_away_from(&mut self, cpu: Option<usize>) {
+    pub(crate) fn keep_record_away_from(&mut self, cpu: Option<usize>) {
         if let Self::OpenFresco { host, .. } = self {
             host.keep_record_away_from(cpu);
         }

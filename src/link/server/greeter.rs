@@ -67,12 +67,12 @@ impl Greeter {
         }
     }
 
-    pub const fn is_openfresco(&self) -> bool {
+    pub(crate) const fn is_openfresco(&self) -> bool {
         matches!(self, Self::OpenFresco { .. })
     }
 
     /// True if each frame is signed.
-    pub fn has_key(&self) -> bool {
+    pub(crate) fn has_key(&self) -> bool {
         matches!(self, Self::Native { offer, .. } if offer.key.is_some())
     }
 

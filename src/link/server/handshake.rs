@@ -52,7 +52,7 @@ impl Handshake {
     }
 
     /// True if the client sent something that its protocol allows.
-    pub const fn has_spoken(&self) -> bool {
+    pub(crate) const fn has_spoken(&self) -> bool {
         match self {
             Self::Native(native) => native.has_spoken(),
             Self::OpenFresco(openfresco) => openfresco.has_spoken(),
@@ -60,7 +60,7 @@ impl Handshake {
     }
 
     /// The result, if it is complete.
-    pub fn into_opening(self) -> Option<Opening> {
+    pub(crate) fn into_opening(self) -> Option<Opening> {
         match self {
             Self::Native(native) => native.into_opening().map(Box::new).map(Opening::Native),
             Self::OpenFresco(openfresco) => openfresco
@@ -71,7 +71,7 @@ impl Handshake {
     }
 
     /// The phase took too long.
-    pub fn timed_out(&self, is_encrypting: bool) -> Failure {
+    pub(crate) fn timed_out(&self, is_encrypting: bool) -> Failure {
         match self {
             Self::Native(native) => native.timed_out(is_encrypting),
             Self::OpenFresco(_) if is_encrypting => {
@@ -84,7 +84,7 @@ impl Handshake {
     }
 
     /// The client must make room for another one.
-    pub fn gave_way(&self) -> Failure {
+    pub(crate) fn gave_way(&self) -> Failure {
         match self {
             Self::Native(_) => Failure::Malformed {
                 text: "it had not armed when more came than may wait: it gave way".to_owned(),
@@ -111,7 +111,7 @@ impl Handshake {
     }
 
     /// There is no TLS session.
-    pub fn tls_failed(&self, fault: TlsFault, detail: Option<&str>) -> Failure {
+    pub(crate) fn tls_failed(&self, fault: TlsFault, detail: Option<&str>) -> Failure {
         match self {
             Self::Native(_) => Failure::Malformed {
                 text: tls_text(fault, detail),

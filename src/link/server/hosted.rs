@@ -272,7 +272,7 @@ impl Host {
 
     /// True of a computed specimen that each test finds as new.
     #[must_use]
-    pub const fn starts_anew(&self) -> bool {
+    pub(crate) const fn starts_anew(&self) -> bool {
         !self.is_gateway() && !self.remembers()
     }
 

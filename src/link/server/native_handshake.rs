@@ -81,7 +81,7 @@ impl NativeHandshake {
         }
     }
 
-    pub const fn has_spoken(&self) -> bool {
+    pub(crate) const fn has_spoken(&self) -> bool {
         self.welcomed.is_some()
     }
 
@@ -95,7 +95,7 @@ impl NativeHandshake {
         }
     }
 
-    pub fn timed_out(&self, is_encrypting: bool) -> Failure {
+    pub(crate) fn timed_out(&self, is_encrypting: bool) -> Failure {
         let what = match &self.welcomed {
             _ if is_encrypting => "end of the TLS handshake",
             None => "hello",
@@ -108,7 +108,7 @@ impl NativeHandshake {
         }
     }
 
-    pub fn into_opening(self) -> Option<NativeOpening> {
+    pub(crate) fn into_opening(self) -> Option<NativeOpening> {
         Some(NativeOpening {
             inbox: self.inbox,
             greeted: self.welcomed?.greeted,

@@ -44,11 +44,11 @@ impl OpenFrescoHandshake {
         self.limit
     }
 
-    pub const fn has_spoken(&self) -> bool {
+    pub(crate) const fn has_spoken(&self) -> bool {
         self.has_spoken
     }
 
-    pub fn into_opening(self) -> Option<OpenFrescoOpening> {
+    pub(crate) fn into_opening(self) -> Option<OpenFrescoOpening> {
         let (sizes, rest) = self.found?;
         Some(OpenFrescoOpening {
             codec: self.codec,

@@ -54,7 +54,7 @@ impl SampleClock {
     }
 
     /// Time since the session began, s. Real-time: yes.
-    pub fn own_time(&self, now: Nanos) -> f64 {
+    pub(crate) fn own_time(&self, now: Nanos) -> f64 {
         now.since(self.begun) as f64 * 1e-9
     }
 

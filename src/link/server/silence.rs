@@ -57,17 +57,17 @@ impl Silence {
     }
 
     /// True if the watchdog holds the specimen.
-    pub const fn is_holding(&self) -> bool {
+    pub(crate) const fn is_holding(&self) -> bool {
         self.is_holding
     }
 
     /// Time since the last message, ns.
-    pub fn lasts_ns(&self, now: Nanos) -> u64 {
+    pub(crate) fn lasts_ns(&self, now: Nanos) -> u64 {
         now.since(self.heard_at)
     }
 
     /// True if the client counts as gone. Real-time: yes.
-    pub fn is_final(&self, now: Nanos) -> bool {
+    pub(crate) fn is_final(&self, now: Nanos) -> bool {
         self.lasts_ns(now) >= GONE_NS.max(self.limit_ns.saturating_mul(10))
     }
 

@@ -222,7 +222,7 @@ impl WaitingClient {
     }
 
     /// The parts of a client whose handshake is complete.
-    pub fn into_parts(self) -> Option<(SocketAddr, Route, Opening)> {
+    pub(crate) fn into_parts(self) -> Option<(SocketAddr, Route, Opening)> {
         Some((self.peer, self.route, self.handshake.into_opening()?))
     }
 }

@@ -33,7 +33,7 @@ impl WireEnd {
     }
 
     /// Arrival time of the next frame at the controller's end.
-    pub fn next_at(&self) -> Option<Nanos> {
+    pub(crate) fn next_at(&self) -> Option<Nanos> {
         self.outgoing.next_at()
     }
 
@@ -48,7 +48,7 @@ impl WireEnd {
     }
 
     /// Drops every frame that has come or is on its way here, up to `limit`.
-    pub fn drop_what_comes(&mut self, limit: Nanos) {
+    pub(crate) fn drop_what_comes(&mut self, limit: Nanos) {
         self.incoming = Queue::default();
         self.now = self.now.max(limit);
     }

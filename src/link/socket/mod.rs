@@ -66,7 +66,7 @@ impl Default for Wait {
 
 /// Advice for a server whose port the system refuses, to follow the system's message.
 #[must_use]
-pub fn listen_advice(error: &io::Error) -> &'static str {
+pub(crate) fn listen_advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
             "; another `gusset serve` or the live page of a test may be using this port: choose another one with \

@@ -51,12 +51,12 @@ fn provider() -> Arc<CryptoProvider> {
 /// True for the beginning of a TLS session where something else was due: a ClientHello. No frame of ours and no sizes
 /// of OpenFresco's begin so: these sizes would be counts beyond every bound.
 #[must_use]
-pub fn is_client_hello(bytes: &[u8]) -> bool {
+pub(crate) fn is_client_hello(bytes: &[u8]) -> bool {
     matches!(bytes, [22, 3, 0..=4, ..])
 }
 
 /// True for a TLS alert where an answer was due: what a TLS server says to somebody who speaks plainly.
 #[must_use]
-pub fn is_alert(bytes: &[u8]) -> bool {
+pub(crate) fn is_alert(bytes: &[u8]) -> bool {
     matches!(bytes, [21, 3, 0..=4, 0, ..])
 }

@@ -60,7 +60,7 @@ impl TlsServer {
 
     /// True if nobody comes in without a certificate.
     #[must_use]
-    pub const fn requires_certificate(&self) -> bool {
+    pub(crate) const fn requires_certificate(&self) -> bool {
         self.required
     }
 

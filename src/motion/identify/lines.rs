@@ -100,14 +100,14 @@ impl Lines {
     }
 
     /// True if what is measured is no more than the roundoff of a constant.
-    pub fn is_dead(&self) -> bool {
+    pub(crate) fn is_dead(&self) -> bool {
         let power = |lines: &[C64]| lines.iter().map(C64::norm_sqr).sum::<f64>();
         let is_alive = power(&self.measured) > ROUNDOFF * power(&self.command);
         !is_alive
     }
 
     /// ω of line `index` of all, from 0 for the first one.
-    pub fn omega_of(&self, index: usize) -> f64 {
+    pub(crate) fn omega_of(&self, index: usize) -> f64 {
         2.0 * std::f64::consts::PI * (index + 1) as f64 / (self.samples as f64 * self.dt)
     }
 }

@@ -106,7 +106,7 @@ impl Model {
 
     /// Delay in s of slow motion.
     #[must_use]
-    pub fn slow_delay(self, values: &[f64]) -> f64 {
+    pub(crate) fn slow_delay(self, values: &[f64]) -> f64 {
         let of_two = |hz: f64, damping: f64| damping / (std::f64::consts::PI * hz);
         match (self, values) {
             (Self::Delay, [_, delay]) => *delay,

@@ -155,7 +155,7 @@ impl<'a> Times<'a> {
         };
         let near = |step: f64| {
             let (seconds, tolerance) = (self.unit.to_seconds(step), self.unit.to_seconds(slack));
-            plain(seconds, tolerance).find(|dt| passes(&self.unit.from_seconds(*dt)))
+            plain(seconds, tolerance).find(|dt| passes(&self.unit.of_seconds(*dt)))
         };
         near(mean).or_else(|| {
             let step = self.bisected(mean, slack)?;
@@ -236,7 +236,7 @@ impl<'a> Times<'a> {
     /// The line whose time departs most from the step `dt` in s, and by how many seconds.
     pub(super) fn departure_from(&self, dt: f64) -> (usize, f64) {
         let first = self.times.first().copied().unwrap_or(0.0);
-        let (row, off) = self.departure(first, self.unit.from_seconds(dt));
+        let (row, off) = self.departure(first, self.unit.of_seconds(dt));
         (self.line(row), self.unit.to_seconds(off))
     }
 }

@@ -41,7 +41,7 @@ impl LawSpec {
     /// Builds the law at rest, in its initial state.
     ///
     /// ```
-    /// use gusset::law::{Law, LawSpec};
+    /// use gusset_numerics::law::{Law, LawSpec};
     ///
     /// let spec: LawSpec = toml::from_str(
     ///     "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }",

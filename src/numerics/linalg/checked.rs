@@ -72,7 +72,7 @@ impl SymMatrix {
     ///
     /// # Panics
     /// If an index is outside of the given size.
-    pub fn from_entries(
+    pub(crate) fn from_entries(
         rows: usize,
         columns: usize,
         entries: impl IntoIterator<Item = (usize, usize, f64)>,

@@ -6,7 +6,7 @@
 //! (asymmetric, complex, rectangular) algebra is not done here.
 //!
 //! ```
-//! use gusset::linalg::{Spd, Storage, SymMatrix};
+//! use gusset_numerics::linalg::{Spd, Storage, SymMatrix};
 //!
 //! let chain = SymMatrix::from_triplets(3, [(0, 0, 2.0), (1, 1, 2.0), (2, 2, 1.0), (0, 1, -1.0), (1, 2, -1.0)]);
 //! let mut factor = Spd::factor(&chain)?;
@@ -14,7 +14,7 @@
 //! let mut x = [0.0, 0.0, 1.0];
 //! factor.solve_in_place(&mut x);
 //! assert!((x[2] - 3.0).abs() < 1e-15);
-//! # Ok::<(), gusset::linalg::NotPositiveDefinite>(())
+//! # Ok::<(), gusset_numerics::linalg::NotPositiveDefinite>(())
 //! ```
 
 mod aligned;
@@ -43,7 +43,7 @@ pub use checked::MatrixError;
 pub use eigen::{
     EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, lowest_modes, modes,
 };
-pub use lanes::Lanes;
+pub use lanes::{Isa, Kernel, Lanes};
 pub use matrix::SymMatrix;
 
 /// A pivot that is not positive: the matrix has a direction without, or with negative, stiffness.
@@ -222,7 +222,7 @@ impl Spd {
     /// rows once, in ascending order, as soon as its solution stands and while it is near: what follows from the
     /// solution row by row is best done there. Real-time: yes, if `done` is.
     #[inline]
-    pub fn solve_into(
+    pub(crate) fn solve_into(
         &mut self,
         rhs: &[f64],
         x: &mut [f64],
@@ -234,7 +234,7 @@ impl Spd {
 
     /// [`Spd::solve_into`] where the right-hand side is only made when it is requested; see [`Rows`]. Real-time: yes, if `vectors` is.
     #[inline]
-    pub fn solve_rows(&mut self, vectors: &mut impl Rows) {
+    pub(crate) fn solve_rows(&mut self, vectors: &mut impl Rows) {
         if let Factor::Partitioned(factor) = &mut self.factor {
             factor.solve(vectors);
             return;
@@ -248,7 +248,7 @@ impl Spd {
     /// Rows after which [`Spd::solve_rows`] may hand solutions over: when the right-hand side of a row is requested, the
     /// solutions of all rows that lie further above it may be known.
     #[must_use]
-    pub fn rows_at_a_time(&self) -> usize {
+    pub(crate) fn rows_at_a_time(&self) -> usize {
         match &self.factor {
             Factor::Partitioned(factor) => factor.rows_at_a_time(),
             _ => self.n,

@@ -61,7 +61,7 @@ impl Structure {
     /// Names the springs and dashpots that make up the linear K and C, for reports on stability: "`word` 1" between the
     /// base and the first degree of freedom, "`word` 2" between the first and the second, and so on.
     #[must_use]
-    pub fn with_storeys(mut self, word: &'static str, each: Vec<Storey>) -> Self {
+    pub(crate) fn with_storeys(mut self, word: &'static str, each: Vec<Storey>) -> Self {
         self.storeys = (word, each);
         self
     }
@@ -184,7 +184,7 @@ impl Structure {
     ///
     /// # Errors
     /// Another size, or an entry that is not finite.
-    pub fn set_damping(&mut self, damping: SymMatrix) -> Result<(), ModelError> {
+    pub(crate) fn set_damping(&mut self, damping: SymMatrix) -> Result<(), ModelError> {
         sound::check_matrix("damping", &damping, self.dofs())?;
         self.tied_to_base = sound::tied_to_base(&self.stiffness, &damping, &self.influence);
         self.damping = damping;

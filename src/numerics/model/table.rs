@@ -23,7 +23,7 @@ impl MatrixTable {
     ///
     /// # Errors
     /// Not square, not finite, not symmetric.
-    pub fn to_symmetric(&self) -> Result<SymMatrix, MatrixError> {
+    pub(crate) fn to_symmetric(&self) -> Result<SymMatrix, MatrixError> {
         SymMatrix::from_entries(self.rows, self.columns, self.entries.iter().copied())
     }
 

@@ -6,7 +6,7 @@
 //! and are tested against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
 //!
 //! ```
-//! use gusset::spectral;
+//! use gusset_numerics::spectral;
 //!
 //! // λ = 4 has the poles of average acceleration, on the unit circle without damping.
 //! let [z, _] = spectral::poles(0.5, 0.0, 4.0);
@@ -42,7 +42,7 @@ pub use transfer::{Transfer, amplification};
 pub use winding::unstable_roots;
 
 /// A pole in the z plane.
-pub type Pole = nalgebra::Complex<f64>;
+pub(crate) type Pole = nalgebra::Complex<f64>;
 
 #[cfg(test)]
 mod tests;

@@ -123,7 +123,7 @@ impl EventLine {
 
     /// The line as JSON.
     #[must_use]
-    pub fn to_map(&self) -> Map<String, Value> {
+    pub(crate) fn to_map(&self) -> Map<String, Value> {
         let mut line = Map::new();
         line.insert("tick".to_owned(), self.tick.into());
         line.insert("time".to_owned(), self.time.into());

@@ -83,7 +83,7 @@ impl Columns {
 
     /// Whether nothing is held behind this column: the next one is read from the log.
     #[cfg(feature = "hdf5")]
-    pub const fn is_last_held(&self, index: usize) -> bool {
+    pub(crate) const fn is_last_held(&self, index: usize) -> bool {
         index + 1 >= self.held.end
     }
 

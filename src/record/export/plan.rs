@@ -256,12 +256,12 @@ impl Plan {
     }
 
     /// The columns of a CSV: time, response, specimens, then those that were asked for.
-    pub fn csv_columns(&self) -> &[Exposed] {
+    pub(crate) fn csv_columns(&self) -> &[Exposed] {
         self.columns.get(..self.csv).unwrap_or_default()
     }
 
     /// Names of those of them that were not recorded.
-    pub fn not_recorded(&self) -> Vec<&str> {
+    pub(crate) fn not_recorded(&self) -> Vec<&str> {
         let none = self.csv_columns().iter();
         let none = none.filter(|exposed| exposed.source == Source::Nothing);
         none.map(|exposed| exposed.column.name.as_str()).collect()

@@ -101,7 +101,7 @@ pub fn apply(plan: &RtPlan) -> Granted {
 }
 
 /// Asks `system` for all that the plan wants.
-pub fn apply_to(plan: &RtPlan, system: &mut dyn System) -> Granted {
+pub(crate) fn apply_to(plan: &RtPlan, system: &mut dyn System) -> Granted {
     let mut features = Vec::new();
     let privileges = system.privileges();
     let cpus = system.cpus();
@@ -160,7 +160,7 @@ pub fn apply_to(plan: &RtPlan, system: &mut dyn System) -> Granted {
         cpu: pinned.is_ok().then_some(chosen),
         features,
         spin: Spin::plan(plan.spin_ns, plan.period_ns, system.throttle()),
-        awake,
+        _awake: awake,
     }
 }
 

@@ -114,7 +114,7 @@ pub struct Granted {
     /// The spin before each edge and the kernel's budget.
     pub spin: Spin,
     #[serde(skip)]
-    awake: Option<Arc<File>>,
+    _awake: Option<Arc<File>>,
 }
 
 impl Granted {
@@ -143,7 +143,8 @@ impl Granted {
 
     /// True while idle processors are held out of deep sleep.
     #[must_use]
-    pub fn holds_cpu_awake(&self) -> bool {
-        self.awake.is_some()
+    #[cfg(test)]
+    pub(crate) fn holds_cpu_awake(&self) -> bool {
+        self._awake.is_some()
     }
 }

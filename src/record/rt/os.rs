@@ -20,7 +20,7 @@ use rustix::thread::{CapabilitySet, ClockId, CpuSet, Timespec};
 pub use rustix::io::Errno;
 
 /// File that, held open with a zero inside, keeps processors out of deep sleep.
-pub const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
+pub(crate) const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 
 /// CLOCK_MONOTONIC in nanoseconds. Real-time: yes.
 #[must_use]
@@ -44,14 +44,14 @@ pub fn sleep_until_ns(at_ns: u64) {
 
 /// Length of the kernel's scheduler tick in nanoseconds: the resolution of the coarse clock is 1/HZ.
 #[must_use]
-pub fn kernel_tick_ns() -> u64 {
+pub(crate) fn kernel_tick_ns() -> u64 {
     let tick = rustix::time::clock_getres(ClockId::MonotonicCoarse);
     (tick.tv_sec as u64) * 1_000_000_000 + tick.tv_nsec as u64
 }
 
 /// Resolution of the timers behind [`sleep_until_ns`]: 1 ns with high-resolution timers, else a tick.
 #[must_use]
-pub fn timer_resolution_ns() -> u64 {
+pub(crate) fn timer_resolution_ns() -> u64 {
     let tick = rustix::time::clock_getres(ClockId::Monotonic);
     (tick.tv_sec as u64) * 1_000_000_000 + tick.tv_nsec as u64
 }
@@ -74,18 +74,10 @@ pub fn yield_now() {
     rustix::thread::sched_yield();
 }
 
-/// Release of the running kernel, for example "6.1.0-18-rt-amd64".
-#[must_use]
-pub fn kernel_release() -> String {
-    rustix::system::uname()
-        .release()
-        .to_string_lossy()
-        .into_owned()
-}
-
 /// Processors that the calling thread may run on, in rising order; empty if the kernel does not say.
 #[must_use]
-pub fn allowed_cpus() -> Vec<usize> {
+#[cfg(test)]
+pub(crate) fn allowed_cpus() -> Vec<usize> {
     rustix::thread::sched_getaffinity(None).map_or_else(|_| Vec::new(), |set| listed(&set))
 }
 
@@ -118,7 +110,7 @@ pub fn pin_to(cpus: &[usize]) -> Result<(), Errno> {
 ///
 /// # Errors
 /// EPERM without the privilege, EINVAL for a priority outside 1 to 99.
-pub fn set_fifo(priority: u8) -> Result<(), Errno> {
+pub(crate) fn set_fifo(priority: u8) -> Result<(), Errno> {
     set_policy(
         libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK,
         i32::from(priority),
@@ -129,7 +121,8 @@ pub fn set_fifo(priority: u8) -> Result<(), Errno> {
 ///
 /// # Errors
 /// The kernel's, in theory; leaving a real-time policy needs no privilege.
-pub fn set_ordinary() -> Result<(), Errno> {
+#[cfg(test)]
+pub(crate) fn set_ordinary() -> Result<(), Errno> {
     // The flag that set_fifo set stays: taking it off is a privilege of its own.
     set_policy(libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, 0)
 }
@@ -276,7 +269,7 @@ pub fn lock_memory() -> Result<(), Errno> {
 ///
 /// # Errors
 /// The kernel's, in theory.
-pub fn unlock_memory() -> Result<(), Errno> {
+pub(crate) fn unlock_memory() -> Result<(), Errno> {
     rustix::mm::munlockall()
 }
 
@@ -285,7 +278,7 @@ const PAGE: usize = 4096;
 /// Touches the next `kb` kilobytes of the calling thread's stack, so that the loop finds them mapped.
 ///
 /// The caller answers for the stack being that large: beyond its end waits the guard page.
-pub fn touch_stack(kb: u32) {
+pub(crate) fn touch_stack(kb: u32) {
     let _ = touch_pages(kb as usize * 1024 / PAGE);
 }
 
@@ -308,7 +301,7 @@ fn touch_pages(left: usize) -> usize {
 ///
 /// # Errors
 /// ENOENT where the kernel has no such file, EACCES without the right to it.
-pub fn hold_awake() -> Result<File, Errno> {
+pub(crate) fn hold_awake() -> Result<File, Errno> {
     let open = || -> std::io::Result<File> {
         let mut file = std::fs::OpenOptions::new().write(true).open(DMA_LATENCY)?;
         file.write_all(&0i32.to_ne_bytes())?;
@@ -321,7 +314,7 @@ pub fn hold_awake() -> Result<File, Errno> {
 ///
 /// # Errors
 /// The kernel's, in theory.
-pub fn set_timer_slack(ns: NonZeroU64) -> Result<(), Errno> {
+pub(crate) fn set_timer_slack(ns: NonZeroU64) -> Result<(), Errno> {
     rustix::thread::set_current_timer_slack(Some(ns))
 }
 

@@ -44,13 +44,13 @@ pub fn waited_ns(schedstat: &[u8]) -> Option<u64> {
 
 /// Steal of one processor from /proc/stat in USER_HZ ticks (10 ms); of all of them if `cpu` is none.
 #[must_use]
-pub fn steal_ticks(stat: &[u8], cpu: Option<usize>) -> Option<u64> {
+pub(crate) fn steal_ticks(stat: &[u8], cpu: Option<usize>) -> Option<u64> {
     processor_line(stat, cpu).and_then(|line| number(words(line).nth(8)?))
 }
 
 /// Steal as a share of all time since boot, 0 to 1.
 #[must_use]
-pub fn steal_share(stat: &[u8]) -> Option<f64> {
+pub(crate) fn steal_share(stat: &[u8]) -> Option<f64> {
     let line = processor_line(stat, None)?;
     // user nice system idle iowait irq softirq steal; the guest times behind are part of user.
     let mut total = 0u64;
@@ -84,7 +84,7 @@ fn number(digits: &[u8]) -> Option<u64> {
 
 /// Reads "0-3,5" as 0, 1, 2, 3, 5; an empty line is an empty list.
 #[must_use]
-pub fn cpu_list(text: &str) -> Option<Vec<usize>> {
+pub(crate) fn cpu_list(text: &str) -> Option<Vec<usize>> {
     /// More processors than Linux can be built for; bounds what a torn file can ask for.
     const MOST: usize = 1 << 16;
     let mut cpus = Vec::new();

@@ -48,7 +48,7 @@ impl Throttle {
 
     /// Thousandths of the time that real-time threads may run, rounded down.
     #[must_use]
-    pub fn permille(&self) -> u64 {
+    pub(crate) fn permille(&self) -> u64 {
         self.runtime_us.map_or(1000, |runtime_us| {
             (runtime_us.saturating_mul(1000) / self.period_us.max(1)).min(1000)
         })
@@ -116,13 +116,14 @@ impl Spin {
 
     /// The spin in use, in nanoseconds.
     #[must_use]
-    pub fn used_ns(&self) -> u64 {
+    pub(crate) fn used_ns(&self) -> u64 {
         (self.used_us * 1e3).round() as u64
     }
 
     /// True if the spin is shorter than asked for.
     #[must_use]
-    pub fn is_shortened(&self) -> bool {
+    #[cfg(test)]
+    pub(crate) fn is_shortened(&self) -> bool {
         self.used_us < self.asked_us
     }
 }

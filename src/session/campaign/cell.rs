@@ -8,7 +8,7 @@ use gusset_config::Scalar;
 
 /// A column of the table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct TableColumn {
+pub(crate) struct TableColumn {
     /// Name, as in the first line of the table.
     pub name: String,
     /// SI unit, "1" for a pure number, "" for a text or where it is not known.
@@ -23,7 +23,7 @@ pub struct TableColumn {
 /// Kind of the values of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum CellKind {
+pub(crate) enum CellKind {
     /// Integers of 64 bits.
     Integer,
     /// Floating-point numbers of 64 bits.

@@ -47,7 +47,7 @@ impl Leaders {
         }
     }
 
-    pub fn into_all(self) -> Vec<Largest> {
+    pub(crate) fn into_all(self) -> Vec<Largest> {
         self.0
     }
 }

@@ -65,7 +65,7 @@ impl Plan {
 
     /// True if every trial has the same reference: nothing but actuators and sensors is uncertain.
     #[must_use]
-    pub fn has_one_reference(&self) -> bool {
+    pub(crate) fn has_one_reference(&self) -> bool {
         let is_of_transfer = |one: &Uncertain| one.is_of_transfer();
         self.numbers.iter().all(is_of_transfer) && self.spreads.iter().all(|[k, ..]| *k == 0.0)
     }

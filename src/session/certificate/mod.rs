@@ -29,7 +29,7 @@ use gusset_record::rt::os;
 use gusset_setup::{self as setup, Trial};
 
 /// Draws of one trial that the file could not be with, before that is an error.
-pub const MOST_ATTEMPTS: u64 = 50;
+pub(crate) const MOST_ATTEMPTS: u64 = 50;
 
 /// What one trial came to.
 #[derive(Debug, Clone, PartialEq)]

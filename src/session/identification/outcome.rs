@@ -188,7 +188,7 @@ fn axis(
 impl Axis {
     /// k̂ of the axis itself in N/m at the specimen; 0 where there is none.
     #[must_use]
-    pub fn own_stiffness(&self) -> f64 {
+    pub(crate) fn own_stiffness(&self) -> f64 {
         let found = self.found.as_ref().ok();
         let specimen = found.and_then(|found| found.specimen.as_ref());
         specimen.map_or(0.0, |specimen| specimen.stiffness.value)

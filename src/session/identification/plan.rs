@@ -47,7 +47,7 @@ impl Driven {
 
     /// "actuator 2", from 0.
     #[must_use]
-    pub fn place_words(&self, axis: usize) -> String {
+    pub(crate) fn place_words(&self, axis: usize) -> String {
         let what = if self.is_actuator { "actuator" } else { "axis" };
         format!("{what} {}", axis + 1)
     }

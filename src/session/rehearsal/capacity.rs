@@ -70,7 +70,7 @@ impl Needs {
 impl Rehearsal {
     /// Every capacity that the test goes beyond, at its place in the file.
     #[must_use]
-    pub fn beyond_capacity(&self) -> Vec<Finding> {
+    pub(crate) fn beyond_capacity(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
         for (index, needs) in self.specimens.iter().enumerate() {
             for axis in 0..needs.found.len() {

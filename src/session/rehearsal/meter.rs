@@ -36,7 +36,7 @@ impl Extreme {
 
     /// The end that is beyond the levels, else the larger one; with its test time.
     #[must_use]
-    pub fn farther_from(&self, trip: [f64; 2], warn: [f64; 2]) -> (f64, f64) {
+    pub(crate) fn farther_from(&self, trip: [f64; 2], warn: [f64; 2]) -> (f64, f64) {
         let below = [trip, warn].iter().any(|level| self.low < level[0]);
         let above = [trip, warn].iter().any(|level| self.high > level[1]);
         let (low, high) = ((self.low, self.low_at), (self.high, self.high_at));

@@ -14,7 +14,7 @@ use gusset_record::{Recorder, TimedEvent};
 const EVERY: u64 = 64;
 
 /// Drops every row. It stops the test as an operator would when its ticks are used up.
-pub struct Prompter {
+pub(crate) struct Prompter {
     /// Ticks that may be made.
     ticks: u64,
     work: Work,

@@ -6,7 +6,7 @@
 pub const CHART_SCRIPT: &str = include_str!("uplot.min.js");
 
 /// The style that belongs to [`CHART_SCRIPT`].
-pub const CHART_STYLE: &str = include_str!("uplot.min.css");
+pub(crate) const CHART_STYLE: &str = include_str!("uplot.min.css");
 
 /// The licence of [`CHART_SCRIPT`]; it goes into every page that carries the script.
-pub const CHART_LICENCE: &str = include_str!("LICENSE-uplot.txt");
+pub(crate) const CHART_LICENCE: &str = include_str!("LICENSE-uplot.txt");

@@ -187,14 +187,14 @@ impl AxisTap {
     }
 
     /// The corners of the loop in the bin that is closed.
-    pub fn take_loop(&mut self) -> Vec<[f32; 2]> {
+    pub(crate) fn take_loop(&mut self) -> Vec<[f32; 2]> {
         let corners = corners(&self.points);
         self.points.clear();
         corners
     }
 
     /// Forgets the tangents of the window before the last.
-    pub fn next_window(&mut self) {
+    pub(crate) fn next_window(&mut self) {
         self.stiffest = [self.stiffest[1], f64::NAN];
         self.damping = [self.damping[1], f64::NAN];
     }

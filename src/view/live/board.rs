@@ -197,7 +197,7 @@ impl Board {
     }
 
     /// Copies what is wanted of the history.
-    pub fn look_back<T>(&self, look: impl FnOnce(&History) -> T) -> T {
+    pub(crate) fn look_back<T>(&self, look: impl FnOnce(&History) -> T) -> T {
         look(&lock(&self.history))
     }
 

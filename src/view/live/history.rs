@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Bins of the last while: a minute at sixty bins a second.
-pub const RECENT: usize = 3600;
+pub(crate) const RECENT: usize = 3600;
 /// Bins of the whole test; reached, two become one.
 pub const WHOLE: usize = 2048;
 

@@ -211,7 +211,7 @@ impl AxisDigest {
 
     /// Leaves out what would compare the command with the target, or take the command for a measurement. The loop stays: it
     /// is of the force over the command.
-    pub fn forget_measured_disp(&mut self) {
+    pub(crate) fn forget_measured_disp(&mut self) {
         (self.tracking, self.course, self.peak_disp, self.absorbed) = (None, None, None, None);
         (self.whole, self.initial) = (None, None);
         self.subspace = Points::default();

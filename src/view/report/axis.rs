@@ -80,7 +80,7 @@ impl Axis {
     }
 
     /// A logarithmic axis over all positive `values`, with a little air.
-    pub fn logarithmic_around(values: impl Iterator<Item = f64>) -> Option<Self> {
+    pub(crate) fn logarithmic_around(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (lo, hi) = extent(values.filter(|&v| v > 0.0))?;
         Self::logarithmic(lo / 1.5, hi * 2.0)
     }
@@ -140,7 +140,7 @@ impl Axis {
 
     /// Ticks of a logarithmic axis: decades labelled by `label` (digit and exponent), the numbers between them unlabelled. Where
     /// that would leave fewer than three labels, 2 and 5 have one, too, and in the end every digit.
-    pub fn decades(&self, label: impl Fn(i32, i32) -> String) -> Vec<Tick> {
+    pub(crate) fn decades(&self, label: impl Fn(i32, i32) -> String) -> Vec<Tick> {
         let first = libm::floor(libm::log10(self.lo)) as i32;
         let last = libm::ceil(libm::log10(self.hi)) as i32;
         let every = ((last - first) / 9).max(0) + 1;

@@ -123,7 +123,7 @@ impl Lettering {
     }
 
     /// The same in bold.
-    pub const fn bold(mut self) -> Self {
+    pub(crate) const fn bold(mut self) -> Self {
         self.bold = true;
         self
     }

@@ -210,7 +210,7 @@ impl Plot {
     }
 
     /// A quiet line at zero.
-    pub fn zero_line(&self, canvas: &mut Canvas<'_>) {
+    pub(crate) fn zero_line(&self, canvas: &mut Canvas<'_>) {
         if self.y.holds(0.0) {
             let at = self.up(0.0);
             canvas.line(

@@ -15,9 +15,13 @@ use super::thin;
 /// One curve.
 #[derive(Debug, Clone, Copy)]
 pub struct Curve<'a> {
+    /// Name in the legend.
     pub name: &'a str,
+    /// Across.
     pub x: &'a [f64],
+    /// Up.
     pub y: &'a [f64],
+    /// How it is drawn.
     pub look: Look,
 }
 
@@ -51,17 +55,24 @@ struct Style {
 /// Words, unit ("1" for a pure number) and fixed range of an axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale<'a> {
+    /// What it shows.
     pub words: &'a str,
+    /// Unit.
     pub unit: &'a str,
+    /// Fixed range; none: that of the values.
     pub range: Option<(f64, f64)>,
 }
 
 /// Curves over one pair of axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Curves<'a> {
+    /// Heading.
     pub title: &'a str,
+    /// Horizontal axis.
     pub across: Scale<'a>,
+    /// Vertical axis.
     pub up: Scale<'a>,
+    /// The curves.
     pub curves: &'a [Curve<'a>],
     /// Both axes logarithmic.
     pub logarithmic: bool,

@@ -19,7 +19,7 @@ pub(super) enum Item {
 
 impl Item {
     /// True if it is made of every tick, and not of the ends of steps.
-    pub const fn is_of_ticks(self) -> bool {
+    pub(crate) const fn is_of_ticks(self) -> bool {
         matches!(self, Item::Axis(_))
     }
 

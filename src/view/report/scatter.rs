@@ -8,18 +8,24 @@ use super::text::{fixed, scaled};
 /// One number of each test.
 #[derive(Debug, Clone, Copy)]
 pub struct Variable<'a> {
+    /// Its name.
     pub name: &'a str,
+    /// Its unit.
     pub unit: &'a str,
+    /// One value of each test.
     pub values: &'a [f64],
 }
 
 /// All pairs of `variables`.
 #[derive(Debug, Clone, Copy)]
 pub struct ScatterMatrix<'a> {
+    /// Heading.
     pub title: &'a str,
+    /// The numbers that are paired.
     pub variables: &'a [Variable<'a>],
     /// True for tests in the colour of `marked_as`.
     pub marked: &'a [bool],
+    /// What `marked` means.
     pub marked_as: &'a str,
     /// Correlation of each pair.
     pub correlations: &'a [Vec<f64>],

@@ -185,7 +185,7 @@ impl Sieve {
     }
 
     /// The same for a server's record, if it is one.
-    pub const fn of_a_server(mut self, is_served: bool) -> Self {
+    pub(crate) const fn of_a_server(mut self, is_served: bool) -> Self {
         self.is_served = is_served;
         self
     }

@@ -20,11 +20,13 @@ pub struct TornadoBar {
 /// Bars from the smallest to the largest result, in the given order.
 #[derive(Debug, Clone, Copy)]
 pub struct Tornado<'a> {
+    /// Heading.
     pub title: &'a str,
     /// The result.
     pub across: Scale<'a>,
     /// Result without an alteration, and its name.
     pub base: Option<(f64, &'a str)>,
+    /// The bars, as they are drawn.
     pub bars: &'a [TornadoBar],
 }
 

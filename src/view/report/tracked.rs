@@ -30,7 +30,7 @@ impl<'a> Tracked<'a> {
     }
 
     /// Largest force of all known parts of the test; without a sign if only the summary contains it.
-    pub fn largest_force(&self) -> Option<(f64, &'a str)> {
+    pub(crate) fn largest_force(&self) -> Option<(f64, &'a str)> {
         let own = self.digest.peak_force.map(|p| p.value);
         let told = self.told_force;
         let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
@@ -48,7 +48,7 @@ impl<'a> Tracked<'a> {
     }
 
     /// Force of largest magnitude in the shutdown with its unit, if there was one.
-    pub fn force_on_the_way_out(&self) -> Option<(f64, &'a str)> {
+    pub(crate) fn force_on_the_way_out(&self) -> Option<(f64, &'a str)> {
         self.way_out.map(|force| (force, self.force_unit))
     }
 
@@ -68,7 +68,7 @@ impl<'a> Tracked<'a> {
     }
 
     /// Energy error in words, with its share where that is known.
-    pub fn energy_error(&self) -> Option<String> {
+    pub(crate) fn energy_error(&self) -> Option<String> {
         let tracking = self.digest.tracking?;
         let share = tracking.energy_error_share.map(|share| {
             let percent = number(100.0 * share.value, 3);
@@ -79,13 +79,13 @@ impl<'a> Tracked<'a> {
     }
 
     /// True where the measured displacement equals the target in every sample.
-    pub fn is_ideal(&self) -> bool {
+    pub(crate) fn is_ideal(&self) -> bool {
         let tracking = self.digest.tracking.as_ref();
         tracking.is_some_and(|tracking| tracking.peak_error_m.value == 0.0)
     }
 
     /// Unit of force times displacement.
-    pub fn work_unit(&self) -> &'static str {
+    pub(crate) fn work_unit(&self) -> &'static str {
         if self.disp_unit.starts_with("rad") {
             "N m"
         } else {

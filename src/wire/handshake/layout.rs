@@ -10,7 +10,7 @@ use crate::native::{HISTORY, VERSION};
 /// The canonical text: one line for the frame layout, one for each axis, each ended by one line feed.
 ///
 /// ```
-/// use gusset::wire::handshake::{Axis, Limits, Unit, layout_text};
+/// use gusset_wire::handshake::{Axis, Limits, Unit, layout_text};
 /// let axis = Axis {
 ///     name: "storey 1".into(),
 ///     disp_unit: Unit::Metre,

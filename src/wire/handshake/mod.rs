@@ -39,11 +39,11 @@ use bincode::{Decode, Encode};
 use super::key::{Nonce, Proof};
 
 /// Lowest protocol version that this program speaks.
-pub const LOWEST_VERSION: u16 = 1;
+pub(crate) const LOWEST_VERSION: u16 = 1;
 /// Highest protocol version that this program speaks.
-pub const HIGHEST_VERSION: u16 = 1;
+pub(crate) const HIGHEST_VERSION: u16 = 1;
 /// Longest name of an axis or of an end, in bytes.
-pub const NAME_LIMIT: usize = 64;
+pub(crate) const NAME_LIMIT: usize = 64;
 /// Longest free text, in bytes.
 pub const TEXT_LIMIT: usize = 256;
 
@@ -268,7 +268,7 @@ impl Unit {
 
     /// True if `disp` and `force` belong together: work is displacement times force.
     #[must_use]
-    pub const fn conjugate(disp: Unit, force: Unit) -> bool {
+    pub(crate) const fn conjugate(disp: Unit, force: Unit) -> bool {
         matches!(
             (disp, force),
             (

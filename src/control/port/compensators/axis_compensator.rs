@@ -96,7 +96,7 @@ impl AxisCompensator {
 
     /// Leads the velocity of a command as its displacement is: `vel` of the target in m/s of wall time, a tick in s of it, at this
     /// pace of an eased test, which by itself makes `of_test` seconds of test time in one of wall time. Real-time: yes.
-    pub fn lead_vel(
+    pub(crate) fn lead_vel(
         &mut self,
         vel: f64,
         tick: f64,

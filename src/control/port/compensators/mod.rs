@@ -166,12 +166,12 @@ impl Compensators {
     }
 
     /// The compensated delay is one of test time.
-    pub const fn delay_is_in_test_time(&mut self) {
+    pub(crate) const fn delay_is_in_test_time(&mut self) {
         self.delay_in = DelayIn::TestTime;
     }
 
     /// Targets come with velocities that are no differences of theirs.
-    pub const fn base_moves(&mut self) {
+    pub(crate) const fn base_moves(&mut self) {
         self.target_velocity = TargetVelocity::Own;
     }
 
@@ -202,7 +202,7 @@ impl Compensators {
     }
 
     /// From here on the state before each command is kept: the last one never leaves, and is made again.
-    pub fn follow_record(&mut self) {
+    pub(crate) fn follow_record(&mut self) {
         self.before = Some(TestState::with_room(|visit| self.visit_state(visit)));
     }
 
@@ -236,7 +236,7 @@ impl Compensators {
     }
 
     /// Takes a state back. Compensators in wall time forget the measurements before it.
-    pub fn thaw(&mut self, state: &TestState) {
+    pub(crate) fn thaw(&mut self, state: &TestState) {
         // It is that of these compensators.
         let _ = state.restore(|visit| self.visit_state(visit));
         if self.activity == LeadActivity::Awaiting {
@@ -254,7 +254,7 @@ impl Compensators {
     }
 
     /// Command at rest over the displacement at which the axis is to rest. Real-time: yes.
-    pub fn static_gain(&self, axis: usize) -> f64 {
+    pub(crate) fn static_gain(&self, axis: usize) -> f64 {
         let gain = self.axes.get(axis).map_or(1.0, |axis| axis.one.stands(1.0));
         if (gain - 1.0).abs() > ROUNDOFF {
             gain
@@ -306,7 +306,7 @@ impl Compensators {
 
     /// Makes the command at the end of a tick of the step pacer. Real-time: yes.
     #[inline]
-    pub fn lead_along(
+    pub(crate) fn lead_along(
         &mut self,
         axes: &[Axis],
         path: &TargetPath,
@@ -371,7 +371,7 @@ impl Compensators {
 
     /// A target is reached: points count from there. Real-time: yes.
     #[inline]
-    pub const fn begin_grid(&mut self) {
+    pub(crate) const fn begin_grid(&mut self) {
         (self.grid.point, self.grid.ahead) = (0.0, 0.0);
     }
 
@@ -400,7 +400,7 @@ impl Compensators {
 
     /// A command that was made of a target leaves, or the last one leaves again. Real-time: yes.
     #[inline]
-    pub fn note_sent(&mut self, moves: bool) {
+    pub(crate) fn note_sent(&mut self, moves: bool) {
         if self.is_running() {
             self.activity = if moves {
                 LeadActivity::Awaiting

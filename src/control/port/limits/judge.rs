@@ -47,7 +47,7 @@ impl<const N: usize> Inner<N> {
 
     /// True if every value is inside or not a number. Real-time: yes.
     #[inline]
-    pub fn covers_known(&self, values: &[f64; N]) -> bool {
+    pub(crate) fn covers_known(&self, values: &[f64; N]) -> bool {
         let bounds = self.low.iter().zip(&self.high);
         let mut covers = true;
         for (value, (low, high)) in values.iter().zip(bounds) {
@@ -112,7 +112,7 @@ pub(super) struct AxisJudge<'a> {
 impl AxisJudge<'_> {
     /// Judges a group; `before` earlier values are known, and a difference from more is not judged.
     #[cold]
-    pub fn judge_group<const N: usize>(
+    pub(crate) fn judge_group<const N: usize>(
         &mut self,
         group: [Limit; N],
         values: &[f64; N],

@@ -67,7 +67,7 @@ impl Past {
     }
 
     /// Keeps the commands and forgets measurements, warnings and trips, for a new session.
-    pub fn of_a_session(&self) -> Self {
+    pub(crate) fn of_a_session(&self) -> Self {
         Self {
             command: self.command,
             sawtooth: Sawtooth::at_rest(self.command[0]),
@@ -77,13 +77,13 @@ impl Past {
 
     /// Nothing was judged in this tick yet. Real-time: yes.
     #[inline]
-    pub fn begin_tick(&mut self) {
+    pub(crate) fn begin_tick(&mut self) {
         self.judged = [f64::NAN; RECORDED.len()];
     }
 
     /// The next command is sent, and its values become those of this tick. Real-time: yes.
     #[inline]
-    pub fn note_sent(&mut self) {
+    pub(crate) fn note_sent(&mut self) {
         const {
             assert!(matches!(
                 RECORDED,
@@ -148,7 +148,7 @@ impl Past {
 
     /// Takes a fresh measurement. Its values that are judged, in the order of [`MEASUREMENT`]. Real-time: yes.
     #[inline]
-    pub fn of_measurement(
+    pub(crate) fn of_measurement(
         &mut self,
         (disp, force, stands): (f64, f64, f64),
         seen_before: bool,

@@ -151,7 +151,7 @@ impl Trips {
 
     /// From here on they are excused, of an axis that stands at `stands`, as far as the `noise` of its sensor tells, and was sent
     /// to `sent`.
-    pub fn excuse(&mut self, stands: f64, sent: f64, noise: f64) {
+    pub(crate) fn excuse(&mut self, stands: f64, sent: f64, noise: f64) {
         self.left = Some(Left::new(stands, sent, noise));
     }
 
@@ -202,7 +202,7 @@ impl Trips {
     }
 
     /// A warning is to be reported, beside the first of its judgement.
-    pub fn tell_warning(&mut self, hit: &Hit) {
+    pub(crate) fn tell_warning(&mut self, hit: &Hit) {
         if let Some(place) = self.warnings.get_mut(hit.quantity as usize) {
             *place = Some(Kept {
                 value: hit.value,

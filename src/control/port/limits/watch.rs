@@ -75,7 +75,7 @@ impl Watch {
     }
 
     /// The limits of `fresh`; past values stay.
-    pub fn take_limits(&mut self, fresh: &Self) {
+    pub(crate) fn take_limits(&mut self, fresh: &Self) {
         for (own, fresh) in self.axes.iter_mut().zip(&fresh.axes) {
             own.limits = fresh.limits;
             own.inner = fresh.inner;
@@ -101,7 +101,7 @@ impl Watch {
 
     /// A tick begins: nothing was judged in it. Real-time: yes.
     #[inline]
-    pub fn begin_tick(&mut self) {
+    pub(crate) fn begin_tick(&mut self) {
         for Axis { past, .. } in &mut self.axes {
             past.begin_tick();
         }
@@ -126,7 +126,7 @@ impl Watch {
     }
 
     /// A session begins: nothing was measured, warned of or tripped in it. The commands stay.
-    pub fn begins_session(&mut self) {
+    pub(crate) fn begins_session(&mut self) {
         for Axis { past, .. } in &mut self.axes {
             *past = past.of_a_session();
         }
@@ -134,7 +134,7 @@ impl Watch {
     }
 
     /// The specimen is found at `disp`, and keeps the speed of its last commands. Without a command before it is at rest.
-    pub fn is_found_at(&mut self, disp: impl Iterator<Item = f64>) {
+    pub(crate) fn is_found_at(&mut self, disp: impl Iterator<Item = f64>) {
         if self.sent == 0 {
             return self.stands_at(disp);
         }
@@ -204,7 +204,7 @@ impl Watch {
     /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side,
     /// and not while an actuator only goes on to where the last command has sent it. `noise` of the displacement sensors in m, one
     /// per axis, as far as it is known.
-    pub fn excuse(&mut self, noise: impl Iterator<Item = f64>) {
+    pub(crate) fn excuse(&mut self, noise: impl Iterator<Item = f64>) {
         for (Axis { past, .. }, noise) in self.axes.iter_mut().zip(noise) {
             past.trips.excuse(past.stands, past.command[0], noise);
         }
@@ -229,7 +229,7 @@ impl Watch {
 
     /// True if this has tripped on an axis.
     #[must_use]
-    pub fn has_tripped(&self, limit: Limit) -> bool {
+    pub(crate) fn has_tripped(&self, limit: Limit) -> bool {
         self.axes.iter().any(|axis| axis.past.trips.has(limit))
     }
 
@@ -247,7 +247,7 @@ impl Watch {
     }
 
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
-    pub fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
+    pub(crate) fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
         for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             past.sawtooth = Sawtooth::at_rest(disp);
         }
@@ -256,14 +256,14 @@ impl Watch {
 
     /// The target of the next step, which the next commands approach. Real-time: yes.
     #[inline]
-    pub fn aims_at(&mut self, disp: impl Iterator<Item = f64>) {
+    pub(crate) fn aims_at(&mut self, disp: impl Iterator<Item = f64>) {
         for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             past.sawtooth = past.sawtooth.after(disp);
         }
     }
 
     /// Takes note that the last command leaves once more. Real-time: yes.
-    pub fn sent_again(&mut self) {
+    pub(crate) fn sent_again(&mut self) {
         for Axis { limits, past, .. } in &mut self.axes {
             past.speed.take(0.0, self.tick, limits.following_time);
         }
@@ -297,7 +297,7 @@ impl Watch {
 
     /// What stands came here by these steps before, in a test that goes on: its speed is not one that begins at rest. Real-time:
     /// yes.
-    pub fn came_by(&mut self, steps: impl Iterator<Item = f64>) {
+    pub(crate) fn came_by(&mut self, steps: impl Iterator<Item = f64>) {
         for (Axis { past, .. }, step) in self.axes.iter_mut().zip(steps) {
             past.command[1] = past.command[0] - step;
         }
@@ -305,7 +305,7 @@ impl Watch {
     }
 
     /// The last command has not counted, and leaves once more. It was judged: here it comes as fast as the one before.
-    pub fn takes_back_the_last(&mut self) {
+    pub(crate) fn takes_back_the_last(&mut self) {
         for Axis { past, .. } in &mut self.axes {
             let [last, before] = past.command;
             past.command = [before, 2.0 * before - last];
@@ -313,7 +313,7 @@ impl Watch {
     }
 
     /// The next measurement is the first: it can neither jump nor be stuck. Real-time: yes.
-    pub fn forget_measurements(&mut self) {
+    pub(crate) fn forget_measurements(&mut self) {
         self.measured = false;
         for Axis { past, .. } in &mut self.axes {
             (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
@@ -333,7 +333,7 @@ impl Watch {
     /// The same, added to `found`; the third of each axis is the displacement that is held against its command. Real-time:
     /// yes.
     #[inline]
-    pub fn judge_measured(
+    pub(crate) fn judge_measured(
         &mut self,
         values: impl Iterator<Item = (f64, f64, f64)> + Clone,
         found: &mut Found,

@@ -61,7 +61,7 @@ impl AxisUnloading {
         self.mean.abs() > GROWS * self.start.scale + self.start.still
     }
 
-    pub fn close_block(&mut self) {
+    pub(crate) fn close_block(&mut self) {
         self.block.sort_unstable_by(f64::total_cmp);
         let last = self.block.len().saturating_sub(1);
         let tenth = (last / 10).max(usize::from(last >= 2));

@@ -110,17 +110,25 @@ pub trait Isa: Copy {
     /// Segments of a group. Divides 16.
     const GROUP: usize;
 
+    /// Eight doubles of memory.
     fn load(self, from: &[f64; 8]) -> Self::V;
+    /// Writes eight doubles.
     fn store(self, value: Self::V, into: &mut [f64; 8]);
+    /// Eight times the same.
     fn splat(self, value: f64) -> Self::V;
+    /// a + b.
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a − b.
     fn sub(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a b.
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
     /// a where a < b, else b.
     fn min(self, a: Self::V, b: Self::V) -> Self::V;
     /// a where a > b, else b.
     fn max(self, a: Self::V, b: Self::V) -> Self::V;
+    /// |a|.
     fn abs(self, a: Self::V) -> Self::V;
+    /// √a.
     fn sqrt(self, a: Self::V) -> Self::V;
     /// 0 where |a| < `limit`, else a.
     fn zero_below(self, a: Self::V, limit: Self::V) -> Self::V;
@@ -131,10 +139,15 @@ pub trait Isa: Copy {
 
     /// The first [`Isa::GROUP`] entries; there must be as many.
     fn load_group(self, from: &[f64]) -> Self::G;
+    /// Writes the first [`Isa::GROUP`] entries.
     fn store_group(self, value: Self::G, into: &mut [f64]);
+    /// A group of the same.
     fn splat_group(self, value: f64) -> Self::G;
+    /// a + b.
     fn add_group(self, a: Self::G, b: Self::G) -> Self::G;
+    /// a − b.
     fn sub_group(self, a: Self::G, b: Self::G) -> Self::G;
+    /// a b.
     fn mul_group(self, a: Self::G, b: Self::G) -> Self::G;
     /// Eight rows of a group of segments, the first ones of those given: entry k of segment j becomes entry j of row k.
     fn turn_in(self, segments: [&[f64; 8]; 8]) -> [Self::G; 8];

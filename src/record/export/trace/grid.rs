@@ -41,7 +41,7 @@ impl Grid {
     }
 
     /// When zero was on the loop's clock, µs; none before the first row, and where the events do not say it.
-    pub fn zero_us(&self) -> Option<f64> {
+    pub(crate) fn zero_us(&self) -> Option<f64> {
         self.zero_ns.map(|ns| ns as f64 / 1e3)
     }
 

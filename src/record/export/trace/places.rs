@@ -81,7 +81,7 @@ impl Places {
 
     /// When zero was on the loop's clock, µs, as far as events and rows tell: exact from a miss in a step of one tick, else
     /// not later than this.
-    pub fn origin_us(&self, told: &[EventLine], period_us: f64) -> Option<f64> {
+    pub(crate) fn origin_us(&self, told: &[EventLine], period_us: f64) -> Option<f64> {
         let (mut exact, mut bound) = (Vec::new(), f64::INFINITY);
         for event in self.events(told) {
             if let (Some(clock), Some((first, _, count))) = (event.clock_ns, self.step(event)) {

@@ -80,7 +80,7 @@ impl Stamps {
 }
 
 impl Stamped {
-    pub fn is_stamped(&self) -> bool {
+    pub(crate) fn is_stamped(&self) -> bool {
         self.release.is_finite() && self.ready.is_finite() && self.woke >= self.release
     }
 

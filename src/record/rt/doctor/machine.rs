@@ -15,7 +15,7 @@ pub struct Tree {
 impl Tree {
     /// The real one.
     #[must_use]
-    pub fn of_this_machine() -> Self {
+    pub(crate) fn of_this_machine() -> Self {
         Self::at("/")
     }
 

@@ -188,7 +188,7 @@ impl Timing {
     /// True while ticks are counted apart. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn is_warming_up(&self) -> bool {
+    pub(crate) const fn is_warming_up(&self) -> bool {
         self.warmup.ticks < self.warmup_ticks
     }
 
@@ -287,7 +287,8 @@ impl Timing {
 
     /// Counts of the warm-up ticks.
     #[must_use]
-    pub const fn warmup_counts(&self) -> Counts {
+    #[cfg(test)]
+    pub(crate) const fn warmup_counts(&self) -> Counts {
         self.warmup
     }
 
@@ -314,7 +315,7 @@ impl Timing {
     }
 
     /// Round trips of each specimen by name, in nanoseconds.
-    pub fn round_trips(&self) -> impl Iterator<Item = (&str, Histogram<u64>)> {
+    pub(crate) fn round_trips(&self) -> impl Iterator<Item = (&str, Histogram<u64>)> {
         self.round_trip
             .iter()
             .map(|(name, tally)| (name.as_str(), tally.read()))

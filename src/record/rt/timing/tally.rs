@@ -64,7 +64,7 @@ impl Tally {
 
     /// `count` more of one size. Real-time: yes.
     #[inline]
-    pub fn record_n(&mut self, ns: u64, count: u64) {
+    pub(crate) fn record_n(&mut self, ns: u64, count: u64) {
         if ns != self.last.ns {
             std::mem::swap(&mut self.last, &mut self.other);
             if ns != self.last.ns {

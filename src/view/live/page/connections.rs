@@ -101,7 +101,7 @@ impl OpenConnections {
     }
 
     /// Bytes that clients took so far: a client that does not read takes none once its buffers are full.
-    pub fn bytes_written(&self) -> u64 {
+    pub(crate) fn bytes_written(&self) -> u64 {
         self.written.load(Ordering::Relaxed)
     }
 

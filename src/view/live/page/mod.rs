@@ -40,7 +40,7 @@ use gusset_record::{Event, Note};
 use routes::{Refusals, Site};
 
 /// Default port of the page.
-pub const USUAL_PORT: u16 = 4824;
+pub(crate) const USUAL_PORT: u16 = 4824;
 /// Longest time for which the server stays for viewers that have not yet received the end or fetched the report.
 const GRACE: Duration = Duration::from_secs(5);
 /// Time after which it stays no longer if none of them reads anything, and time between two looks.
