@@ -55,4 +55,4 @@ pub use spectrum::{CriticalDelays, Spectrum};
 pub use verdict::{Judgement, Verdict};
 
 #[cfg(test)]
-mod integrate_tests;
+mod tests;

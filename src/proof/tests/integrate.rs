@@ -1,4 +1,3 @@
-//! The family against closed forms, published values and independent formulations.
 
 use std::f64::consts::PI;
 

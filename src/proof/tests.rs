@@ -1,0 +1,5 @@
+//! The family against closed forms, published values and independent formulations.
+
+use super::*;
+
+mod integrate;
