@@ -57,7 +57,7 @@ pub struct AxisTable {
 impl AxisTable {
     /// The units of the axis.
     #[must_use]
-    pub const fn units(&self) -> AxisUnits {
+    pub(crate) const fn units(&self) -> AxisUnits {
         AxisUnits {
             metres: self.unit_disp.metres(),
             newtons: self.unit_force.newtons(),

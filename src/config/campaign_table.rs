@@ -295,13 +295,13 @@ pub struct CollapseTable {
 impl SpanTable {
     /// The values of a linear range.
     #[must_use]
-    pub fn linear(self) -> Vec<f64> {
+    pub(crate) fn linear(self) -> Vec<f64> {
         self.each(|share| self.from + (self.to - self.from) * share)
     }
 
     /// The values of a range with equal ratios.
     #[must_use]
-    pub fn log(self) -> Vec<f64> {
+    pub(crate) fn log(self) -> Vec<f64> {
         self.each(|share| self.from * libm::pow(self.to / self.from, share))
     }
 

@@ -328,7 +328,7 @@ pub(super) enum Number {
 }
 
 impl Number {
-    pub const fn value(self) -> f64 {
+    pub(crate) const fn value(self) -> f64 {
         match self {
             Self::Whole(value) => value as f64,
             Self::Real(value) => value,

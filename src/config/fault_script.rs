@@ -268,7 +268,7 @@ pub const MEMORY: usize = 64;
 impl Kind {
     /// Where it happens.
     #[must_use]
-    pub const fn place(self) -> Place {
+    pub(crate) const fn place(self) -> Place {
         match self {
             Self::Lost
             | Self::Late { .. }
@@ -309,7 +309,7 @@ impl Kind {
 
     /// Its name in a file.
     #[must_use]
-    pub fn word(self) -> String {
+    pub(crate) fn word(self) -> String {
         // Made of plain values: a table of one entry, or its name alone.
         match serde_json::to_value(self) {
             Ok(serde_json::Value::String(name)) => name,

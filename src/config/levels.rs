@@ -127,7 +127,7 @@ pub enum LimitsError {
 impl LimitsError {
     /// The key to point at.
     #[must_use]
-    pub const fn key(&self) -> &'static str {
+    pub(crate) const fn key(&self) -> &'static str {
         match self {
             Self::Empty { key }
             | Self::NotPositive { key, .. }
@@ -143,7 +143,7 @@ impl BoundSpec {
     ///
     /// # Errors
     /// Why not.
-    pub fn check(self, key: &'static str) -> Result<(), LimitsError> {
+    pub(crate) fn check(self, key: &'static str) -> Result<(), LimitsError> {
         for found in [self.warn, self.trip].into_iter().flatten() {
             // Written as "is inside", so that NaN fails.
             let inside = found > 0.0;
@@ -211,7 +211,7 @@ impl RangeSpec {
 
     /// The largest values alone.
     #[must_use]
-    pub fn upper(self) -> BoundSpec {
+    pub(crate) fn upper(self) -> BoundSpec {
         BoundSpec {
             warn: self.warn.map(|[_, high]| high),
             trip: self.trip.map(|[_, high]| high),

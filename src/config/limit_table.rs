@@ -232,7 +232,7 @@ impl LimitsSpec {
 
     /// The number that says how a limit is judged.
     #[must_use]
-    pub fn setting(&self, limit: Limit) -> Option<(&'static Setting, f64)> {
+    pub(crate) fn setting(&self, limit: Limit) -> Option<(&'static Setting, f64)> {
         let setting = limit.row().setting.as_ref()?;
         let value = match limit {
             Limit::FollowingError => self.following_time_s,
@@ -275,7 +275,7 @@ impl LimitsSpec {
     ///
     /// # Errors
     /// The first that cannot.
-    pub fn check(&self) -> Result<(), LimitsError> {
+    pub(crate) fn check(&self) -> Result<(), LimitsError> {
         for row in rows() {
             if let Some(levels) = self.get(row.limit) {
                 match row.kind {

@@ -34,7 +34,7 @@ impl Override {
     ///
     /// # Errors
     /// A diagnostic that points into the argument: no `=`, a broken path, an empty value, or broken TOML.
-    pub fn parse(argument: &str) -> Result<Self, Box<Diagnostic>> {
+    pub(crate) fn parse(argument: &str) -> Result<Self, Box<Diagnostic>> {
         let source = Arc::new(Source {
             name: "command line".to_owned(),
             text: format!("{FLAG}{argument}"),
@@ -127,7 +127,7 @@ impl Override {
 
     /// The path that is overridden.
     #[must_use]
-    pub fn path(&self) -> KeyPath {
+    pub(crate) fn path(&self) -> KeyPath {
         self.segments.iter().map(|(s, _)| s.clone()).collect()
     }
 
@@ -147,7 +147,7 @@ impl Override {
     ///
     /// # Errors
     /// A diagnostic if the path leads through something that is no table or array, or beyond an array's end.
-    pub fn apply(&self, document: &mut DocumentMut) -> Result<(), Box<Diagnostic>> {
+    pub(crate) fn apply(&self, document: &mut DocumentMut) -> Result<(), Box<Diagnostic>> {
         let Some(((Segment::Key(first), _), rest)) = self.segments.split_first() else {
             let headline = "the test file is a table, not an array";
             return Err(self.refuse(0, headline, "a key, not an index"));

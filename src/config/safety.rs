@@ -244,7 +244,7 @@ pub enum ExitChoice {
 impl ExitChoice {
     /// As the file spells it.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub(crate) const fn word(self) -> &'static str {
         match self {
             ExitChoice::Freeze => "freeze",
             ExitChoice::ZeroForce => "zero_force",

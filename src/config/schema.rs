@@ -275,7 +275,7 @@ impl IntegratorTable {
 
     /// True for the methods that iterate to equilibrium.
     #[must_use]
-    pub fn iterates(&self) -> bool {
+    pub(crate) fn iterates(&self) -> bool {
         self.method != Method::Gui && !self.is_alpha()
     }
 }

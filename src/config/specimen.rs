@@ -256,7 +256,7 @@ impl SpecimenTable {
 
     /// True if a key makes the displacements or forces of a structure others than those of an axis, units apart.
     #[must_use]
-    pub fn converts(&self) -> bool {
+    pub(crate) fn converts(&self) -> bool {
         let is_geared = |axis: &AxisTable| axis.gear().iter().any(|(_, given)| *given);
         let is_scaled = self.similitude != SimilitudeTable::default();
         self.geometry.is_some() || is_scaled || self.axis.iter().any(is_geared)

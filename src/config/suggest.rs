@@ -36,7 +36,7 @@ pub fn nearest<'a, S: AsRef<str> + ?Sized>(found: &str, allowed: &[&'a S]) -> Op
 }
 
 /// "`a`, `b` or `c`".
-pub fn listed<S: AsRef<str>>(names: &[S], last: &str) -> String {
+pub(crate) fn listed<S: AsRef<str>>(names: &[S], last: &str) -> String {
     let quoted: Vec<_> = names.iter().map(|n| format!("`{}`", n.as_ref())).collect();
     match quoted.split_last() {
         None => "nothing".to_owned(),

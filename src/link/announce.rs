@@ -16,7 +16,7 @@ const LAST_RESORT: f64 = 1.25;
 
 /// The units of an axis on the wire.
 #[must_use]
-pub fn units_of(axis: &Axis) -> AxisUnits {
+pub(crate) fn units_of(axis: &Axis) -> AxisUnits {
     let si = |unit| match unit {
         Unit::Millimetre => 1e-3,
         Unit::Kilonewton | Unit::KilonewtonMetre => 1e3,
@@ -49,7 +49,7 @@ pub fn announce(limits: &AxisLimits, units: &AxisUnits, tick_s: Option<f64>) -> 
 
 /// What the specimen's end keeps of what was announced, SI.
 #[must_use]
-pub fn kept(limits: &Limits, units: &AxisUnits) -> AxisLimits {
+pub(crate) fn kept(limits: &Limits, units: &AxisUnits) -> AxisLimits {
     let width = limits.disp_max - limits.disp_min;
     let slack = if width.is_finite() {
         ROUNDING * width

@@ -24,7 +24,7 @@ pub(super) struct Quota {
 
 impl Quota {
     /// One more message.
-    pub fn take(&mut self, now_ns: u64) -> Allowance {
+    pub(crate) fn take(&mut self, now_ns: u64) -> Allowance {
         let mut notice = None;
         if self.told == 0 || now_ns.saturating_sub(self.since_ns) >= PERIOD_NS {
             notice = (self.untold > 0).then(|| {

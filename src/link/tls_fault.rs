@@ -80,7 +80,7 @@ pub enum TlsFault {
 impl TlsFault {
     /// What the loop sees.
     #[must_use]
-    pub const fn link(self) -> LinkFault {
+    pub(crate) const fn link(self) -> LinkFault {
         match self {
             Self::Expired(_)
             | Self::NotYetValid(_)

@@ -72,7 +72,7 @@ impl Grid {
 
     /// The step in s.
     #[must_use]
-    pub const fn dt(self) -> f64 {
+    pub(crate) const fn dt(self) -> f64 {
         self.dt
     }
 
@@ -90,12 +90,12 @@ impl Grid {
 
     /// steps · dt in s.
     #[must_use]
-    pub fn duration(self) -> f64 {
+    pub(crate) fn duration(self) -> f64 {
         self.steps as f64 * self.dt
     }
 
     /// The times of all points, each computed from its index.
-    pub fn times(self) -> impl Iterator<Item = f64> {
+    pub(crate) fn times(self) -> impl Iterator<Item = f64> {
         (0..self.points()).map(move |i| i as f64 * self.dt)
     }
 }
@@ -262,7 +262,7 @@ impl Excitation {
 
     /// Number of degrees of freedom.
     #[must_use]
-    pub const fn dofs(&self) -> usize {
+    pub(crate) const fn dofs(&self) -> usize {
         self.dofs
     }
 
@@ -290,7 +290,7 @@ impl Excitation {
 
     /// The constant part of the load in N, if there is one: what holds before t = 0.
     #[must_use]
-    pub fn constant(&self) -> Option<&[f64]> {
+    pub(crate) fn constant(&self) -> Option<&[f64]> {
         self.constant.as_deref()
     }
 

@@ -46,7 +46,11 @@ impl PrescribedSpec {
     ///
     /// # Errors
     /// See [`MotionError`].
-    pub fn evaluate(&self, grid: Grid, files: &Files<'_>) -> Result<Prescribed, MotionError> {
+    pub(crate) fn evaluate(
+        &self,
+        grid: Grid,
+        files: &Files<'_>,
+    ) -> Result<Prescribed, MotionError> {
         self.evaluate_named(grid, files, |axis| format!("axis {}", axis + 1))
     }
 
@@ -197,13 +201,13 @@ impl Prescribed {
 
     /// Number of axes.
     #[must_use]
-    pub const fn axes(&self) -> usize {
+    pub(crate) const fn axes(&self) -> usize {
         self.axes
     }
 
     /// Number of steps.
     #[must_use]
-    pub const fn steps(&self) -> usize {
+    pub(crate) const fn steps(&self) -> usize {
         self.steps
     }
 

@@ -81,7 +81,7 @@ pub(crate) struct Follows<'a> {
 
 impl Follows<'_> {
     /// H at ω in rad/s for one axis of a system; none for a compensation that adapts or feeds back.
-    pub fn at(&self, omega: f64, system: &Delayed, axis: usize) -> Option<Complex<f64>> {
+    pub(crate) fn at(&self, omega: f64, system: &Delayed, axis: usize) -> Option<Complex<f64>> {
         let lead = match self.compensation {
             None => Complex::new(1.0, 0.0),
             Some(spec) => spec.response(omega, self.tick)?,
@@ -91,13 +91,13 @@ impl Follows<'_> {
     }
 
     /// The lag of the actuator alone at ω in rad/s, s.
-    pub fn lag(&self, omega: f64, system: &Delayed, axis: usize) -> f64 {
+    pub(crate) fn lag(&self, omega: f64, system: &Delayed, axis: usize) -> f64 {
         let (k, c) = of_axis(system, axis);
         self.transfer.lag_to_ticks(omega, k, c, self.tick)
     }
 
     /// The remaining lag of an axis at ω in rad/s, s.
-    pub fn left(&self, omega: f64, system: &Delayed, axis: usize) -> Option<f64> {
+    pub(crate) fn left(&self, omega: f64, system: &Delayed, axis: usize) -> Option<f64> {
         self.at(omega, system, axis).map(|h| -h.arg() / omega)
     }
 }

@@ -389,7 +389,7 @@ impl Analysis {
 
     /// Degrees of freedom.
     #[must_use]
-    pub fn dofs(&self) -> usize {
+    pub(crate) fn dofs(&self) -> usize {
         self.mass.n()
     }
 

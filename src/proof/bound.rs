@@ -67,7 +67,10 @@ impl DelayCondition {
 impl DelayBound {
     /// In continuous time. `growth` in 1/s is that without any delay.
     #[must_use]
-    pub fn continuous(growth: Option<f64>, found: &Result<Option<Critical>, DelayError>) -> Self {
+    pub(crate) fn continuous(
+        growth: Option<f64>,
+        found: &Result<Option<Critical>, DelayError>,
+    ) -> Self {
         match (growth, found) {
             (Some(growth), _) => Self::Unstable(growing(growth)),
             (None, Ok(None)) => Self::Every,
@@ -79,7 +82,7 @@ impl DelayBound {
 
     /// By the recursion.
     #[must_use]
-    pub fn recursion(found: &Result<DiscreteLimit, DelayError>) -> Self {
+    pub(crate) fn recursion(found: &Result<DiscreteLimit, DelayError>) -> Self {
         match found {
             Ok(DiscreteLimit::At(delay)) => Self::Below(*delay),
             Ok(DiscreteLimit::Beyond(delay)) => Self::UpTo(*delay),

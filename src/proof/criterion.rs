@@ -255,7 +255,7 @@ impl StabilityProof {
     ///
     /// # Errors
     /// See [`StabilityError`].
-    pub fn choose(
+    pub(crate) fn choose(
         &self,
         request: Option<Lambda>,
         gain: f64,

@@ -80,7 +80,7 @@ impl Following {
 
     /// False if the loop is proven unstable.
     #[must_use]
-    pub fn is_possible(&self) -> bool {
+    pub(crate) fn is_possible(&self) -> bool {
         !self.grows && !self.is_unstable()
     }
 
@@ -119,7 +119,7 @@ impl Following {
 
     /// Its finding for the verdict: an error if the loop is proven unstable, a warning if the stability is not known.
     #[must_use]
-    pub fn finding(&self) -> Option<(Kind, Finding)> {
+    pub(crate) fn finding(&self) -> Option<(Kind, Finding)> {
         let at = self.place.clone();
         let name = &self.specimen;
         if self.is_unstable() {

@@ -43,7 +43,7 @@ impl LambdaLimit {
 impl OnlineLimit {
     /// From the proof at the declared bounds; `axes` are those of the specimens, whose bounds are in it.
     #[must_use]
-    pub fn new(proof: StabilityProof, axes: Vec<Part>) -> Self {
+    pub(crate) fn new(proof: StabilityProof, axes: Vec<Part>) -> Self {
         Self {
             proof,
             axes,

@@ -42,7 +42,7 @@ impl Bears {
     }
 
     /// The delays that it bears.
-    pub fn bound(&self) -> DelayBound {
+    pub(crate) fn bound(&self) -> DelayBound {
         match self {
             Self::Every => DelayBound::Every,
             Self::LessThan { critical, .. } => DelayBound::Below(*critical),
@@ -65,7 +65,7 @@ pub struct State {
 
 impl State {
     /// Of a system of one axis.
-    pub fn of(system: &Delayed, follows: Follows<'_>) -> Self {
+    pub(crate) fn of(system: &Delayed, follows: Follows<'_>) -> Self {
         let bears = Bears::of(system, |omega| follows.lag(omega, system, 0));
         let left = match bears {
             Bears::LessThan { omega, .. } => follows.left(omega, system, 0),
@@ -76,7 +76,7 @@ impl State {
     }
 
     /// True if the loop is proven unstable with its actuator. Where no roots are counted the remaining delay decides.
-    pub fn is_unstable(&self) -> bool {
+    pub(crate) fn is_unstable(&self) -> bool {
         match (self.roots, &self.bears, self.left) {
             (Some(roots), ..) => roots > 0,
             (None, Bears::Unstable(_), _) => true,

@@ -138,7 +138,7 @@ impl Verdict {
 
     /// What follows from it.
     #[must_use]
-    pub fn outcome(&self) -> Outcome {
+    pub(crate) fn outcome(&self) -> Outcome {
         let errors = |open: bool| {
             let errors = self.findings.iter();
             let mut errors = errors.filter(|one| one.finding.severity == Severity::Error);

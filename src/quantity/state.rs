@@ -138,7 +138,7 @@ pub struct Layout {
 
 impl Layout {
     /// The layout of what `walk` visits. It changes no value.
-    pub fn of(mut walk: impl FnMut(&mut dyn Visit)) -> Self {
+    pub(crate) fn of(mut walk: impl FnMut(&mut dyn Visit)) -> Self {
         let mut measure = Measure::default();
         walk(&mut measure);
         Self {

@@ -131,7 +131,7 @@ pub(crate) struct Appender<S> {
 impl<S: Store> Appender<S> {
     /// An appender to an empty store, keeping at most `bound` bytes that the store does not take.
     #[must_use]
-    pub fn new(store: S, unit: Unit, bound: usize) -> Self {
+    pub(crate) fn new(store: S, unit: Unit, bound: usize) -> Self {
         Self {
             store,
             unit,
@@ -144,7 +144,7 @@ impl<S: Store> Appender<S> {
     }
 
     /// Takes one whole unit of `size` bytes, which `fill` appends; false if it would pass the bound.
-    pub fn offer(&mut self, size: usize, fill: impl FnOnce(&mut Vec<u8>)) -> bool {
+    pub(crate) fn offer(&mut self, size: usize, fill: impl FnOnce(&mut Vec<u8>)) -> bool {
         let fits = self.pending.len() + size <= self.bound;
         if fits {
             fill(&mut self.pending);
@@ -154,7 +154,7 @@ impl<S: Store> Appender<S> {
 
     /// Bytes that wait.
     #[must_use]
-    pub fn waiting(&self) -> usize {
+    pub(crate) fn waiting(&self) -> usize {
         self.pending.len()
     }
 
@@ -169,32 +169,32 @@ impl<S: Store> Appender<S> {
 
     /// Bytes of whole units in the store.
     #[must_use]
-    pub const fn length(&self) -> u64 {
+    pub(crate) const fn length(&self) -> u64 {
         self.length
     }
 
     /// True while the store holds a torn tail that it did not let go of.
     #[must_use]
     #[cfg(test)]
-    pub const fn is_torn(&self) -> bool {
+    pub(crate) const fn is_torn(&self) -> bool {
         self.torn
     }
 
     /// The file as it is, and what was written; none if it is no file, or holds a torn tail of our own.
     #[must_use]
-    pub fn extent(&self) -> Option<Extent> {
+    pub(crate) fn extent(&self) -> Option<Extent> {
         let whole = (!self.torn).then_some(&self.store);
         whole.and_then(|store| store.extent(self.length))
     }
 
     /// The store.
     #[must_use]
-    pub const fn store(&self) -> &S {
+    pub(crate) const fn store(&self) -> &S {
         &self.store
     }
 
     /// Writes what waits. A store that has failed is left alone for 100 ms after each attempt.
-    pub fn flush(&mut self, now_ns: u64) -> Flushed {
+    pub(crate) fn flush(&mut self, now_ns: u64) -> Flushed {
         match self.retry_ns {
             Some(at) if now_ns < at => Flushed::Failing,
             _ => self.flush_at_once(now_ns),

@@ -41,7 +41,7 @@ impl AtomicFile {
 
     /// Where the bytes go until then.
     #[must_use]
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.partial.as_deref().unwrap_or(&self.path)
     }
 

@@ -56,7 +56,7 @@ impl StateSender {
 
     /// Has `take` write the state after `step` into a free buffer, and hands the buffer over. False if there is no buffer or no
     /// state. Real-time: yes.
-    pub fn hand_over(
+    pub(crate) fn hand_over(
         &mut self,
         step: u64,
         rows: u64,

@@ -132,7 +132,7 @@ impl Checkpoint {
 
     /// SHA-256 of the file.
     #[must_use]
-    pub fn checksum(&self) -> Checksum {
+    pub(crate) fn checksum(&self) -> Checksum {
         let mut sha = Sha256::new();
         let _hashing_does_not_fail = self.pieces(|bytes| {
             sha.update(bytes);
@@ -230,7 +230,7 @@ impl StateFolder {
     ///
     /// # Errors
     /// The system refuses, or it is no folder.
-    pub fn open(path: &Path) -> io::Result<Self> {
+    pub(crate) fn open(path: &Path) -> io::Result<Self> {
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
         let folder = rustix::fs::open(path, flags, Mode::empty())?;
         Ok(Self(Arc::new(folder)))
@@ -240,7 +240,7 @@ impl StateFolder {
     ///
     /// # Errors
     /// The system refuses. The earlier files stay unchanged, or the newest of them has become `state-before.bin`.
-    pub fn keep(&self, checkpoint: &Checkpoint, checksum: Checksum) -> io::Result<()> {
+    pub(crate) fn keep(&self, checkpoint: &Checkpoint, checksum: Checksum) -> io::Result<()> {
         let [newest, before] = STATE_FILES;
         // An interrupted attempt may have left one. A new file never follows a link of this name.
         let _it_may_not_be_there = rustix::fs::unlinkat(&self.0, PARTIAL, AtFlags::empty());

@@ -22,7 +22,7 @@ impl Checksum {
 
     /// Its bytes.
     #[must_use]
-    pub const fn bytes(&self) -> &[u8; Self::BYTES] {
+    pub(crate) const fn bytes(&self) -> &[u8; Self::BYTES] {
         &self.0
     }
 }

@@ -76,7 +76,7 @@ pub(super) struct EventContext {
 }
 
 impl<S: Store> EventLog<S> {
-    pub fn new(store: S, context: EventContext) -> Self {
+    pub(crate) fn new(store: S, context: EventContext) -> Self {
         Self {
             lines: Appender::new(store, Unit::Line, BOUND),
             queue: VecDeque::new(),
@@ -95,17 +95,17 @@ impl<S: Store> EventLog<S> {
     }
 
     /// The store.
-    pub const fn store(&self) -> &S {
+    pub(crate) const fn store(&self) -> &S {
         self.lines.store()
     }
 
     /// The present and the written extent of the file: see [`Appender::extent`].
-    pub fn extent(&self) -> Option<Extent> {
+    pub(crate) fn extent(&self) -> Option<Extent> {
         self.lines.extent()
     }
 
     /// Takes an event of the loop.
-    pub fn event(&mut self, event: TimedEvent, now: Moment) {
+    pub(crate) fn event(&mut self, event: TimedEvent, now: Moment) {
         // Under the real clock the event is older than its arrival here, by as much as the clock says.
         let age = if self.real_clock {
             now.monotonic_ns.saturating_sub(event.clock_ns)
@@ -122,7 +122,7 @@ impl<S: Store> EventLog<S> {
 
     /// Takes a note, of the test at `position` unless it knows better; the simulated clock is not known here, so its `clock_ns`
     /// is null then.
-    pub fn note(&mut self, note: Note, position: Position, now: Moment) {
+    pub(crate) fn note(&mut self, note: Note, position: Position, now: Moment) {
         let (position, clock_ns) = note.made().unwrap_or((position, now.monotonic_ns));
         let age = now.monotonic_ns.saturating_sub(clock_ns);
         self.queue.push_back(Held {
@@ -134,12 +134,12 @@ impl<S: Store> EventLog<S> {
     }
 
     /// True if anything is to be turned into lines.
-    pub fn is_waiting(&self) -> bool {
+    pub(crate) fn is_waiting(&self) -> bool {
         !self.queue.is_empty()
     }
 
     /// Turns what is ripe into lines and writes them.
-    pub fn turn(&mut self, now: Moment) -> Flushed {
+    pub(crate) fn turn(&mut self, now: Moment) -> Flushed {
         self.take_samples();
         while self
             .queue
@@ -152,7 +152,7 @@ impl<S: Store> EventLog<S> {
     }
 
     /// Turns everything into lines and writes them. A last attempt that fails loses what waits.
-    pub fn finish(&mut self, now: Moment) -> Flushed {
+    pub(crate) fn finish(&mut self, now: Moment) -> Flushed {
         self.take_samples();
         while self.release_one() {}
         self.lines.flush_at_once(now.monotonic_ns)
@@ -271,32 +271,32 @@ impl<S: Store> EventLog<S> {
     }
 
     /// Deadline misses so far by class.
-    pub const fn classes(&self) -> MissClasses {
+    pub(crate) const fn classes(&self) -> MissClasses {
         self.classes
     }
 
     /// Limits that were warned of so far, in sentences.
-    pub fn warned(&self) -> Vec<String> {
+    pub(crate) fn warned(&self) -> Vec<String> {
         self.warned.sentences(&self.specimens)
     }
 
     /// Lines made so far, lost ones included.
-    pub const fn taken(&self) -> u64 {
+    pub(crate) const fn taken(&self) -> u64 {
         self.taken
     }
 
     /// Lines that found no room.
-    pub const fn lost(&self) -> u64 {
+    pub(crate) const fn lost(&self) -> u64 {
         self.lost
     }
 
     /// Bytes written to the file.
-    pub const fn length(&self) -> u64 {
+    pub(crate) const fn length(&self) -> u64 {
         self.lines.length()
     }
 
     /// Lines that still wait for the file.
-    pub fn waiting(&self) -> u64 {
+    pub(crate) fn waiting(&self) -> u64 {
         self.lines.waiting_units()
     }
 }

@@ -55,7 +55,7 @@ impl Extent {
     ///
     /// # Errors
     /// The system refuses.
-    pub fn of(file: &File, written: u64) -> io::Result<Self> {
+    pub(crate) fn of(file: &File, written: u64) -> io::Result<Self> {
         let found = file.metadata()?;
         Ok(Self {
             device: found.dev(),
@@ -68,7 +68,7 @@ impl Extent {
 
     /// What can be seen of the file itself; where its name has gone cannot.
     #[must_use]
-    pub const fn meddled(&self) -> Option<Meddled> {
+    pub(crate) const fn meddled(&self) -> Option<Meddled> {
         let Self {
             length, written, ..
         } = *self;

@@ -44,7 +44,7 @@ pub(crate) struct JournalWriter<S> {
 impl<S: Store> JournalWriter<S> {
     /// A writer of rows of `columns` values into an empty store; `bound` bytes may wait for a failing store.
     #[must_use]
-    pub fn new(store: S, columns: usize, bound: usize) -> Self {
+    pub(crate) fn new(store: S, columns: usize, bound: usize) -> Self {
         let stride = stride(columns);
         let bound = bound.max(stride);
         Self {
@@ -54,7 +54,7 @@ impl<S: Store> JournalWriter<S> {
     }
 
     /// Takes one row; false if it is lost: too much waits for the store, or the length is wrong.
-    pub fn row(&mut self, sequence: u64, values: &[f64]) -> bool {
+    pub(crate) fn row(&mut self, sequence: u64, values: &[f64]) -> bool {
         stride(values.len()) == self.stride
             && self
                 .appender
@@ -62,7 +62,7 @@ impl<S: Store> JournalWriter<S> {
     }
 
     /// Writes the rows that wait, unless the store failed less than 100 ms ago.
-    pub fn flush(&mut self, now_ns: u64) -> Flushed {
+    pub(crate) fn flush(&mut self, now_ns: u64) -> Flushed {
         self.appender.flush(now_ns)
     }
 
@@ -73,25 +73,25 @@ impl<S: Store> JournalWriter<S> {
 
     /// Rows in the store.
     #[must_use]
-    pub fn rows(&self) -> u64 {
+    pub(crate) fn rows(&self) -> u64 {
         self.appender.length() / self.stride as u64
     }
 
     /// Bytes in the store.
     #[must_use]
-    pub const fn bytes(&self) -> u64 {
+    pub(crate) const fn bytes(&self) -> u64 {
         self.appender.length()
     }
 
     /// The file as it is, and what was written: see [`Appender::extent`].
     #[must_use]
-    pub fn extent(&self) -> Option<Extent> {
+    pub(crate) fn extent(&self) -> Option<Extent> {
         self.appender.extent()
     }
 
     /// Rows that wait for the store.
     #[must_use]
-    pub fn waiting(&self) -> u64 {
+    pub(crate) fn waiting(&self) -> u64 {
         self.appender.waiting_units()
     }
 

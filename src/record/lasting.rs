@@ -385,7 +385,7 @@ impl LastingRecord {
     ///
     /// # Errors
     /// It could not.
-    pub fn probe(&self) -> io::Result<()> {
+    pub(crate) fn probe(&self) -> io::Result<()> {
         self.check_plain()?;
         // Dropped without a commit it leaves nothing.
         let mut draft = atomic::AtomicFile::create(&self.file)?;

@@ -204,7 +204,7 @@ impl Layout {
 
 /// Bytes per record of `columns` columns.
 #[must_use]
-pub const fn stride(columns: usize) -> usize {
+pub(crate) const fn stride(columns: usize) -> usize {
     HEAD + 8 * columns + TAIL
 }
 

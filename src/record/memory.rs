@@ -25,13 +25,13 @@ impl MemoryRecorder {
 
     /// Number of rows.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.values.len().checked_div(self.columns).unwrap_or(0)
     }
 
     /// True before the first row.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
@@ -41,7 +41,7 @@ impl MemoryRecorder {
     }
 
     /// One column over all rows; empty if there is no such column.
-    pub fn column(&self, index: usize) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn column(&self, index: usize) -> impl Iterator<Item = f64> + '_ {
         self.rows().filter_map(move |row| row.get(index).copied())
     }
 

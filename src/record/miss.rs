@@ -103,7 +103,7 @@ const KEPT: usize = 512;
 
 impl SampleWindow {
     /// Adds a sample; one that is older than the newest is ignored.
-    pub fn push(&mut self, sample: SchedSample) {
+    pub(crate) fn push(&mut self, sample: SchedSample) {
         if self
             .samples
             .back()
@@ -119,7 +119,7 @@ impl SampleWindow {
 
     /// True if a sample at or after `clock_ns` is there.
     #[must_use]
-    pub fn reaches(&self, clock_ns: u64) -> bool {
+    pub(crate) fn reaches(&self, clock_ns: u64) -> bool {
         self.samples
             .back()
             .is_some_and(|last| last.clock_ns >= clock_ns)
@@ -128,7 +128,7 @@ impl SampleWindow {
     /// Growth from the last sample at or before `from_ns` to the first at or after `to_ns`; where there is none,
     /// from the oldest or to the newest. `None` without two different samples.
     #[must_use]
-    pub fn evidence(&self, from_ns: u64, to_ns: u64) -> Option<Evidence> {
+    pub(crate) fn evidence(&self, from_ns: u64, to_ns: u64) -> Option<Evidence> {
         let before = self.samples.iter().rev().find(|s| s.clock_ns <= from_ns);
         let before = before.or_else(|| self.samples.front())?;
         let after = self.samples.iter().find(|s| s.clock_ns >= to_ns);
@@ -165,7 +165,7 @@ pub struct MissClasses {
 
 impl MissClasses {
     /// Counts one miss.
-    pub const fn count(&mut self, cause: MissCause) {
+    pub(crate) const fn count(&mut self, cause: MissCause) {
         let class = match cause {
             MissCause::Preempted => &mut self.preempted,
             MissCause::TakenAway => &mut self.taken_away,

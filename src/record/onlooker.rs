@@ -52,16 +52,16 @@ pub trait Onlooker: Send {
 pub(super) struct Watched(Option<Box<dyn Onlooker>>);
 
 impl Watched {
-    pub fn by(onlooker: Option<Box<dyn Onlooker>>) -> Self {
+    pub(crate) fn by(onlooker: Option<Box<dyn Onlooker>>) -> Self {
         Self(onlooker)
     }
 
-    pub const fn is_watched(&self) -> bool {
+    pub(crate) const fn is_watched(&self) -> bool {
         self.0.is_some()
     }
 
     /// Lets it look; a note if that was the last time.
-    pub fn show(&mut self, look: impl FnOnce(&mut dyn Onlooker)) -> Option<Note> {
+    pub(crate) fn show(&mut self, look: impl FnOnce(&mut dyn Onlooker)) -> Option<Note> {
         let onlooker = self.0.as_deref_mut()?;
         if catch_unwind(AssertUnwindSafe(|| look(onlooker))).is_ok() {
             return None;

@@ -87,13 +87,13 @@ struct Counts {
 impl LostCounts {
     /// Rows lost so far.
     #[must_use]
-    pub fn rows(&self) -> u64 {
+    pub(crate) fn rows(&self) -> u64 {
         self.0.rows.load(Ordering::Relaxed)
     }
 
     /// Events lost so far.
     #[must_use]
-    pub fn events(&self) -> u64 {
+    pub(crate) fn events(&self) -> u64 {
         self.0.events.load(Ordering::Relaxed)
     }
 }
@@ -174,13 +174,13 @@ pub struct RingRecorder {
 impl RingRecorder {
     /// The counters of what was lost; keep a clone to read them after the run.
     #[must_use]
-    pub fn lost(&self) -> LostCounts {
+    pub(crate) fn lost(&self) -> LostCounts {
         self.lost.clone()
     }
 
     /// Rows offered so far, lost ones included.
     #[must_use]
-    pub const fn offered(&self) -> u64 {
+    pub(crate) const fn offered(&self) -> u64 {
         self.next
     }
 }
@@ -274,19 +274,19 @@ pub struct RingReader {
 impl RingReader {
     /// Values per row.
     #[must_use]
-    pub fn columns(&self) -> usize {
+    pub(crate) fn columns(&self) -> usize {
         self.framed.len() - 1
     }
 
     /// Whole rows that wait now.
     #[must_use]
-    pub fn waiting(&self) -> usize {
+    pub(crate) fn waiting(&self) -> usize {
         self.rows.slots() / self.framed.len()
     }
 
     /// Rows that the ring holds at most.
     #[must_use]
-    pub fn capacity(&self) -> usize {
+    pub(crate) fn capacity(&self) -> usize {
         self.rows.buffer().capacity() / self.framed.len()
     }
 
@@ -304,7 +304,7 @@ impl RingReader {
     }
 
     /// The oldest event.
-    pub fn event(&mut self) -> Option<TimedEvent> {
+    pub(crate) fn event(&mut self) -> Option<TimedEvent> {
         self.events.pop().ok()
     }
 
@@ -320,7 +320,7 @@ impl RingReader {
 
     /// The counters of what was lost.
     #[must_use]
-    pub fn lost(&self) -> LostCounts {
+    pub(crate) fn lost(&self) -> LostCounts {
         self.lost.clone()
     }
 }

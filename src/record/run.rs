@@ -315,7 +315,7 @@ pub struct EventLines {
 impl EventLines {
     /// There is a file of them: every run has one from its beginning on.
     #[must_use]
-    pub const fn is_there(&self) -> bool {
+    pub(crate) const fn is_there(&self) -> bool {
         self.lines.is_some()
     }
 

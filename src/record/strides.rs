@@ -27,7 +27,7 @@ pub(super) struct Strides<R> {
 
 impl<R: Read> Strides<R> {
     /// Of records of `stride` bytes, at least one. No need to buffer `source`.
-    pub fn new(source: R, stride: usize) -> Self {
+    pub(crate) fn new(source: R, stride: usize) -> Self {
         let stride = stride.max(1);
         Self {
             source,
@@ -39,7 +39,7 @@ impl<R: Read> Strides<R> {
     }
 
     /// The next record, or the end; asked again, the source may have more.
-    pub fn next(&mut self) -> io::Result<Next<'_>> {
+    pub(crate) fn next(&mut self) -> io::Result<Next<'_>> {
         if self.filled - self.start < self.stride {
             self.refill()?;
         }

@@ -69,7 +69,7 @@ fn numbers(text: &str, between: char) -> Option<[u64; 3]> {
 
 /// For file names: `20260301-120000`.
 #[must_use]
-pub fn stamp(utc_ns: u64) -> String {
+pub(crate) fn stamp(utc_ns: u64) -> String {
     let (year, month, day, hour, minute, second, _) = civil(utc_ns);
     format!("{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}")
 }

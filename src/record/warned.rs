@@ -25,7 +25,7 @@ struct Passed {
 
 impl Warned {
     /// Counts a warning; everything else is none of its business.
-    pub fn count(&mut self, line: &EventLine) {
+    pub(crate) fn count(&mut self, line: &EventLine) {
         let reached = match &line.event {
             Event::LimitWarning(reached) => reached,
             Event::InitialForce { .. } => {
@@ -83,7 +83,7 @@ impl Warned {
     }
 
     /// In sentences; `specimens` are their names.
-    pub fn sentences(&self, specimens: &[String]) -> Vec<String> {
+    pub(crate) fn sentences(&self, specimens: &[String]) -> Vec<String> {
         let sentence = |passed: &Passed| {
             let Passed {
                 of,

@@ -26,29 +26,29 @@ pub(super) struct Hold(File);
 impl Hold {
     /// # Errors
     /// The system refuses.
-    pub fn on(folder: &Path) -> io::Result<Self> {
+    pub(crate) fn on(folder: &Path) -> io::Result<Self> {
         File::open(folder).map(Self)
     }
 
     /// Tells who asks with [`is_claimed`] until this is released or dropped, and keeps nobody out.
-    pub fn claim(&self) {
+    pub(crate) fn claim(&self) {
         // A file system without locks tells less, and is no reason not to record there.
         let _who_asks_is_not_told = self.0.try_lock();
     }
 
     /// Takes the claim back.
-    pub fn release(&self) {
+    pub(crate) fn release(&self) {
         let _there_may_be_none = self.0.unlock();
     }
 
     /// True if it is the folder that is found at `place`.
-    pub fn is_at(&self, place: &Path) -> bool {
+    pub(crate) fn is_at(&self, place: &Path) -> bool {
         let found = fs::metadata(place).and_then(|found| Ok((found, self.0.metadata()?)));
         found.is_ok_and(|(found, held)| is_same_file(&found, &held))
     }
 
     /// What became of the folder that was at `path`.
-    pub fn find(&self, path: &Path) -> Whereabouts {
+    pub(crate) fn find(&self, path: &Path) -> Whereabouts {
         if self.is_at(path) {
             return Whereabouts::There;
         }

@@ -227,7 +227,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    pub fn of(control: &Control) -> Self {
+    pub(crate) fn of(control: &Control) -> Self {
         Self {
             requests: control.requests.clone(),
             desk: control.desk.clone(),

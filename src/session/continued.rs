@@ -249,7 +249,7 @@ pub(super) struct Word {
 
 impl Word {
     /// Says that the test of these files goes on in `folder`, where that is one with specimens that are not made anew.
-    pub fn say(files: &Files, ports: &[Port], folder: &Path) -> Result<Self, Unsaid> {
+    pub(crate) fn say(files: &Files, ports: &[Port], folder: &Path) -> Result<Self, Unsaid> {
         let origin = files.origin.as_deref().map(serde_json::from_str::<Origin>);
         let Some(Ok(origin)) = origin.filter(|_| !ports.iter().all(Port::is_formula)) else {
             return Ok(Self::default());
@@ -309,12 +309,12 @@ impl Word {
     }
 
     /// Nothing has moved.
-    pub fn take_back(self) {
+    pub(crate) fn take_back(self) {
         let _what_is_not_taken_back_names_a_folder_that_is_gone = self.end_as(Way::None);
     }
 
     /// The test is over, and recorded in its folder as far as it came, if that is still there.
-    pub fn end(self, folder: &RunFolder) -> Result<(), FolderError> {
+    pub(crate) fn end(self, folder: &RunFolder) -> Result<(), FolderError> {
         let is_there = folder.is_there();
         let way = is_there.then(|| way_of(folder.path(), self.after));
         self.end_as(way.unwrap_or(Way::Unknown))

@@ -126,7 +126,11 @@ impl Desk {
     ///
     /// # Errors
     /// The system gives no socket or no thread.
-    pub fn open(folder: &Path, requests: Sender<Operator>, phase: PhaseCell) -> io::Result<Self> {
+    pub(crate) fn open(
+        folder: &Path,
+        requests: Sender<Operator>,
+        phase: PhaseCell,
+    ) -> io::Result<Self> {
         let socket = ControlSocket::bind(folder, SOCKET)?;
         Self::on(socket, requests, phase)
     }

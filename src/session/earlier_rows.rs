@@ -31,7 +31,7 @@ pub(super) struct EarlierRows {
 
 impl EarlierRows {
     /// For a recording with this layout; none if it has the column.
-    pub fn of(layout: &Layout, steps: u64) -> Option<Self> {
+    pub(crate) fn of(layout: &Layout, steps: u64) -> Option<Self> {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let is_earlier = layout.index_of("operator").is_none();
         is_earlier.then(|| Self {
@@ -43,7 +43,7 @@ impl EarlierRows {
     }
 
     /// Value that the column `operator` of the next row would have. `before`: state and step of the row before it.
-    pub fn commands(&mut self, before: Option<(f64, f64)>, row: &[f64]) -> OperatorCommands {
+    pub(crate) fn commands(&mut self, before: Option<(f64, f64)>, row: &[f64]) -> OperatorCommands {
         let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let (state, hold) = (at(self.state), at(self.hold));
         let stop_if = |is_stop: bool| {

@@ -96,7 +96,7 @@ pub(super) struct Origin {
 
 impl Origin {
     /// That of a run; none if it began at its beginning.
-    pub fn of(folder: &Path) -> Result<Option<Self>, ReplayError> {
+    pub(crate) fn of(folder: &Path) -> Result<Option<Self>, ReplayError> {
         let path = folder.join(ORIGIN);
         if !path.exists() {
             return Ok(None);
@@ -148,7 +148,7 @@ impl Origin {
     }
 
     /// Where one axis was left.
-    pub fn axis(&self, port: usize, axis: usize) -> Option<Kept> {
+    pub(crate) fn axis(&self, port: usize, axis: usize) -> Option<Kept> {
         let values = self.left.get(port)?.get(axis)?;
         Some(kept(
             values,
@@ -166,7 +166,7 @@ impl Origin {
     }
 
     /// Keeps where the axes of each specimen were left.
-    pub fn keep(&mut self, left: &[Vec<Kept>]) {
+    pub(crate) fn keep(&mut self, left: &[Vec<Kept>]) {
         let words = |axis: &Kept| {
             let Place {
                 disp,
@@ -194,12 +194,12 @@ impl Origin {
     }
 
     /// True if the user has accepted that a specimen changed since the interruption.
-    pub fn accepts_changed(&self) -> bool {
+    pub(crate) fn accepts_changed(&self) -> bool {
         self.accepted_changed.is_some()
     }
 
     /// Specimens behind links stand where they were left, wherever the interrupted test was when it was retraced.
-    pub fn put(&self, ports: &mut [Port]) {
+    pub(crate) fn put(&self, ports: &mut [Port]) {
         for (port, axes) in ports.iter_mut().zip(&self.left) {
             if port.is_remote() {
                 let commands: Vec<f64> = axes.iter().map(|axis| number(&axis[0])).collect();
@@ -209,7 +209,7 @@ impl Origin {
     }
 
     /// Where they were left.
-    pub fn places(&self) -> Vec<Vec<Place>> {
+    pub(crate) fn places(&self) -> Vec<Vec<Place>> {
         let specimen = |(port, axes): (usize, &Vec<[String; 4]>)| {
             let each = axes.iter().enumerate();
             each.map(|(axis, values)| {
@@ -266,7 +266,7 @@ pub(super) struct Lineage {
 
 impl Lineage {
     /// From the run in `folder`.
-    pub fn of(folder: &Path) -> Self {
+    pub(crate) fn of(folder: &Path) -> Self {
         Self {
             next: Some(folder.to_owned()),
             seen: vec![itself(folder)],

@@ -31,7 +31,7 @@ pub(super) struct Ready {
 }
 
 /// Writes what is known before the test, asks for real-time conditions and starts the threads.
-pub(super) fn prepare(
+pub fn prepare(
     experiment: Experiment,
     facts: &Facts,
     files: &Files,

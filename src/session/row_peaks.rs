@@ -83,7 +83,7 @@ pub(super) struct RowPeaks {
 
 impl RowPeaks {
     /// Folds the rows of the test and the row that ended it. A stale measurement was not taken in its tick.
-    pub fn of_test(run: &Run, specimens: usize) -> Self {
+    pub(crate) fn of_test(run: &Run, specimens: usize) -> Self {
         let layout = run.layout();
         let at = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let forces = |number: usize| {
@@ -113,7 +113,7 @@ impl RowPeaks {
     }
 
     /// Takes the next row; its magnitudes count only if `counts`.
-    pub fn take(&mut self, row: &[f64], counts: bool) {
+    pub(crate) fn take(&mut self, row: &[f64], counts: bool) {
         let value = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let state = value(self.state);
         if !Part::Trip.has(state) {
@@ -138,7 +138,7 @@ impl RowPeaks {
     }
 
     /// The peaks, with the names of the specimens.
-    pub fn finish(self, names: impl Iterator<Item = String>) -> Peak {
+    pub(crate) fn finish(self, names: impl Iterator<Item = String>) -> Peak {
         let [displacement, velocity, acceleration] = self.peaks;
         Peak {
             displacement,

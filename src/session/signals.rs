@@ -68,7 +68,7 @@ impl Taken {
     ///
     /// # Errors
     /// The system gives no handler.
-    pub fn over() -> io::Result<Self> {
+    pub(crate) fn over() -> io::Result<Self> {
         os::ignore_stops_of_the_terminal();
         let interrupting = INTERRUPTING.map(|kind| (Signal::Interrupt, kind));
         let terminating = terminating().map(|kind| (Signal::Terminate, kind));
@@ -83,7 +83,7 @@ impl Taken {
     }
 
     /// The next of them.
-    pub async fn next(&mut self) -> Signal {
+    pub(crate) async fn next(&mut self) -> Signal {
         poll_fn(|context| {
             while let Poll::Ready(Some(())) = self.continued.poll_recv(context) {
                 count_continuation();

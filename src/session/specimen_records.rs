@@ -125,7 +125,7 @@ impl SpecimenRecords {
 impl HeldRecords {
     /// The loop has ended. A place is forgotten after a regular end, and where the last command is the place where the specimen
     /// began; else it stays, with the last command. Returns the records that could not be written, in words.
-    pub fn end(self, ended: &Ended) -> Vec<String> {
+    pub(crate) fn end(self, ended: &Ended) -> Vec<String> {
         let mut unwritten = Vec::new();
         for HeldRecord {
             port,

@@ -60,7 +60,7 @@ pub(super) struct Recording {
 
 impl Recording {
     /// Of a run folder.
-    pub fn of(run: &Run) -> Result<Self, ReplayError> {
+    pub(crate) fn of(run: &Run) -> Result<Self, ReplayError> {
         let path = run.path().join("samples.bin");
         let samples = match File::open(&path) {
             Ok(samples) => Box::new(samples),
@@ -125,7 +125,7 @@ pub(super) struct Tape {
 impl Tape {
     /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line. The loop begins with the first of
     /// `rows`: what comes before it is passed over, and need not be complete but for the row right before it.
-    pub fn new(
+    pub(crate) fn new(
         recording: Recording,
         layout: &Layout,
         experiment: &Experiment,
@@ -186,12 +186,12 @@ impl Tape {
     }
 
     /// How the recording ends, as far as it was read.
-    pub const fn end(&self) -> Option<gusset_record::End> {
+    pub(crate) const fn end(&self) -> Option<gusset_record::End> {
         self.journal.end()
     }
 
     /// True if nothing is left to feed.
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         let Some(next) = self.next() else {
             return true;
         };
@@ -215,7 +215,7 @@ impl Tape {
     }
 
     /// The row that comes.
-    pub fn next(&self) -> Option<&Vec<f64>> {
+    pub(crate) fn next(&self) -> Option<&Vec<f64>> {
         (!self.coming.is_empty()).then_some(&self.coming)
     }
 

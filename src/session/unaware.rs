@@ -18,7 +18,7 @@ impl<'a> Unaware<'a> {
     ///
     /// # Errors
     /// As [`setup::estimates`].
-    pub fn of(loaded: &'a Loaded, lambda: Option<f64>) -> Result<Self, ConfigError> {
+    pub(crate) fn of(loaded: &'a Loaded, lambda: Option<f64>) -> Result<Self, ConfigError> {
         Ok(Self {
             loaded,
             estimates: setup::estimates(loaded)?,
@@ -28,7 +28,7 @@ impl<'a> Unaware<'a> {
 
     /// A trial with the estimates of this controller.
     #[must_use]
-    pub fn trial(&self, trial: Trial) -> Trial {
+    pub(crate) fn trial(&self, trial: Trial) -> Trial {
         Trial {
             believed: self.estimates.clone(),
             ..trial
@@ -39,7 +39,7 @@ impl<'a> Unaware<'a> {
     ///
     /// # Errors
     /// The test cannot have these numbers.
-    pub fn with(&self, sets: &[String]) -> Result<Loaded, ConfigError> {
+    pub(crate) fn with(&self, sets: &[String]) -> Result<Loaded, ConfigError> {
         let mut drawn = self.loaded.varied(sets)?;
         if let Some(lambda) = self.lambda {
             drawn.file.integrator.lambda = if lambda == f64::INFINITY {

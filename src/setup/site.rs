@@ -25,7 +25,7 @@ pub(super) struct Site<'a> {
 pub(super) struct Refused;
 
 impl<'a> Site<'a> {
-    pub fn new(
+    pub(crate) fn new(
         loaded: &'a Loaded,
         trial: Option<&'a Trial>,
         dial: Option<&'a mut Dial<'a>>,
@@ -44,7 +44,7 @@ impl<'a> Site<'a> {
 }
 
 impl Site<'_> {
-    pub fn refuse<T>(&mut self, finding: Finding) -> Result<T, Refused> {
+    pub(crate) fn refuse<T>(&mut self, finding: Finding) -> Result<T, Refused> {
         self.errors.push(finding);
         Err(Refused)
     }
@@ -61,7 +61,7 @@ impl Site<'_> {
     }
 
     /// The bytes of an input, or a finding at the key that names it.
-    pub fn read(&mut self, at: KeyPath, requested: &str) -> Result<Vec<u8>, Refused> {
+    pub(crate) fn read(&mut self, at: KeyPath, requested: &str) -> Result<Vec<u8>, Refused> {
         match self.inputs.read(requested) {
             Ok(bytes) => Ok(bytes.to_vec()),
             Err(error) => {

@@ -110,13 +110,13 @@ impl RunView {
 
     /// True of a run on the simulated clock.
     #[must_use]
-    pub fn is_simulated(&self) -> bool {
+    pub(crate) fn is_simulated(&self) -> bool {
         self.summary.as_ref().is_some_and(SummaryView::is_simulated)
     }
 
     /// True of a server's record of what its controller commanded.
     #[must_use]
-    pub fn is_served(&self) -> bool {
+    pub(crate) fn is_served(&self) -> bool {
         let role = self.summary.as_ref().map(|summary| &summary.realtime.role);
         role.is_some_and(Option::is_some)
     }

@@ -145,13 +145,13 @@ pub struct SummaryView {
 impl SummaryView {
     /// How the run ended, if this version knows the word.
     #[must_use]
-    pub fn ending(&self) -> Option<Status> {
+    pub(crate) fn ending(&self) -> Option<Status> {
         Status::of_word(self.status.as_deref()?)
     }
 
     /// True on the simulated clock.
     #[must_use]
-    pub fn is_simulated(&self) -> bool {
+    pub(crate) fn is_simulated(&self) -> bool {
         self.clock == Some(ClockKind::Simulated)
     }
 }

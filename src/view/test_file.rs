@@ -118,7 +118,7 @@ pub struct Structure {
 impl Structure {
     /// Name of its kind and its table.
     #[must_use]
-    pub fn kind(&self) -> Option<(&'static str, &Matrices)> {
+    pub(crate) fn kind(&self) -> Option<(&'static str, &Matrices)> {
         let kinds = [
             ("shear building", &self.shear_building),
             ("matrices", &self.matrices),
@@ -324,7 +324,7 @@ impl TestFile {
 
     /// The clock that was asked for.
     #[must_use]
-    pub fn clock(&self) -> Option<&str> {
+    pub(crate) fn clock(&self) -> Option<&str> {
         self.time.clock.as_deref()
     }
 
@@ -347,7 +347,7 @@ impl TestFile {
 
     /// Specimen with a number from 1.
     #[must_use]
-    pub fn specimen(&self, number: u32) -> Option<&SpecimenTable> {
+    pub(crate) fn specimen(&self, number: u32) -> Option<&SpecimenTable> {
         self.specimen.get(number.checked_sub(1)? as usize)
     }
 

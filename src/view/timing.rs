@@ -45,7 +45,7 @@ pub struct TimingEntry {
 impl TimingEntry {
     /// Count and percentiles; of nothing that was counted only the count.
     #[must_use]
-    pub fn percentiles(&self) -> Percentiles {
+    pub(crate) fn percentiles(&self) -> Percentiles {
         match self.count {
             0 => Percentiles::default(),
             count => Percentiles {

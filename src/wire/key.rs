@@ -94,7 +94,7 @@ impl SessionKey {
 
     /// True if `mac` signs `bytes`; takes the same time whatever the answer. Real-time: yes.
     #[must_use]
-    pub fn verify(&self, bytes: &[u8], mac: &[u8; MAC_LEN]) -> bool {
+    pub(crate) fn verify(&self, bytes: &[u8], mac: &[u8; MAC_LEN]) -> bool {
         same(&self.mac(bytes), mac)
     }
 

@@ -40,7 +40,7 @@ pub(super) struct Bounded {
 
 impl Bounded {
     /// Defaults for bounds and rates are those given with each coefficient.
-    pub fn new(
+    pub(crate) fn new(
         start: Vec<f64>,
         default_bounds: Vec<(f64, f64)>,
         lower: Option<&[f64]>,
@@ -96,7 +96,7 @@ impl Bounded {
     }
 
     /// Σ a_j d_j. Real-time: yes.
-    pub fn times(&self, derivatives: [f64; 4]) -> f64 {
+    pub(crate) fn times(&self, derivatives: [f64; 4]) -> f64 {
         let mut sum = 0.0;
         for (a, d) in self.values.iter().zip(derivatives) {
             sum += a * d;
@@ -105,7 +105,7 @@ impl Bounded {
     }
 
     /// Goes towards `goal`. What is not a number moves nothing. Real-time: yes.
-    pub fn approach(&mut self, goal: &[f64]) {
+    pub(crate) fn approach(&mut self, goal: &[f64]) {
         if !goal.iter().all(|goal| goal.is_finite()) {
             return;
         }
@@ -144,11 +144,11 @@ impl Bounded {
         }
     }
 
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.values.copy_from_slice(&self.start);
     }
 
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(&mut self.values);
     }
 }
@@ -162,7 +162,7 @@ pub(super) struct Regressors {
 }
 
 impl Regressors {
-    pub fn new(filter_hz: f64, dt: f64) -> Result<Self, CompensationError> {
+    pub(crate) fn new(filter_hz: f64, dt: f64) -> Result<Self, CompensationError> {
         positive("filter_hz", filter_hz)?;
         let below = filter_hz * dt < 0.5;
         inside(
@@ -179,24 +179,24 @@ impl Regressors {
     }
 
     /// Filtered command, and filtered measurement with its derivatives. Real-time: yes.
-    pub fn push(&mut self, command: f64, measured: f64) -> (f64, [f64; 4]) {
+    pub(crate) fn push(&mut self, command: f64, measured: f64) -> (f64, [f64; 4]) {
         let command = self.command.push(command);
         let measured = self.measured.push(measured);
         (command, self.derivatives.push(measured))
     }
 
     /// Ticks after which nothing is left of a pair: the filters', and the differences of what they give.
-    pub const fn memory(&self) -> u32 {
+    pub(crate) const fn memory(&self) -> u32 {
         self.measured.memory().saturating_add(3)
     }
 
-    pub fn reset(&mut self, disp: f64) {
+    pub(crate) fn reset(&mut self, disp: f64) {
         self.command.reset(disp);
         self.measured.reset(disp);
         self.derivatives.reset(disp);
     }
 
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.command.visit_state(visit);
         self.measured.visit_state(visit);
         self.derivatives.visit_state(visit);

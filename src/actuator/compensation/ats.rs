@@ -93,7 +93,7 @@ pub(super) struct Ats {
 impl AtsSpec {
     /// With the usual window, filter and bounds.
     #[must_use]
-    pub fn usual(delay_s: f64) -> Self {
+    pub(crate) fn usual(delay_s: f64) -> Self {
         Self {
             order: two(),
             delay_s: Some(delay_s),

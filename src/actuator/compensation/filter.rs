@@ -28,7 +28,7 @@ struct Section {
 
 impl LowPass {
     /// `corner` in Hz below half the rate of ticks, `dt` in s.
-    pub fn new(corner: f64, dt: f64) -> Self {
+    pub(crate) fn new(corner: f64, dt: f64) -> Self {
         let warped = libm::tan(PI * corner * dt);
         let section = |pole: f64| {
             let damping = 2.0 * libm::cos(pole);
@@ -51,12 +51,12 @@ impl LowPass {
     }
 
     /// Ticks after which nothing is left of an input.
-    pub const fn memory(&self) -> u32 {
+    pub(crate) const fn memory(&self) -> u32 {
         self.memory
     }
 
     /// Real-time: yes.
-    pub fn push(&mut self, value: f64) -> f64 {
+    pub(crate) fn push(&mut self, value: f64) -> f64 {
         let mut value = value;
         for s in &mut self.sections {
             let out = s.b * (value + 2.0 * s.x[0] + s.x[1]) - s.a1 * s.y[0] - s.a2 * s.y[1];
@@ -68,13 +68,13 @@ impl LowPass {
     }
 
     /// It has always been `value`.
-    pub fn reset(&mut self, value: f64) {
+    pub(crate) fn reset(&mut self, value: f64) {
         for s in &mut self.sections {
             (s.x, s.y) = ([value; 2], [value; 2]);
         }
     }
 
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         for section in &mut self.sections {
             visit.numbers(&mut section.x);
             visit.numbers(&mut section.y);
@@ -90,7 +90,7 @@ pub(super) struct Differences {
 }
 
 impl Differences {
-    pub fn new(dt: f64) -> Self {
+    pub(crate) fn new(dt: f64) -> Self {
         Self {
             past: [0.0; 3],
             per_dt: 1.0 / dt,
@@ -98,7 +98,7 @@ impl Differences {
     }
 
     /// The value and its three derivatives. Real-time: yes.
-    pub fn push(&mut self, value: f64) -> [f64; 4] {
+    pub(crate) fn push(&mut self, value: f64) -> [f64; 4] {
         let [a, b, c] = self.past;
         self.past = [value, a, b];
         let r = self.per_dt;
@@ -108,15 +108,15 @@ impl Differences {
     }
 
     /// The last value was another.
-    pub fn amend(&mut self, value: f64) {
+    pub(crate) fn amend(&mut self, value: f64) {
         self.past[0] = value;
     }
 
-    pub fn reset(&mut self, value: f64) {
+    pub(crate) fn reset(&mut self, value: f64) {
         self.past = [value; 3];
     }
 
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(&mut self.past);
     }
 }
@@ -129,14 +129,14 @@ pub(super) struct History {
 }
 
 impl History {
-    pub fn new(entries: usize) -> Self {
+    pub(crate) fn new(entries: usize) -> Self {
         Self {
             ring: vec![0.0; entries.max(1)],
             newest: 0,
         }
     }
 
-    pub fn push(&mut self, value: f64) {
+    pub(crate) fn push(&mut self, value: f64) {
         self.newest = (self.newest + 1) % self.ring.len();
         if let Some(entry) = self.ring.get_mut(self.newest) {
             *entry = value;
@@ -144,21 +144,21 @@ impl History {
     }
 
     /// The last value was another.
-    pub fn amend(&mut self, value: f64) {
+    pub(crate) fn amend(&mut self, value: f64) {
         if let Some(entry) = self.ring.get_mut(self.newest) {
             *entry = value;
         }
     }
 
     /// The value `back` pushes ago; beyond the history the oldest.
-    pub fn back(&self, back: usize) -> f64 {
+    pub(crate) fn back(&self, back: usize) -> f64 {
         let n = self.ring.len();
         let at = (self.newest + n - back.min(n - 1)) % n;
         self.ring.get(at).copied().unwrap_or(0.0)
     }
 
     /// The value so many pushes ago, on the straight line between two of them.
-    pub fn between(&self, back: f64) -> f64 {
+    pub(crate) fn between(&self, back: f64) -> f64 {
         let whole = back.floor();
         let share = back - whole;
         let newer = self.back(whole as usize);
@@ -168,11 +168,11 @@ impl History {
         newer + share * (self.back(whole as usize + 1) - newer)
     }
 
-    pub fn reset(&mut self, value: f64) {
+    pub(crate) fn reset(&mut self, value: f64) {
         self.ring.fill(value);
     }
 
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.index(&mut self.newest, self.ring.len());
         visit.numbers(&mut self.ring);
     }

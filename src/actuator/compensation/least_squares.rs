@@ -41,7 +41,7 @@ pub(super) struct Window {
 }
 
 impl Window {
-    pub fn new(rows: usize) -> Self {
+    pub(crate) fn new(rows: usize) -> Self {
         Self {
             rows: vec![[0.0; MOST + 1]; rows.max(1)],
             next: 0,
@@ -51,7 +51,7 @@ impl Window {
         }
     }
 
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.next = 0;
         self.full = false;
         self.sums = Sums::default();
@@ -59,7 +59,7 @@ impl Window {
     }
 
     /// Real-time: yes.
-    pub fn push(&mut self, phi: [f64; MOST], u: f64) {
+    pub(crate) fn push(&mut self, phi: [f64; MOST], u: f64) {
         let row = [phi[0], phi[1], phi[2], phi[3], u];
         if let Some(place) = self.rows.get_mut(self.next) {
             if self.full {
@@ -79,7 +79,7 @@ impl Window {
     }
 
     /// Mean of φ₀² over a whole window; 0 before the first.
-    pub fn mean_square(&self) -> f64 {
+    pub(crate) fn mean_square(&self) -> f64 {
         if self.full {
             self.sums.matrix[0][0] / self.rows.len() as f64
         } else {
@@ -89,7 +89,7 @@ impl Window {
 
     /// The first `n` coefficients that fit best, drawn a little towards `present`; `None` where nothing is to be fitted.
     /// Real-time: yes.
-    pub fn solve(&self, n: usize, present: &[f64]) -> Option<[f64; MOST]> {
+    pub(crate) fn solve(&self, n: usize, present: &[f64]) -> Option<[f64; MOST]> {
         let mut size = [1.0; MOST];
         for (i, size) in size.iter_mut().enumerate().take(n) {
             *size = self.sums.matrix[i][i].sqrt();
@@ -136,7 +136,7 @@ impl Window {
         Some(x)
     }
 
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.index(&mut self.next, self.rows.len());
         visit.flag(&mut self.full);
         for sums in [&mut self.sums, &mut self.fresh] {

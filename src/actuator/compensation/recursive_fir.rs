@@ -87,7 +87,7 @@ pub(super) struct RecursiveFir {
 impl RecursiveFirSpec {
     /// With the usual filter and bounds.
     #[must_use]
-    pub fn usual(delay_s: f64) -> Self {
+    pub(crate) fn usual(delay_s: f64) -> Self {
         Self {
             delay_s,
             spacing_s: None,

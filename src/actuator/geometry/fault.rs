@@ -74,7 +74,7 @@ impl Fault {
     }
 
     /// The pose: its driven coordinates with their values.
-    pub fn pose(&self) -> impl Iterator<Item = (Coordinate, f64)> + '_ {
+    pub(crate) fn pose(&self) -> impl Iterator<Item = (Coordinate, f64)> + '_ {
         let named = self.coordinates.iter().zip(&self.pose);
         named.filter_map(|(coordinate, value)| coordinate.map(|named| (named, *value)))
     }

@@ -242,7 +242,7 @@ impl Geometry {
     ///
     /// # Errors
     /// None that the exact geometry has not: the reference pose is the same.
-    pub fn small(&self) -> Result<Self, Fault> {
+    pub(crate) fn small(&self) -> Result<Self, Fault> {
         Self::linear(
             &self.reference.jacobian[..self.actuators],
             self.coordinates.clone(),

@@ -52,19 +52,19 @@ impl Factor {
         self.least >= LEAST
     }
 
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(self.lower.as_flattened_mut());
         visit.numbers(&mut self.inverse);
         visit.number(&mut self.least);
     }
 
     /// Smallest pivot over the largest diagonal.
-    pub const fn least(&self) -> f64 {
+    pub(crate) const fn least(&self) -> f64 {
         self.least
     }
 
     /// x in place of b. Real-time: yes.
-    pub fn solve(&self, b: &mut Six, columns: usize) {
+    pub(crate) fn solve(&self, b: &mut Six, columns: usize) {
         let n = columns.min(MOST);
         for i in 1..n {
             for j in 0..i {

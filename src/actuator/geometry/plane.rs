@@ -11,7 +11,7 @@ pub(super) struct Turn {
 
 impl Turn {
     /// By `angle` in rad. Real-time: yes.
-    pub fn new(angle: f64) -> Self {
+    pub(crate) fn new(angle: f64) -> Self {
         let (s, c) = libm::sincos(0.5 * angle);
         Self {
             sine: 2.0 * s * c,
@@ -32,7 +32,7 @@ pub(super) struct PlaneArm {
 
 impl PlaneArm {
     /// Between these pins, in m from the control point at the reference pose.
-    pub fn new(base: [f64; 2], joint: [f64; 2]) -> Self {
+    pub(crate) fn new(base: [f64; 2], joint: [f64; 2]) -> Self {
         let span = [joint[0] - base[0], joint[1] - base[1]];
         Self {
             joint,
@@ -42,12 +42,12 @@ impl PlaneArm {
     }
 
     /// Pin to pin at the reference pose.
-    pub const fn length(&self) -> f64 {
+    pub(crate) const fn length(&self) -> f64 {
         self.length
     }
 
     /// Stroke at a full pose, and its derivatives by all coordinates; none where the pins meet. Real-time: yes.
-    pub fn at(&self, pose: &Six, turn: &Turn) -> Option<(f64, Six)> {
+    pub(crate) fn at(&self, pose: &Six, turn: &Turn) -> Option<(f64, Six)> {
         let [ax, ay] = self.joint;
         let (sine, versine) = (turn.sine, turn.versine);
         // How far the pin moves: p + (R − I) a.

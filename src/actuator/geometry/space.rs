@@ -27,7 +27,7 @@ pub(super) struct Turn {
 
 impl Turn {
     /// By this vector, rad. Real-time: yes.
-    pub fn new(vector: Vector) -> Self {
+    pub(crate) fn new(vector: Vector) -> Self {
         let square = dot(vector, vector);
         let (a, b, c, d) = if square < SMALL {
             let q = square;
@@ -60,7 +60,7 @@ pub(super) struct SpaceArm {
 
 impl SpaceArm {
     /// Between these pins, in m from the control point at the reference pose.
-    pub fn new(base: Vector, joint: Vector) -> Self {
+    pub(crate) fn new(base: Vector, joint: Vector) -> Self {
         let span = [joint[0] - base[0], joint[1] - base[1], joint[2] - base[2]];
         Self {
             joint,
@@ -70,12 +70,12 @@ impl SpaceArm {
     }
 
     /// Pin to pin at the reference pose.
-    pub const fn length(&self) -> f64 {
+    pub(crate) const fn length(&self) -> f64 {
         self.length
     }
 
     /// Stroke at a full pose, and its derivatives by all coordinates; none where the pins meet. Real-time: yes.
-    pub fn at(&self, pose: &Six, turn: &Turn) -> Option<(f64, Six)> {
+    pub(crate) fn at(&self, pose: &Six, turn: &Turn) -> Option<(f64, Six)> {
         let r = turn.vector;
         let once = cross(r, self.joint);
         let twice = cross(r, once);

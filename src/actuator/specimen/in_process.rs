@@ -70,7 +70,7 @@ impl<S: Specimen> InProcess<S> {
 
     /// The specimen, for its reference, tangents and bounds.
     #[must_use]
-    pub fn specimen(&self) -> &S {
+    pub(crate) fn specimen(&self) -> &S {
         &self.specimen
     }
 

@@ -18,7 +18,7 @@ pub struct InUnits<S: Specimen> {
 impl<S: Specimen> InUnits<S> {
     /// `units` holds, for each axis, metres per displacement unit and newtons per force unit; missing axes are in SI.
     #[must_use]
-    pub fn new(specimen: S, units: &[(f64, f64)]) -> Self {
+    pub(crate) fn new(specimen: S, units: &[(f64, f64)]) -> Self {
         let n = specimen.axes();
         let mut units = units.to_vec();
         units.resize(n, (1.0, 1.0));

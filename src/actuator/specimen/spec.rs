@@ -47,7 +47,7 @@ impl SpecimenLaw {
     ///
     /// # Errors
     /// More than one of them is given.
-    pub fn one_of(
+    pub(crate) fn one_of(
         law: Option<LawSpec>,
         laws: Option<Vec<LawSpec>>,
         coupled: Option<CoupledSpec>,

@@ -67,7 +67,7 @@ pub(super) struct Axis {
 
 impl Axis {
     /// `stiffness` and `damping` are the specimen's own estimates, for what feels the specimen.
-    pub fn new(
+    pub(crate) fn new(
         delay: Delay,
         actuator: Option<&ActuatorSpec>,
         bounds: Bounds,
@@ -111,13 +111,13 @@ impl Axis {
         self.primed
     }
 
-    pub const fn force_limit(&self) -> f64 {
+    pub(crate) const fn force_limit(&self) -> f64 {
         self.bounds.force
     }
 
     /// The actuator stands at rest where `disp` takes it, as if it had always been commanded. `force` is the specimen's at
     /// the place that [`Axis::rest`] gave.
-    pub fn prime(&mut self, disp: f64, force: f64) {
+    pub(crate) fn prime(&mut self, disp: f64, force: f64) {
         self.delay.prime(disp);
         let mut state = State {
             drive: disp,
@@ -133,7 +133,7 @@ impl Axis {
     }
 
     /// Where a command held for ever takes the specimen if it resists with `force` there.
-    pub fn rest(&self, disp: f64, force: f64) -> f64 {
+    pub(crate) fn rest(&self, disp: f64, force: f64) -> f64 {
         let rest = match &self.dynamics {
             Dynamics::Direct(gain) => gain * disp,
             Dynamics::First(spec, _) => spec.gain * disp,
@@ -148,7 +148,7 @@ impl Axis {
     }
 
     /// One tick of `dt` seconds to a command, from the committed state. Real-time: yes; a new `dt` costs an exponential.
-    pub fn go(&mut self, disp: f64, vel: f64, dt: f64) {
+    pub(crate) fn go(&mut self, disp: f64, vel: f64, dt: f64) {
         if dt > 0.0 && dt != self.dt {
             self.dt = dt;
             self.dynamics.lay_out(dt);
@@ -201,7 +201,7 @@ impl Axis {
 
     /// The specimen resists with `force` where [`Axis::go`] took it: zero if that is what was expected; else the share of it that
     /// was not, and it stands elsewhere now. Real-time: yes.
-    pub fn correct(&mut self, force: f64) -> f64 {
+    pub(crate) fn correct(&mut self, force: f64) -> f64 {
         let Dynamics::Servo(servo) = &self.dynamics else {
             return 0.0;
         };
@@ -306,12 +306,12 @@ impl Axis {
 
     /// What the actuator gives, where it is part of the loop. At the end of the stroke the stop takes what is beyond the
     /// specimen's force.
-    pub fn force(&self) -> Option<f64> {
+    pub(crate) fn force(&self) -> Option<f64> {
         (self.feels_the_specimen() && !self.stopped).then_some(self.trial.x[FORCE])
     }
 
     /// Real-time: yes.
-    pub fn commit(&mut self, dt: f64) {
+    pub(crate) fn commit(&mut self, dt: f64) {
         self.primed = true;
         if dt > 0.0 {
             self.trial.x[DISP] = self.disp;
@@ -327,7 +327,7 @@ impl Axis {
     }
 
     /// Visits the committed state. The tick is part of it: while test time is held, a correction lasts as long as the last tick.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part(self.dynamics.name());
         visit.flag(&mut self.primed);
         visit.number(&mut self.dt);

@@ -39,7 +39,7 @@ impl BetweenTicks {
     /// The fundamental of a held command over the command at ω in rad/s, for ticks of `tick` s: e^{iωT/2} sin(ωT/2)/(ωT/2).
     /// A ramp counts as the command itself: it differs by (ωT)²/12.
     #[must_use]
-    pub fn response(self, omega: f64, tick: f64) -> Complex<f64> {
+    pub(crate) fn response(self, omega: f64, tick: f64) -> Complex<f64> {
         let half = 0.5 * omega * tick;
         if self == Self::Ramped || half == 0.0 {
             return Complex::new(1.0, 0.0);

@@ -33,7 +33,7 @@ pub(super) struct Delay {
 
 impl Delay {
     /// A delay of `seconds` with a history of `entries` commands, one per tick of `dt` s if that is known.
-    pub fn new(seconds: f64, entries: usize, dt: Option<f64>) -> Self {
+    pub(crate) fn new(seconds: f64, entries: usize, dt: Option<f64>) -> Self {
         let entries = if seconds > 0.0 { entries.max(4) } else { 0 };
         let mut delay = Self {
             seconds,
@@ -52,12 +52,12 @@ impl Delay {
     }
 
     /// True if commands pass unchanged.
-    pub const fn is_none(&self) -> bool {
+    pub(crate) const fn is_none(&self) -> bool {
         self.ring.is_empty()
     }
 
     /// The specimen has always stood at `disp`.
-    pub fn prime(&mut self, disp: f64) {
+    pub(crate) fn prime(&mut self, disp: f64) {
         self.ring.fill([disp, 0.0]);
         self.head = [disp, 0.0];
         self.beyond = 0.0;
@@ -75,7 +75,7 @@ impl Delay {
 
     /// What arrives now, `dt` after the last committed command, if `motion` is the newest command. Not a number where the
     /// history does not reach. Real-time: yes.
-    pub fn trial(&mut self, motion: Motion, dt: f64) -> Motion {
+    pub(crate) fn trial(&mut self, motion: Motion, dt: f64) -> Motion {
         if self.is_none() {
             return motion;
         }
@@ -168,7 +168,7 @@ impl Delay {
     }
 
     /// The command `motion`, `dt` after the last, is committed. Real-time: yes.
-    pub fn commit(&mut self, motion: Motion, dt: f64) {
+    pub(crate) fn commit(&mut self, motion: Motion, dt: f64) {
         if self.is_none() {
             return;
         }
@@ -205,7 +205,7 @@ impl Delay {
     }
 
     /// Visits the history and where it is read.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("delay");
         if self.is_none() {
             return;

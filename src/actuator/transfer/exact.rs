@@ -70,7 +70,7 @@ pub struct Ramped<const N: usize, const M: usize> {
 impl<const N: usize, const M: usize> Ramped<N, M> {
     /// A tick in which nothing moves, until the true one is known.
     #[must_use]
-    pub fn still() -> Self {
+    pub(crate) fn still() -> Self {
         // The exponential of zero; D does not matter for zeros as long as the states fit.
         Self::new::<9>(&[[0.0; N]; N], &[[0.0; M]; N], &[1.0; N])
     }
@@ -78,7 +78,11 @@ impl<const N: usize, const M: usize> Ramped<N, M> {
     /// For ẋ = A x + B u with time counted in ticks. `units` is the size of each state, so that the exponential is one of
     /// numbers of one size; `D` must be N + 2 M.
     #[must_use]
-    pub fn new<const D: usize>(a: &[[f64; N]; N], b: &[[f64; M]; N], units: &[f64; N]) -> Self {
+    pub(crate) fn new<const D: usize>(
+        a: &[[f64; N]; N],
+        b: &[[f64; M]; N],
+        units: &[f64; N],
+    ) -> Self {
         let mut whole = [[0.0; D]; D];
         for (((row, a), b), unit) in whole.iter_mut().zip(a).zip(b).zip(units) {
             let of_state = a.iter().zip(units).map(|(a, of)| a * of / unit);

@@ -93,7 +93,7 @@ impl DispSensorSpec {
     ///
     /// # Errors
     /// A key outside its domain.
-    pub fn build(&self) -> Result<Sensor, TransferError> {
+    pub(crate) fn build(&self) -> Result<Sensor, TransferError> {
         Ok(Sensor {
             noise: noise(
                 ("noise_rms_m", self.noise_rms_m),
@@ -120,7 +120,7 @@ impl ForceSensorSpec {
     ///
     /// # Errors
     /// A key outside its domain.
-    pub fn build(&self) -> Result<Sensor, TransferError> {
+    pub(crate) fn build(&self) -> Result<Sensor, TransferError> {
         Ok(Sensor {
             noise: noise(
                 ("noise_rms_n", self.noise_rms_n),
@@ -156,14 +156,14 @@ fn range(key: &'static str, value: Option<f64>) -> Result<f64, TransferError> {
 impl Sensor {
     /// True if it draws noise.
     #[must_use]
-    pub fn is_noisy(&self) -> bool {
+    pub(crate) fn is_noisy(&self) -> bool {
         self.noise != Noise::None
     }
 
     /// The reading of `value` after `elapsed` seconds of test, `normal` being the noise of the moment in standard deviations
     /// and `dt` the tick; and whether it is at the end of the range. Real-time: yes.
     #[must_use]
-    pub fn read(&self, value: f64, normal: f64, elapsed: f64, dt: f64) -> (f64, bool) {
+    pub(crate) fn read(&self, value: f64, normal: f64, elapsed: f64, dt: f64) -> (f64, bool) {
         let deviation = match self.noise {
             Noise::None => 0.0,
             Noise::Rms(rms) => rms,

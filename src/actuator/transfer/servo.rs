@@ -21,7 +21,7 @@ pub(super) struct Servo {
 }
 
 impl Servo {
-    pub fn new(spec: ServoHydraulicSpec, stiffness: f64, damping: f64) -> Self {
+    pub(crate) fn new(spec: ServoHydraulicSpec, stiffness: f64, damping: f64) -> Self {
         Self {
             spec,
             stiffness,

@@ -153,7 +153,7 @@ impl TransferSpec {
     ///
     /// # Errors
     /// The first key that is wrong.
-    pub fn check(&self, dt: Option<f64>) -> Result<(), TransferError> {
+    pub(crate) fn check(&self, dt: Option<f64>) -> Result<(), TransferError> {
         not_negative("delay_s", self.delay_s)?;
         let entries = self.delay_s / dt.unwrap_or(DEFAULT_DT) + 2.0;
         if entries > delay::LONGEST as f64 {

@@ -90,7 +90,7 @@ impl StepAudit {
     }
 
     /// Visits what the audit remembers from step to step. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("audit");
         visit.numbers(&mut self.older);
         visit.numbers(&mut self.newer);

@@ -36,7 +36,7 @@ impl Word {
     /// In the column `hold`.
     #[inline]
     #[must_use]
-    pub fn code(self) -> f64 {
+    pub(crate) fn code(self) -> f64 {
         let (holds, goes_on) = (u8::from(self.holds), u8::from(self.goes_on));
         f64::from(holds + 2 * goes_on + 4 * u8::from(self.confirms))
     }
@@ -97,7 +97,7 @@ struct PortPlace {
 impl Row {
     /// The row for `dofs` (from 0) of a structure, which of them are `rotations`, and all ports, and its description.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         (dofs, rotations): (&[usize], &[usize]),
         side: &Side,
         ports: &[Port],
@@ -170,7 +170,7 @@ impl Row {
     }
 
     /// Visits the numbers of the last row: a row between two steps repeats those of the last step. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(&mut self.values);
     }
 
@@ -193,13 +193,13 @@ impl Row {
     /// The finished row.
     #[inline]
     #[must_use]
-    pub fn values(&self) -> &[f64] {
+    pub(crate) fn values(&self) -> &[f64] {
         &self.values
     }
 
     /// What the next advance and the next aim will overwrite: x and everything of the ports. Real-time: yes.
     #[inline]
-    pub fn exchange(&mut self, tick: &Tick, phase: Phase, side: &Side, ports: &[Port]) {
+    pub(crate) fn exchange(&mut self, tick: &Tick, phase: Phase, side: &Side, ports: &[Port]) {
         if let Side::Structure(numerical) = side {
             self.gather(&self.disp.clone(), &numerical.state.disp);
         }
@@ -208,7 +208,7 @@ impl Row {
 
     /// A tick that ends no step: x, v and a are those of the last one. `state` is for the column of this name. Real-time: yes.
     #[inline]
-    pub fn between(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
+    pub(crate) fn between(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
         let ground = match side {
             Side::Structure(numerical) if numerical.excitation.has_base() => {
                 numerical.excitation.base(tick.index()).0
@@ -263,7 +263,7 @@ impl Row {
 
     /// What is known only after the solve: v and a. Real-time: yes.
     #[inline]
-    pub fn outputs(&mut self, side: &Side) {
+    pub(crate) fn outputs(&mut self, side: &Side) {
         if let Side::Structure(numerical) = side {
             self.gather(&self.vel.clone(), &numerical.reported_vel);
             self.gather(&self.accel.clone(), &numerical.accel);
@@ -281,7 +281,7 @@ impl Row {
 
     /// The columns that depend on wall time. What was measured of the tick before is told once. Real-time: yes.
     #[inline]
-    pub fn timing(&mut self, stamps: &TickStamps, first_edge: Nanos, stretched: u64) {
+    pub(crate) fn timing(&mut self, stamps: &TickStamps, first_edge: Nanos, stretched: u64) {
         let seconds = |from: Nanos, to: Nanos| number(to.since(from)) * 1e-9;
         let late = self.lateness;
         // They are the last: an array of as many as there are names.

@@ -30,7 +30,7 @@ pub(super) struct Exchanges {
 
 impl Exchanges {
     /// The first exchange is number 0.
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             sequence: 0,
             commanding: Commanding::EveryTick,
@@ -39,13 +39,13 @@ impl Exchanges {
     }
 
     /// Visits the number. The rules belong to the maneuver. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.count(&mut self.sequence);
     }
 
     /// Number of the next exchange. Real-time: yes.
     #[inline]
-    pub const fn sequence(&self) -> u64 {
+    pub(crate) const fn sequence(&self) -> u64 {
         self.sequence
     }
 
@@ -56,7 +56,7 @@ impl Exchanges {
 
     /// The exchange is accepted. Real-time: yes.
     #[inline]
-    pub const fn count(&mut self) {
+    pub(crate) const fn count(&mut self) {
         self.sequence += 1;
     }
 

@@ -77,7 +77,7 @@ impl Engine<'_> {
     /// # Errors
     /// The stop that ended the test before the maneuver was complete.
     #[inline]
-    pub fn perform(&mut self, maneuver: &mut impl Maneuver) -> Result<(), Stop> {
+    pub(crate) fn perform(&mut self, maneuver: &mut impl Maneuver) -> Result<(), Stop> {
         while let Some(mut order) = maneuver.next(self)? {
             let mut stamps = TickStamps::default();
             let skipped = self.wait_for_edge(&order, &mut stamps)?;
@@ -91,7 +91,10 @@ impl Engine<'_> {
     }
 
     /// The parts that have a state, after the tick `last`, and the recorder that takes it.
-    pub fn state<'s>(&'s mut self, last: &'s mut Tick) -> (RunningState<'s>, &'s mut dyn Recorder) {
+    pub(crate) fn state<'s>(
+        &'s mut self,
+        last: &'s mut Tick,
+    ) -> (RunningState<'s>, &'s mut dyn Recorder) {
         let Environment {
             place,
             supervision,
@@ -259,7 +262,7 @@ impl Engine<'_> {
     }
 
     /// A tick in which the last commands leave again: nothing moves, everything is read.
-    pub fn still(&self, phase: Phase) -> Order {
+    pub(crate) fn still(&self, phase: Phase) -> Order {
         Order::still(self.environment.place.at_rest(0.0), phase)
     }
 }

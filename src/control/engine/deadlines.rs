@@ -44,7 +44,7 @@ pub(super) struct Deadlines {
 
 impl Deadlines {
     /// Counts from 0. `per_step`: a specimen is commanded once a step.
-    pub fn new(timing: Timing, limits: &TestLimits, per_step: bool) -> Self {
+    pub(crate) fn new(timing: Timing, limits: &TestLimits, per_step: bool) -> Self {
         Self {
             timing,
             unrecorded: None,
@@ -58,23 +58,23 @@ impl Deadlines {
 
     /// Misses in all. Real-time: yes.
     #[inline]
-    pub const fn total(&self) -> u64 {
+    pub(crate) const fn total(&self) -> u64 {
         self.total
     }
 
     /// Misses in a row. Real-time: yes.
     #[inline]
-    pub const fn in_a_row(&self) -> u64 {
+    pub(crate) const fn in_a_row(&self) -> u64 {
         self.in_a_row
     }
 
     /// Gaps so far.
-    pub const fn gaps(&self) -> Gaps {
+    pub(crate) const fn gaps(&self) -> Gaps {
         self.gaps
     }
 
     /// Counts a gap; false if it is too short to be reported. Real-time: yes.
-    pub fn gap(&mut self, late_ns: u64) -> bool {
+    pub(crate) fn gap(&mut self, late_ns: u64) -> bool {
         if late_ns < self.shortest_gap_ns {
             return false;
         }
@@ -85,7 +85,7 @@ impl Deadlines {
 
     /// Round trip of one port. Real-time: yes.
     #[inline]
-    pub fn round_trip(&mut self, port: usize, ns: u64) {
+    pub(crate) fn round_trip(&mut self, port: usize, ns: u64) {
         self.timing.round_trip(port, ns);
     }
 
@@ -100,7 +100,7 @@ impl Deadlines {
     }
 
     /// The last tick of the test goes into the histograms.
-    pub fn flush(&mut self) {
+    pub(crate) fn flush(&mut self) {
         if let Some(stamps) = self.unrecorded.take() {
             self.timing.tick(&stamps);
         }
@@ -114,7 +114,7 @@ impl Deadlines {
     /// Moves the grid after a stall, and counts the ticks that never happened. `booked_ns` is added to count the lateness from the
     /// edge of the tick in which the stall showed. Real-time: yes.
     #[inline]
-    pub fn stretch(&mut self, pace: &mut Pace, late_ns: u64, booked_ns: u64) -> u64 {
+    pub(crate) fn stretch(&mut self, pace: &mut Pace, late_ns: u64, booked_ns: u64) -> u64 {
         let ticks = pace.stretch(late_ns);
         if ticks > 0 {
             let period = pace.period_ns().max(1);
@@ -126,7 +126,7 @@ impl Deadlines {
     /// Ends a tick of the test, before which `stalled` ticks were skipped. Counts a miss and moves the grid by the policy.
     /// Real-time: yes.
     #[inline]
-    pub fn close(
+    pub(crate) fn close(
         &mut self,
         pace: &mut Pace,
         row: &mut Row,

@@ -58,7 +58,7 @@ pub(super) struct Ends {
 
 impl Ends {
     /// Every specimen stays where it is.
-    pub fn new(ports: usize) -> Self {
+    pub(crate) fn new(ports: usize) -> Self {
         Self {
             left: vec![EndPosition::Stayed; ports],
             unheard: Vec::new(),
@@ -70,12 +70,12 @@ impl Ends {
     }
 
     /// The wiring check found what the user accepts.
-    pub const fn accept_wiring(&mut self) {
+    pub(crate) const fn accept_wiring(&mut self) {
         self.wiring_is_accepted = true;
     }
 
     /// The shutdown of a test that ended so begins.
-    pub fn begin(&mut self, after: Ending) {
+    pub(crate) fn begin(&mut self, after: Ending) {
         self.after = Some(after);
     }
 

@@ -29,7 +29,7 @@ pub(super) struct Environment {
 
 impl Environment {
     /// Sends an event of this tick. During the shutdown test time stands where the test ended. Real-time: yes.
-    pub fn report(&mut self, tick: &Tick, kind: Event) {
+    pub(crate) fn report(&mut self, tick: &Tick, kind: Event) {
         let Nanos(clock_ns) = self.pace.now();
         let Tick { step, time, .. } = if self.supervision.phase().can_be_held() {
             *tick
@@ -65,7 +65,7 @@ impl Environment {
     }
 
     /// Enters the next phase; `of_last` is how the phase before it ended. Real-time: yes.
-    pub fn enter(&mut self, phase: Phase, of_last: Ending) {
+    pub(crate) fn enter(&mut self, phase: Phase, of_last: Ending) {
         let from = self.supervision.enter(phase);
         self.report_now(Event::Phase {
             from,
@@ -152,7 +152,7 @@ impl Environment {
     /// # Errors
     /// The operator ends the test.
     #[inline]
-    pub fn hear(&mut self) -> Result<(), Stop> {
+    pub(crate) fn hear(&mut self) -> Result<(), Stop> {
         if let Some(request) = self.supervision.take_request() {
             self.obey(request)?;
         }

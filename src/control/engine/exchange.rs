@@ -85,7 +85,7 @@ impl Engine<'_> {
     /// # Errors
     /// The first stop. The row of the tick is kept, unless the link is lost.
     #[inline]
-    pub fn exchange(&mut self, order: &Order, stamps: &mut TickStamps) -> Result<(), Stop> {
+    pub(crate) fn exchange(&mut self, order: &Order, stamps: &mut TickStamps) -> Result<(), Stop> {
         let tick = &order.tick;
         self.environment.place.exchanged(tick);
         self.environment.journal.command_left();
@@ -175,7 +175,7 @@ impl Engine<'_> {
     }
 
     /// The specimen of a stop is not commanded during the shutdown: it may not follow, or its force may be wrong. Real-time: yes.
-    pub fn exclude(&mut self, stop: &Stop) {
+    pub(crate) fn exclude(&mut self, stop: &Stop) {
         match stop {
             Stop::Link { port, .. }
             | Stop::Interlock { port }
@@ -554,7 +554,7 @@ impl Engine<'_> {
     /// # Errors
     /// A link is lost.
     #[inline]
-    pub fn accept(&mut self) -> Result<(), Stop> {
+    pub(crate) fn accept(&mut self) -> Result<(), Stop> {
         let exchanges = *self.exchanges;
         self.accept_if(|port| !exchanges.is_by_steps(port))
     }
@@ -607,7 +607,7 @@ impl Engine<'_> {
     ///
     /// # Errors
     /// A specimen is not ready, or the operator ends the test.
-    pub fn arm(&mut self) -> Result<(), Stop> {
+    pub(crate) fn arm(&mut self) -> Result<(), Stop> {
         let sequence = self.exchanges.sequence();
         for (index, port) in self.ports.iter_mut().enumerate() {
             port.ask_to_arm(sequence)

@@ -88,7 +88,7 @@ impl Intake {
     }
 
     /// Visits what the account remembers from step to step. The load of a step is given before the step is noted. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("intake");
         visit.numbers(&mut self.last_load);
         visit.numbers(&mut self.last_disp);
@@ -109,7 +109,7 @@ impl Intake {
     /// `added` J in parts of what was taken in so far. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn share(&self, added: f64) -> f64 {
+    pub(crate) fn share(&self, added: f64) -> f64 {
         added / (self.most_work + self.most_motion).max(self.floor)
     }
 }

@@ -36,7 +36,7 @@ pub(super) struct Journal {
 
 impl Journal {
     /// A record without rows. `width` is the number of columns.
-    pub fn new(row: Row, width: usize, recorder: Box<dyn Recorder>) -> Self {
+    pub(crate) fn new(row: Row, width: usize, recorder: Box<dyn Recorder>) -> Self {
         Self {
             row,
             recorder,
@@ -87,7 +87,7 @@ impl Journal {
 
     /// Hands an event over. Real-time: yes.
     #[inline]
-    pub fn event(&mut self, event: TimedEvent) {
+    pub(crate) fn event(&mut self, event: TimedEvent) {
         self.events_lost += u64::from(!self.recorder.event(event));
     }
 
@@ -127,7 +127,7 @@ impl Journal {
     }
 
     /// Rows and events that were lost.
-    pub const fn lost(&self) -> (u64, u64) {
+    pub(crate) const fn lost(&self) -> (u64, u64) {
         (self.rows_lost, self.events_lost)
     }
 }

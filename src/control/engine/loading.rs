@@ -268,7 +268,7 @@ impl Loading {
     ///
     /// # Errors
     /// The load found no equilibrium, or the test ends.
-    pub fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
+    pub(crate) fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
         let Some(settling) = engine.settling.take() else {
             return Ok(());
         };

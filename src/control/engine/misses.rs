@@ -27,7 +27,7 @@ pub(super) struct MissWindow {
 
 impl MissWindow {
     /// For these levels; remembers nothing where there is no bound.
-    pub fn new(limits: &TestLimits) -> Self {
+    pub(crate) fn new(limits: &TestLimits) -> Self {
         let kept = if limits.window_ticks == 0 {
             0
         } else {
@@ -48,7 +48,7 @@ impl MissWindow {
     }
 
     /// Takes a miss in `tick`, and returns how many there are among the last ticks, as far as is remembered. Real-time: yes.
-    pub fn note(&mut self, tick: u64) -> u64 {
+    pub(crate) fn note(&mut self, tick: u64) -> u64 {
         if self.at(tick) == 0 {
             self.begin(tick);
             return self.inside;
@@ -65,7 +65,7 @@ impl MissWindow {
 
     /// How many misses there are among the last ticks up to `tick`, which never goes back. Real-time: yes.
     #[inline]
-    pub fn at(&mut self, tick: u64) -> u64 {
+    pub(crate) fn at(&mut self, tick: u64) -> u64 {
         while self.inside > 0
             && let Some((then, count)) = self.latest.get(self.oldest)
             && tick.saturating_sub(*then) >= self.ticks

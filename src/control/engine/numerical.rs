@@ -115,7 +115,7 @@ impl Numerical {
 
     /// The energy taken in so far, if it is counted.
     #[must_use]
-    pub const fn intake(&self) -> Option<&Intake> {
+    pub(crate) const fn intake(&self) -> Option<&Intake> {
         self.intake.as_ref()
     }
 
@@ -128,7 +128,7 @@ impl Numerical {
     /// Base displacement and velocity at a step.
     #[inline]
     #[must_use]
-    pub fn base(&self, step: u64) -> Base {
+    pub(crate) fn base(&self, step: u64) -> Base {
         let (disp, vel) = self.excitation.base(index(step));
         Base { disp, vel }
     }
@@ -142,7 +142,7 @@ impl Numerical {
 
     /// True if a is what the method goes on with, and not what equilibrium at the end of a step gives.
     #[must_use]
-    pub fn has_own_accel(&self) -> bool {
+    pub(crate) fn has_own_accel(&self) -> bool {
         matches!(&self.stepper, Stepper::Offline(method) if method.has_own_accel())
     }
 
@@ -268,7 +268,7 @@ impl Numerical {
     }
 
     /// Visits everything that later steps and rows depend on. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("numerical side");
         self.structure.visit_state(visit);
         self.state.visit_state(visit);
@@ -287,7 +287,7 @@ impl Numerical {
 
     /// What a rehearsal goes back to; none for an offline method, which has no deadline to be warm for.
     #[must_use]
-    pub fn scratch(&mut self) -> Option<Scratch> {
+    pub(crate) fn scratch(&mut self) -> Option<Scratch> {
         if self.is_offline() {
             return None;
         }
@@ -298,7 +298,7 @@ impl Numerical {
 
     /// Runs the whole numerical path once and leaves no trace, so that the processor, its caches and branch predictors
     /// are warm at the first tick. Real-time: yes.
-    pub fn rehearse(&mut self, scratch: &Scratch, ports: &mut [Port]) {
+    pub(crate) fn rehearse(&mut self, scratch: &Scratch, ports: &mut [Port]) {
         self.try_step(ports);
         self.undo(scratch);
     }

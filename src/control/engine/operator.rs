@@ -80,7 +80,7 @@ impl OperatorCommands {
     /// In the column `operator`.
     #[inline]
     #[must_use]
-    pub fn code(self) -> f64 {
+    pub(crate) fn code(self) -> f64 {
         f64::from(self.0)
     }
 
@@ -94,7 +94,7 @@ impl OperatorCommands {
 
     /// Adds commands. Real-time: yes.
     #[inline]
-    pub const fn add(&mut self, commands: Self) {
+    pub(crate) const fn add(&mut self, commands: Self) {
         self.0 |= commands.0;
     }
 
@@ -186,7 +186,7 @@ impl Default for Requests {
 
 impl Requests {
     /// The next word stays where it is. Real-time: yes.
-    pub fn next(&mut self, control: &Control) -> Option<Operator> {
+    pub(crate) fn next(&mut self, control: &Control) -> Option<Operator> {
         if self.0.is_empty()
             && let Ok(word) = control.requests.try_recv()
         {
@@ -197,13 +197,13 @@ impl Requests {
 
     /// The next word is heard. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, control: &Control) -> Option<Operator> {
+    pub(crate) fn take(&mut self, control: &Control) -> Option<Operator> {
         let first = self.0.pop_front();
         first.or_else(|| control.requests.try_recv().ok())
     }
 
     /// Waits for the next word, for so long at most. Not for the real-time path.
-    pub fn wait(&mut self, control: &Control, most: Duration) {
+    pub(crate) fn wait(&mut self, control: &Control, most: Duration) {
         if !self.0.is_empty() {
             return;
         }

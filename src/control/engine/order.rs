@@ -41,7 +41,7 @@ pub(super) struct Order {
 
 impl Order {
     /// A tick whose row has the same place.
-    pub const fn new(tick: Tick, sends: Sends, kind: Kind) -> Self {
+    pub(crate) const fn new(tick: Tick, sends: Sends, kind: Kind) -> Self {
         Self {
             tick,
             place: tick,
@@ -51,17 +51,17 @@ impl Order {
     }
 
     /// A tick before or after the test in which nothing moves.
-    pub const fn still(tick: Tick, phase: Phase) -> Self {
+    pub(crate) const fn still(tick: Tick, phase: Phase) -> Self {
         Self::new(tick, Sends::Last, Kind::Beside(phase))
     }
 
     /// A tick before or after the test that moves specimens.
-    pub const fn moving(tick: Tick, phase: Phase) -> Self {
+    pub(crate) const fn moving(tick: Tick, phase: Phase) -> Self {
         Self::new(tick, Sends::Next, Kind::Beside(phase))
     }
 
     /// True if nothing moves before or after the test.
-    pub const fn is_still(&self) -> bool {
+    pub(crate) const fn is_still(&self) -> bool {
         matches!((self.sends, self.kind), (Sends::Last, Kind::Beside(_)))
     }
 }

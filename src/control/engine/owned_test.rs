@@ -72,7 +72,7 @@ impl std::fmt::Debug for Test {
 
 impl Test {
     /// Allocates everything that the loop will ever need.
-    pub fn new(
+    pub(crate) fn new(
         timing: Timing,
         experiment: Experiment,
         clock: Box<dyn Clock>,
@@ -139,7 +139,7 @@ impl Test {
     }
 
     /// Puts the operator in place.
-    pub fn attend(&mut self, control: &Control) {
+    pub(crate) fn attend(&mut self, control: &Control) {
         let supervision = &mut self.parts.environment.supervision;
         supervision.attend(control.clone());
     }
@@ -158,7 +158,7 @@ impl Test {
     }
 
     /// The running engine.
-    pub fn engine(&mut self) -> (Engine<'_>, &mut Watches) {
+    pub(crate) fn engine(&mut self) -> (Engine<'_>, &mut Watches) {
         let parts = &mut *self.parts;
         let engine = Engine {
             plan: &parts.plan,
@@ -176,7 +176,7 @@ impl Test {
     }
 
     /// Lets the engine run inside the panic boundary; a panic comes back in words.
-    pub fn guarded<R>(
+    pub(crate) fn guarded<R>(
         &mut self,
         work: impl FnOnce(&mut Engine<'_>, &mut Watches) -> R,
     ) -> Result<R, String> {
@@ -186,7 +186,7 @@ impl Test {
     }
 
     /// The record of the end, after the last messages.
-    pub fn close(&mut self, ending: Ending) -> Outcome {
+    pub(crate) fn close(&mut self, ending: Ending) -> Outcome {
         self.note_unheard();
         let environment = &mut self.parts.environment;
         let is_leaving = environment.supervision.phase() == Phase::Leaving;

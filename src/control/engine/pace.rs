@@ -25,7 +25,7 @@ pub(super) struct Pace {
 
 impl Pace {
     /// A grid of this period that has not begun.
-    pub fn new(clock: Box<dyn Clock>, period: Ratio, on_miss: OnMiss) -> Self {
+    pub(crate) fn new(clock: Box<dyn Clock>, period: Ratio, on_miss: OnMiss) -> Self {
         Self {
             clock,
             period,
@@ -40,19 +40,19 @@ impl Pace {
 
     /// True on simulated time.
     #[inline]
-    pub fn is_simulated(&self) -> bool {
+    pub(crate) fn is_simulated(&self) -> bool {
         self.clock.is_simulated()
     }
 
     /// Policy for a tick that is late by a period or more.
     #[inline]
-    pub const fn on_miss(&self) -> OnMiss {
+    pub(crate) const fn on_miss(&self) -> OnMiss {
         self.on_miss
     }
 
     /// Reads the clock. Real-time: yes.
     #[inline]
-    pub fn read(&self) -> Nanos {
+    pub(crate) fn read(&self) -> Nanos {
         self.clock.now()
     }
 
@@ -65,18 +65,18 @@ impl Pace {
 
     /// The reading that was kept. Real-time: yes.
     #[inline]
-    pub const fn now(&self) -> Nanos {
+    pub(crate) const fn now(&self) -> Nanos {
         self.now
     }
 
     /// Sleeps. Real-time: yes.
     #[inline]
-    pub fn sleep_until(&self, at: Nanos) {
+    pub(crate) fn sleep_until(&self, at: Nanos) {
         self.clock.sleep_until(at);
     }
 
     /// A new grid that begins shortly after now.
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.edge = 0;
         let now = self.keep_reading();
         self.schedule = Schedule::new(now.plus(LEAD_NS), self.period);
@@ -104,7 +104,7 @@ impl Pace {
 
     /// Number of the next edge. Real-time: yes.
     #[inline]
-    pub const fn edge(&self) -> u64 {
+    pub(crate) const fn edge(&self) -> u64 {
         self.edge
     }
 
@@ -118,18 +118,18 @@ impl Pace {
 
     /// Period in ns, rounded. Real-time: yes.
     #[inline]
-    pub const fn period_ns(&self) -> u64 {
+    pub(crate) const fn period_ns(&self) -> u64 {
         self.schedule.period_ns()
     }
 
     /// Period in s.
-    pub fn period_s(&self) -> f64 {
+    pub(crate) fn period_s(&self) -> f64 {
         self.period.value()
     }
 
     /// Whole ticks by which the grid was moved. Real-time: yes.
     #[inline]
-    pub const fn stretched(&self) -> u64 {
+    pub(crate) const fn stretched(&self) -> u64 {
         self.schedule.stretched()
     }
 
@@ -144,7 +144,7 @@ impl Pace {
 
     /// Moves the grid by the whole periods in `late_ns`, as far as the policy wants it. Returns the ticks. Real-time: yes.
     #[inline]
-    pub fn stretch(&mut self, late_ns: u64) -> u64 {
+    pub(crate) fn stretch(&mut self, late_ns: u64) -> u64 {
         let period = self.schedule.period_ns().max(1);
         if late_ns < period {
             return 0;

@@ -18,7 +18,7 @@ pub struct Peaks {
 impl Peaks {
     /// Peaks of nothing, for `dofs` degrees of freedom.
     #[must_use]
-    pub fn zeros(dofs: usize) -> Self {
+    pub(crate) fn zeros(dofs: usize) -> Self {
         Self {
             disp: vec![0.0; dofs],
             vel: vec![0.0; dofs],
@@ -27,14 +27,14 @@ impl Peaks {
     }
 
     /// Forgets what was before t = 0.
-    pub fn start(&mut self, disp: &[f64]) {
+    pub(crate) fn start(&mut self, disp: &[f64]) {
         for (peak, value) in self.disp.iter_mut().zip(disp) {
             *peak = value.abs();
         }
     }
 
     /// Raises them to those of steps that the state does not know of. What does not exist does not come to be by that.
-    pub fn raise(&mut self, others: &Self) {
+    pub(crate) fn raise(&mut self, others: &Self) {
         let pairs = [
             (&mut self.disp, &others.disp),
             (&mut self.vel, &others.vel),
@@ -46,7 +46,7 @@ impl Peaks {
     }
 
     /// Visits every peak. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("peaks");
         visit.numbers(&mut self.disp);
         visit.numbers(&mut self.vel);

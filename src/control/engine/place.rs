@@ -14,7 +14,7 @@ pub(super) struct Place {
 
 impl Place {
     /// At t = 0, with steps of `dt`.
-    pub const fn start(dt: f64) -> Self {
+    pub(crate) const fn start(dt: f64) -> Self {
         Self {
             dt,
             steps_done: 0,
@@ -23,7 +23,7 @@ impl Place {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.count(&mut self.steps_done);
         self.farthest.visit_state(visit);
     }
@@ -42,14 +42,14 @@ impl Place {
 
     /// A tick is exchanged. Real-time: yes.
     #[inline]
-    pub fn exchanged(&mut self, tick: &Tick) {
+    pub(crate) fn exchanged(&mut self, tick: &Tick) {
         if tick.time > self.farthest.time {
             self.farthest = *tick;
         }
     }
 
     /// A tick at the last step. `dt` is the test time that passes for a motion before or after the test.
-    pub fn at_rest(&self, dt: f64) -> Tick {
+    pub(crate) fn at_rest(&self, dt: f64) -> Tick {
         Tick::of_step(self.steps_done, self.dt, dt)
     }
 

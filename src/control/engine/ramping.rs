@@ -16,13 +16,13 @@ pub(super) struct HoldRamp(f64);
 
 impl HoldRamp {
     /// At full pace, or at rest in a hold.
-    pub fn new(engine: &Engine<'_>) -> Self {
+    pub(crate) fn new(engine: &Engine<'_>) -> Self {
         let held = engine.environment.supervision.is_held();
         Self(if held { 0.0 } else { 1.0 })
     }
 
     /// The pace of the next tick; none if nothing moves in it.
-    pub fn next(&mut self, engine: &Engine<'_>) -> Option<f64> {
+    pub(crate) fn next(&mut self, engine: &Engine<'_>) -> Option<f64> {
         let held = engine.environment.supervision.is_held();
         self.0 = engine.progress.pacer().eased(self.0, held);
         (self.0 != 0.0).then_some(self.0)
@@ -51,7 +51,7 @@ pub(super) struct Ramp {
 impl Ramp {
     /// Begins the ramp of every specimen to its next command. Returns the ticks of the longest way. `seconds` is the time of one
     /// way with the share of a speed limit that may be used.
-    pub fn ticks(engine: &mut Engine<'_>, seconds: impl Fn(&Port, f64) -> f64) -> u64 {
+    pub(crate) fn ticks(engine: &mut Engine<'_>, seconds: impl Fn(&Port, f64) -> f64) -> u64 {
         // The poses on its way say how fast it is.
         engine.ports.iter_mut().for_each(Port::begin_ramp);
         let ways = engine.ports.iter();
@@ -64,7 +64,7 @@ impl Ramp {
     ///
     /// # Errors
     /// A command at rest passes a limit.
-    pub fn of(ticks: u64, phase: Phase, engine: &mut Engine<'_>) -> Result<Self, Stop> {
+    pub(crate) fn of(ticks: u64, phase: Phase, engine: &mut Engine<'_>) -> Result<Self, Stop> {
         let whole = ticks as f64;
         let seconds = whole * engine.tick_passes();
         let all_replied = Self::all_replied(engine);
@@ -86,7 +86,7 @@ impl Ramp {
     ///
     /// # Errors
     /// The test ends.
-    pub fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
+    pub(crate) fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
         let (tick, shortest) = (
             engine.environment.pace.period_s(),
             engine.plan.opening.ramp_s,

@@ -32,7 +32,7 @@ pub(super) struct RunningState<'a> {
 
 impl RunningState<'_> {
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("test");
         self.last.visit_state(visit);
         self.place.visit_state(visit);

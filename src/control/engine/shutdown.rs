@@ -54,7 +54,7 @@ pub(super) struct Shutdown {
 impl Shutdown {
     /// Moves every specimen to where it is to be left. Returns how the test ended: what stops the shutdown freezes all, and
     /// ends a test that had ended well.
-    pub fn perform(ending: Ending, engine: &mut Engine<'_>) -> Ending {
+    pub(crate) fn perform(ending: Ending, engine: &mut Engine<'_>) -> Ending {
         if let Ending::Stopped(stop) = &ending {
             engine.environment.report_stop(stop);
         }

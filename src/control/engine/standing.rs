@@ -23,7 +23,7 @@ impl Zeroing {
     ///
     /// # Errors
     /// A limit of a command that repeats the position.
-    pub fn begin(readings: u32, engine: &mut Engine<'_>) -> Result<Self, Stop> {
+    pub(crate) fn begin(readings: u32, engine: &mut Engine<'_>) -> Result<Self, Stop> {
         engine.environment.enter(Phase::Zeroing, Ending::Completed);
         engine.ports.iter_mut().for_each(Port::stand_still);
         engine.judge_commands()?;
@@ -83,7 +83,7 @@ impl Confirmation {
     ///
     /// # Errors
     /// The test ends.
-    pub fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
+    pub(crate) fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
         if !engine.plan.opening.confirm {
             return Ok(());
         }
@@ -124,7 +124,7 @@ pub(super) struct Listening {
 
 impl Listening {
     /// A few readings, if there is such a specimen.
-    pub fn new(engine: &Engine<'_>) -> Self {
+    pub(crate) fn new(engine: &Engine<'_>) -> Self {
         let is_needed = engine.ports.iter().any(Port::is_checked_by_static_load);
         let period = engine.environment.pace.period_s();
         let readings = (AT_REST_S / period).clamp(2.0, AT_REST) as u32;

@@ -30,7 +30,7 @@ impl Startup {
     ///
     /// # Errors
     /// The test ends before its first tick.
-    pub fn perform(resume: Option<Resumption>, engine: &mut Engine<'_>) -> Result<(), Stop> {
+    pub(crate) fn perform(resume: Option<Resumption>, engine: &mut Engine<'_>) -> Result<(), Stop> {
         if let Side::Structure(numerical) = &*engine.side
             && numerical.is_offline()
             && !engine.ports.is_empty()

@@ -59,7 +59,7 @@ pub(super) struct StepProgress {
 
 impl StepProgress {
     /// The specimens are at the first target.
-    pub fn new(pacing: Pacing) -> Self {
+    pub(crate) fn new(pacing: Pacing) -> Self {
         let mut pacer = StepPacer::new(pacing.ticks_per_step, pacing.ease_ticks);
         pacer.know();
         Self {
@@ -75,7 +75,7 @@ impl StepProgress {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("step progress");
         self.pacer.visit_state(visit);
         self.before.visit_state(visit);
@@ -90,7 +90,7 @@ impl StepProgress {
 
     /// The step whose target is on the way, or reached and not closed. Real-time: yes.
     #[inline]
-    pub const fn step(&self) -> u64 {
+    pub(crate) const fn step(&self) -> u64 {
         self.step
     }
 
@@ -102,7 +102,7 @@ impl StepProgress {
 
     /// The stride of the next command. Real-time: yes.
     #[inline]
-    pub const fn stride(&self) -> PacerTick {
+    pub(crate) const fn stride(&self) -> PacerTick {
         self.stride
     }
 
@@ -112,7 +112,7 @@ impl StepProgress {
     }
 
     /// Test time stands, as after a hold.
-    pub fn stand(&mut self) {
+    pub(crate) fn stand(&mut self) {
         self.pacer.stand();
     }
 
@@ -129,7 +129,7 @@ impl StepProgress {
 
     /// The tick of the next command, with steps of `dt`. Real-time: yes.
     #[inline]
-    pub fn tick(&self, dt: f64) -> Tick {
+    pub(crate) fn tick(&self, dt: f64) -> Tick {
         let reached = self.has_reached();
         let lands = self.stride.lands() && !reached;
         let last = if reached {
@@ -153,7 +153,7 @@ impl StepProgress {
 
     /// The command has left. Returns true if it reaches the target in this tick. Real-time: yes.
     #[inline]
-    pub fn arrive(&mut self) -> bool {
+    pub(crate) fn arrive(&mut self) -> bool {
         if self.has_reached() || !self.stride.lands() {
             return false;
         }
@@ -164,7 +164,7 @@ impl StepProgress {
 
     /// The step is not closed in this tick. Returns true if what was measured at its target must be kept. Real-time: yes.
     #[inline]
-    pub fn keep(&mut self) -> bool {
+    pub(crate) fn keep(&mut self) -> bool {
         let first = self.target == Target::Reached;
         if first {
             self.target = Target::Kept;
@@ -174,7 +174,7 @@ impl StepProgress {
 
     /// True if what was measured at the target was kept some ticks ago. Real-time: yes.
     #[inline]
-    pub fn is_kept(&self) -> bool {
+    pub(crate) fn is_kept(&self) -> bool {
         self.target == Target::Kept
     }
 
@@ -197,7 +197,7 @@ impl StepProgress {
 
     /// Makes the next stride; `held`: the operator wants a hold. Returns it, or none if nothing moves. Real-time: yes.
     #[inline]
-    pub fn next(&mut self, held: bool, steps: u64) -> Option<PacerTick> {
+    pub(crate) fn next(&mut self, held: bool, steps: u64) -> Option<PacerTick> {
         self.before = self.pacer;
         self.sub_tick += 1;
         let at_the_end = self.is_at_the_end(steps);

@@ -44,7 +44,7 @@ pub(super) struct Stepping {
 
 impl Stepping {
     /// From the target that the specimens are at.
-    pub fn new(side: &mut Side) -> Self {
+    pub(crate) fn new(side: &mut Side) -> Self {
         // As much as a checkpoint will need.
         let memory = TestState::with_room(|visit| {
             if let Side::Structure(numerical) = side {
@@ -60,7 +60,7 @@ impl Stepping {
     }
 
     /// From the state that was restored after the tick `last`.
-    pub fn after(last: Tick, side: &mut Side) -> Self {
+    pub(crate) fn after(last: Tick, side: &mut Side) -> Self {
         Self {
             course: Course::MayHold(last),
             ..Self::new(side)

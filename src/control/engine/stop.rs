@@ -1,6 +1,6 @@
 //! How a test ends, and why before its last step.
 
-use thiserror::Error;
+pub use thiserror::Error;
 
 use super::test_hit::TestHit;
 use crate::port::WiringFault;
@@ -216,7 +216,7 @@ pub enum Stop {
 impl Stop {
     /// Its row in the table of causes. Real-time: yes.
     #[must_use]
-    pub const fn cause(&self) -> Cause {
+    pub(crate) const fn cause(&self) -> Cause {
         match self {
             Self::Operator => Cause::Operator,
             Self::Late { .. } => Cause::Late,
@@ -342,7 +342,7 @@ impl Ending {
 
     /// The specimen, from 0, that it came from, if from one.
     #[must_use]
-    pub const fn port(&self) -> Option<usize> {
+    pub(crate) const fn port(&self) -> Option<usize> {
         match self {
             Self::Completed => None,
             Self::Stopped(stop) => stop.port(),
@@ -351,7 +351,7 @@ impl Ending {
 
     /// What stopped it.
     #[must_use]
-    pub const fn stop(&self) -> Option<Stop> {
+    pub(crate) const fn stop(&self) -> Option<Stop> {
         match self {
             Self::Completed => None,
             Self::Stopped(stop) => Some(*stop),

@@ -63,7 +63,7 @@ pub(super) struct Supervision {
 
 impl Supervision {
     /// A connected test without a hold.
-    pub fn new(control: Control) -> Self {
+    pub(crate) fn new(control: Control) -> Self {
         Self {
             control,
             requests: Requests::default(),
@@ -85,7 +85,7 @@ impl Supervision {
     }
 
     /// True of a test that goes back to its start when it is interrupted.
-    pub const fn retraces(&self) -> bool {
+    pub(crate) const fn retraces(&self) -> bool {
         self.retraces
     }
 
@@ -102,12 +102,12 @@ impl Supervision {
     }
 
     /// True if the motion was interrupted and goes back to its start. Real-time: yes.
-    pub const fn goes_back(&self) -> bool {
+    pub(crate) const fn goes_back(&self) -> bool {
         self.goes_back
     }
 
     /// Visits the hold. A state is taken in the running test, where nothing is to be confirmed. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         let mut is_held = self.is_held();
         visit.flag(&mut is_held);
         self.hold = if is_held { Hold::Wanted } else { Hold::Off };
@@ -115,23 +115,23 @@ impl Supervision {
     }
 
     /// The operator's line.
-    pub const fn control(&self) -> &Control {
+    pub(crate) const fn control(&self) -> &Control {
         &self.control
     }
 
     /// Puts another operator in place.
-    pub fn attend(&mut self, control: Control) {
+    pub(crate) fn attend(&mut self, control: Control) {
         self.control = control;
     }
 
     /// The phase. Real-time: yes.
     #[inline]
-    pub const fn phase(&self) -> Phase {
+    pub(crate) const fn phase(&self) -> Phase {
         self.phase
     }
 
     /// Enters a phase; returns the one before. Real-time: yes.
-    pub fn enter(&mut self, phase: Phase) -> Phase {
+    pub(crate) fn enter(&mut self, phase: Phase) -> Phase {
         let from = self.phase;
         debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
         self.phase = phase;
@@ -146,7 +146,7 @@ impl Supervision {
     }
 
     /// Shows the test on the operator's line. Real-time: yes.
-    pub fn show(&self) {
+    pub(crate) fn show(&self) {
         let still = self.motion == Motion::Still;
         self.control.phase.show(Glimpse {
             phase: self.phase,
@@ -159,12 +159,12 @@ impl Supervision {
 
     /// True while the operator wants a hold. Real-time: yes.
     #[inline]
-    pub fn is_held(&self) -> bool {
+    pub(crate) fn is_held(&self) -> bool {
         self.hold == Hold::Wanted
     }
 
     /// Number of the latest hold, from 1; 0 before the first.
-    pub const fn hold_number(&self) -> u32 {
+    pub(crate) const fn hold_number(&self) -> u32 {
         self.hold_number
     }
 
@@ -193,7 +193,7 @@ impl Supervision {
 
     /// The operator said in this tick that the test continues. Real-time: yes.
     #[inline]
-    pub const fn continues(&self) -> bool {
+    pub(crate) const fn continues(&self) -> bool {
         self.continues
     }
 
@@ -227,14 +227,14 @@ impl Supervision {
     }
 
     /// The operator confirms; false if nothing was asked. Real-time: yes.
-    pub fn confirm(&mut self) -> bool {
+    pub(crate) fn confirm(&mut self) -> bool {
         let was_asked = self.is_unconfirmed();
         self.confirmation = Confirmation::NotAsked;
         was_asked
     }
 
     /// Requests of the operator are taken from here on, or not. Real-time: yes.
-    pub fn hears(&mut self, hears: bool) {
+    pub(crate) fn hears(&mut self, hears: bool) {
         self.hearing = if hears { Hearing::On } else { Hearing::Off };
     }
 

@@ -21,17 +21,17 @@ pub(super) struct TestJudge {
 
 impl TestJudge {
     /// With these limits; nothing was warned of.
-    pub const fn new(limits: TestLimits) -> Self {
+    pub(crate) const fn new(limits: TestLimits) -> Self {
         Self { limits, warned: 0 }
     }
 
     /// Visits what was warned of. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.short(&mut self.warned);
     }
 
     /// The limits.
-    pub const fn limits(&self) -> &TestLimits {
+    pub(crate) const fn limits(&self) -> &TestLimits {
         &self.limits
     }
 

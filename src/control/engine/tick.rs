@@ -25,7 +25,7 @@ impl Tick {
     /// The tick of a whole step, where a step has `step_s` of test time and `dt` has passed since the last. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn of_step(step: u64, step_s: f64, dt: f64) -> Self {
+    pub(crate) const fn of_step(step: u64, step_s: f64, dt: f64) -> Self {
         Self {
             step,
             sub_tick: 0,
@@ -35,7 +35,7 @@ impl Tick {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.count(&mut self.step);
         visit.count(&mut self.sub_tick);
         visit.number(&mut self.time);
@@ -45,7 +45,7 @@ impl Tick {
     /// The step as an index into series on the step grid.
     #[inline]
     #[must_use]
-    pub fn index(&self) -> usize {
+    pub(crate) fn index(&self) -> usize {
         usize::try_from(self.step).unwrap_or(usize::MAX)
     }
 }

@@ -34,7 +34,7 @@ pub(super) struct Readiness {
 
 impl Readiness {
     /// Takes note of a tick in which `waited_ns` were waited that the test does not wait. Real-time: yes.
-    pub fn note(&mut self, stamps: &TickStamps, waited_ns: u64) {
+    pub(crate) fn note(&mut self, stamps: &TickStamps, waited_ns: u64) {
         let pushed = stamps.pushed.minus(waited_ns);
         let took_ns = pushed.since(stamps.woke);
         self.ticks += 1;
@@ -72,7 +72,7 @@ impl WarmUp {
     ///
     /// # Errors
     /// The loop is not ready, or the test ends.
-    pub fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
+    pub(crate) fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
         engine.environment.enter(Phase::Armed, Ending::Completed);
         let journal = &mut engine.environment.journal;
         let rows = journal.begin_warm_up(engine.plan.limits.warmup_ticks);

@@ -26,7 +26,7 @@ impl WiringCheck {
     ///
     /// # Errors
     /// A specimen is wired the wrong way round, or is lost.
-    pub fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
+    pub(crate) fn perform(engine: &mut Engine<'_>) -> Result<(), Stop> {
         if !engine.ports.iter().any(|port| port.probe().is_some()) {
             return Ok(());
         }

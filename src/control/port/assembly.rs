@@ -473,7 +473,7 @@ impl Port {
 
     /// Displacement and force are those that were read at rest, where they are known better than by one answer; false where they
     /// are not. Real-time: yes.
-    pub fn take_rest(&mut self, rest: &Rest) -> bool {
+    pub(crate) fn take_rest(&mut self, rest: &Rest) -> bool {
         self.feedback.take_rest(rest, &self.axes)
     }
 }
@@ -727,7 +727,7 @@ impl Port {
     }
 
     /// Makes the next command of a brake; false when the specimen rests.
-    pub fn brake(&mut self, brake: &mut Brake) -> bool {
+    pub(crate) fn brake(&mut self, brake: &mut Brake) -> bool {
         let goes_on = brake.go_on();
         if goes_on {
             let steps = self.guard.last_steps().iter();
@@ -797,7 +797,7 @@ impl Port {
     }
 
     /// A command of a motion that can be retraced has left, and was answered. Real-time: yes.
-    pub fn pass(&mut self) {
+    pub(crate) fn pass(&mut self) {
         if let Some(retrace) = &mut self.retrace {
             let fresh = self.feedback.is_fresh().then(|| self.feedback.raw());
             retrace.pass(self.path.sent(), fresh);
@@ -833,12 +833,12 @@ impl Port {
 
     /// How the return of a motion ended; none if it was not retraced.
     #[must_use]
-    pub fn way_back(&self) -> Option<WayBack> {
+    pub(crate) fn way_back(&self) -> Option<WayBack> {
         self.retrace.as_ref().and_then(Retrace::ended)
     }
 
     /// Makes the next command of the return move; false when there is no further to go.
-    pub fn go_on(&mut self, way: &mut ReturnMove) -> bool {
+    pub(crate) fn go_on(&mut self, way: &mut ReturnMove) -> bool {
         if let Some(retrace) = self.retrace.as_mut().filter(|retrace| retrace.goes_back()) {
             let fresh = self.feedback.is_fresh().then(|| self.feedback.raw());
             let tick = retrace.go_on(fresh);
@@ -863,7 +863,7 @@ impl Port {
 
     /// Who holds the specimen if commands stay away.
     #[must_use]
-    pub fn holder(&self) -> Holder {
+    pub(crate) fn holder(&self) -> Holder {
         self.exchange.holder()
     }
 

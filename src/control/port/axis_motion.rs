@@ -13,7 +13,7 @@ pub(super) struct AxisMotion {
 
 impl AxisMotion {
     /// At zero, at rest.
-    pub fn zeros(axes: usize) -> Self {
+    pub(crate) fn zeros(axes: usize) -> Self {
         Self {
             disp: vec![0.0; axes],
             vel: vec![0.0; axes],
@@ -21,14 +21,14 @@ impl AxisMotion {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(&mut self.disp);
         visit.numbers(&mut self.vel);
     }
 
     /// Takes the values of another of as many axes. Real-time: yes.
     #[inline]
-    pub fn copy_from(&mut self, other: &Self) {
+    pub(crate) fn copy_from(&mut self, other: &Self) {
         self.disp.copy_from_slice(&other.disp);
         self.vel.copy_from_slice(&other.vel);
     }
@@ -41,7 +41,7 @@ impl AxisMotion {
 
     /// Takes displacement and velocity of one axis after the other. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, along: impl Iterator<Item = (f64, f64)>) {
+    pub(crate) fn take(&mut self, along: impl Iterator<Item = (f64, f64)>) {
         let axes = self.disp.iter_mut().zip(&mut self.vel);
         for ((disp, vel), (new_disp, new_vel)) in axes.zip(along) {
             (*disp, *vel) = (new_disp, new_vel);
@@ -51,7 +51,7 @@ impl AxisMotion {
     /// Takes the deformations that the structure's [displacement, velocity] asks for, of a base that moves by [displacement, velocity];
     /// of the actuators of a loading unit the strokes. Real-time: yes.
     #[inline]
-    pub fn seek(
+    pub(crate) fn seek(
         &mut self,
         axes: &[Axis],
         unit: Option<&mut LoadingUnit>,
@@ -66,7 +66,7 @@ impl AxisMotion {
 
     /// Takes prescribed deformations, of one axis after the other; with a loading unit of one coordinate after the other.
     /// Real-time: yes.
-    pub fn seek_at(
+    pub(crate) fn seek_at(
         &mut self,
         unit: Option<&mut LoadingUnit>,
         along: &mut impl Iterator<Item = (f64, f64)>,
@@ -79,7 +79,7 @@ impl AxisMotion {
 
     /// Displacement and velocity of one axis after the other. Real-time: yes.
     #[inline]
-    pub fn iter(&self) -> impl Iterator<Item = (&f64, &f64)> + Clone {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&f64, &f64)> + Clone {
         self.disp.iter().zip(&self.vel)
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct Bend {
 
 impl Bend {
     /// None yet, of a loading unit that stands at `reference`.
-    pub const fn new(reference: Placed) -> Self {
+    pub(crate) const fn new(reference: Placed) -> Self {
         Self {
             ends: [reference; 2],
             at: reference,
@@ -38,7 +38,7 @@ impl Bend {
     }
 
     /// The next way leads from the first of these strokes, in m, to the second.
-    pub fn begin(&mut self, geometry: &Geometry, strokes: [&[f64]; 2]) {
+    pub(crate) fn begin(&mut self, geometry: &Geometry, strokes: [&[f64]; 2]) {
         // In a linear geometry straight strokes are straight poses.
         self.is_possible = geometry.is_exact();
         self.steepest = [0.0; MOST];
@@ -79,7 +79,7 @@ impl Bend {
     }
 
     /// Bend at a share `way` of the way, and its change per change of that, per actuator in m; none where strokes go straight.
-    pub fn at(
+    pub(crate) fn at(
         &mut self,
         geometry: &Geometry,
         way: f64,
@@ -103,7 +103,7 @@ impl Bend {
     }
 
     /// Largest change of the stroke of an actuator per change of the share of the way, m; 0 where strokes go straight.
-    pub fn steepest(&self, actuator: usize) -> f64 {
+    pub(crate) fn steepest(&self, actuator: usize) -> f64 {
         let steepest = self.steepest.get(actuator).copied();
         steepest.filter(|_| self.is_possible).unwrap_or(0.0)
     }

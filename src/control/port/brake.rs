@@ -23,7 +23,7 @@ impl Brake {
 
     /// True before its first command.
     #[must_use]
-    pub const fn is_new(&self) -> bool {
+    pub(crate) const fn is_new(&self) -> bool {
         self.tick == 0
     }
 

@@ -71,7 +71,7 @@ pub(super) struct CommandPath {
 
 impl CommandPath {
     /// Of axes that stand where their deformation is zero.
-    pub fn new(axes: &[Axis]) -> Self {
+    pub(crate) fn new(axes: &[Axis]) -> Self {
         let n = axes.len();
         Self {
             target: AxisMotion::zeros(n),
@@ -92,7 +92,7 @@ impl CommandPath {
 
     /// Visits targets and commands. A state is taken when a step is closed: no target is kept, and no ramp is under way. Real-time:
     /// yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("command path");
         self.target.visit_state(visit);
         let velocities = [VelocityOf::Integrator, VelocityOf::Path];
@@ -117,7 +117,7 @@ impl CommandPath {
         self.compensators = Some(compensators);
     }
 
-    pub const fn compensators(&self) -> Option<&Compensators> {
+    pub(crate) const fn compensators(&self) -> Option<&Compensators> {
         self.compensators.as_ref()
     }
 
@@ -126,12 +126,12 @@ impl CommandPath {
     }
 
     #[inline]
-    pub const fn is_per_step(&self) -> bool {
+    pub(crate) const fn is_per_step(&self) -> bool {
         self.per_step
     }
 
     #[inline]
-    pub const fn target(&self) -> &AxisMotion {
+    pub(crate) const fn target(&self) -> &AxisMotion {
         &self.target
     }
 
@@ -142,7 +142,7 @@ impl CommandPath {
     }
 
     /// Velocities of targets are the slope of a path from here on.
-    pub const fn take_velocities_of_a_path(&mut self) {
+    pub(crate) const fn take_velocities_of_a_path(&mut self) {
         self.velocity_of = VelocityOf::Path;
     }
 
@@ -152,7 +152,7 @@ impl CommandPath {
     }
 
     #[inline]
-    pub const fn command(&self) -> &AxisMotion {
+    pub(crate) const fn command(&self) -> &AxisMotion {
         &self.command
     }
 
@@ -164,7 +164,7 @@ impl CommandPath {
     }
 
     #[inline]
-    pub fn sent(&self) -> &[f64] {
+    pub(crate) fn sent(&self) -> &[f64] {
         &self.sent
     }
 
@@ -176,7 +176,7 @@ impl CommandPath {
 
     /// The target of the next step. Real-time: yes.
     #[inline]
-    pub const fn goal(&self) -> &AxisMotion {
+    pub(crate) const fn goal(&self) -> &AxisMotion {
         self.path.goal()
     }
 
@@ -188,7 +188,7 @@ impl CommandPath {
 
     /// The next command was judged. Real-time: yes.
     #[inline]
-    pub const fn clear(&mut self, passes: bool) {
+    pub(crate) const fn clear(&mut self, passes: bool) {
         self.clearance = if passes {
             Clearance::Cleared
         } else {
@@ -198,7 +198,7 @@ impl CommandPath {
 
     /// Lets the next command leave, if it was judged; false if it was not. Real-time: yes.
     #[inline]
-    pub fn release(&mut self) -> bool {
+    pub(crate) fn release(&mut self) -> bool {
         if self.clearance != Clearance::Cleared {
             return false;
         }
@@ -215,7 +215,7 @@ impl CommandPath {
 
     /// The last command leaves once more, at rest. Real-time: yes.
     #[inline]
-    pub fn repeat(&mut self) {
+    pub(crate) fn repeat(&mut self) {
         self.in_force = InForce::Repetition;
         if let Some(compensators) = &mut self.compensators {
             compensators.note_sent(false);
@@ -236,7 +236,7 @@ impl CommandPath {
 
     /// Makes the command of the target. Real-time: yes.
     #[inline]
-    pub fn prepare(&mut self, axes: &[Axis]) {
+    pub(crate) fn prepare(&mut self, axes: &[Axis]) {
         self.follow_target(axes);
         if let Some(compensators) = &mut self.compensators {
             let is_published = self.velocity_of == VelocityOf::Integrator;
@@ -245,13 +245,13 @@ impl CommandPath {
     }
 
     /// The target is the first one of the test; everything has rested there.
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.path.begin(&self.target);
     }
 
     /// The goal is known from here on, `share` of the step after the last target. Real-time: yes.
     #[inline]
-    pub fn know(&mut self, share: f64, axes: &[Axis]) {
+    pub(crate) fn know(&mut self, share: f64, axes: &[Axis]) {
         self.path.know(share);
         if self.per_step {
             self.take_goal(axes);
@@ -274,7 +274,7 @@ impl CommandPath {
 
     /// The target is reached: from here on the next is sought. Real-time: yes.
     #[inline]
-    pub fn reach(&mut self) {
+    pub(crate) fn reach(&mut self) {
         self.path.reach();
         if let Some(compensators) = &mut self.compensators {
             compensators.begin_grid();
@@ -283,7 +283,7 @@ impl CommandPath {
 
     /// Makes the command at the end of a tick of the step pacer, with steps of `dt` seconds of test time. Real-time: yes.
     #[inline]
-    pub fn advance(&mut self, tick: &PacerTick, dt: f64, axes: &[Axis]) {
+    pub(crate) fn advance(&mut self, tick: &PacerTick, dt: f64, axes: &[Axis]) {
         if self.per_step {
             return;
         }
@@ -310,7 +310,7 @@ impl CommandPath {
 
     /// No command is made for the next tick. Real-time: yes.
     #[inline]
-    pub fn hold(&mut self) {
+    pub(crate) fn hold(&mut self) {
         // A partner of whole steps may still have its target before it.
         if self.per_step {
             return;
@@ -342,7 +342,7 @@ impl CommandPath {
     }
 
     /// The next command is this many m of the structure's behind the last. Real-time: yes.
-    pub fn go_back(&mut self, steps: impl Iterator<Item = f64>, axes: &[Axis]) {
+    pub(crate) fn go_back(&mut self, steps: impl Iterator<Item = f64>, axes: &[Axis]) {
         self.clearance = Clearance::Unjudged;
         let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
         let steps = self.sent.iter().zip(axes).zip(steps);
@@ -363,7 +363,7 @@ impl CommandPath {
     }
 
     /// A ramp goes from the last command to the next one. A loading unit goes from pose to pose.
-    pub fn begin_ramp(&mut self, axes: &[Axis], unit: Option<&mut LoadingUnit>) {
+    pub(crate) fn begin_ramp(&mut self, axes: &[Axis], unit: Option<&mut LoadingUnit>) {
         self.ramp.begin(&self.sent, &self.command.disp);
         if let Some(unit) = unit {
             let mut strokes = [[0.0; MOST]; 2];
@@ -379,7 +379,7 @@ impl CommandPath {
     }
 
     /// The next command is at this share (0 … 1) of the ramp, which takes `seconds` of test time. Real-time: yes.
-    pub fn ramp_to(
+    pub(crate) fn ramp_to(
         &mut self,
         share: f64,
         seconds: f64,
@@ -395,7 +395,7 @@ impl CommandPath {
     }
 
     /// The specimen stands here, in its own unit: others than this port moved it.
-    pub fn stands_at(&mut self, disp: &[f64]) {
+    pub(crate) fn stands_at(&mut self, disp: &[f64]) {
         for (sent, disp) in self.sent.iter_mut().zip(disp) {
             *sent = *disp;
         }
@@ -427,20 +427,20 @@ impl CommandPath {
 
     /// True if the command in force was made to move. Real-time: yes.
     #[inline]
-    pub fn moves(&self) -> bool {
+    pub(crate) fn moves(&self) -> bool {
         self.in_force == InForce::Motion
     }
 
     /// Velocity of the command in force without its lead, `ready` if it has none; in the axis' unit. Real-time: yes.
     #[inline]
-    pub fn own_vel(&self, axis: usize, ready: f64) -> f64 {
+    pub(crate) fn own_vel(&self, axis: usize, ready: f64) -> f64 {
         let led = self.compensators.as_ref();
         led.and_then(|led| led.own_vel(axis)).unwrap_or(ready)
     }
 
     /// The answer to a command is there, or an old one in place of it. Real-time: yes.
     #[inline]
-    pub fn hear(&mut self, axes: &[Axis], raw: &[f64], is_fresh: bool) {
+    pub(crate) fn hear(&mut self, axes: &[Axis], raw: &[f64], is_fresh: bool) {
         if let Some(compensators) = &mut self.compensators {
             compensators.hear(axes, &self.sent, raw, is_fresh);
         }

@@ -86,7 +86,7 @@ pub(super) struct Observation<'a> {
 }
 
 impl Estimates {
-    pub fn new(stiffness: &[f64]) -> Self {
+    pub(crate) fn new(stiffness: &[f64]) -> Self {
         let estimate = |stiffness: &f64| Estimate {
             tangent: Tangent::new(*stiffness, 0.0, false),
             declared: Declared::NONE,
@@ -103,7 +103,7 @@ impl Estimates {
     }
 
     /// Visits everything but what is declared. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("estimates");
         for axis in &mut self.axes {
             axis.tangent.visit_state(visit);
@@ -117,7 +117,7 @@ impl Estimates {
     }
 
     /// Takes what is declared of the axes, and the step Δt.
-    pub fn declare(&mut self, declared: &[Declared], dt: f64) {
+    pub(crate) fn declare(&mut self, declared: &[Declared], dt: f64) {
         let n = self.axes.len();
         for (axis, declared) in self.axes.iter_mut().zip(declared) {
             axis.declared = *declared;
@@ -130,7 +130,7 @@ impl Estimates {
     }
 
     /// Restarts with the declared values: the wiring check is not part of the test.
-    pub fn restart(&mut self, stiffness: &[f64]) {
+    pub(crate) fn restart(&mut self, stiffness: &[f64]) {
         for (axis, stiffness) in self.axes.iter_mut().zip(stiffness) {
             let with_damping = axis.tangent.with_damping();
             axis.tangent = Tangent::new(*stiffness, axis.declared.damping, with_damping);
@@ -139,7 +139,7 @@ impl Estimates {
     }
 
     /// Nothing is estimated from here on, or everything again.
-    pub const fn rest(&mut self, rests: bool) {
+    pub(crate) const fn rest(&mut self, rests: bool) {
         self.is_resting = rests;
     }
 
@@ -164,7 +164,7 @@ impl Estimates {
 
     /// The tangent stiffness of each axis in N/m, between 0 and the larger of k̂ and the declared bound; k̂ where there is no
     /// number. Real-time: yes.
-    pub fn bounded<'a>(&'a self, stiffness: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    pub(crate) fn bounded<'a>(&'a self, stiffness: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.axes.iter().zip(stiffness).map(|(axis, initial)| {
             // NaN, where no bound is declared, is passed over.
             let most = initial.max(axis.declared.stiffness_bound);
@@ -179,7 +179,7 @@ impl Estimates {
 
     /// Changes of at least this size count from now on: as declared, or above the noise of (displacement, force) in m
     /// and N.
-    pub fn begin(&mut self, noise: impl Iterator<Item = (f64, f64)>) {
+    pub(crate) fn begin(&mut self, noise: impl Iterator<Item = (f64, f64)>) {
         for (axis, (disp, force)) in self.axes.iter_mut().zip(noise) {
             let stiffness = axis.tangent.stiffness().abs();
             let of_force = if stiffness > 0.0 {
@@ -199,7 +199,7 @@ impl Estimates {
 
     /// Takes a fresh measurement. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, observed: &Observation<'_>) {
+    pub(crate) fn take(&mut self, observed: &Observation<'_>) {
         let Observation {
             axes,
             path,
@@ -237,13 +237,13 @@ impl Estimates {
 
     /// Values of each axis for the limits. Real-time: yes.
     #[inline]
-    pub fn judged(&self) -> impl Iterator<Item = Estimated> + '_ {
+    pub(crate) fn judged(&self) -> impl Iterator<Item = Estimated> + '_ {
         self.axes.iter().map(Estimate::judged)
     }
 
     /// Tangent stiffness, tangent damping and added energy of each axis. Real-time: yes.
     #[inline]
-    pub fn values(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> + '_ {
+    pub(crate) fn values(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> + '_ {
         self.axes.iter().map(|axis| {
             let tangent = &axis.tangent;
             let damping = tangent.with_damping().then_some(tangent.damping());
@@ -253,20 +253,20 @@ impl Estimates {
 
     /// `others` J and the energy that the transfer system has added to each axis, one after the other. Real-time: yes.
     #[inline]
-    pub fn added_energy(&self, others: f64) -> f64 {
+    pub(crate) fn added_energy(&self, others: f64) -> f64 {
         let axes = self.axes.iter();
         axes.fold(others, |sum, axis| sum + axis.added_energy)
     }
 
     /// Declared upper bounds of tangent stiffness and tangent damping, per axis; NaN without one.
-    pub fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(crate) fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let axes = self.axes.iter();
         axes.map(|axis| (axis.declared.stiffness_bound, axis.declared.damping_bound))
     }
 
     /// Stability margin that each axis uses. Real-time: yes.
     #[inline]
-    pub fn stability_used(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn stability_used(&self) -> impl Iterator<Item = f64> + '_ {
         let axes = self.axes.iter();
         axes.map(|axis| axis.stability_used(self.dt))
     }

@@ -92,7 +92,7 @@ impl LinkCount {
 }
 
 impl Exchange {
-    pub fn new(substructure: Box<dyn Substructure>) -> Self {
+    pub(crate) fn new(substructure: Box<dyn Substructure>) -> Self {
         Self {
             substructure,
             is_recording: false,
@@ -108,7 +108,7 @@ impl Exchange {
 
     /// Visits what is owed and counted, and a specimen that is computed in this process. A state is taken when no answer is owed: a
     /// target may be pending. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("exchange");
         let mut is_pending = self.state.is_pending();
         if !is_pending && self.state != ExchangeState::Idle {
@@ -134,13 +134,13 @@ impl Exchange {
     }
 
     /// A recording answers in place of the substructure: it knows the numbers of the test only.
-    pub fn put_recording(&mut self, recording: Box<dyn Substructure>) {
+    pub(crate) fn put_recording(&mut self, recording: Box<dyn Substructure>) {
         self.substructure = recording;
         self.is_recording = true;
     }
 
     /// The exchange with something round its substructure.
-    pub fn wrapped(
+    pub(crate) fn wrapped(
         mut self,
         wrap: impl FnOnce(Box<dyn Substructure>) -> Box<dyn Substructure>,
     ) -> Self {
@@ -150,7 +150,7 @@ impl Exchange {
 
     /// Takes the live partner of `fresh` in place of a recording; a formula stays. Counts restart, and no partner is lost.
     /// True if another partner answers now.
-    pub fn go_live(&mut self, fresh: Self) -> bool {
+    pub(crate) fn go_live(&mut self, fresh: Self) -> bool {
         let is_new = fresh.substructure.is_remote();
         if is_new {
             self.substructure = fresh.substructure;
@@ -165,13 +165,13 @@ impl Exchange {
     }
 
     /// Another partner with as many axes answers from here on. Returns the partner before. All counts restart.
-    pub fn swap(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
+    pub(crate) fn swap(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
         self.begin_session();
         std::mem::replace(&mut self.substructure, substructure)
     }
 
     /// Another controller commands: all counts restart, and nothing is owed.
-    pub fn begin_session(&mut self) {
+    pub(crate) fn begin_session(&mut self) {
         self.numbers = LinkNumbers::default();
         self.count = LinkCount::default();
         (self.has_answered, self.stale, self.holding) = (false, 0, 0);
@@ -184,27 +184,27 @@ impl Exchange {
     }
 
     /// See [`Substructure::commanded_every`].
-    pub fn commanded_every(&mut self, seconds: f64) {
+    pub(crate) fn commanded_every(&mut self, seconds: f64) {
         self.substructure.commanded_every(seconds);
     }
 
     /// Measures before the first command; false if the specimen does not.
-    pub fn at_rest(&mut self, into: &mut Measurement) -> bool {
+    pub(crate) fn at_rest(&mut self, into: &mut Measurement) -> bool {
         self.substructure.at_rest(into)
     }
 
     /// A computed specimen forgets what was not accepted.
-    pub fn revert(&mut self) {
+    pub(crate) fn revert(&mut self) {
         self.substructure.revert();
     }
 
     /// Tangent stiffness, n × n by columns, in the specimen's units; false if it is not known. Real-time: yes.
-    pub fn tangent(&self, stiffness: &mut [f64]) -> bool {
+    pub(crate) fn tangent(&self, stiffness: &mut [f64]) -> bool {
         self.substructure.tangent(stiffness)
     }
 
     #[inline]
-    pub const fn state(&self) -> &ExchangeState {
+    pub(crate) const fn state(&self) -> &ExchangeState {
         &self.state
     }
 
@@ -214,12 +214,12 @@ impl Exchange {
     }
 
     #[inline]
-    pub fn coupling(&self) -> Coupling {
+    pub(crate) fn coupling(&self) -> Coupling {
         self.substructure.coupling()
     }
 
     #[inline]
-    pub fn is_remote(&self) -> bool {
+    pub(crate) fn is_remote(&self) -> bool {
         self.substructure.is_remote()
     }
 
@@ -230,13 +230,13 @@ impl Exchange {
 
     /// True if its answer has to be waited for: it comes from outside this process. A recording says whether it was.
     #[inline]
-    pub fn is_awaited(&self) -> bool {
+    pub(crate) fn is_awaited(&self) -> bool {
         (self.is_remote() || self.is_recording) && self.coupling() == Coupling::Lockstep
     }
 
     /// Sends a command that has this number in the test, unless the partner is lost or overdue. Real-time: yes.
     #[inline]
-    pub fn send(
+    pub(crate) fn send(
         &mut self,
         sequence: u64,
         [time, dt]: [f64; 2],
@@ -265,7 +265,7 @@ impl Exchange {
 
     /// Takes the answer into `incoming`, which holds the newest one that is known. Real-time: yes.
     #[inline]
-    pub fn collect(
+    pub(crate) fn collect(
         &mut self,
         deadline: Nanos,
         incoming: &mut Measurement,
@@ -291,7 +291,7 @@ impl Exchange {
     }
 
     /// The force of an answer that was lost and came with a later one; the number of its command in the test. Real-time: yes.
-    pub fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
+    pub(crate) fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
         let number = self.substructure.recover(force)?;
         Some(self.numbers.in_test(number))
     }
@@ -299,7 +299,7 @@ impl Exchange {
     /// The command of this number is accepted, or the last one of a partner of whole steps. Real-time:
     /// yes.
     #[inline]
-    pub fn accepted(&mut self, sequence: u64, per_step: bool) -> Result<(), LinkFault> {
+    pub(crate) fn accepted(&mut self, sequence: u64, per_step: bool) -> Result<(), LinkFault> {
         let sequence = if per_step {
             self.numbers.sent()
         } else {
@@ -334,18 +334,18 @@ impl Exchange {
     }
 
     /// Connects the substructure.
-    pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
+    pub(crate) fn connect(&mut self) -> Result<Introduction, Unavailable> {
         self.substructure.connect()
     }
 
     /// Asks what [`Exchange::arm`] waits for, and does not wait.
-    pub fn ask_to_arm(&mut self, sequence: u64, command: &[f64]) -> Result<(), LinkFault> {
+    pub(crate) fn ask_to_arm(&mut self, sequence: u64, command: &[f64]) -> Result<(), LinkFault> {
         self.substructure
             .ask_to_arm(self.numbers.first(sequence), command)
     }
 
     /// The last agreement before commands move the specimen; false if it was not `wanted` any more.
-    pub fn arm(
+    pub(crate) fn arm(
         &mut self,
         sequence: u64,
         command: &[f64],
@@ -358,57 +358,57 @@ impl Exchange {
 
     /// True if the answer is here, or comes within `wait_ns` of wall time. Real-time: yes.
     #[inline]
-    pub fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+    pub(crate) fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         self.substructure.is_answered(wait_ns)
     }
 
     /// Nothing to command: see [`Substructure::attend`]. Real-time: yes.
-    pub fn attend(&mut self) -> Result<(), LinkFault> {
+    pub(crate) fn attend(&mut self) -> Result<(), LinkFault> {
         self.substructure.attend()
     }
 
     /// The operator holds the test. Real-time: yes.
-    pub fn pause(&mut self) -> Result<(), LinkFault> {
+    pub(crate) fn pause(&mut self) -> Result<(), LinkFault> {
         self.substructure.pause()
     }
 
     /// The specimen stops where it is. A link that is lost shows with the next command.
-    pub fn halt(&mut self) {
+    pub(crate) fn halt(&mut self) {
         if self.has_begun() {
             let _ = self.substructure.halt();
         }
     }
 
     /// Says goodbye.
-    pub fn retire(&mut self, how: Retirement) {
+    pub(crate) fn retire(&mut self, how: Retirement) {
         self.substructure.retire(how);
     }
 
     /// Whether the goodbye was acknowledged; none of a partner that need not acknowledge it.
-    pub fn has_acknowledged(&self) -> Option<bool> {
+    pub(crate) fn has_acknowledged(&self) -> Option<bool> {
         self.substructure.has_acknowledged()
     }
 
-    pub fn last_words(&self) -> Option<String> {
+    pub(crate) fn last_words(&self) -> Option<String> {
         self.substructure.last_words()
     }
 
-    pub fn complaint(&self) -> Option<String> {
+    pub(crate) fn complaint(&self) -> Option<String> {
         self.substructure.complaint()
     }
 
-    pub fn holder(&self) -> Holder {
+    pub(crate) fn holder(&self) -> Holder {
         self.substructure.holder()
     }
 
     /// True if a command has left.
-    pub const fn has_begun(&self) -> bool {
+    pub(crate) const fn has_begun(&self) -> bool {
         self.count.sent > 0
     }
 
     /// Counts of this exchange, without those of the link itself. Real-time: yes.
     #[inline]
-    pub const fn count(&self) -> &LinkCount {
+    pub(crate) const fn count(&self) -> &LinkCount {
         &self.count
     }
 
@@ -420,11 +420,11 @@ impl Exchange {
         }
     }
 
-    pub const fn wait(&self) -> Option<WaitRules> {
+    pub(crate) const fn wait(&self) -> Option<WaitRules> {
         self.wait
     }
 
-    pub const fn set_wait(&mut self, wait: Option<WaitRules>) {
+    pub(crate) const fn set_wait(&mut self, wait: Option<WaitRules>) {
         self.wait = wait;
     }
 
@@ -439,7 +439,7 @@ impl Exchange {
     }
 
     #[inline]
-    pub const fn stale_in_a_row(&self) -> u64 {
+    pub(crate) const fn stale_in_a_row(&self) -> u64 {
         self.stale
     }
 
@@ -464,7 +464,7 @@ impl Exchange {
     }
 
     /// Takes note of whether the last answer says that the specimen's own watchdog holds it. Real-time: yes.
-    pub fn note_hold(&mut self, status: Status, freshness: Freshness) -> Hold {
+    pub(crate) fn note_hold(&mut self, status: Status, freshness: Freshness) -> Hold {
         let before = self.holding;
         let holds = status.has(Status::HOLDING);
         let goes_on = holds && !status.has(Status::HELD);
@@ -484,7 +484,7 @@ impl Exchange {
     }
 
     /// One more measurement whose iteration did not converge; how many there are. Real-time: yes.
-    pub const fn count_unsettled(&mut self) -> u64 {
+    pub(crate) const fn count_unsettled(&mut self) -> u64 {
         self.count.unsettled += 1;
         self.count.unsettled
     }

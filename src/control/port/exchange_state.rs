@@ -71,7 +71,7 @@ impl ExchangeState {
 
     /// A command has left. Real-time: yes.
     #[inline]
-    pub fn sent(&mut self) {
+    pub(crate) fn sent(&mut self) {
         *self = Self::Awaiting {
             since: None,
             target_follows: self.owed() == Due::Target,
@@ -80,7 +80,7 @@ impl ExchangeState {
 
     /// The answer was taken. Real-time: yes.
     #[inline]
-    pub const fn answered(&mut self) {
+    pub(crate) const fn answered(&mut self) {
         *self = match *self {
             Self::Awaiting {
                 target_follows: true,
@@ -93,7 +93,7 @@ impl ExchangeState {
     }
 
     /// A live partner takes over: it is not lost, and times of the other clock are void.
-    pub fn go_live(&mut self) {
+    pub(crate) fn go_live(&mut self) {
         *self = match self.owed() {
             Due::Nothing => Self::Idle,
             Due::Target => Self::Pending,
@@ -106,18 +106,18 @@ impl ExchangeState {
 
     /// A command has left, and its answer was not taken. Real-time: yes.
     #[inline]
-    pub const fn owes(&self) -> bool {
+    pub(crate) const fn owes(&self) -> bool {
         matches!(self.owed(), Due::Answer) || matches!(*self, Self::Awaiting { .. })
     }
 
     /// The target of the step is known and was not sent. Real-time: yes.
     #[inline]
-    pub const fn is_pending(&self) -> bool {
+    pub(crate) const fn is_pending(&self) -> bool {
         matches!(*self, Self::Pending)
     }
 
     #[inline]
-    pub const fn is_lost(&self) -> bool {
+    pub(crate) const fn is_lost(&self) -> bool {
         matches!(*self, Self::Lost { .. })
     }
 
@@ -190,7 +190,7 @@ impl ExchangeState {
     }
 
     /// The partner is not commanded any more. Real-time: yes.
-    pub fn lose(&mut self, loss: Loss) {
+    pub(crate) fn lose(&mut self, loss: Loss) {
         let cause = if self.is_gone() { Loss::Gone } else { loss };
         *self = Self::Lost {
             cause,

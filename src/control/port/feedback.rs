@@ -56,7 +56,7 @@ fn raise(peaks: &mut [f64], forces: &[f64]) {
 }
 
 impl Feedback {
-    pub fn new(axes: usize) -> Self {
+    pub(crate) fn new(axes: usize) -> Self {
         let zeros = || vec![0.0; axes];
         Self {
             raw: Measurement::zeros(axes),
@@ -72,7 +72,7 @@ impl Feedback {
     }
 
     /// Visits the newest measurement, what was made of it, and the peaks. When a step is closed nothing is kept. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("feedback");
         self.raw.visit_state(visit);
         if visit.restores() {
@@ -91,31 +91,31 @@ impl Feedback {
     }
 
     #[inline]
-    pub const fn raw(&self) -> &Measurement {
+    pub(crate) const fn raw(&self) -> &Measurement {
         &self.raw
     }
 
     #[cfg(test)]
-    pub const fn raw_mut(&mut self) -> &mut Measurement {
+    pub(crate) const fn raw_mut(&mut self) -> &mut Measurement {
         &mut self.raw
     }
 
     #[inline]
-    pub fn disp(&self) -> &[f64] {
+    pub(crate) fn disp(&self) -> &[f64] {
         &self.disp
     }
 
     #[inline]
-    pub fn force(&self) -> &[f64] {
+    pub(crate) fn force(&self) -> &[f64] {
         &self.force
     }
 
     #[inline]
-    pub fn recovered(&self) -> &[f64] {
+    pub(crate) fn recovered(&self) -> &[f64] {
         &self.recovered
     }
 
-    pub fn peak(&self) -> &[f64] {
+    pub(crate) fn peak(&self) -> &[f64] {
         &self.peak
     }
 
@@ -129,7 +129,7 @@ impl Feedback {
 
     /// True if the raw measurement answers the command of the exchange. Real-time: yes.
     #[inline]
-    pub const fn is_fresh(&self) -> bool {
+    pub(crate) const fn is_fresh(&self) -> bool {
         !self.raw.status.has(Status::STALE)
     }
 
@@ -140,7 +140,7 @@ impl Feedback {
 
     /// Where the next answer is to be written: it holds the newest measurement. Real-time: yes.
     #[inline]
-    pub const fn incoming(&mut self) -> &mut Measurement {
+    pub(crate) const fn incoming(&mut self) -> &mut Measurement {
         // The numbers of the axes are there already.
         self.incoming.time = self.raw.time;
         self.incoming.status = self.raw.status;
@@ -151,7 +151,7 @@ impl Feedback {
     /// Takes the answer that was written, and brings it into the structure's units. Returns whether it is fresh, and whether every
     /// force is finite. Real-time: yes.
     #[inline]
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         answer: Result<Freshness, LinkFault>,
         axes: &[Axis],
@@ -189,7 +189,7 @@ impl Feedback {
     }
 
     /// Takes displacements and forces in the specimen's units that were measured before the first command.
-    pub fn take_at_rest(&mut self, at_rest: &Measurement, axes: &[Axis]) {
+    pub(crate) fn take_at_rest(&mut self, at_rest: &Measurement, axes: &[Axis]) {
         let raw = self.raw.disp.iter_mut().zip(&mut self.raw.force);
         let read = at_rest.disp.iter().zip(&at_rest.force);
         let at_structure = self.disp.iter_mut().zip(&mut self.force);
@@ -204,7 +204,7 @@ impl Feedback {
 
     /// Takes the means that were read at rest, where they are known better than by one answer; false where they are not. Real-time:
     /// yes.
-    pub fn take_rest(&mut self, rest: &Rest, axes: &[Axis]) -> bool {
+    pub(crate) fn take_rest(&mut self, rest: &Rest, axes: &[Axis]) -> bool {
         let Some(means) = rest.means() else {
             return false;
         };
@@ -229,7 +229,7 @@ impl Feedback {
     }
 
     /// Moves a stale force along tangents from where it was measured to its target. Real-time: yes.
-    pub fn extrapolate(&mut self, tangents: impl Iterator<Item = f64>, target: &[f64]) {
+    pub(crate) fn extrapolate(&mut self, tangents: impl Iterator<Item = f64>, target: &[f64]) {
         let axes = self.force.iter_mut().zip(target).zip(&self.disp);
         for (((force, target), measured), stiffness) in axes.zip(tangents) {
             *force += stiffness * (target - measured);
@@ -251,7 +251,7 @@ impl Feedback {
     }
 
     /// Keeps what belongs to the target that was just reached. Real-time: yes.
-    pub fn keep(&mut self) {
+    pub(crate) fn keep(&mut self) {
         let [disp, force] = &mut self.kept;
         disp.copy_from_slice(&self.disp);
         force.copy_from_slice(&self.force);

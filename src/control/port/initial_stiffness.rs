@@ -14,7 +14,7 @@ pub(super) struct InitialStiffness {
 
 impl InitialStiffness {
     /// Of axes that do not know of each other.
-    pub const fn new(own: Vec<f64>) -> Self {
+    pub(crate) const fn new(own: Vec<f64>) -> Self {
         Self {
             own,
             between: Vec::new(),
@@ -34,12 +34,12 @@ impl InitialStiffness {
     }
 
     /// Of each axis alone, N/m.
-    pub fn own(&self) -> &[f64] {
+    pub(crate) fn own(&self) -> &[f64] {
         &self.own
     }
 
     /// Of all axes, n × n by rows.
-    pub fn matrix(&self) -> Vec<f64> {
+    pub(crate) fn matrix(&self) -> Vec<f64> {
         let n = self.own.len();
         let mut matrix = self.between.clone();
         matrix.resize(n * n, 0.0);

@@ -133,7 +133,7 @@ pub fn shares(order: Order, share: f64) -> [PathPoint; PAST + 1] {
 impl Interpolation {
     /// Of `axes` axes.
     #[must_use]
-    pub fn new(axes: usize, order: Order) -> Self {
+    pub(crate) fn new(axes: usize, order: Order) -> Self {
         Self {
             order,
             ways: vec![Way::default(); axes],
@@ -142,7 +142,7 @@ impl Interpolation {
     }
 
     /// Visits every target, and where the next became known. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         for way in &mut self.ways {
             visit.numbers(&mut way.past);
             visit.number(&mut way.goal);
@@ -156,7 +156,7 @@ impl Interpolation {
     }
 
     /// Everything has always stood at `disp`, one value per axis.
-    pub fn rest(&mut self, disp: &[f64]) {
+    pub(crate) fn rest(&mut self, disp: &[f64]) {
         for (way, disp) in self.ways.iter_mut().zip(disp) {
             *way = Way {
                 past: [*disp; PAST],
@@ -168,7 +168,7 @@ impl Interpolation {
 
     /// The target is reached: it is the past now, and the next is unknown. Does nothing if there was no target.
     #[inline]
-    pub fn reach(&mut self) {
+    pub(crate) fn reach(&mut self) {
         if self.joined.take().is_none() {
             return;
         }
@@ -180,7 +180,7 @@ impl Interpolation {
 
     /// The next target becomes known at `u`, one value per axis.
     #[inline]
-    pub fn aim(&mut self, goals: &[f64], u: f64) {
+    pub(crate) fn aim(&mut self, goals: &[f64], u: f64) {
         for (way, goal) in self.ways.iter_mut().zip(goals) {
             way.goal = *goal;
         }
@@ -189,13 +189,13 @@ impl Interpolation {
 
     /// True if the next target is known.
     #[must_use]
-    pub const fn is_known(&self) -> bool {
+    pub(crate) const fn is_known(&self) -> bool {
         self.joined.is_some()
     }
 
     /// One axis at `u`: also beyond now, for who wants to look ahead along a way that is known.
     #[must_use]
-    pub fn at(&self, axis: usize, u: f64) -> PathPoint {
+    pub(crate) fn at(&self, axis: usize, u: f64) -> PathPoint {
         let Some(way) = self.ways.get(axis) else {
             return PathPoint::default();
         };

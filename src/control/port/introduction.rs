@@ -22,7 +22,7 @@ pub(super) struct Expectation<'a> {
 
 impl Expectation<'_> {
     /// Warnings about position, wiring and stale forces. The startup has learned the reported position already.
-    pub fn warnings(&self, found: &Introduction) -> Vec<String> {
+    pub(crate) fn warnings(&self, found: &Introduction) -> Vec<String> {
         let name = self.name;
         let mut warnings: Vec<String> = self.contradiction(&found.standing).into_iter().collect();
         if matches!(self.startup.wiring(), WiringCheck::Unchecked) && !found.simulated {
@@ -78,7 +78,7 @@ impl Expectation<'_> {
     }
 
     /// What needs a measured displacement, where the end of the link does not say that it measures one: why the test cannot begin.
-    pub fn lacks_measured_disp(&self, found: &Introduction) -> Option<String> {
+    pub(crate) fn lacks_measured_disp(&self, found: &Introduction) -> Option<String> {
         let needs = &self.startup.needs_measured_disp().own;
         (found.repeats_the_command && !needs.is_empty()).then(|| {
             format!(

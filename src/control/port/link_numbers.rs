@@ -50,7 +50,7 @@ pub(super) struct LinkNumbers {
 impl LinkNumbers {
     /// Visits the number of the last command. Offsets that belong to a connection are not visited: a resumed test has another one.
     /// Real-time: yes.
-    pub fn visit_state(&mut self, are_of_connection: bool, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, are_of_connection: bool, visit: &mut dyn Visit) {
         let (mut has_sent, mut sent) = (self.sent.is_some(), self.sent());
         visit.flag(&mut has_sent);
         visit.count(&mut sent);
@@ -63,14 +63,14 @@ impl LinkNumbers {
 
     /// The number on the link of a command that leaves now. Real-time: yes.
     #[inline]
-    pub fn number(&mut self, sequence: u64) -> u64 {
+    pub(crate) fn number(&mut self, sequence: u64) -> u64 {
         self.sent = Some(sequence);
         self.last = self.next;
         self.on_link(sequence)
     }
 
     /// The number on the link of the first of many commands.
-    pub const fn first(&self, sequence: u64) -> u64 {
+    pub(crate) const fn first(&self, sequence: u64) -> u64 {
         self.next.on_link(sequence)
     }
 
@@ -82,13 +82,13 @@ impl LinkNumbers {
 
     /// A number on the link in the test, as of the last command. Real-time: yes.
     #[inline]
-    pub const fn in_test(&self, number: u64) -> u64 {
+    pub(crate) const fn in_test(&self, number: u64) -> u64 {
         self.last.in_test(number)
     }
 
     /// Number in the test of the command that left last. Real-time: yes.
     #[inline]
-    pub fn sent(&self) -> u64 {
+    pub(crate) fn sent(&self) -> u64 {
         self.sent.unwrap_or(0)
     }
 
@@ -109,7 +109,7 @@ impl LinkNumbers {
     }
 
     /// Another partner takes over: the next numbers are those of the test.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.next = Offset::default();
     }
 

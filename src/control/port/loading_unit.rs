@@ -61,7 +61,7 @@ pub(super) struct LoadingUnit {
 
 impl LoadingUnit {
     /// At its reference pose; `rows` are those of B, one per coordinate.
-    pub fn new(geometry: Geometry, rows: Vec<PoseRow>, law_at: LawPlace) -> Self {
+    pub(crate) fn new(geometry: Geometry, rows: Vec<PoseRow>, law_at: LawPlace) -> Self {
         let reference = geometry.reference();
         Self {
             geometry,
@@ -80,7 +80,7 @@ impl LoadingUnit {
     }
 
     /// Visits poses and forces. A pose that cannot be ends the test before a state is taken. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("loading unit");
         self.aim.visit_state(visit);
         visit.numbers(&mut self.rates);
@@ -115,7 +115,7 @@ impl LoadingUnit {
     }
 
     /// Goes where the structure is. Real-time: yes.
-    pub fn seek(
+    pub(crate) fn seek(
         &mut self,
         state: [&[f64]; 2],
         base: [f64; 2],
@@ -131,7 +131,7 @@ impl LoadingUnit {
     }
 
     /// Goes along prescribed coordinates. Real-time: yes.
-    pub fn seek_at(
+    pub(crate) fn seek_at(
         &mut self,
         along: &mut impl Iterator<Item = (f64, f64)>,
         target: &mut [f64],
@@ -166,7 +166,7 @@ impl LoadingUnit {
     }
 
     /// The actuators have these strokes in m: the next pose is sought from there. Impossible strokes change nothing.
-    pub fn stands_at(&mut self, strokes: &[f64]) {
+    pub(crate) fn stands_at(&mut self, strokes: &[f64]) {
         if let Ok(placed) = self.found_at(strokes) {
             (self.aim, self.found) = (placed, placed);
             self.rates = [0.0; MOST];
@@ -179,18 +179,18 @@ impl LoadingUnit {
     }
 
     /// Bends of the strokes at a share of the way: see [`Bend::at`]. Real-time: yes.
-    pub fn bends(&mut self, way: f64) -> Option<impl Iterator<Item = (f64, f64)> + use<>> {
+    pub(crate) fn bends(&mut self, way: f64) -> Option<impl Iterator<Item = (f64, f64)> + use<>> {
         self.bend.at(&self.geometry, way)
     }
 
     /// True if the pose last sought can be. Real-time: yes.
     #[inline]
-    pub const fn is_possible(&self) -> bool {
+    pub(crate) const fn is_possible(&self) -> bool {
         self.fault.is_none()
     }
 
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
-    pub fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
+    pub(crate) fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
         self.found = self.aim;
         let found = self.geometry.find_for_forces(measured, &mut self.found);
         self.is_unknown = found.is_err();
@@ -203,7 +203,7 @@ impl LoadingUnit {
     }
 
     /// Of a loading unit.
-    pub const fn geometry(&self) -> &Geometry {
+    pub(crate) const fn geometry(&self) -> &Geometry {
         &self.geometry
     }
 
@@ -223,7 +223,7 @@ impl LoadingUnit {
 
     /// Why the pose last sought cannot be. Real-time: yes.
     #[inline]
-    pub const fn fault(&self) -> Option<Fault> {
+    pub(crate) const fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
@@ -241,13 +241,13 @@ impl LoadingUnit {
     }
 
     /// Where its poses bend the way of an actuator, the distance in m for which that is nowhere faster; else 0.
-    pub fn steepest(&self, axis: usize) -> f64 {
+    pub(crate) fn steepest(&self, axis: usize) -> f64 {
         self.bend.steepest(axis)
     }
 
     /// Each coordinate: pose that the structure asks for, measured pose, force. Real-time: yes.
     #[inline]
-    pub fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
+    pub(crate) fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
         let values = self.aim.pose().iter().zip(self.found.pose());
         let values = values.zip(&self.force);
         let named = self.geometry.coordinates().iter().zip(values);
@@ -262,7 +262,7 @@ impl LoadingUnit {
     }
 
     /// How far the platform went. Allocates.
-    pub fn poses(&self) -> Poses {
+    pub(crate) fn poses(&self) -> Poses {
         let Self {
             geometry,
             range,

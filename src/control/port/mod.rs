@@ -128,7 +128,7 @@ impl std::fmt::Debug for Port {
 // Targets and commands.
 impl Port {
     /// Visits every value that later rows of a running test depend on, when a step is closed. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("port");
         for axis in &mut self.axes {
             axis.visit_state(visit);
@@ -163,7 +163,7 @@ impl Port {
 
     /// The target of the next step, from the structure's state. Real-time: yes.
     #[inline]
-    pub fn seek(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
+    pub(crate) fn seek(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
         let goal = self.path.goal_mut();
         let unit = self.loading_unit.as_deref_mut();
         goal.seek(&self.axes, unit, [disp, vel], [base_disp, base_vel]);
@@ -186,7 +186,7 @@ impl Port {
 
     /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
     #[inline]
-    pub fn know(&mut self, share: f64) {
+    pub(crate) fn know(&mut self, share: f64) {
         self.guard.aims_at(&self.axes, &self.path.goal().disp);
         self.path.know(share, &self.axes);
         if self.path.is_per_step() {
@@ -196,13 +196,13 @@ impl Port {
 
     /// The command reaches its target in this tick: from here on the next is sought. Real-time: yes.
     #[inline]
-    pub fn reach(&mut self) {
+    pub(crate) fn reach(&mut self) {
         self.path.reach();
     }
 
     /// Makes the command at the end of a tick of the step pacer, with steps of `dt` seconds of test time. Real-time: yes.
     #[inline]
-    pub fn advance(&mut self, tick: &PacerTick, dt: f64) {
+    pub(crate) fn advance(&mut self, tick: &PacerTick, dt: f64) {
         self.path.advance(tick, dt, &self.axes);
     }
 
@@ -325,7 +325,7 @@ impl Port {
     ///
     /// # Errors
     /// The link is lost.
-    pub fn repeat(&mut self, sequence: u64, time: f64) -> Result<(), LinkFault> {
+    pub(crate) fn repeat(&mut self, sequence: u64, time: f64) -> Result<(), LinkFault> {
         self.guard.sent_again(self.path.sent());
         self.path.repeat();
         self.tracking.note_sent(None);
@@ -389,7 +389,7 @@ impl Port {
 
     /// Takes the force of an answer that was lost and came with a later one into [`Port::recovered_force`], one with each call;
     /// the number of its command in the test. Real-time: yes.
-    pub fn recover(&mut self) -> Option<u64> {
+    pub(crate) fn recover(&mut self) -> Option<u64> {
         let Self {
             exchange, feedback, ..
         } = self;
@@ -397,7 +397,7 @@ impl Port {
     }
 
     /// Moves a stale force along the known tangent, within its bounds, from the measured displacement to the target. Real-time: yes.
-    pub fn extrapolate(&mut self) {
+    pub(crate) fn extrapolate(&mut self) {
         let tangents = self.estimates.bounded(self.stiffness.own());
         let target = &self.path.target().disp;
         self.feedback.extrapolate(tangents, target);
@@ -433,7 +433,7 @@ impl Port {
     }
 
     /// Keeps what belongs to the target that was just reached, until the slowest partner has answered. Real-time: yes.
-    pub fn keep(&mut self) {
+    pub(crate) fn keep(&mut self) {
         if !self.path.is_per_step() {
             self.path.keep_target();
             self.feedback.keep();
@@ -488,7 +488,7 @@ impl Port {
     /// True if a recording answers in place of the specimen.
     #[inline]
     #[must_use]
-    pub const fn is_recorded(&self) -> bool {
+    pub(crate) const fn is_recorded(&self) -> bool {
         self.exchange.is_recording()
     }
 
@@ -509,7 +509,7 @@ impl Port {
     /// the property. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn is_awaited(&self) -> bool {
+    pub(crate) fn is_awaited(&self) -> bool {
         self.exchange.is_awaited()
     }
 
@@ -525,7 +525,7 @@ impl Port {
     /// True if a command has left whose answer was not taken. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn owes(&self) -> bool {
+    pub(crate) const fn owes(&self) -> bool {
         self.exchange.state().owes()
     }
 
@@ -558,7 +558,7 @@ impl Port {
     /// True if it is not commanded any more. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn is_lost(&self) -> bool {
+    pub(crate) const fn is_lost(&self) -> bool {
         self.exchange.state().is_lost()
     }
 
@@ -570,7 +570,7 @@ impl Port {
     }
 
     /// It is not commanded any more; `gone`: because its link is. Real-time: yes.
-    pub fn lose(&mut self, gone: bool) {
+    pub(crate) fn lose(&mut self, gone: bool) {
         self.exchange
             .state_mut()
             .lose(if gone { Loss::Gone } else { Loss::Distrusted });
@@ -620,7 +620,7 @@ impl Port {
     /// Stale measurements in a row. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn stale_in_a_row(&self) -> u64 {
+    pub(crate) const fn stale_in_a_row(&self) -> u64 {
         self.exchange.stale_in_a_row()
     }
 
@@ -775,7 +775,7 @@ impl Port {
     /// Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn is_fresh(&self) -> bool {
+    pub(crate) const fn is_fresh(&self) -> bool {
         self.feedback.is_fresh()
     }
 
@@ -828,7 +828,7 @@ impl Port {
     /// The values of [`Port::recorded_limits`] that were judged in this tick, SI at the specimen; NaN where nothing was judged.
     /// Real-time: yes.
     #[inline]
-    pub fn judged(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn judged(&self) -> impl Iterator<Item = f64> {
         self.guard.judged()
     }
 
@@ -873,14 +873,14 @@ impl Port {
     /// Tangent stiffness in N/m, tangent damping in N s/m (none where no damping is declared) and energy in J that the
     /// transfer system has added, per axis at the structure. Real-time: yes.
     #[inline]
-    pub fn estimates(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> {
+    pub(crate) fn estimates(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> {
         self.estimates.values()
     }
 
     /// `others` J and the energy that the transfer system has added to each axis, one after the other. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn added_energy(&self, others: f64) -> f64 {
+    pub(crate) fn added_energy(&self, others: f64) -> f64 {
         self.estimates.added_energy(others)
     }
 
@@ -894,7 +894,7 @@ impl Port {
     /// of one axis alone. None if there is no proof to start from. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn stability_used(&self) -> Option<f64> {
+    pub(crate) fn stability_used(&self) -> Option<f64> {
         let used = self.stability_used_by_axis();
         let used = used.fold(-0.0, |sum, axis| sum + axis);
         used.is_finite().then_some(used)
@@ -933,14 +933,14 @@ impl Port {
 
     /// Critical delay at the stiffness of the last seconds less their lag, s of test time, per axis: negative where the test is expected to
     /// grow, infinite where every delay is stable, not a number where nothing is known yet. Real-time: yes.
-    pub fn delay_margins(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn delay_margins(&self) -> impl Iterator<Item = f64> {
         let lags = self.tracking.lags();
         lags.map(|(lag, critical)| critical - lag)
     }
 
     /// The largest share of its critical delay that an axis uses; not a number while nothing is known. Real-time: yes.
     #[must_use]
-    pub fn delay_used(&self) -> f64 {
+    pub(crate) fn delay_used(&self) -> f64 {
         // A number wins against none.
         self.delay_used_by_axis().fold(f64::NAN, f64::max)
     }
@@ -953,7 +953,7 @@ impl Port {
 
     /// The loading unit, if its axes are actuators of one.
     #[must_use]
-    pub fn geometry(&self) -> Option<&Geometry> {
+    pub(crate) fn geometry(&self) -> Option<&Geometry> {
         self.loading_unit.as_deref().map(LoadingUnit::geometry)
     }
 
@@ -973,7 +973,7 @@ impl Port {
 
     /// How far the platform went. Allocates.
     #[must_use]
-    pub fn poses(&self) -> Option<Poses> {
+    pub(crate) fn poses(&self) -> Option<Poses> {
         self.loading_unit.as_deref().map(LoadingUnit::poses)
     }
 

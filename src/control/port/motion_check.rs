@@ -65,7 +65,7 @@ pub struct MotionCheck {
 impl MotionCheck {
     /// Before it was sent anywhere.
     #[must_use]
-    pub fn new(axes: usize) -> Self {
+    pub(crate) fn new(axes: usize) -> Self {
         Self {
             axes: vec![AxisFollows::default(); axes],
             has_begun: false,

@@ -18,13 +18,13 @@ impl Passed {
     };
 
     /// One more force. Real-time: yes.
-    pub const fn take(&mut self, force: f64) {
+    pub(crate) const fn take(&mut self, force: f64) {
         self.least = self.least.min(force);
         self.most = self.most.max(force);
     }
 
     /// False for a force beyond these, with this `noise`; also for NaN. Real-time: yes.
-    pub fn has(self, force: f64, noise: f64) -> bool {
+    pub(crate) fn has(self, force: f64, noise: f64) -> bool {
         let slack = noise + RESOLUTION * (self.most - self.least);
         (self.least - slack..=self.most + slack).contains(&force)
     }

@@ -92,11 +92,11 @@ pub(super) struct Average {
 }
 
 impl Average {
-    pub fn variance(&self) -> f64 {
+    pub(crate) fn variance(&self) -> f64 {
         self.squares / (self.count - 1.0).max(1.0)
     }
 
-    pub fn add(&mut self, value: f64) {
+    pub(crate) fn add(&mut self, value: f64) {
         self.count += 1.0;
         let from_mean = value - self.mean;
         self.mean += from_mean / self.count;
@@ -141,7 +141,7 @@ pub enum WayBack {
 impl WayBack {
     /// Its word in events.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub(crate) const fn word(self) -> &'static str {
         match self {
             Self::Complete => "complete",
             Self::Incomplete => "incomplete",
@@ -184,7 +184,7 @@ impl Probe {
     /// A probe from `start`, by `amplitude` along each axis (0: this axis is left alone), of a specimen whose estimated stiffness
     /// is `stiffness`, n × n by rows; all in `units`. `accepts`: a wrong amount of stiffness is accepted.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         start: &[f64],
         amplitude: &[f64],
         (stiffness, accepts): (&[f64], bool),
@@ -233,7 +233,7 @@ impl Probe {
 
     /// The same by `share` (more than 0, at most 1) of an exchange: a probe that is being held, or goes on after that.
     /// Real-time: yes.
-    pub fn go_on(&mut self, share: f64, disp: &mut [f64], vel: &mut [f64]) -> bool {
+    pub(crate) fn go_on(&mut self, share: f64, disp: &mut [f64], vel: &mut [f64]) -> bool {
         let motion = match self.back {
             Some(back) => self.go_back(back, share),
             None => self.go_forth(share),
@@ -344,7 +344,11 @@ impl Probe {
     /// Turns an interrupted probe back to its start: from here on its commands are those of the return. `sent` is the last command
     /// that left, and `brake` the change of velocity in one exchange times its duration that an axis allows. False if there is
     /// nothing to undo. Real-time: yes.
-    pub fn turn_back(&mut self, sent: impl Fn(usize) -> f64, brake: impl Fn(usize) -> f64) -> bool {
+    pub(crate) fn turn_back(
+        &mut self,
+        sent: impl Fn(usize) -> f64,
+        brake: impl Fn(usize) -> f64,
+    ) -> bool {
         let Some(start) = self.start.get(self.axis) else {
             return false;
         };
@@ -427,7 +431,7 @@ impl Probe {
     }
 
     /// What the last command gave. Real-time: yes.
-    pub fn take(&mut self, disp: &[f64], force: &[f64]) {
+    pub(crate) fn take(&mut self, disp: &[f64], force: &[f64]) {
         if let Some(Back::Returns { .. }) = self.back {
             self.judge_way_back(force);
             return;

@@ -20,7 +20,7 @@ pub(super) struct Ramp {
 
 impl Ramp {
     /// For `axes` axes; none yet.
-    pub fn new(axes: usize) -> Self {
+    pub(crate) fn new(axes: usize) -> Self {
         Self {
             from: vec![0.0; axes],
             to: vec![0.0; axes],
@@ -28,13 +28,13 @@ impl Ramp {
     }
 
     /// The next ramp goes from one place to the other.
-    pub fn begin(&mut self, from: &[f64], to: &[f64]) {
+    pub(crate) fn begin(&mut self, from: &[f64], to: &[f64]) {
         self.from.copy_from_slice(from);
         self.to.copy_from_slice(to);
     }
 
     /// Part of the way at this share (0 … 1) of the time. Real-time: yes.
-    pub fn way(share: f64) -> f64 {
+    pub(crate) fn way(share: f64) -> f64 {
         0.5 * (1.0 - libm::cos(PI * share))
     }
 
@@ -61,7 +61,7 @@ impl Ramp {
     }
 
     /// Adds the bends of the poses between both ends of the same ramp. Real-time: yes.
-    pub fn bend(
+    pub(crate) fn bend(
         at: [f64; 2],
         axes: &[Axis],
         bends: impl Iterator<Item = (f64, f64)>,

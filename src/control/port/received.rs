@@ -151,7 +151,7 @@ impl Port {
 
     /// Number of displacements that a controller commands: one for each coordinate of the loading unit, else one for each axis.
     #[must_use]
-    pub fn signals(&self) -> usize {
+    pub(crate) fn signals(&self) -> usize {
         let coordinates = self.geometry().map(|geometry| geometry.coordinates().len());
         coordinates.unwrap_or(self.axes.len())
     }

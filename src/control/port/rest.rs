@@ -77,7 +77,7 @@ pub struct Rest {
 impl Rest {
     /// For `axes` axes with one exchange every `period` s of wall time. It rests until it is sent somewhere.
     #[must_use]
-    pub fn new(axes: usize, period: f64) -> Self {
+    pub(crate) fn new(axes: usize, period: f64) -> Self {
         let readings = (BLOCK_S / period).ceil().max(FEWEST);
         let blocks = |seconds: f64, fewest: f64| (seconds / (readings * period)).ceil().max(fewest);
         Self {
@@ -96,25 +96,25 @@ impl Rest {
 
     /// Whether it is at rest.
     #[must_use]
-    pub const fn rests(&self) -> bool {
+    pub(crate) const fn rests(&self) -> bool {
         !matches!(self.state, RestState::Moves)
     }
 
     /// Exchanges after which it has not come to rest.
     #[must_use]
-    pub const fn patience(&self) -> u64 {
+    pub(crate) const fn patience(&self) -> u64 {
         self.patience as u64 * self.readings as u64
     }
 
     /// Means of displacement and force of each axis where it rests; none where its last answer says it.
-    pub fn means(&self) -> Option<impl Iterator<Item = (f64, f64)>> {
+    pub(crate) fn means(&self) -> Option<impl Iterator<Item = (f64, f64)>> {
         let axes = self.axes.iter();
         (self.state == RestState::RestsAtMean)
             .then(|| axes.map(|axis| (axis.start[0], axis.start[1])))
     }
 
     /// It is sent from one command to another; `raw` is what was measured before, if anything was. Real-time: yes.
-    pub fn sent(&mut self, from: &[f64], to: &[f64], raw: Option<&Measurement>) {
+    pub(crate) fn sent(&mut self, from: &[f64], to: &[f64], raw: Option<&Measurement>) {
         if let (false, Some(raw)) = (self.has_origin, raw) {
             let values = raw.disp.iter().zip(&raw.force);
             for (axis, (disp, force)) in self.axes.iter_mut().zip(values) {
@@ -142,13 +142,13 @@ impl Rest {
     }
 
     /// It was led there, and this is the answer to the last command of the way, which is the one to be sent again. Real-time: yes.
-    pub fn led(&mut self, raw: &Measurement) {
+    pub(crate) fn led(&mut self, raw: &Measurement) {
         self.keep(raw);
         self.answers = 1;
     }
 
     /// A fresh answer to that command; true if it is at rest. Real-time: yes.
-    pub fn take(&mut self, raw: &Measurement) -> bool {
+    pub(crate) fn take(&mut self, raw: &Measurement) -> bool {
         match self.state {
             RestState::Moves => {}
             RestState::RestsAtMean => return true,

@@ -38,7 +38,7 @@ pub(super) struct Retrace {
 
 impl Retrace {
     /// A motion that begins at `start`.
-    pub fn new(start: &[f64], noise: Vec<f64>) -> Self {
+    pub(crate) fn new(start: &[f64], noise: Vec<f64>) -> Self {
         Self {
             start: start.to_vec(),
             last: start.to_vec(),
@@ -50,17 +50,17 @@ impl Retrace {
     }
 
     /// The first command.
-    pub fn start(&self) -> &[f64] {
+    pub(crate) fn start(&self) -> &[f64] {
         &self.start
     }
 
     /// Largest change of an axis from one command to the next.
-    pub fn step(&self, axis: usize) -> f64 {
+    pub(crate) fn step(&self, axis: usize) -> f64 {
         self.steps.get(axis).copied().unwrap_or(0.0)
     }
 
     /// A command of the motion, and its measurement if that is a fresh one. Real-time: yes.
-    pub fn pass(&mut self, sent: &[f64], measured: Option<&Measurement>) {
+    pub(crate) fn pass(&mut self, sent: &[f64], measured: Option<&Measurement>) {
         let commands = self.last.iter_mut().zip(&mut self.steps).zip(sent);
         for ((last, step), sent) in commands {
             *step = step.max((sent - *last).abs());
@@ -77,18 +77,18 @@ impl Retrace {
     }
 
     /// The motion is over, and is retraced in ticks of `tick` s.
-    pub fn turn_back(&mut self, tick: f64) {
+    pub(crate) fn turn_back(&mut self, tick: f64) {
         self.stage = Stage::Rests(((REST_S / tick).ceil() as u64).max(REST_TICKS));
     }
 
     /// True if the motion is retraced. Real-time: yes.
-    pub fn goes_back(&self) -> bool {
+    pub(crate) fn goes_back(&self) -> bool {
         self.stage != Stage::Forth
     }
 
     /// One tick of the return, with the last measurement if that is a fresh one: whether the specimen moves, rests, or has ended it.
     /// Real-time: yes.
-    pub fn go_on(&mut self, measured: Option<&Measurement>) -> Tick {
+    pub(crate) fn go_on(&mut self, measured: Option<&Measurement>) -> Tick {
         match self.stage {
             Stage::Forth | Stage::Ended(_) => Tick::Ended,
             Stage::Rests(ticks) => {
@@ -112,12 +112,12 @@ impl Retrace {
     }
 
     /// The start is reached. Real-time: yes.
-    pub const fn arrive(&mut self) {
+    pub(crate) const fn arrive(&mut self) {
         self.stage = Stage::Ended(WayBack::Complete);
     }
 
     /// How the return ended; none before it.
-    pub fn ended(&self) -> Option<WayBack> {
+    pub(crate) fn ended(&self) -> Option<WayBack> {
         match self.stage {
             Stage::Forth => None,
             Stage::Ended(way) => Some(way),

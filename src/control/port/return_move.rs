@@ -49,7 +49,7 @@ impl Exits {
 
     /// True if it is to be moved there.
     #[must_use]
-    pub fn moves(&self, tripped: bool) -> bool {
+    pub(crate) fn moves(&self, tripped: bool) -> bool {
         *self.after(tripped) != Exit::Freeze
     }
 }
@@ -80,7 +80,7 @@ pub enum ReturnMove {
 impl ReturnMove {
     /// Its end: where the specimen is to be left, or why it is somewhere else. None before it, and where something else ends it.
     #[must_use]
-    pub fn end(&self) -> Option<Result<(), UnloadFailure>> {
+    pub(crate) fn end(&self) -> Option<Result<(), UnloadFailure>> {
         match self {
             Self::Ramp { arrived, .. } => arrived.then_some(Ok(())),
             Self::Unload { unloading, .. } => unloading.end(),

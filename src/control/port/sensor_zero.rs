@@ -69,7 +69,7 @@ pub(super) struct ReadingSums {
 
 impl ReadingSums {
     /// Takes displacement and force.
-    pub fn take(&mut self, values: [f64; 2]) {
+    pub(crate) fn take(&mut self, values: [f64; 2]) {
         if self.count == 0.0 {
             self.first = values;
         }
@@ -83,7 +83,7 @@ impl ReadingSums {
     }
 
     /// Visits every sum. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.number(&mut self.count);
         for sums in [&mut self.first, &mut self.sum, &mut self.squares] {
             visit.numbers(sums);
@@ -91,11 +91,11 @@ impl ReadingSums {
     }
 
     /// Number of readings.
-    pub const fn count(&self) -> f64 {
+    pub(crate) const fn count(&self) -> f64 {
         self.count
     }
 
-    pub fn reading(&self) -> Reading {
+    pub(crate) fn reading(&self) -> Reading {
         let count = self.count.max(1.0);
         let mean = |i: usize| self.first[i] + self.sum[i] / count;
         let noise = |i: usize| {

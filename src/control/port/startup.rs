@@ -39,7 +39,7 @@ pub(super) struct Startup {
 
 impl Startup {
     /// Of `axes` axes whose offsets are declared.
-    pub fn absolute(axes: usize) -> Self {
+    pub(crate) fn absolute(axes: usize) -> Self {
         Self {
             references: vec![Reference::default(); axes],
             sums: vec![ReadingSums::default(); axes],
@@ -53,7 +53,7 @@ impl Startup {
     }
 
     /// Visits what was read. Where the specimen stands is known when it is connected. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("startup");
         for sums in &mut self.sums {
             sums.visit_state(visit);
@@ -65,7 +65,7 @@ impl Startup {
         self.references = references;
     }
 
-    pub const fn wiring(&self) -> &WiringCheck {
+    pub(crate) const fn wiring(&self) -> &WiringCheck {
         &self.wiring
     }
 
@@ -73,19 +73,19 @@ impl Startup {
         &mut self.wiring
     }
 
-    pub const fn is_computed(&self) -> bool {
+    pub(crate) const fn is_computed(&self) -> bool {
         self.is_computed
     }
 
-    pub const fn set_computed(&mut self, computed: bool) {
+    pub(crate) const fn set_computed(&mut self, computed: bool) {
         self.is_computed = computed;
     }
 
-    pub const fn needs_measured_disp(&self) -> &NeedsMeasuredDisp {
+    pub(crate) const fn needs_measured_disp(&self) -> &NeedsMeasuredDisp {
         &self.needs_measured_disp
     }
 
-    pub const fn needs_measured_disp_mut(&mut self) -> &mut NeedsMeasuredDisp {
+    pub(crate) const fn needs_measured_disp_mut(&mut self) -> &mut NeedsMeasuredDisp {
         &mut self.needs_measured_disp
     }
 
@@ -128,7 +128,7 @@ impl Startup {
     }
 
     /// Readings of one axis.
-    pub fn reading(&self, axis: usize) -> Reading {
+    pub(crate) fn reading(&self, axis: usize) -> Reading {
         let sums = self.sums.get(axis);
         sums.map_or_else(Reading::default, ReadingSums::reading)
     }
@@ -166,7 +166,10 @@ impl Startup {
     }
 
     /// How the displacement sensor of each axis belongs to its commands now.
-    pub fn disp_zeros<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = DispZero> + 'a {
+    pub(crate) fn disp_zeros<'a>(
+        &'a self,
+        axes: &'a [Axis],
+    ) -> impl Iterator<Item = DispZero> + 'a {
         axes.iter().enumerate().map(|(index, axis)| DispZero {
             gain: axis.disp_gain,
             command: axis.disp_offset,
@@ -175,12 +178,12 @@ impl Startup {
     }
 
     /// Position that the specimen reports, or else the one that the test file states.
-    pub fn standing(&self) -> Option<&[f64]> {
+    pub(crate) fn standing(&self) -> Option<&[f64]> {
         self.standing.as_deref()
     }
 
     /// The specimen reports this position; another number of values than axes clears it.
-    pub fn report_position(&mut self, disp: &[f64]) {
+    pub(crate) fn report_position(&mut self, disp: &[f64]) {
         self.standing = (disp.len() == self.references.len()).then(|| disp.to_vec());
     }
 
@@ -193,11 +196,11 @@ impl Startup {
     }
 
     /// Where the test file says that the specimen stands.
-    pub fn stated(&self) -> Option<&[f64]> {
+    pub(crate) fn stated(&self) -> Option<&[f64]> {
         self.stated.as_deref()
     }
 
-    pub fn state_position(&mut self, disp: Vec<f64>) {
+    pub(crate) fn state_position(&mut self, disp: Vec<f64>) {
         self.stated = Some(disp);
     }
 

@@ -45,7 +45,7 @@ pub struct PacerTick {
 
 impl PacerTick {
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         let Self {
             share,
             length,
@@ -63,7 +63,7 @@ impl PacerTick {
 
     /// At the first target.
     #[must_use]
-    pub const fn none() -> Self {
+    pub(crate) const fn none() -> Self {
         Self {
             share: 1.0,
             length: 0.0,
@@ -78,7 +78,7 @@ impl PacerTick {
     /// True if it ends at the target.
     #[inline]
     #[must_use]
-    pub fn lands(&self) -> bool {
+    pub(crate) fn lands(&self) -> bool {
         self.share >= 1.0
     }
 }
@@ -119,7 +119,7 @@ impl StepPacer {
     }
 
     /// Visits every value that changes from tick to tick. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.number(&mut self.progress);
         visit.flag(&mut self.known);
         let mut left = self.left.map(|(pace, from)| [pace, from]);
@@ -132,7 +132,7 @@ impl StepPacer {
 
     /// N ticks a step, and `ease_ticks` ticks from full pace to a hold: 0 stops at once.
     #[must_use]
-    pub fn new(ticks: u32, ease_ticks: u32) -> Self {
+    pub(crate) fn new(ticks: u32, ease_ticks: u32) -> Self {
         Self {
             ticks: f64::from(ticks.max(1)),
             progress: 0.0,
@@ -152,38 +152,38 @@ impl StepPacer {
     /// N.
     #[inline]
     #[must_use]
-    pub const fn ticks_per_step(&self) -> f64 {
+    pub(crate) const fn ticks_per_step(&self) -> f64 {
         self.ticks
     }
 
     /// Share of the step that is made.
     #[inline]
     #[must_use]
-    pub fn share(&self) -> f64 {
+    pub(crate) fn share(&self) -> f64 {
         self.progress / self.ticks
     }
 
     /// True if the next target is known.
     #[must_use]
-    pub const fn knows(&self) -> bool {
+    pub(crate) const fn knows(&self) -> bool {
         self.known
     }
 
     /// True if the operator's hold is complete.
     #[inline]
     #[must_use]
-    pub fn stands(&self) -> bool {
+    pub(crate) fn stands(&self) -> bool {
         self.ease <= 0.0
     }
 
     /// From here on it stands, as after a hold. Real-time: yes.
-    pub fn stand(&mut self) {
+    pub(crate) fn stand(&mut self) {
         self.ease = 0.0;
     }
 
     /// The target was reached: a new step begins, whose target is not known yet. Real-time: yes.
     #[inline]
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.left = self.left.map(|_| (self.increment, 0.0));
         self.progress = 0.0;
         self.known = false;
@@ -191,7 +191,7 @@ impl StepPacer {
 
     /// The next target is known. Real-time: yes.
     #[inline]
-    pub fn know(&mut self) {
+    pub(crate) fn know(&mut self) {
         if !self.known && self.increment < 1.0 {
             self.left = Some((self.increment, self.progress));
         }
@@ -201,7 +201,7 @@ impl StepPacer {
     /// ρ a tick after it was `ease`. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn eased(&self, ease: f64, hold: bool) -> f64 {
+    pub(crate) fn eased(&self, ease: f64, hold: bool) -> f64 {
         let change = if hold {
             -self.ease_per_tick
         } else {
@@ -214,7 +214,7 @@ impl StepPacer {
 
     /// The next tick; `hold`: the operator wants test time to stand still. Real-time: yes.
     #[inline]
-    pub fn next(&mut self, hold: bool) -> PacerTick {
+    pub(crate) fn next(&mut self, hold: bool) -> PacerTick {
         let n = self.ticks;
         self.ease = self.eased(self.ease, hold);
         self.increment = if self.known {

@@ -48,7 +48,7 @@ pub struct Tangent {
 impl Tangent {
     /// Begins with the declared values; damping is estimated only if it is declared.
     #[must_use]
-    pub fn new(stiffness: f64, damping: f64, with_damping: bool) -> Self {
+    pub(crate) fn new(stiffness: f64, damping: f64, with_damping: bool) -> Self {
         Self {
             stiffness,
             damping,
@@ -63,7 +63,7 @@ impl Tangent {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         for value in [
             &mut self.stiffness,
             &mut self.damping,
@@ -82,7 +82,7 @@ impl Tangent {
     }
 
     /// Forgets the samples but not the values, and counts changes of at least `step` m from now on.
-    pub fn begin(&mut self, step: f64) {
+    pub(crate) fn begin(&mut self, step: f64) {
         *self = Self {
             step,
             ..Self::new(self.stiffness, self.damping, self.with_damping)
@@ -97,27 +97,27 @@ impl Tangent {
     /// N/m. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn stiffness(&self) -> f64 {
+    pub(crate) const fn stiffness(&self) -> f64 {
         self.stiffness
     }
 
     /// N s/m. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn damping(&self) -> f64 {
+    pub(crate) const fn damping(&self) -> f64 {
         self.damping
     }
 
     /// True if damping is estimated.
     #[inline]
     #[must_use]
-    pub const fn with_damping(&self) -> bool {
+    pub(crate) const fn with_damping(&self) -> bool {
         self.with_damping
     }
 
     /// Takes a fresh measurement. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, point: Point) {
+    pub(crate) fn take(&mut self, point: Point) {
         // What is not a number trips elsewhere.
         if !(point.disp.is_finite() && point.force.is_finite()) {
             return;

@@ -12,7 +12,7 @@ pub(super) struct TargetPath {
 }
 
 impl TargetPath {
-    pub fn new(axes: usize) -> Self {
+    pub(crate) fn new(axes: usize) -> Self {
         Self {
             goal: AxisMotion::zeros(axes),
             interpolation: Interpolation::new(axes, Order::default()),
@@ -20,7 +20,7 @@ impl TargetPath {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.goal.visit_state(visit);
         self.interpolation.visit_state(visit);
     }
@@ -32,7 +32,7 @@ impl TargetPath {
 
     /// The target of the next step. Real-time: yes.
     #[inline]
-    pub const fn goal(&self) -> &AxisMotion {
+    pub(crate) const fn goal(&self) -> &AxisMotion {
         &self.goal
     }
 
@@ -43,32 +43,32 @@ impl TargetPath {
     }
 
     /// Everything has rested at `target`, which is the goal.
-    pub fn begin(&mut self, target: &AxisMotion) {
+    pub(crate) fn begin(&mut self, target: &AxisMotion) {
         self.goal.copy_from(target);
         self.interpolation.rest(&target.disp);
     }
 
     /// The goal is known from here on, `share` of the step after the last target. Real-time: yes.
     #[inline]
-    pub fn know(&mut self, share: f64) {
+    pub(crate) fn know(&mut self, share: f64) {
         self.interpolation.aim(&self.goal.disp, share);
     }
 
     /// The goal is reached; the next is unknown. Real-time: yes.
     #[inline]
-    pub fn reach(&mut self) {
+    pub(crate) fn reach(&mut self) {
         self.interpolation.reach();
     }
 
     /// Where an axis is at a share of the step. Real-time: yes.
     #[inline]
-    pub fn at(&self, axis: usize, share: f64) -> PathPoint {
+    pub(crate) fn at(&self, axis: usize, share: f64) -> PathPoint {
         self.interpolation.at(axis, share)
     }
 
     /// Where an axis is at a point of the path beyond now, and a whole step after the last target, if the next is known, the
     /// integrator's own velocity there in m/s. Real-time: yes.
-    pub fn point(&self, axis: usize, share: f64, whole: bool) -> (f64, Option<f64>) {
+    pub(crate) fn point(&self, axis: usize, share: f64, whole: bool) -> (f64, Option<f64>) {
         let goal = self.goal.disp.get(axis).zip(self.goal.vel.get(axis));
         match goal {
             Some((goal, vel)) if whole && self.interpolation.is_known() => (*goal, Some(*vel)),

@@ -203,7 +203,7 @@ pub(super) struct Tracking {
 }
 
 impl Tracking {
-    pub fn new(axes: usize) -> Self {
+    pub(crate) fn new(axes: usize) -> Self {
         Self {
             axes: vec![AxisTracking::NONE; axes],
             dt: 0.0,
@@ -216,7 +216,7 @@ impl Tracking {
     }
 
     /// Visits everything but what is declared. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("tracking");
         for axis in &mut self.axes {
             axis.visit_state(visit);
@@ -226,12 +226,12 @@ impl Tracking {
     }
 
     /// Estimates delay and gain from here on: see [`super::Port::with_tracking`].
-    pub const fn begin(&mut self, dt: f64, age: f64) {
+    pub(crate) const fn begin(&mut self, dt: f64, age: f64) {
         (self.is_on, self.dt, self.age) = (true, dt, age);
     }
 
     /// Everything is forgotten but what is declared: another test begins later.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         for axis in &mut self.axes {
             *axis = AxisTracking {
                 least: axis.least,
@@ -247,7 +247,7 @@ impl Tracking {
         }
     }
 
-    pub const fn is_on(&self) -> bool {
+    pub(crate) const fn is_on(&self) -> bool {
         self.is_on
     }
 
@@ -279,7 +279,7 @@ impl Tracking {
 
     /// Takes a fresh measurement; false if it is not part of the test, or nothing is estimated. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, observed: &Observation<'_>) -> bool {
+    pub(crate) fn take(&mut self, observed: &Observation<'_>) -> bool {
         let Some(passes) = self.passes.filter(|_| self.is_on) else {
             return false;
         };
@@ -306,14 +306,14 @@ impl Tracking {
 
     /// Values of each axis for the limits. Real-time: yes.
     #[inline]
-    pub fn judged(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+    pub(crate) fn judged(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         let axes = self.axes.iter();
         axes.map(|axis| [axis.fit.lag.abs(), (axis.fit.gain - 1.0).abs()])
     }
 
     /// Lag, gain, stiffness, and the damping that the lag adds; empty where nothing is estimated. Real-time: yes.
     #[inline]
-    pub fn values(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
+    pub(crate) fn values(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
         let axes = if self.is_on {
             self.axes.as_slice()
         } else {
@@ -337,7 +337,7 @@ impl Tracking {
 
     /// Lag and critical delay in s of test time, per axis; not a number where it is not known. Empty without tables. Real-time:
     /// yes.
-    pub fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(crate) fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let axes = self.critical.iter().zip(self.values());
         axes.map(|(table, [lag, _, stiffness, _])| (lag, table.at(stiffness)))
     }

@@ -48,7 +48,7 @@ impl Trend {
     }
 
     /// A reading while the specimen stands at `target`. Real-time: yes.
-    pub fn rest(&mut self, target: &[f64], disp: &[f64], force: &[f64]) {
+    pub(crate) fn rest(&mut self, target: &[f64], disp: &[f64], force: &[f64]) {
         let readings = target.iter().zip(disp).zip(force);
         for (axis, ((target, disp), force)) in self.axes.iter_mut().zip(readings) {
             axis.start = *target;
@@ -61,7 +61,7 @@ impl Trend {
     ///
     /// # Errors
     /// A channel goes the other way.
-    pub fn moved(
+    pub(crate) fn moved(
         &mut self,
         target: &[f64],
         disp: &[f64],

@@ -95,7 +95,7 @@ pub enum WiringFault {
 impl WiringFault {
     /// Axis, from 0.
     #[must_use]
-    pub const fn axis(&self) -> usize {
+    pub(crate) const fn axis(&self) -> usize {
         match self {
             Self::Reversed { axis, .. }
             | Self::Dead { axis, .. }
@@ -109,7 +109,7 @@ impl WiringFault {
     /// True if the user may accept it with `safety.accept_wiring`: the specimen may be another than the estimate, but its wiring is not
     /// shown to be wrong.
     #[must_use]
-    pub const fn is_acceptable(&self) -> bool {
+    pub(crate) const fn is_acceptable(&self) -> bool {
         matches!(
             self,
             Self::Stiffness { .. }

@@ -68,7 +68,7 @@ fn errors(a: &[f64], b: &[f64]) -> [f64; 2] {
 impl Criteria {
     /// From a run, the reference, and the tick in s.
     #[must_use]
-    pub fn of(run: &Histories, reference: &[Vec<f64>; 3], dt: f64) -> Self {
+    pub(crate) fn of(run: &Histories, reference: &[Vec<f64>; 3], dt: f64) -> Self {
         let [first, second, third] = &run.floors;
         let [r1, r2, r3] = reference;
         let measured = &run.measured;

@@ -102,7 +102,7 @@ impl Frame {
 
     /// The whole frame, which is the reference.
     #[must_use]
-    pub fn whole(&self) -> Part {
+    pub(crate) fn whole(&self) -> Part {
         Part {
             mass: Vector3::repeat(self.mass),
             load: Vector3::repeat(-self.mass),
@@ -146,7 +146,13 @@ impl Part {
     /// One step of the classical Runge–Kutta method with the ground acceleration on a straight line and the specimen's force
     /// on floor 1 held.
     #[must_use]
-    pub fn runge_kutta(&self, from: Motion, dt: f64, ground: [f64; 2], force: f64) -> Motion {
+    pub(crate) fn runge_kutta(
+        &self,
+        from: Motion,
+        dt: f64,
+        ground: [f64; 2],
+        force: f64,
+    ) -> Motion {
         let held = Vector3::new(-force, 0.0, 0.0);
         let slope = |at: Motion, ground: f64| {
             let force =

@@ -84,7 +84,7 @@ impl Plant {
     /// Plant `number` of the uncertain ones of `seed`: standard deviations of k_e 5e4 N/m, a₃ 1.3 1/s, β₁ 3.3 1/s,
     /// β₂ 3.3e3 1/s². A leakage below zero, which does not exist, is drawn anew. Number 0 is the nominal plant.
     #[must_use]
-    pub fn drawn(seed: u64, number: u64) -> Self {
+    pub(crate) fn drawn(seed: u64, number: u64) -> Self {
         let mut plant = Self::default();
         if number == 0 {
             return plant;
@@ -140,7 +140,7 @@ const LATEST: usize = 64;
 
 /// The floors of the linear frame without any partition.
 #[must_use]
-pub fn reference(frame: &Frame, ground: &[f64]) -> [Vec<f64>; 3] {
+pub(crate) fn reference(frame: &Frame, ground: &[f64]) -> [Vec<f64>; 3] {
     let whole = frame.whole();
     let mut floors: [Vec<f64>; 3] = Default::default();
     let mut motion = Motion::REST;

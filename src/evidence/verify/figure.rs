@@ -34,7 +34,7 @@ impl Series {
 
     /// The line that the others are compared with.
     #[must_use]
-    pub fn reference(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+    pub(crate) fn reference(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self {
             reference: true,
             ..Self::line(name, x, y)
@@ -75,7 +75,7 @@ impl Scale {
 
     /// From `lo` to `hi`.
     #[must_use]
-    pub const fn fixed(words: &'static str, unit: &'static str, lo: f64, hi: f64) -> Self {
+    pub(crate) const fn fixed(words: &'static str, unit: &'static str, lo: f64, hi: f64) -> Self {
         Self {
             words,
             unit,

@@ -78,7 +78,7 @@ impl Check {
 
     /// A deviation from what the paper says that must not exceed `bound`.
     #[must_use]
-    pub fn within(what: &str, paper: &str, obtained: f64, bound: f64) -> Self {
+    pub(crate) fn within(what: &str, paper: &str, obtained: f64, bound: f64) -> Self {
         Self {
             what: what.to_owned(),
             paper: paper.to_owned(),
@@ -90,7 +90,7 @@ impl Check {
 
     /// A statement that holds or does not.
     #[must_use]
-    pub fn holds(what: &str, paper: &str, obtained: String, how: &str, holds: bool) -> Self {
+    pub(crate) fn holds(what: &str, paper: &str, obtained: String, how: &str, holds: bool) -> Self {
         Self {
             what: what.to_owned(),
             paper: paper.to_owned(),
@@ -102,7 +102,7 @@ impl Check {
 
     /// Something to be said and not judged.
     #[must_use]
-    pub fn note(what: &str, paper: &str, obtained: String, remark: &str) -> Self {
+    pub(crate) fn note(what: &str, paper: &str, obtained: String, remark: &str) -> Self {
         Self {
             what: what.to_owned(),
             paper: paper.to_owned(),

@@ -63,7 +63,7 @@ impl std::fmt::Debug for Bench {
 impl Bench {
     /// `specimen`, which counts in `units`, with the faults of `script` that happen there; itself where none does.
     #[must_use]
-    pub fn around(
+    pub(crate) fn around(
         specimen: Box<dyn Substructure>,
         script: &Script,
         units: Vec<AxisUnits>,

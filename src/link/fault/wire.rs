@@ -83,7 +83,7 @@ pub struct FaultyWire<T> {
 impl<T: Transport> FaultyWire<T> {
     /// `inner`, with the faults of `script` that happen there, for a test with ticks of `tick_ns`.
     #[must_use]
-    pub fn new(inner: T, script: &Script, tick_ns: u64) -> Self {
+    pub(crate) fn new(inner: T, script: &Script, tick_ns: u64) -> Self {
         let mut events = script.faults_at(Place::Connection);
         let mut drift = 0.0;
         let mut answers_arming = true;
@@ -118,7 +118,7 @@ impl<T: Transport> FaultyWire<T> {
     }
 
     /// Commands count from this number on, and the script begins anew.
-    pub fn armed(&mut self, first: u64) {
+    pub(crate) fn armed(&mut self, first: u64) {
         (self.first, self.newest, self.heard) = (first, 0, false);
         self.deaf_until = Nanos(0);
         self.coming.clone_from(&self.events);
@@ -126,7 +126,7 @@ impl<T: Transport> FaultyWire<T> {
 
     /// True once the script has closed the connection.
     #[must_use]
-    pub const fn is_closed(&self) -> bool {
+    pub(crate) const fn is_closed(&self) -> bool {
         self.closed
     }
 

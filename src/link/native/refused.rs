@@ -136,7 +136,7 @@ fn hint(error: WireError) -> &'static str {
 impl SetupError {
     /// The kind of the fault.
     #[must_use]
-    pub fn fault(&self) -> LinkFault {
+    pub(crate) fn fault(&self) -> LinkFault {
         match self {
             Self::Connect(ConnectError::Timeout { .. }) | Self::Silent { .. } => LinkFault::Timeout,
             Self::Connect(ConnectError::Refused { .. }) => LinkFault::Refused,

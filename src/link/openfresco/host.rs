@@ -146,19 +146,19 @@ impl Host {
 
     /// Whether the specimen is computed or moves.
     #[must_use]
-    pub const fn nature(&self) -> Nature {
+    pub(crate) const fn nature(&self) -> Nature {
         self.nature
     }
 
     /// True if each target of a client becomes a path of commands.
     #[must_use]
-    pub const fn is_paced(&self) -> bool {
+    pub(crate) const fn is_paced(&self) -> bool {
         self.served.is_paced()
     }
 
     /// What was done since [`Host::begin`].
     #[must_use]
-    pub const fn tally(&self) -> Tally {
+    pub(crate) const fn tally(&self) -> Tally {
         self.tally
     }
 
@@ -172,7 +172,7 @@ impl Host {
     ///
     /// # Errors
     /// Why there is no test.
-    pub fn begin(
+    pub(crate) fn begin(
         &mut self,
         controller: &Controller,
         wanted: &mut Wanted<'_>,
@@ -201,7 +201,7 @@ impl Host {
 
     /// True between the sizes of a client and its end.
     #[must_use]
-    pub const fn has_begun(&self) -> bool {
+    pub(crate) const fn has_begun(&self) -> bool {
         self.begun
     }
 
@@ -209,7 +209,7 @@ impl Host {
     ///
     /// # Errors
     /// It has.
-    pub fn attend(&mut self) -> Result<(), HostFault> {
+    pub(crate) fn attend(&mut self) -> Result<(), HostFault> {
         Ok(self.served.attend()?)
     }
 
@@ -227,7 +227,7 @@ impl Host {
 
     /// A fault with what the specimen's link has to say.
     #[must_use]
-    pub fn whole(&self, fault: HostFault) -> String {
+    pub(crate) fn whole(&self, fault: HostFault) -> String {
         match fault {
             HostFault::Tripped(trip) => self.served.whole(trip),
             other => other.to_string(),
@@ -239,7 +239,7 @@ impl Host {
     ///
     /// # Errors
     /// A step taken back from a physical specimen, a time that cannot be, a force that is not finite.
-    pub fn trial(
+    pub(crate) fn trial(
         &mut self,
         course: Course,
         command: &Response<'_>,
@@ -282,7 +282,7 @@ impl Host {
     }
 
     /// The last command is accepted. Without a new one since the last commit there is nothing to do. Real-time: yes.
-    pub fn commit(&mut self) {
+    pub(crate) fn commit(&mut self) {
         self.tally.commits = self.tally.commits.saturating_add(1);
         if std::mem::take(&mut self.pending) {
             self.served.commit();
@@ -292,7 +292,7 @@ impl Host {
 
     /// The client has gone or is refused: a formula forgets what was not committed, what moves holds where it was led last, and
     /// the log is closed.
-    pub fn end(&mut self, cause: Cause, text: &str) {
+    pub(crate) fn end(&mut self, cause: Cause, text: &str) {
         self.begun = false;
         if self.nature == Nature::Simulated {
             self.served.revert();
@@ -304,7 +304,7 @@ impl Host {
     }
 
     /// Everything that can be measured, for the last command. Real-time: yes.
-    pub fn response(&mut self) -> Response<'_> {
+    pub(crate) fn response(&mut self) -> Response<'_> {
         self.tally.answers = self.tally.answers.saturating_add(1);
         let (disp, force) = match &self.transformation {
             None => (&self.measured.disp[..], &self.measured.force[..]),
@@ -320,7 +320,7 @@ impl Host {
     }
 
     /// A matrix, row by row. Real-time: yes.
-    pub fn matrix(&mut self, which: Matrix) -> &[f64] {
+    pub(crate) fn matrix(&mut self, which: Matrix) -> &[f64] {
         self.tally.answers = self.tally.answers.saturating_add(1);
         let transformation = self.transformation.as_mut();
         self.matrices.get(which, &mut self.served, transformation)

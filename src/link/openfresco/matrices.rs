@@ -17,7 +17,7 @@ pub(super) struct ClientMatrices {
 
 impl ClientMatrices {
     /// The matrices of a client that commands `n` displacements.
-    pub fn of(
+    pub(crate) fn of(
         served: &ServedSpecimen,
         n: usize,
         transformation: Option<&mut Transformation>,
@@ -46,7 +46,7 @@ impl ClientMatrices {
     /// A matrix, row by row. The damping matrix is zero: OpenSees' `genericClient` adds damping · velocity to the force that it
     /// reads (seen with 3.7.1: a damper of 40 N s/m acts as one of 80). Our force already includes the damping, as each measured
     /// force does. Real-time: yes.
-    pub fn get(
+    pub(crate) fn get(
         &mut self,
         which: Matrix,
         served: &mut ServedSpecimen,

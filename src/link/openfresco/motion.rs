@@ -17,7 +17,7 @@ pub(super) struct ClientMotion {
 
 impl ClientMotion {
     /// At rest at zero, for this number of displacements.
-    pub fn zeros(n: usize) -> Self {
+    pub(crate) fn zeros(n: usize) -> Self {
         Self {
             disp: vec![0.0; n],
             vel: vec![0.0; n],
@@ -29,7 +29,7 @@ impl ClientMotion {
     }
 
     /// A new client: its test begins at time 0, at rest.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.time = 0.0;
         self.latest_time = 0.0;
         self.vel.fill(0.0);
@@ -37,7 +37,7 @@ impl ClientMotion {
     }
 
     /// True if this time is further from 0 than all before it. Real-time: yes.
-    pub fn is_later(&mut self, time: f64) -> bool {
+    pub(crate) fn is_later(&mut self, time: f64) -> bool {
         let is_later = time.abs() > self.latest_time;
         if is_later {
             self.latest_time = time.abs();
@@ -47,7 +47,7 @@ impl ClientMotion {
 
     /// Takes the signals of a command. `dt` is the length of its step, s; 0 if it takes no time. A velocity that the client does not
     /// send is the difference of displacements over the step. Real-time: yes.
-    pub fn take(&mut self, command: &Response<'_>, dt: f64) {
+    pub(crate) fn take(&mut self, command: &Response<'_>, dt: f64) {
         self.time = command.time;
         copy(&mut self.disp, command.disp);
         copy(&mut self.accel, command.accel);
@@ -62,12 +62,12 @@ impl ClientMotion {
     }
 
     /// The last command is accepted. Real-time: yes.
-    pub fn commit(&mut self) {
+    pub(crate) fn commit(&mut self) {
         self.committed_disp.copy_from_slice(&self.disp);
     }
 
     /// The last command is forgotten.
-    pub fn revert(&mut self) {
+    pub(crate) fn revert(&mut self) {
         self.disp.copy_from_slice(&self.committed_disp);
     }
 }

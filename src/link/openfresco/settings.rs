@@ -75,13 +75,13 @@ impl RemoteSettings {
 
     /// False if the answers hold no displacement. The command then takes the place of the measured one.
     #[must_use]
-    pub const fn measures_disp(&self) -> bool {
+    pub(crate) const fn measures_disp(&self) -> bool {
         self.daq.disp > 0
     }
 
     /// True if the server reports the position of the specimen before the first command.
     #[must_use]
-    pub fn reports_position(&self) -> bool {
+    pub(crate) fn reports_position(&self) -> bool {
         self.peer.reports_position(self.daq, self.axes)
     }
 

@@ -57,25 +57,25 @@ impl Transformation {
 
     /// Number of axes of the specimen.
     #[must_use]
-    pub const fn axes(&self) -> usize {
+    pub(crate) const fn axes(&self) -> usize {
         self.rows.len()
     }
 
     /// Number of degrees of freedom of the client.
     #[must_use]
-    pub const fn dofs(&self) -> usize {
+    pub(crate) const fn dofs(&self) -> usize {
         self.inverse.len()
     }
 
     /// Displacements and velocities of the axes for those of the client. Real-time: yes.
-    pub fn command(&mut self, disp: &[f64], vel: &[f64]) -> (&[f64], &[f64]) {
+    pub(crate) fn command(&mut self, disp: &[f64], vel: &[f64]) -> (&[f64], &[f64]) {
         times(&self.rows, disp, &mut self.axes_disp);
         times(&self.rows, vel, &mut self.axes_vel);
         (&self.axes_disp, &self.axes_vel)
     }
 
     /// Takes a measurement of the axes after the command `disp` of the client. Real-time: yes.
-    pub fn measure(&mut self, measured: &Measurement, disp: &[f64]) {
+    pub(crate) fn measure(&mut self, measured: &Measurement, disp: &[f64]) {
         self.force.fill(0.0);
         for (row, force) in self.rows.iter().zip(&measured.force) {
             for (sum, entry) in self.force.iter_mut().zip(row) {
@@ -95,18 +95,18 @@ impl Transformation {
 
     /// The client's displacements after the last measurement.
     #[must_use]
-    pub fn disp(&self) -> &[f64] {
+    pub(crate) fn disp(&self) -> &[f64] {
         &self.disp
     }
 
     /// The client's forces after the last measurement.
     #[must_use]
-    pub fn force(&self) -> &[f64] {
+    pub(crate) fn force(&self) -> &[f64] {
         &self.force
     }
 
     /// Bᵀ·K·B by rows, of a matrix K of the axes by columns. Real-time: yes.
-    pub fn matrix(&mut self, columns: &[f64], rows: &mut [f64]) {
+    pub(crate) fn matrix(&mut self, columns: &[f64], rows: &mut [f64]) {
         let (m, n) = (self.axes().max(1), self.dofs().max(1));
         for j in 0..n {
             self.product.fill(0.0);

@@ -20,7 +20,7 @@ pub(super) struct Trials {
 
 impl Trials {
     /// For a specimen of `signals` displacements, behind the `rows` of its file.
-    pub fn new(signals: usize, within: Option<f64>) -> Self {
+    pub(crate) fn new(signals: usize, within: Option<f64>) -> Self {
         Self {
             within,
             first: vec![0.0; signals],
@@ -31,7 +31,7 @@ impl Trials {
 
     /// Judges a target. `is_open`: a target of this step came before, as far as commits tell; `has_committed`: the client has
     /// committed a step. Real-time: yes.
-    pub fn judge(
+    pub(crate) fn judge(
         &mut self,
         disp: &[f64],
         time: f64,

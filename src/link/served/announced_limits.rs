@@ -14,7 +14,7 @@ pub(super) struct AnnouncedLimits {
 
 impl AnnouncedLimits {
     /// None if the protocol has no limits.
-    pub fn by(controller: &Controller, units: &[AxisUnits]) -> Option<Self> {
+    pub(crate) fn by(controller: &Controller, units: &[AxisUnits]) -> Option<Self> {
         if controller.limits.len() != units.len() {
             return None;
         }
@@ -29,7 +29,7 @@ impl AnnouncedLimits {
     }
 
     /// The next command continues the history of the specimen's own guard.
-    pub fn begin(&mut self, guard: &Watch) {
+    pub(crate) fn begin(&mut self, guard: &Watch) {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.goes_on_from(guard);
     }
@@ -41,12 +41,12 @@ impl AnnouncedLimits {
     }
 
     /// The last command counts as one at rest.
-    pub fn rests(&mut self) {
+    pub(crate) fn rests(&mut self) {
         self.watch.rests();
     }
 
     /// Judges a command of the controller, which has `time` for its motion. Real-time: yes.
-    pub fn command(
+    pub(crate) fn command(
         &mut self,
         time: f64,
         disp: impl Iterator<Item = f64> + Clone,
@@ -61,7 +61,7 @@ impl AnnouncedLimits {
     }
 
     /// Judges what was measured. Real-time: yes.
-    pub fn measured(
+    pub(crate) fn measured(
         &mut self,
         values: impl Iterator<Item = (f64, f64)> + Clone,
     ) -> Result<(), Trip> {

@@ -35,7 +35,7 @@ impl ClientScale {
     }
 
     /// The units of the axes of a specimen whose controller counts in `client`.
-    pub fn axis_units<'a>(&'a self, client: &'a [AxisUnits]) -> &'a [AxisUnits] {
+    pub(crate) fn axis_units<'a>(&'a self, client: &'a [AxisUnits]) -> &'a [AxisUnits] {
         match self {
             Self::Axes => client,
             Self::Structure(behind) => &behind.units,
@@ -43,7 +43,7 @@ impl ClientScale {
     }
 
     /// The coordinates of a loading unit behind which the axes are; empty without one.
-    pub fn coordinates(&self) -> &[Coordinate] {
+    pub(crate) fn coordinates(&self) -> &[Coordinate] {
         match self {
             Self::Axes => &[],
             Self::Structure(behind) => &behind.coordinates,
@@ -51,7 +51,7 @@ impl ClientScale {
     }
 
     /// Makes the next command of displacements and velocities of the controller, which counts in `client`. Real-time: yes.
-    pub fn aim(&self, port: &mut Port, [disp, vel]: [&[f64]; 2], client: &[AxisUnits]) {
+    pub(crate) fn aim(&self, port: &mut Port, [disp, vel]: [&[f64]; 2], client: &[AxisUnits]) {
         let motion = disp.iter().zip(vel);
         match self {
             Self::Axes => port.aim_at(&mut motion.map(|(disp, vel)| (*disp, *vel))),
@@ -65,7 +65,7 @@ impl ClientScale {
     }
 
     /// Makes the target of the port of displacements of the controller, and no command. Real-time: yes.
-    pub fn seek(&self, port: &mut Port, disp: &[f64], client: &[AxisUnits]) {
+    pub(crate) fn seek(&self, port: &mut Port, disp: &[f64], client: &[AxisUnits]) {
         match self {
             Self::Axes => port.seek_at(&mut disp.iter().map(|disp| (*disp, 0.0))),
             Self::Structure(_) => {
@@ -80,7 +80,7 @@ impl ClientScale {
     ///
     /// # Errors
     /// The actuators cannot have the strokes that were measured.
-    pub fn answer(
+    pub(crate) fn answer(
         &self,
         port: &mut Port,
         client: &[AxisUnits],
@@ -135,7 +135,7 @@ impl ClientScale {
     ///
     /// # Errors
     /// The actuators cannot have these strokes.
-    pub fn disp_at(
+    pub(crate) fn disp_at(
         &self,
         port: &Port,
         place: &[f64],

@@ -40,7 +40,7 @@ fn put_back(specimen: &mut dyn Specimen, state: &TestState) {
 impl Memory {
     /// That of `specimen` after it was moved to `disp`, one displacement per axis in its own units.
     #[must_use]
-    pub fn of(specimen: &mut dyn Specimen, disp: &[f64]) -> Self {
+    pub(crate) fn of(specimen: &mut dyn Specimen, disp: &[f64]) -> Self {
         let still = vec![0.0; disp.len()];
         specimen.trial(disp, &still, 0.0, &mut still.clone());
         specimen.commit();
@@ -67,7 +67,7 @@ impl Memory {
 
     /// Where it stands; none before the first test.
     #[must_use]
-    pub fn disp(&self) -> Option<Vec<f64>> {
+    pub(crate) fn disp(&self) -> Option<Vec<f64>> {
         self.recall().map(|left| left.disp)
     }
 }

@@ -38,7 +38,7 @@ impl Exchange<'_> {
     }
 
     /// Writes the columns of the axes, [`WIDTH`] each, those of the coordinates, and those of tracking. Real-time: yes.
-    pub fn write(&self, units: &[AxisUnits], row: &mut [f64]) {
+    pub(crate) fn write(&self, units: &[AxisUnits], row: &mut [f64]) {
         match self.port {
             None => self.write_passed(units, row),
             Some(port) => self.write_converted(port, row),

@@ -34,7 +34,7 @@ pub(super) struct FirstCommand {
 
 impl FirstCommand {
     /// The specimen is armed again: a test may go on from another time.
-    pub fn armed(&mut self) {
+    pub(crate) fn armed(&mut self) {
         (self.goes_on_from, self.runs) = (None, false);
     }
 
@@ -42,7 +42,12 @@ impl FirstCommand {
     ///
     /// # Errors
     /// It is not where the controller had asked to begin, or too far from where the specimen stands.
-    pub fn judge(&self, command: &Command<'_>, place: &[f64], port: &Port) -> Result<(), Trip> {
+    pub(crate) fn judge(
+        &self,
+        command: &Command<'_>,
+        place: &[f64],
+        port: &Port,
+    ) -> Result<(), Trip> {
         if let Some((number, begins)) = &self.begins
             && command.sequence == *number
             && let Some(axis) = elsewhere(in_metres(port, begins), in_metres(port, place))
@@ -74,7 +79,7 @@ impl FirstCommand {
     }
 
     /// A command of the controller was passed on. Real-time: yes.
-    pub fn passed(&mut self) {
+    pub(crate) fn passed(&mut self) {
         (self.stands, self.leaves) = (None, None);
     }
 }

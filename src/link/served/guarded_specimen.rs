@@ -100,7 +100,7 @@ pub(super) struct GuardedSpecimen {
 // How a session begins.
 impl GuardedSpecimen {
     /// A specimen without limits and without a record.
-    pub fn new(identity: Identity, port: Port) -> Self {
+    pub(crate) fn new(identity: Identity, port: Port) -> Self {
         Self {
             answer: Measurement::zeros(identity.units.len()),
             told: Vec::with_capacity(port.axes()),
@@ -130,7 +130,7 @@ impl GuardedSpecimen {
     }
 
     /// How targets are paced.
-    pub const fn pacing(&self) -> Option<Pacing> {
+    pub(crate) const fn pacing(&self) -> Option<Pacing> {
         match &self.path {
             Some(path) => Some(path.pacing),
             None => None,
@@ -138,18 +138,18 @@ impl GuardedSpecimen {
     }
 
     /// True after a hold on the way to a target, until the next one.
-    pub const fn rests_on_the_way(&self) -> bool {
+    pub(crate) const fn rests_on_the_way(&self) -> bool {
         match &self.path {
             Some(path) => path.is_on_the_way,
             None => false,
         }
     }
 
-    pub const fn tripped(&self) -> Option<Trip> {
+    pub(crate) const fn tripped(&self) -> Option<Trip> {
         self.tripped
     }
 
-    pub const fn commits(&self) -> u64 {
+    pub(crate) const fn commits(&self) -> u64 {
         self.commits
     }
 
@@ -157,7 +157,7 @@ impl GuardedSpecimen {
     ///
     /// # Errors
     /// Another session has the guard.
-    pub fn begin_session(&mut self, controller: &Controller) -> Result<(), TestEnd> {
+    pub(crate) fn begin_session(&mut self, controller: &Controller) -> Result<(), TestEnd> {
         let new = || LastingGuard {
             guard: self.port.guard().forgetful(USUAL_TICK_S),
             allowance: SpeedAllowance::new(self.identity.moves),
@@ -210,7 +210,7 @@ impl GuardedSpecimen {
     }
 
     /// Gets the specimen ready for commands that lead away from `start`, a place of its axes.
-    pub fn arm(
+    pub(crate) fn arm(
         &mut self,
         sequence: u64,
         start: &[f64],
@@ -254,13 +254,13 @@ impl GuardedSpecimen {
     }
 
     /// Commands may come from now on. Real-time: yes.
-    pub fn starts(&mut self, now: Nanos) {
+    pub(crate) fn starts(&mut self, now: Nanos) {
         self.now = Some(now);
         self.allowance.starts(now);
     }
 
     /// The present wall time, by a clock other than the machine's. Real-time: yes.
-    pub const fn now_is(&mut self, now: Nanos) {
+    pub(crate) const fn now_is(&mut self, now: Nanos) {
         self.now = Some(now);
     }
 }
@@ -577,7 +577,7 @@ impl GuardedSpecimen {
     }
 
     /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.
-    pub fn trip(&mut self, trip: Trip) {
+    pub(crate) fn trip(&mut self, trip: Trip) {
         self.tripped = Some(trip);
         let text = self.whole(trip);
         if self.identity.is_lasting() && !matches!(trip, Trip::Lost(_)) {
@@ -587,7 +587,7 @@ impl GuardedSpecimen {
     }
 
     /// The last command is accepted. The next command shows a specimen that is lost meanwhile. Real-time: yes.
-    pub fn commit(&mut self) {
+    pub(crate) fn commit(&mut self) {
         if self.tripped.is_some() {
             return;
         }
@@ -600,7 +600,7 @@ impl GuardedSpecimen {
     }
 
     /// The specimen rests, and the next command comes from rest.
-    pub fn has_come_to_rest(&mut self) {
+    pub(crate) fn has_come_to_rest(&mut self) {
         self.port.has_come_to_rest();
         if let Some(announced) = &mut self.announced {
             announced.rests();
@@ -611,7 +611,7 @@ impl GuardedSpecimen {
 // Words and notes.
 impl GuardedSpecimen {
     /// A trip with what its link has to say.
-    pub fn whole(&self, trip: Trip) -> String {
+    pub(crate) fn whole(&self, trip: Trip) -> String {
         let mut text = trip.to_string();
         match trip {
             Trip::Lost(_) => {
@@ -643,7 +643,7 @@ impl GuardedSpecimen {
 
     /// A warning about the controller or the specimen: for the program's log, and once for the events and the summary of the
     /// run folder.
-    pub fn warn(&mut self, event: Remark, text: &str) {
+    pub(crate) fn warn(&mut self, event: Remark, text: &str) {
         self.recording.warn_once(&self.store, event, text);
     }
 
@@ -658,7 +658,7 @@ impl GuardedSpecimen {
     }
 
     /// Something for the record.
-    pub fn note(&self, event: Remark, text: &str) {
+    pub(crate) fn note(&self, event: Remark, text: &str) {
         self.recording.note(&self.store, event, text);
     }
 }

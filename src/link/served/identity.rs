@@ -24,17 +24,17 @@ pub(super) struct Identity {
 
 impl Identity {
     /// True if a session finds the specimen as the last one left it: the history of its limits and its trip stay, too.
-    pub const fn is_lasting(&self) -> bool {
+    pub(crate) const fn is_lasting(&self) -> bool {
         self.moves || self.remembers
     }
 
     /// The units of the axes.
-    pub fn axis_units(&self) -> &[AxisUnits] {
+    pub(crate) fn axis_units(&self) -> &[AxisUnits] {
         self.scale.axis_units(&self.units)
     }
 
     /// A place of the axes, one after the other.
-    pub fn in_words(&self, place: &[f64]) -> String {
+    pub(crate) fn in_words(&self, place: &[f64]) -> String {
         let axes = place.iter().zip(self.axis_units());
         let words: Vec<_> = axes
             .map(|(disp, units)| position(*disp, units.disp))

@@ -90,7 +90,7 @@ impl Latch {
 
     /// The trip that is latched.
     #[must_use]
-    pub fn trip(&self) -> Option<LatchedTrip> {
+    pub(crate) fn trip(&self) -> Option<LatchedTrip> {
         self.latched().kept.trip.clone()
     }
 
@@ -130,7 +130,7 @@ impl Latch {
     }
 
     /// Latches a trip; the first one stays. It is on the disk when this returns, if it can be written.
-    pub fn set(&self, specimen: &str, what: &str, text: &str) {
+    pub(crate) fn set(&self, specimen: &str, what: &str, text: &str) {
         let mut latched = self.latched();
         if latched.kept.trip.is_some() {
             return;
@@ -150,7 +150,7 @@ impl Latch {
     ///
     /// # Errors
     /// It cannot be written: nothing may move.
-    pub fn begins(&self, place: Place) -> Result<(), String> {
+    pub(crate) fn begins(&self, place: Place) -> Result<(), String> {
         let mut latched = self.latched();
         if latched.record.is_none() {
             return Ok(());
@@ -168,7 +168,7 @@ impl Latch {
 
     /// The session does not move the specimen any more. The place is forgotten after a regular end, and where the last command
     /// (empty without one) is the place where it began. Without `last`, the link was lost and the position is unknown.
-    pub fn ends(&self, last: Option<&[f64]>, is_regular: bool) {
+    pub(crate) fn ends(&self, last: Option<&[f64]>, is_regular: bool) {
         let mut latched = self.latched();
         if !std::mem::take(&mut latched.is_moving) {
             return;

@@ -159,7 +159,7 @@ pub enum Trip {
 impl Trip {
     /// Its row in the table of causes. Real-time: yes.
     #[must_use]
-    pub const fn cause(self) -> Cause {
+    pub(crate) const fn cause(self) -> Cause {
         match self {
             Self::Limit(_) | Self::TooFast { .. } | Self::Announced(_) => Cause::Limit,
             Self::NotFinite { measured: true, .. } => Cause::MeasuredNotFinite,
@@ -176,7 +176,7 @@ impl Trip {
 
     /// As events spell it: the key of the limit, or the word of the cause.
     #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Limit(hit) | Self::TooFast { hit, .. } | Self::Announced(hit) => {
                 hit.quantity.key()
@@ -269,7 +269,7 @@ pub struct TestEnd {
 impl TestEnd {
     /// For a row of the table of causes.
     #[must_use]
-    pub const fn of(cause: Cause, text: String) -> Self {
+    pub(crate) const fn of(cause: Cause, text: String) -> Self {
         Self {
             cause,
             text,
@@ -279,7 +279,7 @@ impl TestEnd {
 
     /// The specimen was lost, or the test cannot be served.
     #[must_use]
-    pub fn failed(text: impl ToString) -> Self {
+    pub(crate) fn failed(text: impl ToString) -> Self {
         Self::of(Cause::Protocol, text.to_string())
     }
 

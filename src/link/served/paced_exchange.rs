@@ -17,7 +17,7 @@ use gusset_quantity::substructure::{Command, Measurement};
 impl GuardedSpecimen {
     /// Leads the specimen to a target of the controller, and returns the answer there. If that is not `wanted` any more, the specimen
     /// comes to rest on the way, and false is returned.
-    pub fn follow(
+    pub(crate) fn follow(
         &mut self,
         path: &mut PacedPath,
         command: &Command<'_>,

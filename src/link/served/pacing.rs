@@ -64,7 +64,7 @@ pub struct Pacing {
 impl Pacing {
     /// From one command to the next, in s.
     #[must_use]
-    pub fn period_s(self) -> f64 {
+    pub(crate) fn period_s(self) -> f64 {
         self.period_ns as f64 * 1e-9
     }
 
@@ -76,7 +76,7 @@ impl Pacing {
 
     /// From one target to the next, in s, at least.
     #[must_use]
-    pub fn step_s(self) -> f64 {
+    pub(crate) fn step_s(self) -> f64 {
         self.motion_s() + self.period_s() * f64::from(self.settle_ticks)
     }
 }
@@ -163,7 +163,7 @@ fn shape(x: f64) -> (f64, f64) {
 
 impl PacedPath {
     /// For a client of `signals` displacements, and `axes` axes.
-    pub fn new(pacing: Pacing, signals: usize, axes: usize) -> Self {
+    pub(crate) fn new(pacing: Pacing, signals: usize, axes: usize) -> Self {
         let zeros = || vec![0.0; signals];
         Self {
             pacing,
@@ -213,7 +213,7 @@ impl PacedPath {
     }
 
     /// The next target. Real-time: yes.
-    pub fn aim(&mut self, target: &[f64]) {
+    pub(crate) fn aim(&mut self, target: &[f64]) {
         self.from.copy_from_slice(&self.to);
         for (to, target) in self.to.iter_mut().zip(target) {
             *to = *target;
@@ -225,7 +225,7 @@ impl PacedPath {
     }
 
     /// The specimen rests after a stop, with its axes at `place`: the next path leads away from there. Real-time: yes.
-    pub fn rests_on_the_way(&mut self, place: &[f64]) {
+    pub(crate) fn rests_on_the_way(&mut self, place: &[f64]) {
         if self.tick == 0 {
             // Nothing has moved.
             self.to.copy_from_slice(&self.from);
@@ -247,7 +247,7 @@ impl PacedPath {
     }
 
     /// Ticks of the path.
-    pub const fn ticks(&self) -> u32 {
+    pub(crate) const fn ticks(&self) -> u32 {
         self.ticks
     }
 
@@ -257,7 +257,7 @@ impl PacedPath {
     }
 
     /// The path takes `seconds`, if that is longer than usual; returns the time that it takes.
-    pub fn takes(&mut self, seconds: f64) -> f64 {
+    pub(crate) fn takes(&mut self, seconds: f64) -> f64 {
         let period = self.pacing.period_s();
         let ticks = (seconds / period).ceil().min(f64::from(u32::MAX));
         self.ticks = self.pacing.ticks.max(ticks as u32);
@@ -266,7 +266,7 @@ impl PacedPath {
 
     /// The specimen is to come to rest as soon as it smoothly can: it slows down from the next tick on, and stays for `rest` ticks then.
     /// A path that has not begun does not begin. Real-time: yes.
-    pub fn stop(&mut self, rest: u32) {
+    pub(crate) fn stop(&mut self, rest: u32) {
         if self.course != Course::Full {
             return;
         }
@@ -337,7 +337,7 @@ impl PacedPath {
     }
 
     /// The next tick of the path; none at its end. Real-time: yes.
-    pub fn next(&mut self) -> Option<PathTick> {
+    pub(crate) fn next(&mut self) -> Option<PathTick> {
         let all_ticks = self.all_ticks();
         let of_path = f64::from(self.ticks);
         let tick = match &mut self.course {
@@ -383,7 +383,7 @@ impl PacedPath {
     }
 
     /// Makes the command of a tick from the client's displacements. Real-time: yes.
-    pub fn make(&mut self, tick: PathTick) {
+    pub(crate) fn make(&mut self, tick: PathTick) {
         let (share, slope) = shape(tick.share);
         let rate = tick.pace * slope / (self.pacing.period_s() * f64::from(self.ticks));
         let ends = self.from.iter().zip(&self.to);
@@ -400,13 +400,13 @@ impl PacedPath {
     }
 
     /// True if the next command comes later than a tick after the last. Real-time: yes.
-    pub fn is_late(&self) -> bool {
+    pub(crate) fn is_late(&self) -> bool {
         (self.pacing.clock.now_ns)() > self.edge_ns.saturating_add(self.pacing.period_ns)
     }
 
     /// Waits for the edge of the next command: a command that came late moves those behind it. True if it came late by more than half a
     /// period.
-    pub fn wait(&mut self) -> bool {
+    pub(crate) fn wait(&mut self) -> bool {
         let PaceClock {
             now_ns,
             sleep_until_ns,
@@ -421,7 +421,7 @@ impl PacedPath {
     }
 
     /// The last command has left. Real-time: yes.
-    pub const fn count(&mut self) {
+    pub(crate) const fn count(&mut self) {
         self.sequence = self.sequence.saturating_add(1);
     }
 }

@@ -27,7 +27,7 @@ pub(super) struct Readiness<'a> {
 }
 
 impl<'a> Readiness<'a> {
-    pub const fn new(
+    pub(crate) const fn new(
         served: &'a mut GuardedSpecimen,
         links: Option<&'a LinkMaker>,
         controller: &'a Controller,
@@ -44,7 +44,7 @@ impl<'a> Readiness<'a> {
     ///
     /// # Errors
     /// Why there is no test.
-    pub fn reach(mut self, wanted: &mut Wanted<'_>) -> Result<Vec<String>, TestEnd> {
+    pub(crate) fn reach(mut self, wanted: &mut Wanted<'_>) -> Result<Vec<String>, TestEnd> {
         self.told.extend(self.served.recording.place());
         let introduction = self.connect(wanted)?;
         let asked = self.served.place_for(&self.controller.start)?;

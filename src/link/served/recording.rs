@@ -34,7 +34,7 @@ impl Recording {
     ///
     /// # Errors
     /// It cannot be kept.
-    pub fn open(
+    pub(crate) fn open(
         &mut self,
         specimen: (&Identity, &Port),
         controller: &Controller,
@@ -55,25 +55,25 @@ impl Recording {
     }
 
     /// The reason of the user for what the wiring check found.
-    pub fn accept_wiring(&mut self, reason: &str) {
+    pub(crate) fn accept_wiring(&mut self, reason: &str) {
         if let Some(record) = &mut self.open {
             record.accept_wiring(reason);
         }
     }
 
     /// Folder of the record, as a message for the operator of the server.
-    pub fn place(&self) -> Option<String> {
+    pub(crate) fn place(&self) -> Option<String> {
         let record = self.open.as_ref()?;
         Some(format!("recording into {}", record.path().display()))
     }
 
     /// The present, if something is recorded: only the record wants to know the time. Real-time: yes.
-    pub fn now_ns(&self) -> u64 {
+    pub(crate) fn now_ns(&self) -> u64 {
         self.open.as_ref().map_or(0, |_| os::monotonic_ns())
     }
 
     /// An exchange begins, whose command is of this test time. When it began. Real-time: yes.
-    pub fn begins(&mut self, time: f64) -> u64 {
+    pub(crate) fn begins(&mut self, time: f64) -> u64 {
         let now_ns = self.now_ns();
         if let Some(record) = &mut self.open {
             record.begins(time);
@@ -82,7 +82,7 @@ impl Recording {
     }
 
     /// One row. Real-time: yes.
-    pub fn exchange(&mut self, exchange: &Exchange<'_>) {
+    pub(crate) fn exchange(&mut self, exchange: &Exchange<'_>) {
         if let Some(record) = &mut self.open {
             record.exchange(exchange);
         }
@@ -98,21 +98,21 @@ impl Recording {
     }
 
     /// The specimen holds from here on.
-    pub fn tripped(&self, trip: Trip, text: &str) {
+    pub(crate) fn tripped(&self, trip: Trip, text: &str) {
         if let Some(record) = &self.open {
             record.tripped(trip, text);
         }
     }
 
     /// An event for the record, if there is one.
-    pub fn event(&self, event: Event) {
+    pub(crate) fn event(&self, event: Event) {
         if let Some(record) = &self.open {
             record.note(event.into());
         }
     }
 
     /// Something for the record. Without one the program's log has the warnings, as many as the `store` lets through.
-    pub fn note(&self, store: &GuardStore, event: Remark, text: &str) {
+    pub(crate) fn note(&self, store: &GuardStore, event: Remark, text: &str) {
         let event = Event::said(event, text);
         if let Some(record) = &self.open {
             return record.note(event.into());
@@ -129,7 +129,7 @@ impl Recording {
     }
 
     /// A warning for record and summary.
-    pub fn warn(&mut self, store: &GuardStore, event: Remark, text: &str) {
+    pub(crate) fn warn(&mut self, store: &GuardStore, event: Remark, text: &str) {
         match &mut self.open {
             Some(record) => record.warn(event, text),
             None => self.note(store, event, text),
@@ -145,7 +145,7 @@ impl Recording {
     }
 
     /// The test is over.
-    pub fn close(&mut self, cause: Cause, text: &str, commits: u64) {
+    pub(crate) fn close(&mut self, cause: Cause, text: &str, commits: u64) {
         if let Some(record) = self.open.take() {
             record.close(cause, text, &self.link, commits);
         }

@@ -93,7 +93,7 @@ impl ServedSpecimen {
 
     /// A specimen across a link that `links` makes for each test; one axis for each unit.
     #[must_use]
-    pub fn linked(
+    pub(crate) fn linked(
         name: String,
         links: LinkMaker,
         units: Vec<AxisUnits>,
@@ -110,7 +110,7 @@ impl ServedSpecimen {
     /// A specimen across a link that `links` makes for each test, whose axes the controller does not command directly: `port`
     /// converts its signals, which count in `units`. Stiffness and mass are those of the signals.
     #[must_use]
-    pub fn converted(
+    pub(crate) fn converted(
         links: LinkMaker,
         port: Port,
         behind: AxesBehind,
@@ -144,7 +144,7 @@ impl ServedSpecimen {
 
     /// Each target of a controller becomes a path of commands.
     #[must_use]
-    pub fn paced(mut self, pacing: Option<Pacing>) -> Self {
+    pub(crate) fn paced(mut self, pacing: Option<Pacing>) -> Self {
         if let Some(pacing) = pacing {
             self.guarded.set_pacing(pacing);
         }
@@ -176,14 +176,14 @@ impl ServedSpecimen {
 
     /// It is computed and keeps its state between sessions, and so the history of its limits and its trip.
     #[must_use]
-    pub fn remembering(mut self, remembers: bool) -> Self {
+    pub(crate) fn remembering(mut self, remembers: bool) -> Self {
         self.guarded.identity.remembers = remembers;
         self
     }
 
     /// How its wiring is checked. `computed`: a computation answers, which forgets having been moved.
     #[must_use]
-    pub fn checked(mut self, check: WiringCheck, computed: bool) -> Self {
+    pub(crate) fn checked(mut self, check: WiringCheck, computed: bool) -> Self {
         *self.guarded.port.wiring_check_mut() = check;
         self.guarded.port.set_computed(computed);
         self
@@ -191,7 +191,7 @@ impl ServedSpecimen {
 
     /// The specimen moves, or represents one that moves, although it is not behind a link.
     #[must_use]
-    pub fn moving(mut self) -> Self {
+    pub(crate) fn moving(mut self) -> Self {
         self.guarded.identity.moves = true;
         self.guarded.allowance = SpeedAllowance::new(true);
         self
@@ -199,7 +199,7 @@ impl ServedSpecimen {
 
     /// Faults of every test, in words for its record.
     #[must_use]
-    pub fn played(mut self, words: Option<String>) -> Self {
+    pub(crate) fn played(mut self, words: Option<String>) -> Self {
         self.guarded.recording.played = words;
         self
     }
@@ -227,19 +227,19 @@ impl ServedSpecimen {
 
     /// The units in which a controller counts.
     #[must_use]
-    pub fn units(&self) -> &[AxisUnits] {
+    pub(crate) fn units(&self) -> &[AxisUnits] {
         &self.guarded.identity.units
     }
 
     /// True if commands leave this process.
     #[must_use]
-    pub fn is_remote(&self) -> bool {
+    pub(crate) fn is_remote(&self) -> bool {
         self.guarded.port.is_remote()
     }
 
     /// True if each target of a controller becomes a path of commands.
     #[must_use]
-    pub const fn is_paced(&self) -> bool {
+    pub(crate) const fn is_paced(&self) -> bool {
         self.guarded.pacing().is_some()
     }
 
@@ -251,12 +251,12 @@ impl ServedSpecimen {
 
     /// Mass, n × n by columns.
     #[must_use]
-    pub fn mass(&self) -> &[f64] {
+    pub(crate) fn mass(&self) -> &[f64] {
         &self.guarded.identity.mass
     }
 
     /// Tangent stiffness, n × n by columns; the initial one if the tangent is not known, as behind every link. Real-time: yes.
-    pub fn tangent(&self, stiffness: &mut [f64]) {
+    pub(crate) fn tangent(&self, stiffness: &mut [f64]) {
         let is_of_axes = self.guarded.identity.scale.is_of_axes();
         if !(is_of_axes && self.guarded.port.tangent(stiffness)) {
             for (to, from) in stiffness.iter_mut().zip(&self.guarded.identity.stiffness) {
@@ -379,7 +379,7 @@ impl ServedSpecimen {
     }
 
     /// Commands may come from now on. Real-time: yes.
-    pub fn starts(&mut self, now: Nanos) {
+    pub(crate) fn starts(&mut self, now: Nanos) {
         self.guarded.starts(now);
     }
 
@@ -409,7 +409,7 @@ impl ServedSpecimen {
     }
 
     /// The controller asks for what the specimen does not do: it holds from here on.
-    pub fn trip(&mut self, trip: Trip) {
+    pub(crate) fn trip(&mut self, trip: Trip) {
         if self.guarded.tripped().is_none() {
             self.guarded.trip(trip);
         }
@@ -421,7 +421,7 @@ impl ServedSpecimen {
     }
 
     /// A computed specimen forgets what was not committed.
-    pub fn revert(&mut self) {
+    pub(crate) fn revert(&mut self) {
         self.guarded.port.revert();
     }
 
@@ -441,13 +441,13 @@ impl ServedSpecimen {
     }
 
     /// Its controller is held by an operator.
-    pub fn pause(&mut self) {
+    pub(crate) fn pause(&mut self) {
         // A specimen that is lost shows when it is attended to.
         let _ = self.guarded.port.pause();
     }
 
     /// Its controller ends its test here: it stops, and what comes next comes from rest.
-    pub fn halt(&mut self) {
+    pub(crate) fn halt(&mut self) {
         self.guarded.has_come_to_rest();
         self.guarded.port.halt();
     }
@@ -457,17 +457,17 @@ impl ServedSpecimen {
 impl ServedSpecimen {
     /// A warning about the controller or the specimen: for the program's log, and once for the events and the summary of the
     /// run folder.
-    pub fn warn(&mut self, event: Remark, text: &str) {
+    pub(crate) fn warn(&mut self, event: Remark, text: &str) {
         self.guarded.warn(event, text);
     }
 
     /// A note for the record.
-    pub fn note(&self, event: Remark, text: &str) {
+    pub(crate) fn note(&self, event: Remark, text: &str) {
         self.guarded.note(event, text);
     }
 
     /// What came of the controller: commands, those that never arrived, and frames that failed a check.
-    pub fn counted(&mut self, commands: u64, missed: u32, corrupt: u64) {
+    pub(crate) fn counted(&mut self, commands: u64, missed: u32, corrupt: u64) {
         let text = format!("{commands} commands, {missed} missed, {corrupt} frames corrupt");
         self.note(Remark::Counts, &text);
         if !self.guarded.port.is_remote() {

@@ -80,7 +80,7 @@ pub(super) struct SessionRecord {
 
 impl SessionRecord {
     /// The folder, with everything that is known before the test. Touches the disk, and starts two threads.
-    pub fn open(
+    pub(crate) fn open(
         settings: &RecordSettings,
         (identity, port): (&Identity, &Port),
         controller: &Controller,
@@ -182,12 +182,12 @@ impl SessionRecord {
         }
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.folder.path()
     }
 
     /// An exchange begins, whose command is of that test time. Real-time: yes.
-    pub fn begins(&mut self, time: f64) {
+    pub(crate) fn begins(&mut self, time: f64) {
         self.position = Position {
             tick: Some(self.counted.exchanges),
             time: Some(time),
@@ -195,13 +195,13 @@ impl SessionRecord {
     }
 
     /// Something that is no exchange, at the newest one.
-    pub fn note(&self, note: Note) {
+    pub(crate) fn note(&self, note: Note) {
         self.writer
             .note(note.made_at(self.position, os::monotonic_ns()));
     }
 
     /// Something that whoever reads the summary must know.
-    pub fn warn(&mut self, event: Remark, text: &str) {
+    pub(crate) fn warn(&mut self, event: Remark, text: &str) {
         self.note(Event::said(event, text).into());
         self.warnings.push(text.to_owned());
     }
@@ -212,13 +212,13 @@ impl SessionRecord {
     }
 
     /// The reason of the user for what the wiring check found.
-    pub fn accept_wiring(&mut self, reason: &str) {
+    pub(crate) fn accept_wiring(&mut self, reason: &str) {
         let key = "accept_wiring".to_owned();
         self.accepted.insert(key, reason.to_owned());
     }
 
     /// The specimen holds from here on.
-    pub fn tripped(&self, trip: Trip, text: &str) {
+    pub(crate) fn tripped(&self, trip: Trip, text: &str) {
         let limit = match trip {
             Trip::Limit(hit) | Trip::TooFast { hit, .. } => Some(TripValue {
                 axis: hit.axis as u32,
@@ -245,7 +245,7 @@ impl SessionRecord {
     }
 
     /// One row. Real-time: yes.
-    pub fn exchange(&mut self, exchange: &Exchange<'_>) {
+    pub(crate) fn exchange(&mut self, exchange: &Exchange<'_>) {
         let Exchange {
             command, measured, ..
         } = exchange;
@@ -280,7 +280,7 @@ impl SessionRecord {
     }
 
     /// Writes everything down. What cannot be written is told in the program's log.
-    pub fn close(self, cause: Cause, text: &str, stats: &LinkStats, commits: u64) {
+    pub(crate) fn close(self, cause: Cause, text: &str, stats: &LinkStats, commits: u64) {
         let severity = match cause.status() {
             Ended::Completed | Ended::Interrupted => Severity::Info,
             Ended::Stopped | Ended::Failed => Severity::Error,

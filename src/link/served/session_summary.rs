@@ -30,7 +30,7 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    pub fn new(axes: usize, rate_hz: Option<f64>, began: Wall) -> Self {
+    pub(crate) fn new(axes: usize, rate_hz: Option<f64>, began: Wall) -> Self {
         Self {
             exchanges: 0,
             passed_on: 0,
@@ -45,7 +45,7 @@ impl Counted {
     }
 
     /// Real-time: yes.
-    pub fn exchange(&mut self, exchange: &Exchange<'_>, units: &[AxisUnits]) {
+    pub(crate) fn exchange(&mut self, exchange: &Exchange<'_>, units: &[AxisUnits]) {
         self.exchanges += 1;
         let passed_on = exchange.state != Exchange::KEPT_BACK;
         self.passed_on += u64::from(passed_on);

@@ -44,7 +44,7 @@ pub(super) struct Times {
 
 impl Times {
     /// One time by both.
-    pub const fn both(time: f64) -> Self {
+    pub(crate) const fn both(time: f64) -> Self {
         Self {
             own: time,
             announced: time,
@@ -76,7 +76,7 @@ pub(super) struct SpeedAllowance {
 
 impl SpeedAllowance {
     /// The full burst, for a specimen that `moves` or a formula.
-    pub fn new(moves: bool) -> Self {
+    pub(crate) fn new(moves: bool) -> Self {
         Self {
             period_s: None,
             moves,
@@ -91,13 +91,13 @@ impl SpeedAllowance {
     }
 
     /// The client of a session announced this rate: commands and the seconds that they take.
-    pub fn announced(&mut self, rate: Option<(u64, u64)>) {
+    pub(crate) fn announced(&mut self, rate: Option<(u64, u64)>) {
         self.is_cut = false;
         self.period_s = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
     }
 
     /// Restores the full burst and keeps the rate, for a formula that starts again.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         *self = Self {
             period_s: self.period_s,
             ..Self::new(self.moves)
@@ -105,12 +105,12 @@ impl SpeedAllowance {
     }
 
     /// From here commands come, and this is the first.
-    pub fn begin(&mut self, first: u64) {
+    pub(crate) fn begin(&mut self, first: u64) {
         (self.next, self.waits) = (first, true);
     }
 
     /// Commands may come from now on. What has passed before is worth a burst. Real-time: yes.
-    pub fn starts(&mut self, now: Nanos) {
+    pub(crate) fn starts(&mut self, now: Nanos) {
         if std::mem::take(&mut self.waits) {
             let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
             for credit in [&mut self.credit_s, &mut self.announced_credit_s] {
@@ -149,7 +149,7 @@ impl SpeedAllowance {
     }
 
     /// The times of a command that comes now; none if nothing is known. Real-time: yes.
-    pub fn time_of(&mut self, request: Request, now: Nanos) -> Option<Times> {
+    pub(crate) fn time_of(&mut self, request: Request, now: Nanos) -> Option<Times> {
         self.starts(now);
         let Request {
             sequence,

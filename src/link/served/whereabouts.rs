@@ -36,7 +36,7 @@ impl Whereabouts {
     /// For a specimen that does not report its position: the file states it before the first test. Later the position is that of
     /// the last command.
     #[must_use]
-    pub fn said(place: Vec<f64>) -> Self {
+    pub(crate) fn said(place: Vec<f64>) -> Self {
         let known = Known {
             place: place.clone(),
             said: place,
@@ -84,7 +84,7 @@ impl Whereabouts {
 
     /// Its position; empty if it is unknown.
     #[must_use]
-    pub fn place(&self) -> Vec<f64> {
+    pub(crate) fn place(&self) -> Vec<f64> {
         self.known().place.clone()
     }
 

@@ -33,7 +33,7 @@ pub(super) struct Acting {
 
 impl Acting {
     /// Does `act` at the command with this number, from 1.
-    pub fn acts(&self, at: usize, act: impl FnOnce() + Send + 'static) {
+    pub(crate) fn acts(&self, at: usize, act: impl FnOnce() + Send + 'static) {
         *self.act.lock().unwrap() = Some((at, Box::new(act)));
     }
 }

@@ -33,16 +33,16 @@ pub(super) struct Backlog {
 
 impl Backlog {
     /// Number of the waiting command.
-    pub fn sequence(&self) -> Option<u64> {
+    pub(crate) fn sequence(&self) -> Option<u64> {
         self.command.map(|command| command.sequence)
     }
 
-    pub const fn is_empty(&self) -> bool {
+    pub(crate) const fn is_empty(&self) -> bool {
         self.command.is_none()
     }
 
     /// A newer command takes the place of the one that waits.
-    pub fn put(&mut self, command: WaitingCommand) {
+    pub(crate) fn put(&mut self, command: WaitingCommand) {
         self.command = Some(command);
         self.unanswered = self.unanswered.saturating_add(1);
         let followed = self.hold_follows.take();
@@ -50,7 +50,7 @@ impl Backlog {
     }
 
     /// The command in force was answered.
-    pub fn answered(&mut self) {
+    pub(crate) fn answered(&mut self) {
         self.unanswered = u32::from(self.command.is_some());
     }
 
@@ -60,7 +60,7 @@ impl Backlog {
     }
 
     /// A notice of a hold or a stop. A stop stays one, whatever comes late.
-    pub fn follow(&mut self, cause: Cause) {
+    pub(crate) fn follow(&mut self, cause: Cause) {
         match cause {
             Cause::Operator => {
                 self.hold_follows.get_or_insert(cause);
@@ -70,7 +70,7 @@ impl Backlog {
     }
 
     /// The command to pass on now; with it, whether a stop comes first.
-    pub fn take(&mut self) -> Option<(WaitingCommand, bool)> {
+    pub(crate) fn take(&mut self) -> Option<(WaitingCommand, bool)> {
         let command = self.command.take()?;
         Some((command, std::mem::take(&mut self.halt_precedes)))
     }

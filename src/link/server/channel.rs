@@ -19,12 +19,12 @@ pub(super) struct Channel {
 
 impl Channel {
     /// The present time on the clock of the connection. Real-time: yes.
-    pub fn now(&self) -> Nanos {
+    pub(crate) fn now(&self) -> Nanos {
         self.link.now()
     }
 
     /// Why a native client is lost.
-    pub fn lost(&self, is_stream: bool, fault: LinkFault) -> TestEnd {
+    pub(crate) fn lost(&self, is_stream: bool, fault: LinkFault) -> TestEnd {
         let Self { link, peer } = self;
         match (link.tls_fault(), fault) {
             _ if link.is_cut() => TestEnd::vanished(format_args!(
@@ -42,7 +42,7 @@ impl Channel {
     }
 
     /// A native client has sent no message for `silent_ns`.
-    pub fn silent(&self, silent_ns: u64) -> TestEnd {
+    pub(crate) fn silent(&self, silent_ns: u64) -> TestEnd {
         let (peer, seconds) = (self.peer, silent_ns / 1_000_000_000);
         TestEnd::vanished(format_args!("{peer} has been silent for {seconds} s"))
     }

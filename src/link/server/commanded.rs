@@ -41,7 +41,7 @@ pub(super) struct CommandInForce {
 
 impl CommandInForce {
     /// No command yet; the specimen was armed at `disp`.
-    pub fn new(disp: &[f64]) -> Self {
+    pub(crate) fn new(disp: &[f64]) -> Self {
         let axes = disp.len();
         Self {
             sequence: None,
@@ -59,18 +59,18 @@ impl CommandInForce {
     }
 
     /// The position of the command in force.
-    pub fn disp(&self) -> &[f64] {
+    pub(crate) fn disp(&self) -> &[f64] {
         &self.disp
     }
 
     /// The test begins again.
-    pub const fn reset(&mut self) {
+    pub(crate) const fn reset(&mut self) {
         self.sequence = None;
         (self.time, self.dt) = (0.0, 0.0);
     }
 
     /// True if the next command only repeats the position at the same test time. Real-time: yes.
-    pub fn stays(&self, dt: f64) -> bool {
+    pub(crate) fn stays(&self, dt: f64) -> bool {
         self.sequence.is_some()
             && dt == 0.0
             && self.dt == 0.0
@@ -79,14 +79,14 @@ impl CommandInForce {
     }
 
     /// The next command is in force. Real-time: yes.
-    pub fn advance(&mut self, sequence: u64, time: f64, dt: f64) {
+    pub(crate) fn advance(&mut self, sequence: u64, time: f64, dt: f64) {
         std::mem::swap(&mut self.disp, &mut self.next.disp);
         std::mem::swap(&mut self.vel, &mut self.next.vel);
         (self.sequence, self.time, self.dt) = (Some(sequence), time, dt);
     }
 
     /// The command for the specimen, the place of its measurement, and that of the next command. Real-time: yes.
-    pub fn exchange(&mut self) -> (Command<'_>, &mut Measurement, &mut NextMotion) {
+    pub(crate) fn exchange(&mut self) -> (Command<'_>, &mut Measurement, &mut NextMotion) {
         let command = Command {
             sequence: self.sequence.unwrap_or_default(),
             time: self.time,
@@ -101,7 +101,7 @@ impl CommandInForce {
 impl NextMotion {
     /// Judges a command by its number, and reads the vectors of a new one. `first` is the first number of the test; `newest` is
     /// that of the newest command. Real-time: yes.
-    pub fn read(
+    pub(crate) fn read(
         &mut self,
         command: &CommandFrame<'_>,
         first: u64,
@@ -132,7 +132,7 @@ pub(super) struct CommandCount {
 }
 
 impl CommandCount {
-    pub const fn new(first: u64, period_ns: u64) -> Self {
+    pub(crate) const fn new(first: u64, period_ns: u64) -> Self {
         Self {
             commands: 0,
             missed: 0,
@@ -142,7 +142,7 @@ impl CommandCount {
     }
 
     /// The next command has this number. Real-time: yes.
-    pub const fn expect(&mut self, next: u64) {
+    pub(crate) const fn expect(&mut self, next: u64) {
         self.next = next;
     }
 
@@ -158,7 +158,7 @@ impl CommandCount {
     }
 
     /// Longest test time that can have passed before this command, s. Real-time: yes.
-    pub fn longest(&self, sequence: u64) -> f64 {
+    pub(crate) fn longest(&self, sequence: u64) -> f64 {
         let commands = sequence.saturating_sub(self.next).saturating_add(1);
         FASTEST * self.period_ns as f64 * 1e-9 * commands as f64
     }

@@ -23,7 +23,7 @@ pub(super) enum Connection {
 
 impl Connection {
     /// The socket, if there is one.
-    pub fn fd(&self) -> Option<BorrowedFd<'_>> {
+    pub(crate) fn fd(&self) -> Option<BorrowedFd<'_>> {
         match self {
             Connection::Tcp(tcp) => Some(tcp.socket()),
             Connection::Udp(udp) => Some(udp.socket()),
@@ -50,7 +50,7 @@ pub(super) enum ClientLink {
 
 impl ClientLink {
     /// Plays `script` on this link. The ticks of the test have a length of `tick_ns`; its first command has the number `first`.
-    pub fn played(self, script: &Script, tick_ns: u64, first: u64) -> Self {
+    pub(crate) fn played(self, script: &Script, tick_ns: u64, first: u64) -> Self {
         match self {
             ClientLink::Plain(connection) => {
                 let mut wire = FaultyWire::new(connection, script, tick_ns);
@@ -62,21 +62,21 @@ impl ClientLink {
     }
 
     /// The first command of the test has this number.
-    pub fn armed(&mut self, first: u64) {
+    pub(crate) fn armed(&mut self, first: u64) {
         if let ClientLink::Faulty(faulty) = self {
             faulty.armed(first);
         }
     }
 
     /// True if a fault of the script has closed the link.
-    pub fn is_cut(&self) -> bool {
+    pub(crate) fn is_cut(&self) -> bool {
         match self {
             ClientLink::Plain(_) => false,
             ClientLink::Faulty(faulty) => faulty.is_closed(),
         }
     }
 
-    pub fn set_wait(&mut self, wait: Wait) {
+    pub(crate) fn set_wait(&mut self, wait: Wait) {
         match self.connection() {
             Connection::Tcp(tcp) => tcp.set_wait(wait),
             Connection::Udp(udp) => udp.set_wait(wait),

@@ -23,14 +23,14 @@ pub(super) struct Farewell {
 
 impl Farewell {
     /// The frames of a session that ends now.
-    pub fn new(peer: SocketAddr, frames: Vec<Vec<u8>>) -> Self {
+    pub(crate) fn new(peer: SocketAddr, frames: Vec<Vec<u8>>) -> Self {
         let at = os::monotonic_ns();
         Self { peer, frames, at }
     }
 
     /// The frames that answer a datagram that arrived at `now`: none unless it is a retire of that session. The frames are the
     /// same bit for bit, so a peer that forges the address of the controller learns nothing new.
-    pub fn again(&self, peer: SocketAddr, datagram: &[u8], now: u64) -> &[Vec<u8>] {
+    pub(crate) fn again(&self, peer: SocketAddr, datagram: &[u8], now: u64) -> &[Vec<u8>] {
         let session = |frame: &[u8]| peek(frame).map(|seen| seen.session);
         let ours = self.frames.first().and_then(|frame| session(frame));
         let asks = peek(datagram)
@@ -44,7 +44,7 @@ impl Farewell {
     }
 
     /// Answers the datagrams that arrived on the session's own link while its records were closed.
-    pub fn answers(&self, link: &mut impl Transport) {
+    pub(crate) fn answers(&self, link: &mut impl Transport) {
         if self.frames.is_empty() {
             return;
         }

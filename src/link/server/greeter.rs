@@ -36,7 +36,7 @@ pub(super) enum Greeter {
 }
 
 impl Greeter {
-    pub fn handshake(&self) -> Handshake {
+    pub(crate) fn handshake(&self) -> Handshake {
         match self {
             Self::Native { offer, is_stream } => {
                 let medium = if *is_stream {
@@ -56,7 +56,7 @@ impl Greeter {
         }
     }
 
-    pub const fn others(&self) -> Others {
+    pub(crate) const fn others(&self) -> Others {
         match self {
             Self::Native { .. } => Others::AreAnswered,
             Self::OpenFresco {
@@ -77,12 +77,12 @@ impl Greeter {
     }
 
     /// True if a datagram may be the first one of a client. A separate handshake judges it, so it changes nothing.
-    pub fn allows(&self, datagram: &[u8]) -> bool {
+    pub(crate) fn allows(&self, datagram: &[u8]) -> bool {
         self.judge(datagram, OpenFrescoHandshake::allows)
     }
 
     /// True if a datagram opens a test.
-    pub fn opens(&self, datagram: &[u8]) -> bool {
+    pub(crate) fn opens(&self, datagram: &[u8]) -> bool {
         self.judge(datagram, OpenFrescoHandshake::opens)
     }
 

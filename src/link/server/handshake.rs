@@ -30,7 +30,7 @@ pub(super) enum Handshake {
 
 impl Handshake {
     /// Takes the next bytes of `peer`, or its next datagram. Replies are appended to `replies`, one message each.
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         bytes: &[u8],
         peer: SocketAddr,
@@ -44,7 +44,7 @@ impl Handshake {
     }
 
     /// The number of the present phase, and its time limit. The start of the TLS session is a separate phase.
-    pub fn phase(&self, is_encrypting: bool) -> (u8, Duration) {
+    pub(crate) fn phase(&self, is_encrypting: bool) -> (u8, Duration) {
         match self {
             Self::Native(native) => native.phase(is_encrypting),
             Self::OpenFresco(openfresco) => (0, openfresco.limit()),
@@ -95,7 +95,7 @@ impl Handshake {
     }
 
     /// The client has left.
-    pub const fn left(&self) -> Failure {
+    pub(crate) const fn left(&self) -> Failure {
         match self {
             Self::Native(_) => Failure::Left,
             Self::OpenFresco(_) => Failure::Ended(End::Vanished),
@@ -103,7 +103,7 @@ impl Handshake {
     }
 
     /// The server stops.
-    pub const fn stopped(&self) -> Failure {
+    pub(crate) const fn stopped(&self) -> Failure {
         match self {
             Self::Native(_) => Failure::Left,
             Self::OpenFresco(_) => Failure::Ended(End::Stopped),
@@ -122,7 +122,7 @@ impl Handshake {
     }
 
     /// The connection is lost.
-    pub fn link_lost(&self, link: &dyn Transport, fault: LinkFault) -> Failure {
+    pub(crate) fn link_lost(&self, link: &dyn Transport, fault: LinkFault) -> Failure {
         match (self, link.tls_fault()) {
             (Self::Native(_), Some(fault)) => Failure::Malformed {
                 text: tls_text(fault, None),

@@ -29,14 +29,14 @@ pub(super) enum Failure {
 
 impl Failure {
     /// Last bytes for the client.
-    pub fn frame(&self) -> &[u8] {
+    pub(crate) fn frame(&self) -> &[u8] {
         match self {
             Self::Refused { frame, .. } | Self::Malformed { frame, .. } => frame,
             Self::Left | Self::Ended(_) => &[],
         }
     }
 
-    pub fn report(self, peer: SocketAddr, shared: &Shared) {
+    pub(crate) fn report(self, peer: SocketAddr, shared: &Shared) {
         match self {
             Self::Left => {}
             Self::Refused { text, .. } => shared.tell(ServerEvent::Refused { peer, text }),

@@ -344,7 +344,7 @@ impl RunningServer {
     ///
     /// # Panics
     /// With the panic of a thread of the server: then it ends at once.
-    pub fn watch(self, stop: &dyn Fn() -> bool, tell: &mut dyn FnMut(&ServerEvent)) {
+    pub(crate) fn watch(self, stop: &dyn Fn() -> bool, tell: &mut dyn FnMut(&ServerEvent)) {
         self.watch_twice(stop, &|| false, tell);
     }
 

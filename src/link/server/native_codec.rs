@@ -26,7 +26,7 @@ pub(super) struct NativeCodec {
 }
 
 impl NativeCodec {
-    pub fn new(inbox: Inbox, greeted: Greeted) -> Self {
+    pub(crate) fn new(inbox: Inbox, greeted: Greeted) -> Self {
         Self {
             inbox,
             encoder: greeted.encoder,
@@ -36,43 +36,43 @@ impl NativeCodec {
         }
     }
 
-    pub const fn is_stream(&self) -> bool {
+    pub(crate) const fn is_stream(&self) -> bool {
         self.inbox.is_stream()
     }
 
-    pub const fn corrupt(&self) -> u64 {
+    pub(crate) const fn corrupt(&self) -> u64 {
         self.corrupt
     }
 
     /// Room for the next bytes.
-    pub fn space(&mut self) -> &mut [u8] {
+    pub(crate) fn space(&mut self) -> &mut [u8] {
         self.inbox.space()
     }
 
     /// This number of bytes of the room is filled.
-    pub fn filled(&mut self, count: usize) {
+    pub(crate) fn filled(&mut self, count: usize) {
         self.inbox.filled(count);
     }
 
     /// The place of the next complete frame. Real-time: yes.
-    pub fn next(&mut self) -> Result<Option<Range<usize>>, WireError> {
+    pub(crate) fn next(&mut self) -> Result<Option<Range<usize>>, WireError> {
         self.inbox.next()
     }
 
     /// Opens the frame at this place. Real-time: yes.
-    pub fn open(&mut self, place: Range<usize>) -> Result<Received<'_>, WireError> {
+    pub(crate) fn open(&mut self, place: Range<usize>) -> Result<Received<'_>, WireError> {
         self.decoder.open(self.inbox.frame(place))
     }
 
     /// Counts a frame that failed a check. The error again, if it is final.
-    pub fn failed(&mut self, error: WireError) -> Result<(), WireError> {
+    pub(crate) fn failed(&mut self, error: WireError) -> Result<(), WireError> {
         let is_overtaken = matches!(error, WireError::Replayed { .. } | WireError::TooOld { .. });
         self.corrupt += u64::from(!is_overtaken);
         if self.is_stream() { Err(error) } else { Ok(()) }
     }
 
     /// Real-time: yes.
-    pub fn measurement(
+    pub(crate) fn measurement(
         &mut self,
         measured: &Measurement,
         moment: Moment,
@@ -81,29 +81,29 @@ impl NativeCodec {
         Ok(self.written(length))
     }
 
-    pub fn heartbeat(&mut self, beat: Heartbeat) -> Result<&[u8], WireError> {
+    pub(crate) fn heartbeat(&mut self, beat: Heartbeat) -> Result<&[u8], WireError> {
         let length = self.encoder.heartbeat(beat, &mut self.out)?;
         Ok(self.written(length))
     }
 
-    pub fn goodbye(&mut self, notice: Notice) -> Result<&[u8], WireError> {
+    pub(crate) fn goodbye(&mut self, notice: Notice) -> Result<&[u8], WireError> {
         let length = self.encoder.goodbye(notice, &mut self.out)?;
         Ok(self.written(length))
     }
 
     /// A control message.
-    pub fn control(&mut self, message: &[u8]) -> Result<&[u8], WireError> {
+    pub(crate) fn control(&mut self, message: &[u8]) -> Result<&[u8], WireError> {
         let length = self.encoder.control(message, &mut self.out)?;
         Ok(self.written(length))
     }
 
-    pub fn refusal(&mut self, refuse: Refuse) -> Result<&[u8], WireError> {
+    pub(crate) fn refusal(&mut self, refuse: Refuse) -> Result<&[u8], WireError> {
         let message = handshake::encode(&Control::Refuse(refuse))?;
         self.control(&message)
     }
 
     /// A message for people that the session ends.
-    pub fn bye(&mut self, cause: Cause, text: &str) -> Result<&[u8], WireError> {
+    pub(crate) fn bye(&mut self, cause: Cause, text: &str) -> Result<&[u8], WireError> {
         let mut text = text.to_owned();
         text.retain(|c| !is_hidden(c));
         while text.len() > TEXT_LIMIT {

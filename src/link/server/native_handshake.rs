@@ -71,7 +71,7 @@ struct Welcomed {
 }
 
 impl NativeHandshake {
-    pub fn new(offer: Arc<Offer>, medium: Medium, inbox: Inbox) -> Self {
+    pub(crate) fn new(offer: Arc<Offer>, medium: Medium, inbox: Inbox) -> Self {
         Self {
             offer,
             medium,
@@ -85,7 +85,7 @@ impl NativeHandshake {
         self.welcomed.is_some()
     }
 
-    pub fn phase(&self, is_encrypting: bool) -> (u8, Duration) {
+    pub(crate) fn phase(&self, is_encrypting: bool) -> (u8, Duration) {
         match &self.welcomed {
             _ if is_encrypting => (0, HELLO_LIMIT),
             None => (1, HELLO_LIMIT),
@@ -116,7 +116,7 @@ impl NativeHandshake {
         })
     }
 
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         bytes: &[u8],
         peer: SocketAddr,

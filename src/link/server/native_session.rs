@@ -108,7 +108,7 @@ impl Reader<'_> {
 
 impl NativeConversation {
     /// The specimen is armed, and the client knows it.
-    pub fn new(
+    pub(crate) fn new(
         opening: NativeOpening,
         mut served: ServedSpecimen,
         now: Nanos,

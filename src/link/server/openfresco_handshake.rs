@@ -30,7 +30,7 @@ pub(super) struct OpenFrescoHandshake {
 }
 
 impl OpenFrescoHandshake {
-    pub fn new(codec: Codec, carrier: Carrier, limit: Duration) -> Self {
+    pub(crate) fn new(codec: Codec, carrier: Carrier, limit: Duration) -> Self {
         Self {
             codec,
             carrier,
@@ -40,7 +40,7 @@ impl OpenFrescoHandshake {
         }
     }
 
-    pub const fn limit(&self) -> Duration {
+    pub(crate) const fn limit(&self) -> Duration {
         self.limit
     }
 
@@ -57,12 +57,12 @@ impl OpenFrescoHandshake {
         })
     }
 
-    pub fn link_lost(&self, link: &dyn Transport, fault: LinkFault) -> Failure {
+    pub(crate) fn link_lost(&self, link: &dyn Transport, fault: LinkFault) -> Failure {
         Failure::Ended(lost(link, fault).within(self.codec.partial()))
     }
 
     /// True if a datagram opens a test: a new handshake answers it, or finds the sizes in it.
-    pub fn opens(mut self, datagram: &[u8]) -> bool {
+    pub(crate) fn opens(mut self, datagram: &[u8]) -> bool {
         self.codec.feed(datagram).is_ok_and(|(_, request)| {
             matches!(request, Request::Sizes(_))
                 || (request == Request::Reply && !self.codec.reply().is_empty())
@@ -70,11 +70,11 @@ impl OpenFrescoHandshake {
     }
 
     /// True if a datagram may be the first one of a client.
-    pub fn allows(mut self, datagram: &[u8]) -> bool {
+    pub(crate) fn allows(mut self, datagram: &[u8]) -> bool {
         self.codec.feed(datagram).is_ok()
     }
 
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         bytes: &[u8],
         peer: SocketAddr,

@@ -58,7 +58,7 @@ pub(super) struct Reception {
 }
 
 impl Reception {
-    pub fn new(
+    pub(crate) fn new(
         listener: Listener,
         greeter: Greeter,
         shared: Arc<Shared>,
@@ -76,7 +76,7 @@ impl Reception {
     }
 
     /// Receives clients until the server stops.
-    pub fn run(mut self) {
+    pub(crate) fn run(mut self) {
         while !self.shared.is_stopped() {
             if self.shared.occupancy() == Occupancy::Free
                 || self.greeter.others() == Others::AreAnswered

@@ -19,7 +19,12 @@ pub(super) struct SampleClock {
 }
 
 impl SampleClock {
-    pub const fn new(now: Nanos, after_ns: Option<u64>, period_ns: u64, spin_ns: u64) -> Self {
+    pub(crate) const fn new(
+        now: Nanos,
+        after_ns: Option<u64>,
+        period_ns: u64,
+        spin_ns: u64,
+    ) -> Self {
         Self {
             begun: now,
             arrived: now,
@@ -31,24 +36,24 @@ impl SampleClock {
     }
 
     /// A command arrived. Returns true if its sample is due later. Real-time: yes.
-    pub fn arrive(&mut self, now: Nanos) -> bool {
+    pub(crate) fn arrive(&mut self, now: Nanos) -> bool {
         self.arrived = now;
         self.due_at = self.after_ns.map(|after| now.plus(after));
         self.due_at.is_some()
     }
 
     /// True if a sample is still to be taken. Real-time: yes.
-    pub const fn is_waiting(&self) -> bool {
+    pub(crate) const fn is_waiting(&self) -> bool {
         self.due_at.is_some()
     }
 
     /// True if a sample is due now. Real-time: yes.
-    pub fn is_due(&self, now: Nanos) -> bool {
+    pub(crate) fn is_due(&self, now: Nanos) -> bool {
         self.due_at.is_some_and(|at| now >= at)
     }
 
     /// The sample is taken, or no longer wanted. Returns the time since the command arrived, s. Real-time: yes.
-    pub fn take(&mut self, now: Nanos) -> f64 {
+    pub(crate) fn take(&mut self, now: Nanos) -> f64 {
         self.due_at = None;
         now.since(self.arrived) as f64 * 1e-9
     }
@@ -59,7 +64,7 @@ impl SampleClock {
     }
 
     /// How to wait for bytes, and until when, but not after `until`. `runs`: commands come at the announced rate. Real-time: yes.
-    pub fn wait(&self, now: Nanos, until: Nanos, runs: bool) -> (Wait, Nanos) {
+    pub(crate) fn wait(&self, now: Nanos, until: Nanos, runs: bool) -> (Wait, Nanos) {
         let until = self.due_at.map_or(until, |at| until.min(at));
         let expected = self.arrived.plus(self.period_ns);
         let (from, to) = (expected.minus(self.spin_ns), expected.plus(self.spin_ns));

@@ -36,7 +36,7 @@ pub(super) struct Session<C> {
 }
 
 impl<C: Conversation> Session<C> {
-    pub const fn new(channel: Channel, conversation: C) -> Self {
+    pub(crate) const fn new(channel: Channel, conversation: C) -> Self {
         Self {
             channel,
             conversation,
@@ -44,7 +44,7 @@ impl<C: Conversation> Session<C> {
     }
 
     /// Runs to the end of the test.
-    pub fn run(mut self, shared: &Shared) {
+    pub(crate) fn run(mut self, shared: &Shared) {
         let end = loop {
             if shared.is_stopped() {
                 break self.conversation.stopped(&mut self.channel);
@@ -58,23 +58,23 @@ impl<C: Conversation> Session<C> {
     }
 
     /// One turn: everything that is due.
-    pub fn turn(&mut self, shared: &Shared) -> Result<Nanos, C::End> {
+    pub(crate) fn turn(&mut self, shared: &Shared) -> Result<Nanos, C::End> {
         self.conversation.turn(&mut self.channel, shared)
     }
 
     /// Waits for bytes until a time.
-    pub fn listen(&mut self, until: Nanos) -> Result<(), C::End> {
+    pub(crate) fn listen(&mut self, until: Nanos) -> Result<(), C::End> {
         self.conversation.listen(&mut self.channel, until)
     }
 
     /// Ends the test, and returns the connection. The specimen is still reserved.
-    pub fn finish(mut self, end: C::End, shared: &Shared) -> ClientLink {
+    pub(crate) fn finish(mut self, end: C::End, shared: &Shared) -> ClientLink {
         shared.close();
         self.conversation.finish(&mut self.channel, end, shared);
         self.channel.link
     }
 
-    pub const fn link(&mut self) -> &mut ClientLink {
+    pub(crate) const fn link(&mut self) -> &mut ClientLink {
         &mut self.channel.link
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct Silence {
 }
 
 impl Silence {
-    pub const fn new(limit_ns: u64, now: Nanos) -> Self {
+    pub(crate) const fn new(limit_ns: u64, now: Nanos) -> Self {
         Self {
             limit_ns,
             heard_at: now,
@@ -41,17 +41,17 @@ impl Silence {
     }
 
     /// A message has come, or the client could not send one. Real-time: yes.
-    pub const fn heard(&mut self, now: Nanos) {
+    pub(crate) const fn heard(&mut self, now: Nanos) {
         self.heard_at = now;
     }
 
     /// The client holds or stops. Returns true if it did before.
-    pub const fn pause(&mut self) -> bool {
+    pub(crate) const fn pause(&mut self) -> bool {
         std::mem::replace(&mut self.is_paused, true)
     }
 
     /// A new command has come. Returns true if the watchdog held the specimen. Real-time: yes.
-    pub const fn go_on(&mut self) -> bool {
+    pub(crate) const fn go_on(&mut self) -> bool {
         self.is_paused = false;
         std::mem::replace(&mut self.is_holding, false)
     }
@@ -72,7 +72,7 @@ impl Silence {
     }
 
     /// The action that is due now. A heartbeat is due after each watchdog time. Real-time: yes.
-    pub fn due(&mut self, now: Nanos) -> Due {
+    pub(crate) fn due(&mut self, now: Nanos) -> Due {
         if self.is_paused || self.lasts_ns(now) < self.limit_ns {
             return Due::Nothing;
         }
@@ -88,7 +88,7 @@ impl Silence {
     }
 
     /// The time at which something is due next, but not after `limit`. Real-time: yes.
-    pub fn next(&self, limit: Nanos) -> Nanos {
+    pub(crate) fn next(&self, limit: Nanos) -> Nanos {
         if self.is_paused {
             return limit;
         }

@@ -44,7 +44,7 @@ const PEER: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
 
 impl SimulatedServer {
     /// Waits for a client behind this end of a wire.
-    pub fn waiting(offer: Arc<Offer>, end: WireEnd, is_stream: bool) -> Self {
+    pub(crate) fn waiting(offer: Arc<Offer>, end: WireEnd, is_stream: bool) -> Self {
         let inbox = Inbox::new(is_stream);
         Self::Waiting(Box::new(WaitingWire {
             link: ClientLink::from(Connection::Simulated(Box::new(end))),
@@ -53,12 +53,12 @@ impl SimulatedServer {
         }))
     }
 
-    pub const fn is_over(&self) -> bool {
+    pub(crate) const fn is_over(&self) -> bool {
         matches!(self, Self::Over(_))
     }
 
     /// The server's end of the wire.
-    pub fn end(&mut self) -> Option<&mut WireEnd> {
+    pub(crate) fn end(&mut self) -> Option<&mut WireEnd> {
         match self {
             Self::Waiting(waiting) => waiting.link.wire_end(),
             Self::Serving(session, _) => session.link().wire_end(),
@@ -68,7 +68,7 @@ impl SimulatedServer {
     }
 
     /// One turn, up to `limit`.
-    pub fn turn(&mut self, limit: Nanos, offer: &Offer, shared: &Shared) {
+    pub(crate) fn turn(&mut self, limit: Nanos, offer: &Offer, shared: &Shared) {
         let end = match self {
             Self::Serving(session, until) => {
                 match session.listen(*until).and_then(|()| session.turn(shared)) {

@@ -42,7 +42,7 @@ pub(super) struct WaitingClient {
 }
 
 impl WaitingClient {
-    pub fn new(peer: SocketAddr, route: Route, handshake: Handshake) -> Self {
+    pub(crate) fn new(peer: SocketAddr, route: Route, handshake: Handshake) -> Self {
         let now_ns = monotonic_ns();
         let (phase, _) = handshake.phase(matches!(route, Route::Encrypting(_)));
         Self {
@@ -54,23 +54,23 @@ impl WaitingClient {
         }
     }
 
-    pub const fn peer(&self) -> SocketAddr {
+    pub(crate) const fn peer(&self) -> SocketAddr {
         self.peer
     }
 
-    pub fn candidate(&self) -> Candidate {
+    pub(crate) fn candidate(&self) -> Candidate {
         Candidate {
             peer: self.peer,
             has_spoken: self.handshake.has_spoken(),
         }
     }
 
-    pub const fn handshake(&self) -> &Handshake {
+    pub(crate) const fn handshake(&self) -> &Handshake {
         &self.handshake
     }
 
     /// Its own socket, if it has one.
-    pub fn fd(&self) -> Option<BorrowedFd<'_>> {
+    pub(crate) fn fd(&self) -> Option<BorrowedFd<'_>> {
         match &self.route {
             Route::Encrypting(tls) => Some(tls.socket()),
             Route::Connected(connection) => connection.fd(),
@@ -79,13 +79,13 @@ impl WaitingClient {
     }
 
     /// Its time limits count from now: its bytes were not read while another client was served.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.since_ns = monotonic_ns();
     }
 
     /// Keeps a datagram for a later turn; false if its bytes do not arrive in datagrams. Surplus datagrams are dropped. `opens`: it
     /// opens a test; repeated, it needs no second place.
-    pub fn keep(&mut self, datagram: &[u8], opens: bool) -> bool {
+    pub(crate) fn keep(&mut self, datagram: &[u8], opens: bool) -> bool {
         let Route::Datagrams(kept) = &mut self.route else {
             return false;
         };
@@ -97,7 +97,7 @@ impl WaitingClient {
     }
 
     /// Reads what has arrived, without waiting, and answers it.
-    pub fn attend(
+    pub(crate) fn attend(
         &mut self,
         listener: &Listener,
         shared: &Shared,
@@ -214,7 +214,7 @@ impl WaitingClient {
 
     /// Number of datagrams that are kept for later.
     #[cfg(test)]
-    pub fn kept(&self) -> usize {
+    pub(crate) fn kept(&self) -> usize {
         match &self.route {
             Route::Datagrams(kept) => kept.len(),
             Route::Encrypting(_) | Route::Connected(_) => 0,

@@ -17,7 +17,7 @@ pub(super) struct WireEnd {
 }
 
 impl WireEnd {
-    pub fn new(now: Nanos, delay_ns: u64) -> Self {
+    pub(crate) fn new(now: Nanos, delay_ns: u64) -> Self {
         Self {
             incoming: Queue::default(),
             outgoing: Queue::default(),
@@ -28,7 +28,7 @@ impl WireEnd {
     }
 
     /// The controller sends a frame at `now`.
-    pub fn carry(&mut self, now: Nanos, frame: &[u8]) {
+    pub(crate) fn carry(&mut self, now: Nanos, frame: &[u8]) {
         self.incoming.push(now.plus(self.delay_ns), frame);
     }
 
@@ -38,12 +38,12 @@ impl WireEnd {
     }
 
     /// Copies a frame that has arrived at the controller's end by `at` into `buffer`. Returns its size.
-    pub fn arrived(&mut self, at: Nanos, buffer: &mut [u8]) -> Option<usize> {
+    pub(crate) fn arrived(&mut self, at: Nanos, buffer: &mut [u8]) -> Option<usize> {
         self.outgoing.take(at, buffer)
     }
 
     /// Lets time pass up to `limit`.
-    pub const fn allow(&mut self, limit: Nanos) {
+    pub(crate) const fn allow(&mut self, limit: Nanos) {
         self.limit = limit;
     }
 
@@ -54,7 +54,7 @@ impl WireEnd {
     }
 
     /// True if something happens here until `limit`, before something arrives at the other end.
-    pub fn is_due(&self, limit: Nanos) -> bool {
+    pub(crate) fn is_due(&self, limit: Nanos) -> bool {
         let coming = self.incoming.next_at().is_some_and(|at| at <= limit);
         (self.now < limit || coming) && self.outgoing.next_at().is_none()
     }

@@ -87,12 +87,12 @@ impl TcpTransport {
 
     /// The other end.
     #[must_use]
-    pub fn peer(&self) -> SocketAddr {
+    pub(crate) fn peer(&self) -> SocketAddr {
         self.peer
     }
 
     /// Changes how waits are spent.
-    pub fn set_wait(&mut self, wait: Wait) {
+    pub(crate) fn set_wait(&mut self, wait: Wait) {
         self.options.wait = wait;
     }
 

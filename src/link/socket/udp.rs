@@ -121,12 +121,12 @@ impl UdpTransport {
 
     /// The other end.
     #[must_use]
-    pub fn peer(&self) -> SocketAddr {
+    pub(crate) fn peer(&self) -> SocketAddr {
         self.peer
     }
 
     /// Changes how waits are spent.
-    pub fn set_wait(&mut self, wait: Wait) {
+    pub(crate) fn set_wait(&mut self, wait: Wait) {
         self.options.wait = wait;
     }
 

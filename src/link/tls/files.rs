@@ -74,7 +74,7 @@ impl TlsFiles {
     /// Certificate, key and authorities as `given`, relative to `folder`. Those that are not given have OpenFresco's names,
     /// in `folder` or, if none of them is there, in the working directory.
     #[must_use]
-    pub fn locate(given: [Option<&str>; 3], end: End, folder: &Path) -> Self {
+    pub(crate) fn locate(given: [Option<&str>; 3], end: End, folder: &Path) -> Self {
         let usual = match end {
             End::Client => ["client.crt", "client.key", "client_ca.crt"],
             End::Server => ["server.crt", "server.key", "server_ca.crt"],

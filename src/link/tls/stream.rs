@@ -59,12 +59,12 @@ impl TlsStream {
 
     /// The other end.
     #[must_use]
-    pub const fn peer(&self) -> SocketAddr {
+    pub(crate) const fn peer(&self) -> SocketAddr {
         self.peer
     }
 
     /// Changes how waits are spent.
-    pub const fn set_wait(&mut self, wait: Wait) {
+    pub(crate) const fn set_wait(&mut self, wait: Wait) {
         self.options.wait = wait;
     }
 

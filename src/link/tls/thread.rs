@@ -67,7 +67,7 @@ impl TlsTransport {
     ///
     /// # Errors
     /// The system gives no thread or no event counter.
-    pub fn start(stream: TlsStream, largest: usize) -> io::Result<Self> {
+    pub(crate) fn start(stream: TlsStream, largest: usize) -> io::Result<Self> {
         let flags = EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK;
         let shared = Arc::new(Shared {
             to_helper: eventfd(0, flags)?,
@@ -101,7 +101,7 @@ impl TlsTransport {
 
     /// The other end.
     #[must_use]
-    pub const fn peer(&self) -> SocketAddr {
+    pub(crate) const fn peer(&self) -> SocketAddr {
         self.peer
     }
 }

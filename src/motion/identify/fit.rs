@@ -65,7 +65,7 @@ impl Fit {
 
     /// Values of all parameters, in order.
     #[must_use]
-    pub fn values(&self) -> Vec<f64> {
+    pub(crate) fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|found| found.value).collect()
     }
 
@@ -78,7 +78,7 @@ impl Fit {
 
     /// Phase lag over ω in s at a frequency; the slow delay says how often the phase went round.
     #[must_use]
-    pub fn delay(&self, hz: f64, dt: f64) -> f64 {
+    pub(crate) fn delay(&self, hz: f64, dt: f64) -> f64 {
         use std::f64::consts::TAU;
         let response = self.response(hz, dt);
         let raw = -libm::atan2(response.im, response.re);

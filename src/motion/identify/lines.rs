@@ -32,7 +32,7 @@ pub(super) struct Lines {
 
 impl Lines {
     /// Transforms a record.
-    pub fn of(record: &Record<'_>, band: Band) -> Result<Self, IdentifyError> {
+    pub(crate) fn of(record: &Record<'_>, band: Band) -> Result<Self, IdentifyError> {
         let n = record.command.len();
         let even = record.measured.len() == n && record.force.len() == n;
         let is_record = even && n >= 4 && record.dt > 0.0 && record.dt.is_finite();

@@ -73,7 +73,7 @@ impl Model {
 
     /// Its parameters, in order.
     #[must_use]
-    pub const fn parameters(self) -> &'static [Parameter] {
+    pub(crate) const fn parameters(self) -> &'static [Parameter] {
         match self {
             Self::Delay => &[GAIN, DELAY],
             Self::FirstOrder => &[GAIN, LAG],
@@ -86,7 +86,7 @@ impl Model {
     /// Measured over commanded displacement at ω in rad/s, sampled every `dt` seconds; `values` in the order of the
     /// parameters.
     #[must_use]
-    pub fn response(self, values: &[f64], omega: f64, dt: f64) -> C64 {
+    pub(crate) fn response(self, values: &[f64], omega: f64, dt: f64) -> C64 {
         let zero = C64::new(f64::NAN, 0.0);
         match (self, values) {
             (Self::Delay, [gain, delay]) => delayed(*delay, omega, dt) * *gain,

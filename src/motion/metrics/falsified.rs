@@ -73,7 +73,7 @@ pub struct Scale {
 impl Scale {
     /// Input and strain energy together: the denominator of Mosqueda, Stojadinović and Mahin (2007). None without any.
     #[must_use]
-    pub fn sum(&self) -> Option<f64> {
+    pub(crate) fn sum(&self) -> Option<f64> {
         let sum = self.input_energy_j + self.strain_energy_j;
         (sum > 0.0 && sum.is_finite()).then_some(sum)
     }

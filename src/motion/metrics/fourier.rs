@@ -62,7 +62,7 @@ impl Spectrum {
     }
 
     /// Fourier amplitudes |Y|·Δt in units of the record times s, from the first line above 0 Hz: (frequency in Hz, amplitude).
-    pub fn amplitudes(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(crate) fn amplitudes(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let lines = self.lines.iter().enumerate().skip(1);
         lines.map(|(j, line)| (j as f64 * self.spacing_hz, line.norm() * self.dt))
     }

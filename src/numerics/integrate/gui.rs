@@ -100,7 +100,7 @@ impl Gui {
 
     /// λ in use.
     #[must_use]
-    pub fn lambda(&self) -> Lambda {
+    pub(crate) fn lambda(&self) -> Lambda {
         self.lambda
     }
 

@@ -40,7 +40,7 @@ pub struct GapSpec {
 impl GapSpec {
     /// # Errors
     /// A parameter outside its domain.
-    pub fn build(&self) -> Result<Gap, LawError> {
+    pub(crate) fn build(&self) -> Result<Gap, LawError> {
         Ok(Gap {
             stiffness: positive("stiffness_n_per_m", self.stiffness_n_per_m)?,
             gap: non_negative("gap_m", self.gap_m)?,

@@ -126,7 +126,7 @@ pub struct PowerDamperSpec {
 impl PowerDamperSpec {
     /// # Errors
     /// A parameter outside its domain, or no finite, positive tangent at rest and no reference.
-    pub fn build(&self) -> Result<PowerDamper, LawError> {
+    pub(crate) fn build(&self) -> Result<PowerDamper, LawError> {
         let coefficient = positive("force_at_unit_velocity_n", self.force_at_unit_velocity_n)?;
         let exponent = require(
             "exponent",
@@ -244,7 +244,7 @@ pub struct SmoothFrictionSpec {
 impl SmoothFrictionSpec {
     /// # Errors
     /// A parameter outside its domain.
-    pub fn build(&self) -> Result<SmoothFriction, LawError> {
+    pub(crate) fn build(&self) -> Result<SmoothFriction, LawError> {
         let force = positive("slip_force_n", self.slip_force_n)?;
         let vel = positive(
             "reference_velocity_m_per_s",

@@ -42,7 +42,7 @@ pub enum Memoryless {
 impl Memoryless {
     /// Tangent at `disp` (m) and `vel` (m/s).
     #[must_use]
-    pub fn tangent(self, disp: f64, vel: f64) -> Tangent {
+    pub(crate) fn tangent(self, disp: f64, vel: f64) -> Tangent {
         match self {
             Self::Linear { stiffness, damping } => Tangent { stiffness, damping },
             Self::Biviscous {

@@ -14,7 +14,7 @@ impl Parallel {
     ///
     /// # Errors
     /// No part at all.
-    pub fn new(parts: Vec<Box<dyn Law>>) -> Result<Self, LawError> {
+    pub(crate) fn new(parts: Vec<Box<dyn Law>>) -> Result<Self, LawError> {
         if parts.is_empty() {
             return Err(LawError::Size {
                 name: "parallel",

@@ -14,7 +14,7 @@ impl Spd {
     /// 1/κ of the scaled `matrix` that this is the factor of, in the 1-norm, from 1 (a diagonal) down to roundoff: the digits that
     /// are left of sixteen are as many as its logarithm leaves.
     #[must_use]
-    pub fn reciprocal_condition(&mut self, matrix: &SymMatrix) -> f64 {
+    pub(crate) fn reciprocal_condition(&mut self, matrix: &SymMatrix) -> f64 {
         let n = matrix.n();
         if n == 0 {
             return 1.0;

@@ -206,7 +206,7 @@ impl SymMatrix {
 
     /// The block of the rows and columns listed in `kept`, in that order; no index twice.
     #[must_use]
-    pub fn block(&self, kept: &[usize]) -> SymMatrix {
+    pub(crate) fn block(&self, kept: &[usize]) -> SymMatrix {
         let mut place = vec![usize::MAX; self.n];
         for (new, &old) in kept.iter().enumerate() {
             place[old] = new;
@@ -273,7 +273,7 @@ impl SymMatrix {
 
     /// True if nothing is stored off the diagonal.
     #[must_use]
-    pub fn is_diagonal(&self) -> bool {
+    pub(crate) fn is_diagonal(&self) -> bool {
         self.half_bandwidth() == 0
     }
 
@@ -296,7 +296,13 @@ impl SymMatrix {
     }
 
     /// The same for some rows only; the slices are whole. The bits do not depend on the lanes. Real-time: yes.
-    pub fn subtract_rows(&self, rows: Range<usize>, x: &[f64], out: &mut [f64], lanes: Lanes) {
+    pub(crate) fn subtract_rows(
+        &self,
+        rows: Range<usize>,
+        x: &[f64],
+        out: &mut [f64],
+        lanes: Lanes,
+    ) {
         debug_assert_eq!((x.len(), out.len()), (self.n, self.n));
         match &self.shape {
             Shape::Zero => {}

@@ -183,7 +183,7 @@ impl Spd {
 
     /// Number of unknowns.
     #[must_use]
-    pub fn n(&self) -> usize {
+    pub(crate) fn n(&self) -> usize {
         self.n
     }
 
@@ -257,7 +257,7 @@ impl Spd {
 
     /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
     /// the same with all of them.
-    pub fn set_lanes(&mut self, lanes: Lanes) {
+    pub(crate) fn set_lanes(&mut self, lanes: Lanes) {
         match &mut self.factor {
             Factor::Partitioned(factor) => factor.set_lanes(lanes),
             Factor::Sparse(factor) => factor.set_lanes(lanes),

@@ -167,7 +167,7 @@ impl ElementSpec {
     ///
     /// # Errors
     /// The law's parameters are out of range.
-    pub fn build(&self, number: usize) -> Result<Element, BuildError> {
+    pub(crate) fn build(&self, number: usize) -> Result<Element, BuildError> {
         let name = match &self.name {
             Some(name) => name.clone(),
             None => format!("element {number}"),

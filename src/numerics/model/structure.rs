@@ -219,7 +219,7 @@ impl Structure {
     ///
     /// # Errors
     /// As [`Structure::bound_stiffness`].
-    pub fn parts(&self) -> Result<Vec<Part>, ModelError> {
+    pub(crate) fn parts(&self) -> Result<Vec<Part>, ModelError> {
         let mut parts = Vec::new();
         self.for_each_part(&mut |part| parts.push(part.clone()))?;
         Ok(parts)
@@ -300,7 +300,7 @@ impl Structure {
     }
 
     /// Forgets the last trial of every element.
-    pub fn revert(&mut self) {
+    pub(crate) fn revert(&mut self) {
         self.elements.revert();
     }
 

@@ -29,7 +29,7 @@ impl MatrixTable {
 
     /// As a dense matrix.
     #[must_use]
-    pub fn to_dense(&self) -> DMatrix<f64> {
+    pub(crate) fn to_dense(&self) -> DMatrix<f64> {
         let mut dense = DMatrix::zeros(self.rows, self.columns);
         for &(i, j, value) in &self.entries {
             dense[(i, j)] += value;

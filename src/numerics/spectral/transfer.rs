@@ -31,7 +31,7 @@ impl Transfer {
 
     /// G at a point of the z plane.
     #[must_use]
-    pub fn at(&self, z: Pole) -> Pole {
+    pub(crate) fn at(&self, z: Pole) -> Pole {
         let [b1, b0] = self.numerator;
         let [a2, a1, a0] = self.denominator;
         (z * b1 + b0) / (z * z * a2 + z * a1 + a0)

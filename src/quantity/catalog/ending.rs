@@ -38,7 +38,7 @@ impl Exit {
 
     /// The `status` of the summary of a test with this exit code.
     #[must_use]
-    pub const fn status(self) -> Status {
+    pub(crate) const fn status(self) -> Status {
         match self {
             Self::Done => Status::Completed,
             Self::Stopped | Self::Usage | Self::NoRealTime => Status::Stopped,
@@ -251,7 +251,7 @@ impl Cause {
 
     /// The cause with this code.
     #[must_use]
-    pub fn from_code(code: u8) -> Option<Self> {
+    pub(crate) fn from_code(code: u8) -> Option<Self> {
         Self::ALL.iter().copied().find(|cause| cause.code() == code)
     }
 

@@ -102,7 +102,7 @@ pub struct State {
 impl State {
     /// The state with this number; none for a number that is no code.
     #[must_use]
-    pub fn of(code: f64) -> Option<&'static Self> {
+    pub(crate) fn of(code: f64) -> Option<&'static Self> {
         STATES.iter().find(|state| f64::from(state.code) == code)
     }
 }

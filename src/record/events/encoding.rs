@@ -5,11 +5,11 @@ pub(super) mod real {
     use serde::{Deserialize as _, Deserializer, Serializer};
 
     #[allow(clippy::trivially_copy_pass_by_ref)]
-    pub fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_f64(*value)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
         Option::<f64>::deserialize(from).map(|value| value.unwrap_or(f64::NAN))
     }
 }
@@ -20,11 +20,11 @@ pub(super) mod from_one {
     use serde::{Deserialize as _, Deserializer, Serializer};
 
     #[allow(clippy::trivially_copy_pass_by_ref)]
-    pub fn serialize<S: Serializer>(index: &u32, to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(index: &u32, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_u64(u64::from(*index) + 1)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
         let number = u32::deserialize(from)?;
         number
             .checked_sub(1)
@@ -37,14 +37,14 @@ pub(super) mod from_one_if_any {
     use serde::{Deserialize as _, Deserializer, Serializer};
 
     #[allow(clippy::trivially_copy_pass_by_ref, clippy::ref_option)]
-    pub fn serialize<S: Serializer>(index: &Option<u32>, to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(index: &Option<u32>, to: S) -> Result<S::Ok, S::Error> {
         match index {
             Some(index) => super::from_one::serialize(index, to),
             None => to.serialize_none(),
         }
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u32>, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u32>, D::Error> {
         let number = Option::<u32>::deserialize(from)?;
         Ok(number.and_then(|number| number.checked_sub(1)))
     }
@@ -56,11 +56,11 @@ pub(super) mod hexadecimal {
     use serde::{Deserialize as _, Deserializer, Serializer};
 
     #[allow(clippy::trivially_copy_pass_by_ref)]
-    pub fn serialize<S: Serializer>(bits: &u64, to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(bits: &u64, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(&format_args!("{bits:016x}"))
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
         let digits = String::deserialize(from)?;
         u64::from_str_radix(&digits, 16).map_err(D::Error::custom)
     }

@@ -506,7 +506,7 @@ impl Event {
 
     /// Its name and its fields, as its line has them.
     #[must_use]
-    pub fn fields(&self) -> Map<String, Value> {
+    pub(crate) fn fields(&self) -> Map<String, Value> {
         match serde_json::to_value(self) {
             Ok(Value::Object(fields)) => fields,
             // An event is a map of plain values under names.
@@ -516,7 +516,7 @@ impl Event {
 
     /// Its name.
     #[must_use]
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         match self {
             Self::Other { event, .. } => event.clone(),
             _ => match self.fields().remove("event") {

@@ -99,7 +99,7 @@ impl EventLine {
 
     /// Its row in the table of events; none for an event of another version.
     #[must_use]
-    pub fn row(&self) -> Option<&'static EventRow> {
+    pub(crate) fn row(&self) -> Option<&'static EventRow> {
         event::find(&self.name)
     }
 
@@ -111,7 +111,7 @@ impl EventLine {
 
     /// How grave it is.
     #[must_use]
-    pub fn severity(&self) -> Severity {
+    pub(crate) fn severity(&self) -> Severity {
         self.row().map_or(Severity::Info, |row| row.severity)
     }
 

@@ -33,12 +33,16 @@ pub(super) struct Columns {
 
 impl Columns {
     /// Counts the rows; a run that goes on has more later, and those that were counted are taken.
-    pub fn new(run: &Run, choice: &Choice, sums: &[Sum]) -> Result<(Self, Exported), ExportError> {
+    pub(crate) fn new(
+        run: &Run,
+        choice: &Choice,
+        sums: &[Sum],
+    ) -> Result<(Self, Exported), ExportError> {
         Self::within(run, choice, sums, MEMORY)
     }
 
     /// The same with another bound of memory.
-    pub fn within(
+    pub(crate) fn within(
         run: &Run,
         choice: &Choice,
         sums: &[Sum],
@@ -62,22 +66,22 @@ impl Columns {
         Ok((columns, exported))
     }
 
-    pub const fn plan(&self) -> &Plan {
+    pub(crate) const fn plan(&self) -> &Plan {
         &self.plan
     }
 
     #[cfg(feature = "hdf5")]
-    pub const fn run(&self) -> &Run {
+    pub(crate) const fn run(&self) -> &Run {
         &self.run
     }
 
     /// Rows of every column.
-    pub const fn rows(&self) -> u64 {
+    pub(crate) const fn rows(&self) -> u64 {
         self.rows
     }
 
     /// A text file of the run folder; empty if there is none or it is not text.
-    pub fn text(&self, name: &str) -> String {
+    pub(crate) fn text(&self, name: &str) -> String {
         std::fs::read_to_string(self.run.path().join(name)).unwrap_or_default()
     }
 
@@ -88,7 +92,7 @@ impl Columns {
     }
 
     /// The values of a column. Each is given once; asked for in order, the log is read least often.
-    pub fn take(&mut self, index: usize) -> Result<Vec<u8>, ExportError> {
+    pub(crate) fn take(&mut self, index: usize) -> Result<Vec<u8>, ExportError> {
         if !self.held.contains(&index) {
             self.read(index)?;
         }

@@ -60,7 +60,7 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    pub fn of<'a>(columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
+    pub(crate) fn of<'a>(columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
         let (mut header, mut sources) = (String::new(), Vec::new());
         for exposed in columns {
             header.push_str(&exposed.column.name);
@@ -73,7 +73,7 @@ impl Sheet {
     }
 
     /// Adds a comment line with name and unit of each of these columns.
-    pub fn with_units<'a>(mut self, columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
+    pub(crate) fn with_units<'a>(mut self, columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
         let each = columns.into_iter().map(|Exposed { column, .. }| {
             // A line break or comma of a foreign description would be another line or column.
             let unit = column.unit.replace([',', '\n', '\r'], " ");
@@ -86,12 +86,12 @@ impl Sheet {
     }
 
     /// Writes the line of names, and that of units.
-    pub fn head(&self, out: &mut impl Write) -> io::Result<()> {
+    pub(crate) fn head(&self, out: &mut impl Write) -> io::Result<()> {
         out.write_all(self.header.as_bytes())
     }
 
     /// The line of a row, without allocating once `line` has its size.
-    pub fn line(&self, row: &[f64], line: &mut Vec<u8>) -> io::Result<()> {
+    pub(crate) fn line(&self, row: &[f64], line: &mut Vec<u8>) -> io::Result<()> {
         line.clear();
         for source in &self.sources {
             let value = source.value(row);
@@ -108,7 +108,7 @@ impl Sheet {
     }
 
     #[cfg(test)]
-    pub fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.sources.len()
     }
 }

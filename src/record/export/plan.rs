@@ -44,7 +44,7 @@ pub struct Choice {
 impl Choice {
     /// All rows of this kind.
     #[must_use]
-    pub const fn all(rows: Rows) -> Self {
+    pub(crate) const fn all(rows: Rows) -> Self {
         Self {
             rows,
             from: None,
@@ -113,7 +113,7 @@ pub(super) enum Source {
 
 impl Source {
     /// The number of this column in a row, NaN if the row has no such number. The row does not hold its sequence number.
-    pub fn value(&self, row: &[f64]) -> f64 {
+    pub(crate) fn value(&self, row: &[f64]) -> f64 {
         let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         match self {
             Self::Place(place) => at(*place),
@@ -167,7 +167,7 @@ pub(super) enum Trouble {
 }
 
 impl Trouble {
-    pub fn told(self, write: impl Fn(io::Error) -> ExportError) -> ExportError {
+    pub(crate) fn told(self, write: impl Fn(io::Error) -> ExportError) -> ExportError {
         match self {
             Self::Read(source) => ExportError::Read(source),
             Self::Write(source) => write(source),
@@ -176,7 +176,7 @@ impl Trouble {
 }
 
 impl Plan {
-    pub fn new(layout: &Layout, sums: &[Sum]) -> Result<Self, ExportError> {
+    pub(crate) fn new(layout: &Layout, sums: &[Sum]) -> Result<Self, ExportError> {
         let need = |name| layout.index_of(name).ok_or(ExportError::NoColumn(name));
         let (step, time) = (need("step")?, need("time")?);
         // A server numbers exchanges, some of which are trials; the steps are those of its controller.
@@ -268,17 +268,17 @@ impl Plan {
     }
 
     /// Place of the test time in a row.
-    pub const fn time(&self) -> usize {
+    pub(crate) const fn time(&self) -> usize {
         self.time
     }
 
     /// All columns.
-    pub fn columns(&self) -> &[Exposed] {
+    pub(crate) fn columns(&self) -> &[Exposed] {
         &self.columns
     }
 
     /// The names of all columns, so that none is among `reserved`: those get an underscore behind them.
-    pub fn names(&self, reserved: &[&str]) -> Vec<String> {
+    pub(crate) fn names(&self, reserved: &[&str]) -> Vec<String> {
         let known: BTreeSet<&str> = self
             .columns
             .iter()
@@ -298,7 +298,7 @@ impl Plan {
     }
 
     /// Gives the chosen rows to `emit`, at most `limit` of them, and says how many there were.
-    pub fn walk(
+    pub(crate) fn walk(
         &self,
         journal: &mut Journal<impl io::Read>,
         choice: &Choice,

@@ -26,7 +26,7 @@ impl MonotonicClock {
 
     /// The spin in nanoseconds.
     #[must_use]
-    pub const fn spin_ns(&self) -> u64 {
+    pub(crate) const fn spin_ns(&self) -> u64 {
         self.spin_ns
     }
 }

@@ -62,7 +62,7 @@ impl Load {
 
     /// Bytes read and written so far.
     #[must_use]
-    pub fn streamed(&self) -> u64 {
+    pub(crate) fn streamed(&self) -> u64 {
         self.streamed.load(Ordering::Relaxed)
     }
 

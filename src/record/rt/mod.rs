@@ -131,7 +131,7 @@ impl Granted {
 
     /// True if `want` was asked for and granted.
     #[must_use]
-    pub fn has(&self, want: Want) -> bool {
+    pub(crate) fn has(&self, want: Want) -> bool {
         self.features.iter().any(|f| f.want == want && f.granted)
     }
 

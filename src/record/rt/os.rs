@@ -64,13 +64,13 @@ pub fn thread_id() -> i32 {
 
 /// Name of the calling thread, as /proc has it: 15 bytes at most.
 #[must_use]
-pub fn thread_name() -> String {
+pub(crate) fn thread_name() -> String {
     let name = rustix::thread::name().unwrap_or_default();
     name.to_string_lossy().into_owned()
 }
 
 /// Lets another runnable thread have the processor.
-pub fn yield_now() {
+pub(crate) fn yield_now() {
     rustix::thread::sched_yield();
 }
 
@@ -151,7 +151,7 @@ fn set_policy(policy: i32, priority: i32) -> Result<(), Errno> {
 
 /// True if the calling thread runs under SCHED_FIFO now.
 #[must_use]
-pub fn is_fifo() -> bool {
+pub(crate) fn is_fifo() -> bool {
     // SAFETY: the call takes a number (0: the calling thread) and returns one; no memory is passed.
     let policy = unsafe { libc::syscall(libc::SYS_sched_getscheduler, 0) };
     policy & !i64::from(libc::SCHED_RESET_ON_FORK) == i64::from(libc::SCHED_FIFO)
@@ -261,7 +261,7 @@ fn last_error() -> Errno {
 ///
 /// # Errors
 /// EPERM or ENOMEM without the privilege or beyond the limit.
-pub fn lock_memory() -> Result<(), Errno> {
+pub(crate) fn lock_memory() -> Result<(), Errno> {
     rustix::mm::mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
 }
 
@@ -333,7 +333,7 @@ pub struct Privileges {
 
 /// Reads the privileges of the calling thread.
 #[must_use]
-pub fn privileges() -> Privileges {
+pub(crate) fn privileges() -> Privileges {
     let effective =
         rustix::thread::capabilities(None).map_or(CapabilitySet::empty(), |sets| sets.effective);
     Privileges {

@@ -14,7 +14,7 @@ pub struct Switches {
 
 /// Reads both counts of context switches out of a status file.
 #[must_use]
-pub fn switches(status: &[u8]) -> Option<Switches> {
+pub(crate) fn switches(status: &[u8]) -> Option<Switches> {
     Some(Switches {
         voluntary: field_after(status, b"voluntary_ctxt_switches:")?,
         involuntary: field_after(status, b"nonvoluntary_ctxt_switches:")?,
@@ -29,7 +29,7 @@ fn field_after(text: &[u8], key: &[u8]) -> Option<u64> {
 
 /// Minor page faults of a thread, from /proc/self/task/N/stat: the tenth field.
 #[must_use]
-pub fn minor_faults(stat: &[u8]) -> Option<u64> {
+pub(crate) fn minor_faults(stat: &[u8]) -> Option<u64> {
     // The second field is the name in brackets and may hold anything, blanks and brackets too.
     let end_of_name = stat.iter().rposition(|byte| *byte == b')')?;
     let after = stat.get(end_of_name + 1..)?;
@@ -38,7 +38,7 @@ pub fn minor_faults(stat: &[u8]) -> Option<u64> {
 
 /// Nanoseconds that a thread was ready and waited for a processor, from /proc/self/task/N/schedstat: the second number.
 #[must_use]
-pub fn waited_ns(schedstat: &[u8]) -> Option<u64> {
+pub(crate) fn waited_ns(schedstat: &[u8]) -> Option<u64> {
     number(words(schedstat).nth(1)?)
 }
 

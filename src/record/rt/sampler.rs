@@ -101,7 +101,7 @@ impl Sampler {
 
     /// Samples that found the queue full so far.
     #[must_use]
-    pub fn dropped(&self) -> u64 {
+    pub(crate) fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }
 

@@ -30,14 +30,14 @@ impl Throttle {
 
     /// Reads the running kernel's setting; none where there is no such file.
     #[must_use]
-    pub fn read() -> Option<Self> {
+    pub(crate) fn read() -> Option<Self> {
         let file = |name: &str| std::fs::read_to_string(format!("/proc/sys/kernel/{name}")).ok();
         Self::parse(&file("sched_rt_runtime_us")?, &file("sched_rt_period_us")?)
     }
 
     /// Reads both settings from their text; a runtime of −1 means no limit.
     #[must_use]
-    pub fn parse(runtime: &str, period: &str) -> Option<Self> {
+    pub(crate) fn parse(runtime: &str, period: &str) -> Option<Self> {
         let runtime: i64 = runtime.trim().parse().ok()?;
         let period_us: u64 = period.trim().parse().ok().filter(|us| *us > 0)?;
         Some(Self {
@@ -82,7 +82,7 @@ pub struct Spin {
 impl Spin {
     /// Fits `asked_ns` into a tick of `period_ns`.
     #[must_use]
-    pub fn plan(asked_ns: u64, period_ns: u64, throttle: Option<Throttle>) -> Self {
+    pub(crate) fn plan(asked_ns: u64, period_ns: u64, throttle: Option<Throttle>) -> Self {
         let budget = throttle.unwrap_or(Throttle::USUAL);
         let used_ns = budget.fit_spin(asked_ns, period_ns);
         let (asked_us, used_us) = (asked_ns as f64 / 1e3, used_ns as f64 / 1e3);

@@ -21,7 +21,7 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    pub fn of(run: &Run, table: &toml::Table) -> Result<Self, FolderError> {
+    pub(crate) fn of(run: &Run, table: &toml::Table) -> Result<Self, FolderError> {
         let at = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
         let (state, step) = (at("state"), at("step"));
         let names = specimens(table);

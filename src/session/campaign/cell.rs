@@ -43,7 +43,7 @@ pub(super) enum Cell {
 
 impl Cell {
     /// A number; one that does not exist is missing.
-    pub fn number(value: f64) -> Self {
+    pub(crate) fn number(value: f64) -> Self {
         if value.is_nan() {
             Self::Missing
         } else {
@@ -51,13 +51,13 @@ impl Cell {
         }
     }
 
-    pub fn count(value: u64) -> Self {
+    pub(crate) fn count(value: u64) -> Self {
         // A campaign has at most 1e8 tasks.
         Self::Integer(i64::try_from(value).unwrap_or(i64::MAX))
     }
 
     /// A value of an axis in a column of kind `kind`.
-    pub fn of(value: &Scalar, kind: CellKind) -> Self {
+    pub(crate) fn of(value: &Scalar, kind: CellKind) -> Self {
         match (kind, value) {
             (CellKind::Integer, Scalar::Whole(value)) => Self::Integer(*value),
             (CellKind::Number, Scalar::Whole(value)) => Self::Number(*value as f64),
@@ -68,7 +68,7 @@ impl Cell {
     }
 
     /// The value as CSV: the shortest text that reads back as the same number, nothing for a missing value.
-    pub fn csv(&self) -> String {
+    pub(crate) fn csv(&self) -> String {
         match self {
             Self::Missing => String::new(),
             Self::Integer(value) => value.to_string(),

@@ -72,7 +72,7 @@ pub(super) struct Draws {
 
 impl Draws {
     /// Draw `number` of the standard normal distribution for `key`, which is at `place` among the keys.
-    pub fn normal(self, key: &str, place: usize, number: u64) -> f64 {
+    pub(crate) fn normal(self, key: &str, place: usize, number: u64) -> f64 {
         let Self {
             sampling,
             seed,

@@ -54,7 +54,7 @@ const STEEPEST: f64 = 1e3;
 impl Fragility {
     /// Fits the counts of `levels`; none if they do not determine a curve.
     #[must_use]
-    pub fn fit(levels: &[Level]) -> Option<Self> {
+    pub(crate) fn fit(levels: &[Level]) -> Option<Self> {
         let levels: Vec<Level> = levels
             .iter()
             .copied()
@@ -111,7 +111,7 @@ impl Fragility {
 
     /// Probability of a collapse at the intensity `level`.
     #[must_use]
-    pub fn probability(&self, level: f64) -> f64 {
+    pub(crate) fn probability(&self, level: f64) -> f64 {
         normal(libm::log(level / self.median) / self.dispersion)
     }
 }

@@ -29,7 +29,7 @@ pub(super) struct Leaders(Vec<Largest>);
 
 impl Leaders {
     /// Keeps a value if it is among the largest. Of equal values the earlier task stays before the later one.
-    pub fn take(&mut self, task: u64, attempt: u64, value: f64) {
+    pub(crate) fn take(&mut self, task: u64, attempt: u64, value: f64) {
         if !value.is_finite() {
             return;
         }

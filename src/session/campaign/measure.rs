@@ -285,7 +285,7 @@ pub(super) struct Taker(Arc<Mutex<Sheet>>);
 
 impl Taker {
     /// A taker for `experiment`.
-    pub fn new(measures: &[Measure], experiment: &Experiment) -> Self {
+    pub(crate) fn new(measures: &[Measure], experiment: &Experiment) -> Self {
         let columns = experiment.columns();
         let place = |name: &str| columns.iter().position(|one| one.name == name);
         let places = measures.iter().map(|measure| match &measure.kind {
@@ -306,7 +306,7 @@ impl Taker {
     }
 
     /// The values of a test that ended at `end_s`.
-    pub fn values(&self, end_s: f64, end: End) -> Vec<f64> {
+    pub(crate) fn values(&self, end_s: f64, end: End) -> Vec<f64> {
         let sheet = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let all = sheet.measures.iter().zip(&sheet.places).zip(&sheet.sums);
         let mut values: Vec<f64> = all

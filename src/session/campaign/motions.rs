@@ -42,19 +42,19 @@ struct Scale {
 
 impl Motions {
     /// Number of motions, each level counted.
-    pub fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         self.motions.len() as u64 * self.levels.len().max(1) as u64
     }
 
     /// The motion and level at `index`; the level varies fastest.
-    pub fn at(&self, index: u64) -> Option<(&Motion, Option<f64>)> {
+    pub(crate) fn at(&self, index: u64) -> Option<(&Motion, Option<f64>)> {
         let levels = self.levels.len().max(1) as u64;
         let motion = self.motions.get((index / levels) as usize)?;
         Some((motion, self.levels.get((index % levels) as usize).copied()))
     }
 
     /// The override that scales a motion to `level`.
-    pub fn scaled(&self, level: f64) -> String {
+    pub(crate) fn scaled(&self, level: f64) -> String {
         let unit = self.unit();
         let Scale {
             period_s,
@@ -73,7 +73,7 @@ impl Motions {
     }
 
     /// Unit of the levels as files spell it.
-    pub fn unit(&self) -> String {
+    pub(crate) fn unit(&self) -> String {
         let unit = self
             .scale
             .unit
@@ -83,7 +83,7 @@ impl Motions {
     }
 
     /// The measure of intensity in words.
-    pub fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         match self.scale.intensity {
             Intensity::Pga => "peak ground acceleration".to_owned(),
             Intensity::Sa => {

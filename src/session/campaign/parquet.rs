@@ -48,7 +48,7 @@ pub(super) struct ParquetTable {
 
 impl ParquetTable {
     /// Begins the file that will appear at `path`.
-    pub fn create(path: &Path, columns: &[TableColumn]) -> Result<Self, CampaignError> {
+    pub(crate) fn create(path: &Path, columns: &[TableColumn]) -> Result<Self, CampaignError> {
         let file = AtomicFile::create(path).map_err(at(path))?;
         let writer = begun(file, columns).map_err(refused(path))?;
         let empty = columns.iter().map(|column| Column {
@@ -69,7 +69,7 @@ impl ParquetTable {
     }
 
     /// Adds a row.
-    pub fn row(&mut self, cells: Vec<Cell>) -> Result<(), CampaignError> {
+    pub(crate) fn row(&mut self, cells: Vec<Cell>) -> Result<(), CampaignError> {
         for (column, cell) in self.columns.iter_mut().zip(cells) {
             column.take(cell);
         }
@@ -91,7 +91,7 @@ impl ParquetTable {
     }
 
     /// Ends the file.
-    pub fn finish(mut self) -> Result<(), CampaignError> {
+    pub(crate) fn finish(mut self) -> Result<(), CampaignError> {
         self.flush()?;
         let buffer = self.writer.into_inner().map_err(refused(&self.path))?;
         let file = buffer.into_inner().map_err(io::IntoInnerError::into_error);

@@ -24,7 +24,7 @@ pub(super) struct Performed {
 
 impl Performed {
     /// How the test ended.
-    pub fn end(&self) -> End {
+    pub(crate) fn end(&self) -> End {
         let is = |cause: Cause| self.ended == cause.word();
         if is(Cause::Done) {
             End::Whole
@@ -38,7 +38,7 @@ impl Performed {
     }
 
     /// True if both have equal words and equal bits.
-    pub fn is_same(&self, other: &Self) -> bool {
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
         let bits = |one: &Self| one.values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         let is_alike = self.ended == other.ended && self.attempt == other.attempt;
         is_alike && bits(self) == bits(other)

@@ -54,7 +54,7 @@ impl Plan {
 
     /// Identity of the campaign: a digest of its files, its executable and its chunks. Each part repeats it.
     #[must_use]
-    pub fn digest(&self) -> String {
+    pub(crate) fn digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let files = self.files.iter().flat_map(|(name, digest)| [name, digest]);
         for text in files.chain([&self.executable]) {
@@ -196,7 +196,7 @@ impl Campaign {
 
     /// Identity of the task `index`; none if it is not of chunk `chunk`.
     #[must_use]
-    pub fn identity(&self, chunk: u64, index: u64) -> Option<String> {
+    pub(crate) fn identity(&self, chunk: u64, index: u64) -> Option<String> {
         let is_there = self.plan.chunk(chunk).contains(&index);
         is_there.then(|| {
             let task = Task::of(&self.study, index);

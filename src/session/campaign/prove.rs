@@ -71,7 +71,7 @@ impl Choice {
     }
 
     /// True if the task `index` of `tasks` is chosen.
-    pub fn has(self, index: u64, tasks: u64) -> bool {
+    pub(crate) fn has(self, index: u64, tasks: u64) -> bool {
         is_among(self.seed, "prove", index, self.count(tasks), tasks)
     }
 }

@@ -142,7 +142,7 @@ impl Study {
 
     /// Title of the report.
     #[must_use]
-    pub fn title(&self) -> String {
+    pub(crate) fn title(&self) -> String {
         let title = self.loaded.study.campaign.title.trim();
         let stem = self.loaded.path.file_stem();
         match title {

@@ -111,7 +111,7 @@ pub(super) struct Tables {
 
 impl Tables {
     /// Begins the files of a table with `columns` in `folder`.
-    pub fn create(folder: &Path, columns: &[TableColumn]) -> Result<Self, CampaignError> {
+    pub(crate) fn create(folder: &Path, columns: &[TableColumn]) -> Result<Self, CampaignError> {
         let path = partial(folder, "csv");
         let file = AtomicFile::create(&path).map_err(at(&path))?;
         let mut csv = BufWriter::new(file);
@@ -126,7 +126,7 @@ impl Tables {
     }
 
     /// Adds a row.
-    pub fn row(&mut self, cells: Vec<Cell>) -> Result<(), CampaignError> {
+    pub(crate) fn row(&mut self, cells: Vec<Cell>) -> Result<(), CampaignError> {
         let texts: Vec<String> = cells.iter().map(Cell::csv).collect();
         let line = writeln!(self.csv, "{}", texts.join(","));
         line.map_err(at(&partial(&self.folder, "csv")))?;
@@ -136,7 +136,7 @@ impl Tables {
     }
 
     /// Ends the files, and returns the CSV file. An incomplete table keeps the name of a partial one.
-    pub fn finish(self, is_complete: bool) -> Result<PathBuf, CampaignError> {
+    pub(crate) fn finish(self, is_complete: bool) -> Result<PathBuf, CampaignError> {
         let csv = partial(&self.folder, "csv");
         let file = self
             .csv

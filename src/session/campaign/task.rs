@@ -84,7 +84,7 @@ impl Task {
 
     /// The task with numbers that are drawn again; attempt 0 has the first ones. All points of the design have equal draws.
     #[must_use]
-    pub fn attempted(mut self, study: &Study, attempt: u64) -> Self {
+    pub(crate) fn attempted(mut self, study: &Study, attempt: u64) -> Self {
         if attempt > 0 {
             let seed = study.loaded.study.campaign.seed;
             let samples = study.samples.iter();
@@ -99,7 +99,7 @@ impl Task {
 
     /// Identity of a task: a digest of the files, the overrides, the seed and the executable.
     #[must_use]
-    pub fn identity(&self, study: &Study, executable: &str) -> String {
+    pub(crate) fn identity(&self, study: &Study, executable: &str) -> String {
         let mut hasher = blake3::Hasher::new();
         let mut part = |text: &str| {
             hasher.update(&(text.len() as u64).to_le_bytes());

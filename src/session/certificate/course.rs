@@ -74,7 +74,11 @@ pub struct Errors {
 impl Course {
     /// A course of `experiment` that is kept as a reference, or compared with one.
     #[must_use]
-    pub fn of(experiment: &Experiment, reference: Option<Arc<Reference>>, keep: bool) -> Self {
+    pub(crate) fn of(
+        experiment: &Experiment,
+        reference: Option<Arc<Reference>>,
+        keep: bool,
+    ) -> Self {
         let columns = experiment.columns();
         let place = |name: &str| columns.iter().position(|column| column.name == name);
         let dofs: Vec<usize> = experiment
@@ -111,7 +115,7 @@ impl Course {
 
     /// What was kept.
     #[must_use]
-    pub fn kept(&self) -> Option<Reference> {
+    pub(crate) fn kept(&self) -> Option<Reference> {
         let mut sheet = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         sheet.kept.take()
     }

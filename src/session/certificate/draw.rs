@@ -27,7 +27,7 @@ pub struct Plan {
 impl Plan {
     /// Of a test.
     #[must_use]
-    pub fn of(loaded: &Loaded, seed: u64) -> Self {
+    pub(crate) fn of(loaded: &Loaded, seed: u64) -> Self {
         let specimens = &loaded.file.specimen;
         let spreads = specimens.iter().map(|table| {
             let known = table.identified.unwrap_or_default();
@@ -58,7 +58,7 @@ impl Plan {
 
     /// True if no two trials differ.
     #[must_use]
-    pub fn is_certain(&self) -> bool {
+    pub(crate) fn is_certain(&self) -> bool {
         let spreads = self.spreads.iter().flatten();
         self.numbers.is_empty() && !self.noisy && spreads.into_iter().all(|std| *std == 0.0)
     }
@@ -72,7 +72,7 @@ impl Plan {
 
     /// What varies, in words.
     #[must_use]
-    pub fn words(&self, loaded: &Loaded) -> Vec<String> {
+    pub(crate) fn words(&self, loaded: &Loaded) -> Vec<String> {
         let mut words: Vec<_> = self.numbers.iter().map(Uncertain::words).collect();
         for (table, spread) in loaded.file.specimen.iter().zip(&self.spreads) {
             let [stiffness, delay, gain] = spread;
@@ -96,7 +96,7 @@ impl Plan {
 
     /// Overrides and what else is drawn, for the trial `number` from 1; another `attempt` draws the numbers of the file anew.
     #[must_use]
-    pub fn draw(&self, number: u64, attempt: u64) -> (Vec<String>, Trial) {
+    pub(crate) fn draw(&self, number: u64, attempt: u64) -> (Vec<String>, Trial) {
         let normal = |channel: u64| normal_pair(self.seed, channel, number, attempt).0;
         let numbers = self.numbers.iter().enumerate();
         let sets = numbers.map(|(index, one)| one.set(normal(OF_KEYS + index as u64)));

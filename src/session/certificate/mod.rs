@@ -73,7 +73,7 @@ pub struct Band {
 impl Band {
     /// Of these; none of none. Linear between neighbours, so that 95 % of twenty is below the largest.
     #[must_use]
-    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+    pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let last = values.len().checked_sub(1)?;
         let at = |share: f64| {
@@ -100,7 +100,7 @@ impl Trials {
 
     /// Share of all draws that no test can be made of.
     #[must_use]
-    pub fn impossible(&self) -> f64 {
+    pub(crate) fn impossible(&self) -> f64 {
         let impossible: u64 = self.all.iter().map(|one| one.impossible).sum();
         impossible as f64 / (impossible + self.all.len() as u64).max(1) as f64
     }
@@ -147,7 +147,7 @@ fn reason(stop: &Stop) -> String {
 ///
 /// # Errors
 /// The test cannot be built, or not with what is drawn.
-pub fn carry_out(
+pub(crate) fn carry_out(
     loaded: &Loaded,
     plan: &Plan,
     lambda: Option<f64>,

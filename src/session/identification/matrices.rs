@@ -137,7 +137,7 @@ impl Matrices {
     }
 
     /// True if no axis knows of another.
-    pub fn is_diagonal(&self) -> bool {
+    pub(crate) fn is_diagonal(&self) -> bool {
         let n = self.stiffness.nrows();
         let each = [&self.stiffness, &self.damping];
         let each = each.into_iter();

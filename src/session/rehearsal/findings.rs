@@ -134,7 +134,7 @@ fn named(loaded: &Loaded, port: usize) -> String {
 impl Held {
     /// Every limit on which the test would trip in its hold, and not without it.
     #[must_use]
-    pub fn findings(&self, undisturbed: &Rehearsal, loaded: &Loaded) -> Vec<Finding> {
+    pub(crate) fn findings(&self, undisturbed: &Rehearsal, loaded: &Loaded) -> Vec<Finding> {
         let mut findings = Vec::new();
         for (index, needs) in self.specimens.iter().enumerate() {
             for (axis, all) in needs.axes.iter().enumerate() {

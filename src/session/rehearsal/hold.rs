@@ -36,7 +36,7 @@ impl Held {
 
     /// True if `need` was met in this hold, and not before or after it.
     #[must_use]
-    pub fn holds(&self, need: &Need) -> bool {
+    pub(crate) fn holds(&self, need: &Need) -> bool {
         let (_, at) = need.needed.farther_from(need.trip, need.warn);
         (self.at..=self.until).contains(&at)
     }

@@ -97,7 +97,7 @@ pub(super) struct Meter {
 
 impl Meter {
     /// `units`: metres and newtons in one unit of each axis; `tick`: wall time from one command to the next in s.
-    pub fn new(
+    pub(crate) fn new(
         inner: Box<dyn Substructure>,
         units: &[(f64, f64)],
         tick: f64,

@@ -68,7 +68,7 @@ pub enum StandIn {
 impl StandIn {
     /// For a specimen as the file has it.
     #[must_use]
-    pub fn of(table: &SpecimenTable) -> Self {
+    pub(crate) fn of(table: &SpecimenTable) -> Self {
         let known = [&table.stiffness_n_per_m, &table.damping_n_s_per_m];
         let known = known.into_iter().flatten().flat_map(MatrixValue::rows);
         match (&table.link, table.stand_in()) {

@@ -25,7 +25,7 @@ pub(crate) struct Prompter {
 
 impl Prompter {
     /// For a rehearsal of at most `ticks`.
-    pub fn new(ticks: u64, expected: u64, operator: Sender<Operator>) -> Self {
+    pub(crate) fn new(ticks: u64, expected: u64, operator: Sender<Operator>) -> Self {
         Self {
             ticks,
             work: Work::begin("rehearsal", expected.min(ticks)),
@@ -41,7 +41,7 @@ impl Prompter {
     }
 
     /// The pace, to be read when the rehearsal is over.
-    pub fn pace(&self) -> Pace {
+    pub(crate) fn pace(&self) -> Pace {
         self.pace.clone()
     }
 }
@@ -92,12 +92,12 @@ impl Pace {
     }
 
     /// Ticks that were made.
-    pub fn ticks(&self) -> u64 {
+    pub(crate) fn ticks(&self) -> u64 {
         self.0.rows.load(Ordering::Relaxed)
     }
 
     /// Mean wall time of a tick in s, if there were enough of them to tell.
-    pub fn tick_s(&self) -> Option<f64> {
+    pub(crate) fn tick_s(&self) -> Option<f64> {
         let each_ps = self.0.each_ps.load(Ordering::Relaxed);
         (each_ps > 0).then_some(each_ps as f64 * 1e-12)
     }

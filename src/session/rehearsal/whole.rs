@@ -29,7 +29,7 @@ impl FullRehearsal {
     ///
     /// # Errors
     /// As [`gusset_setup::build`].
-    pub fn of(loaded: &Loaded) -> Result<Self, ConfigError> {
+    pub(crate) fn of(loaded: &Loaded) -> Result<Self, ConfigError> {
         let mut budget = Budget::default();
         let rehearsal = rehearse(loaded, None, &mut budget)?;
         let mut findings = rehearsal.findings(loaded);
@@ -58,13 +58,13 @@ impl FullRehearsal {
 
     /// Needs of an axis in the undisturbed test.
     #[must_use]
-    pub fn need(&self, specimen: usize, axis: usize) -> Option<&AxisNeed> {
+    pub(crate) fn need(&self, specimen: usize, axis: usize) -> Option<&AxisNeed> {
         self.rehearsal.specimens.get(specimen)?.found.get(axis)
     }
 
     /// True if it reached the end of the test.
     #[must_use]
-    pub fn is_complete(&self) -> bool {
+    pub(crate) fn is_complete(&self) -> bool {
         self.rehearsal.ending == Ending::Completed
     }
 

@@ -26,7 +26,7 @@ pub(super) struct Trips {
 
 impl Trips {
     /// Reads the trips of a run.
-    pub fn of(run: &Run) -> Result<Self, ResumeError> {
+    pub(crate) fn of(run: &Run) -> Result<Self, ResumeError> {
         let told = Told::of(run)?;
         let in_rows = trips_in_rows(run, told.explained)?;
         let may_hide = told.may_hide(run.summary().map(|summary| summary.status));

@@ -17,7 +17,7 @@ impl Following {
     ///
     /// # Errors
     /// A compensator that cannot be built or that this server lacks; a limit of tracking without evenly spaced commands.
-    pub fn of(
+    pub(crate) fn of(
         source: &ServedFile,
         table: &SpecimenTable,
         at: &KeyPath,
@@ -69,7 +69,7 @@ impl Following {
     }
 
     /// A port with as many compensators as axes, whose units have these metres.
-    pub fn around(&self, port: Port, metres: Vec<f64>) -> Result<Port, String> {
+    pub(crate) fn around(&self, port: Port, metres: Vec<f64>) -> Result<Port, String> {
         let port = match &self.compensation {
             Some(spec) => {
                 let built = metres.iter().map(|_| spec.build(self.tick));

@@ -60,7 +60,7 @@ pub(super) struct AxisTap {
 }
 
 impl AxisTap {
-    pub fn new(axis: &WatchedAxis) -> Self {
+    pub(crate) fn new(axis: &WatchedAxis) -> Self {
         let none = f64::NAN;
         let nothing = Now {
             command: none,
@@ -87,7 +87,7 @@ impl AxisTap {
     }
 
     /// Takes the command of a row. Commands count from the one at which the sensor's zero is read.
-    pub fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, part: Part) {
+    pub(crate) fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, part: Part) {
         let command = at(row, axis.places.command);
         self.now.command = command * axis.metres;
         if self.zero.is_some() {
@@ -101,7 +101,7 @@ impl AxisTap {
     }
 
     /// Takes the rest of a row.
-    pub fn row(&mut self, row: &[f64], axis: &WatchedAxis, told: Told) {
+    pub(crate) fn row(&mut self, row: &[f64], axis: &WatchedAxis, told: Told) {
         let places = &axis.places;
         if told.is_fresh {
             let measured = at(row, places.raw_disp) * axis.metres;
@@ -146,7 +146,7 @@ impl AxisTap {
     }
 
     /// Takes what a limit tripped at, which may stand in no row.
-    pub fn judged(&mut self, axis: &WatchedAxis, key: &str, value: f64) {
+    pub(crate) fn judged(&mut self, axis: &WatchedAxis, key: &str, value: f64) {
         self.keep(axis.marks.iter().position(|mark| mark.key == key), value);
     }
 
@@ -199,7 +199,7 @@ impl AxisTap {
         self.damping = [self.damping[1], f64::NAN];
     }
 
-    pub fn view(&self) -> AxisView {
+    pub(crate) fn view(&self) -> AxisView {
         AxisView {
             command: self.now.command,
             measured: self.now.measured,

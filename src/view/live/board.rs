@@ -173,7 +173,7 @@ impl Board {
 
     /// The phase of the test's life, which is known without a row.
     #[must_use]
-    pub fn phase(&self) -> Phase {
+    pub(crate) fn phase(&self) -> Phase {
         self.phase.get()
     }
 
@@ -185,12 +185,12 @@ impl Board {
 
     /// How it ended, once it has.
     #[must_use]
-    pub fn ended(&self) -> Option<Ended> {
+    pub(crate) fn ended(&self) -> Option<Ended> {
         lock(&self.ended).clone()
     }
 
     /// Records how the test ended. The next reader computes the last margin of λ.
-    pub fn end(&self, mut ended: Ended) {
+    pub(crate) fn end(&self, mut ended: Ended) {
         ended.reason = printable(&ended.reason);
         lock(&self.margin).0 = 0;
         *lock(&self.ended) = Some(ended);

@@ -10,13 +10,13 @@ pub(super) struct Text(pub String);
 
 impl Text {
     /// Begins a family.
-    pub fn family(&mut self, name: &str, kind: &str, help: &str) {
+    pub(crate) fn family(&mut self, name: &str, kind: &str, help: &str) {
         // Writing to a string cannot fail.
         let _ = writeln!(self.0, "# HELP {name} {help}\n# TYPE {name} {kind}");
     }
 
     /// One sample; one that is no number is left out.
-    pub fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: impl Into<f64>) {
+    pub(crate) fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: impl Into<f64>) {
         let value = value.into();
         if value.is_nan() {
             return;
@@ -31,13 +31,13 @@ impl Text {
     }
 
     /// A family of one sample without labels.
-    pub fn one(&mut self, name: &str, kind: &str, help: &str, value: impl Into<f64>) {
+    pub(crate) fn one(&mut self, name: &str, kind: &str, help: &str, value: impl Into<f64>) {
         self.family(name, kind, help);
         self.sample(name, &[], value);
     }
 
     /// A family of buckets that add up.
-    pub fn histogram(&mut self, name: &str, help: &str, view: &LatencyView) {
+    pub(crate) fn histogram(&mut self, name: &str, help: &str, view: &LatencyView) {
         self.family(name, "histogram", help);
         let bucket = format!("{name}_bucket");
         let mut sum = 0;

@@ -97,7 +97,7 @@ pub struct History {
 
 impl History {
     /// One more bin.
-    pub fn push(&mut self, bin: Bin) {
+    pub(crate) fn push(&mut self, bin: Bin) {
         let stride = self.stride.max(1);
         match &mut self.open {
             Some((count, open)) => {
@@ -122,12 +122,12 @@ impl History {
 
     /// Number of the bin that comes next.
     #[must_use]
-    pub const fn next(&self) -> u64 {
+    pub(crate) const fn next(&self) -> u64 {
         self.next
     }
 
     /// The bins from number `from` on, as far as they are kept, and the number of the first of them.
-    pub fn since(&self, from: u64) -> (u64, impl Iterator<Item = &Arc<Bin>>) {
+    pub(crate) fn since(&self, from: u64) -> (u64, impl Iterator<Item = &Arc<Bin>>) {
         let first = self.next - self.recent.len() as u64;
         let from = from.clamp(first, self.next);
         let skipped = usize::try_from(from - first).unwrap_or(usize::MAX);
@@ -135,7 +135,7 @@ impl History {
     }
 
     /// The whole test, coarsely.
-    pub fn whole(&self) -> impl Iterator<Item = &Bin> {
+    pub(crate) fn whole(&self) -> impl Iterator<Item = &Bin> {
         self.whole
             .iter()
             .chain(self.open.iter().map(|(_, open)| open))

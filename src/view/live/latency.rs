@@ -68,7 +68,7 @@ pub struct LatencyView {
 }
 
 impl Latency {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             buckets: [0; BOUNDS.len() + 1],
             sum: 0.0,
@@ -83,7 +83,7 @@ impl Latency {
     }
 
     /// Counts the ticks that a stall swallowed, as the loop does: beyond [`MOST_VALUES`] neighbours share one value.
-    pub fn swallowed(&mut self, stall: Stall, tick_s: f64) {
+    pub(crate) fn swallowed(&mut self, stall: Stall, tick_s: f64) {
         let group = stall.ticks.div_ceil(MOST_VALUES).max(1);
         let mut done = 0;
         while done < stall.ticks {
@@ -109,7 +109,7 @@ impl Latency {
         }
     }
 
-    pub fn view(&self, key: &'static str) -> LatencyView {
+    pub(crate) fn view(&self, key: &'static str) -> LatencyView {
         let at = |quantile| {
             let histogram = self.histogram.as_ref().filter(|h| !h.is_empty());
             histogram.map_or(f64::NAN, |h| h.value_at_quantile(quantile) as f64 * 1e-9)

@@ -31,7 +31,7 @@ pub(super) struct SpecimenTap {
 }
 
 impl SpecimenTap {
-    pub fn new(specimen: &WatchedSpecimen) -> Self {
+    pub(crate) fn new(specimen: &WatchedSpecimen) -> Self {
         Self {
             axes: specimen.axes.iter().map(AxisTap::new).collect(),
             view: SpecimenView::default(),
@@ -41,7 +41,7 @@ impl SpecimenTap {
         }
     }
 
-    pub fn row(&mut self, head: RowHead, row: &[f64], specimen: &WatchedSpecimen) {
+    pub(crate) fn row(&mut self, head: RowHead, row: &[f64], specimen: &WatchedSpecimen) {
         let part = Part::of(head.state).unwrap_or(Part::Startup);
         let in_test = match part {
             Part::Test => true,

@@ -141,7 +141,7 @@ pub(super) fn envelope(values: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
 
 impl AxisDigest {
     /// Of the columns of `axis` in `held`, which are of every tick; `noise` was read at rest.
-    pub fn of(
+    pub(crate) fn of(
         axis: SpecimenAxis,
         held: &Table,
         time: &[f64],
@@ -222,12 +222,12 @@ impl AxisDigest {
     }
 
     /// Lag of measured behind target in s.
-    pub fn lag(&self) -> Option<f64> {
+    pub(crate) fn lag(&self) -> Option<f64> {
         self.tracking.as_ref()?.lag_s.map(|lag| lag.value)
     }
 
     /// True if there is a loop to be drawn.
-    pub fn is_drawable(&self) -> bool {
+    pub(crate) fn is_drawable(&self) -> bool {
         !self.hysteresis.0.is_empty()
     }
 }

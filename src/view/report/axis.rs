@@ -45,7 +45,7 @@ pub(super) struct Tick {
 
 impl Axis {
     /// From `lo` to `hi` and no further; none if there is nothing to show.
-    pub fn exactly(lo: f64, hi: f64) -> Option<Self> {
+    pub(crate) fn exactly(lo: f64, hi: f64) -> Option<Self> {
         if !(is_drawable(lo) && is_drawable(hi) && lo <= hi) {
             return None;
         }
@@ -63,7 +63,7 @@ impl Axis {
     }
 
     /// Over all drawable `values`, with a little air at both ends.
-    pub fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
+    pub(crate) fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (lo, hi) = extent(values)?;
         let Self { lo, hi, log } = Self::exactly(lo, hi)?;
         let air = 0.06 * (hi - lo);
@@ -75,7 +75,7 @@ impl Axis {
     }
 
     /// A logarithmic axis from `lo` to `hi`.
-    pub fn logarithmic(lo: f64, hi: f64) -> Option<Self> {
+    pub(crate) fn logarithmic(lo: f64, hi: f64) -> Option<Self> {
         (lo > 0.0 && hi < LARGEST && lo < hi).then_some(Self { lo, hi, log: true })
     }
 
@@ -86,17 +86,17 @@ impl Axis {
     }
 
     /// Lower end.
-    pub const fn lo(&self) -> f64 {
+    pub(crate) const fn lo(&self) -> f64 {
         self.lo
     }
 
     /// Upper end.
-    pub const fn hi(&self) -> f64 {
+    pub(crate) const fn hi(&self) -> f64 {
         self.hi
     }
 
     /// Where `value` falls: 0 at the lower end, 1 at the upper; what lies outside stops at the end.
-    pub fn place(&self, value: f64) -> f64 {
+    pub(crate) fn place(&self, value: f64) -> f64 {
         let share = if self.log {
             let (lo, hi) = (libm::log10(self.lo), libm::log10(self.hi));
             (libm::log10(value.max(self.lo)) - lo) / (hi - lo)
@@ -107,12 +107,12 @@ impl Axis {
     }
 
     /// True if `value` lies on the axis.
-    pub fn holds(&self, value: f64) -> bool {
+    pub(crate) fn holds(&self, value: f64) -> bool {
         value >= self.lo && value <= self.hi
     }
 
     /// About `about` ticks at 1, 2 or 5 times a power of ten, labelled in units of `factor`.
-    pub fn ticks(&self, about: usize, factor: f64) -> Vec<Tick> {
+    pub(crate) fn ticks(&self, about: usize, factor: f64) -> Vec<Tick> {
         let (lo, hi) = (self.lo / factor, self.hi / factor);
         let step = round_step((hi - lo) / about.max(1) as f64);
         let exponent = libm::floor(libm::log10(step) + 1e-9) as i32;

@@ -32,7 +32,7 @@ pub(super) struct Ends {
 
 impl Ends {
     /// For these axes; `place` gives the place of a column in a block.
-    pub fn new(axes: &[SpecimenAxis], place: impl Fn(&str) -> Option<usize>) -> Self {
+    pub(crate) fn new(axes: &[SpecimenAxis], place: impl Fn(&str) -> Option<usize>) -> Self {
         let places = axes
             .iter()
             .map(|axis| ["cmd", MEASURED, FORCE, "force"].map(|kind| place(&axis.column(kind))));
@@ -53,7 +53,7 @@ impl Ends {
     }
 
     /// Takes the next rows, with the places of those of the startup and of the shutdown.
-    pub fn take(&mut self, block: &[Vec<f64>], ways: [&[usize]; 2]) {
+    pub(crate) fn take(&mut self, block: &[Vec<f64>], ways: [&[usize]; 2]) {
         for (end, places) in self.ends.iter_mut().zip(&self.places) {
             let [command, measured, own, force] =
                 places.map(|place| block.get(place?).map(Vec::as_slice));
@@ -83,7 +83,7 @@ impl Ends {
     }
 
     /// The ends.
-    pub fn finish(self) -> Vec<AxisEnd> {
+    pub(crate) fn finish(self) -> Vec<AxisEnd> {
         self.ends
     }
 }

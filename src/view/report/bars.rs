@@ -26,7 +26,7 @@ const MOST_ROWS: usize = 6;
 
 impl HistogramChart<'_> {
     /// Draws the chart into `area`.
-    pub fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {
+    pub(crate) fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {
         let Some(bins) = LogBins::new(self.histogram) else {
             return sentence(canvas, area, self.title, "Nothing was counted.");
         };

@@ -106,7 +106,7 @@ pub(super) struct Lettering {
 
 impl Lettering {
     /// Plain text starting at its point.
-    pub const fn new(size: f64, ink: Ink) -> Self {
+    pub(crate) const fn new(size: f64, ink: Ink) -> Self {
         Self {
             size,
             ink,
@@ -117,7 +117,7 @@ impl Lettering {
     }
 
     /// The same, anchored elsewhere.
-    pub const fn anchored(mut self, anchor: Anchor) -> Self {
+    pub(crate) const fn anchored(mut self, anchor: Anchor) -> Self {
         self.anchor = anchor;
         self
     }
@@ -129,7 +129,7 @@ impl Lettering {
     }
 
     /// The same, turned by a quarter.
-    pub const fn upright(mut self) -> Self {
+    pub(crate) const fn upright(mut self) -> Self {
         self.upright = true;
         self
     }
@@ -263,7 +263,7 @@ impl Canvas<'_> {
     // Every call below writes to a string, which does not fail.
 
     /// A straight line.
-    pub fn line(&mut self, from: (f64, f64), to: (f64, f64), ink: Ink, width: f64) {
+    pub(crate) fn line(&mut self, from: (f64, f64), to: (f64, f64), ink: Ink, width: f64) {
         let _ = self.backend.draw_line(
             Self::point(from),
             Self::point(to),
@@ -272,7 +272,7 @@ impl Canvas<'_> {
     }
 
     /// A line through `points`; one alone is a dot.
-    pub fn path(&mut self, points: &[(f64, f64)], ink: Ink, width: f64) {
+    pub(crate) fn path(&mut self, points: &[(f64, f64)], ink: Ink, width: f64) {
         match points {
             [] => {}
             [alone] => self.dot(*alone, ink, width),
@@ -287,7 +287,7 @@ impl Canvas<'_> {
     }
 
     /// A filled circle.
-    pub fn dot(&mut self, at: (f64, f64), ink: Ink, radius: f64) {
+    pub(crate) fn dot(&mut self, at: (f64, f64), ink: Ink, radius: f64) {
         let radius = Self::unit(radius).max(1).unsigned_abs();
         let _ =
             self.backend
@@ -295,7 +295,7 @@ impl Canvas<'_> {
     }
 
     /// A filled rectangle between two corners.
-    pub fn block(
+    pub(crate) fn block(
         &mut self,
         upper_left: (f64, f64),
         lower_right: (f64, f64),
@@ -312,7 +312,7 @@ impl Canvas<'_> {
     }
 
     /// Text, centred on its point vertically.
-    pub fn text(&mut self, text: &str, at: (f64, f64), how: Lettering) {
+    pub(crate) fn text(&mut self, text: &str, at: (f64, f64), how: Lettering) {
         let style = if how.bold {
             FontStyle::Bold
         } else {

@@ -33,7 +33,7 @@ pub(super) struct Area {
 
 impl Area {
     /// All of a picture.
-    pub const fn whole(w: f64, h: f64) -> Self {
+    pub(crate) const fn whole(w: f64, h: f64) -> Self {
         Self {
             x: 0.0,
             y: 0.0,
@@ -200,12 +200,12 @@ impl Plot {
     }
 
     /// Display position of a value of the horizontal axis.
-    pub fn across(&self, value: f64) -> f64 {
+    pub(crate) fn across(&self, value: f64) -> f64 {
         self.inner.x + self.inner.w * self.x.place(value)
     }
 
     /// Display position of a value of the vertical axis.
-    pub fn up(&self, value: f64) -> f64 {
+    pub(crate) fn up(&self, value: f64) -> f64 {
         self.inner.y + self.inner.h * (1.0 - self.y.place(value))
     }
 

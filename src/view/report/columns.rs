@@ -20,7 +20,7 @@ pub(super) struct SpecimenAxis {
 
 impl SpecimenAxis {
     /// Name of a column of this axis: "force" gives "force_1_1".
-    pub fn column(self, kind: &str) -> String {
+    pub(crate) fn column(self, kind: &str) -> String {
         format!("{kind}_{}_{}", self.specimen, self.axis)
     }
 }
@@ -51,7 +51,7 @@ pub(super) enum Storey {
 
 impl Storey {
     /// Name of the column.
-    pub fn column(self, storey: usize) -> String {
+    pub(crate) fn column(self, storey: usize) -> String {
         let kind = match self {
             Self::Drift => "drift",
             Self::Floor => "floor",

@@ -127,7 +127,7 @@ struct EnergyPass<'a> {
 }
 
 impl<'a> First<'a> {
-    pub fn new(
+    pub(crate) fn new(
         source: &dyn Source,
         combinations: &[Combination],
         model: Option<&'a mut dyn Model>,
@@ -259,7 +259,7 @@ impl<'a> First<'a> {
         }
     }
 
-    pub fn take(&mut self, block: &[Vec<f64>]) {
+    pub(crate) fn take(&mut self, block: &[Vec<f64>]) {
         let rows = block.first().map_or(0, Vec::len);
         self.recorded += rows as u64;
         // Equilibrium, at the ends of steps, is of what the loop used; all else of what was measured.
@@ -340,14 +340,14 @@ impl<'a> First<'a> {
         }
     }
 
-    pub fn noise(&self) -> Vec<(SpecimenAxis, Option<Noise>)> {
+    pub(crate) fn noise(&self) -> Vec<(SpecimenAxis, Option<Noise>)> {
         let readings = self.readings.iter();
         readings
             .map(|read| (read.axis, Noise::of(&read.disp, &read.force)))
             .collect()
     }
 
-    pub fn finish(self, digest: &mut Digest) -> [Table; 2] {
+    pub(crate) fn finish(self, digest: &mut Digest) -> [Table; 2] {
         digest.recorded = self.recorded;
         digest.ends = self.ends.finish();
         digest.stale = self.stale.found();

@@ -120,7 +120,7 @@ const LARGEST_US: f64 = 3.2e13;
 
 impl LogBins {
     /// Regroups (upper edge in µs, count); none if nothing was counted.
-    pub fn new(histogram: &[(f64, u64)]) -> Option<Self> {
+    pub(crate) fn new(histogram: &[(f64, u64)]) -> Option<Self> {
         // Lateness within one bin of an edge rounds to it: the edge is the largest value its bin stands for.
         let index = |us: f64| {
             let us = if us.is_nan() {
@@ -148,14 +148,14 @@ impl LogBins {
     }
 
     /// Lower and upper edge of bin `i` in µs.
-    pub fn edges(&self, i: usize) -> (f64, f64) {
+    pub(crate) fn edges(&self, i: usize) -> (f64, f64) {
         let at = |k: i64| libm::pow(10.0, k as f64 / PER_DECADE);
         let k = self.first + i as i64;
         (at(k), at(k + 1))
     }
 
     /// Largest count of any bin.
-    pub fn top(&self) -> u64 {
+    pub(crate) fn top(&self) -> u64 {
         self.counts.iter().copied().max().unwrap_or(0)
     }
 }

@@ -32,7 +32,7 @@ impl Item {
     }
 
     /// Names of the columns that it is made of.
-    pub fn columns(self) -> Vec<String> {
+    pub(crate) fn columns(self) -> Vec<String> {
         match self {
             Item::Ground => vec!["ground".to_owned()],
             Item::Dof(dof) => vec![format!("x{dof}")],
@@ -53,7 +53,7 @@ pub(super) struct Holder {
 
 impl Holder {
     /// For the columns of `batch`, with time and state; `columns` are those of a block.
-    pub fn new(columns: &[Column], batch: &[Item]) -> Self {
+    pub(crate) fn new(columns: &[Column], batch: &[Item]) -> Self {
         let at = |name: &str| columns.iter().position(|c| c.name == name);
         let places = |of_ticks: bool| {
             let of = batch.iter().filter(|item| item.is_of_ticks() == of_ticks);
@@ -72,7 +72,7 @@ impl Holder {
     }
 
     /// Takes a stretch of rows: `kind` 0 for ends of steps, 1 for ticks.
-    pub fn take(&mut self, kind: usize, stretch: &Stretch, block: &[Vec<f64>]) {
+    pub(crate) fn take(&mut self, kind: usize, stretch: &Stretch, block: &[Vec<f64>]) {
         let (places, held) = &mut self.parts[kind];
         for (&place, to) in places.iter().zip(held) {
             if let Some(Gap { time, .. }) = stretch.gap {
@@ -87,7 +87,7 @@ impl Holder {
     }
 
     /// The columns by name.
-    pub fn finish(self, columns: &[Column]) -> [Table; 2] {
+    pub(crate) fn finish(self, columns: &[Column]) -> [Table; 2] {
         self.parts.map(|(places, held)| {
             let names = places.iter().map(|&place| columns[place].clone());
             Table::new(names.zip(held).collect())

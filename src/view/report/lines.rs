@@ -42,7 +42,7 @@ pub(super) struct TimeChart<'a> {
 
 impl<'a> TimeChart<'a> {
     /// Values over test time, unmarked: no peak is lost.
-    pub const fn history(title: &'a str, up: Quantity<'a>, lines: &'a [Line<'a>]) -> Self {
+    pub(crate) const fn history(title: &'a str, up: Quantity<'a>, lines: &'a [Line<'a>]) -> Self {
         Self {
             title,
             up,
@@ -56,7 +56,7 @@ impl<'a> TimeChart<'a> {
 
 impl TimeChart<'_> {
     /// Draws the chart into `area`.
-    pub fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {
+    pub(crate) fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {
         let x = self.lines.iter().flat_map(|line| ends(line.x));
         let values = self.lines.iter().flat_map(|line| line.y.iter().copied());
         let y = match self.reduce {
@@ -206,7 +206,7 @@ const DOT: f64 = 3.0;
 
 impl<'a> LoopChart<'a> {
     /// Draws the chart into `area`.
-    pub fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {
+    pub(crate) fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {
         let both = |line: &Line<'a>| line.x.iter().copied().zip(line.y.iter().copied());
         let all = || self.lines.iter().flat_map(both);
         let drawable = || all().filter(|(x, y)| is_drawable(*x) && is_drawable(*y));

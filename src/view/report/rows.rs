@@ -25,7 +25,7 @@ pub(super) struct History<'a> {
 
 impl History<'_> {
     /// The line of this column.
-    pub fn line<'b>(&'b self, name: &'b str, ink: Ink, width: f64) -> Line<'b> {
+    pub(crate) fn line<'b>(&'b self, name: &'b str, ink: Ink, width: f64) -> Line<'b> {
         Line {
             name,
             x: &self.time,
@@ -38,39 +38,39 @@ impl History<'_> {
 
 impl<'a> Rows<'a> {
     /// The rows of a digest.
-    pub const fn new(digest: &'a Digest) -> Self {
+    pub(crate) const fn new(digest: &'a Digest) -> Self {
         Self { digest }
     }
 
     /// The digest itself.
-    pub const fn digest(&self) -> &'a Digest {
+    pub(crate) const fn digest(&self) -> &'a Digest {
         self.digest
     }
 
     /// Number of steps that were recorded.
-    pub const fn running(&self) -> u64 {
+    pub(crate) const fn running(&self) -> u64 {
         self.digest.passed.steps
     }
 
     /// Number of all rows.
-    pub const fn recorded(&self) -> u64 {
+    pub(crate) const fn recorded(&self) -> u64 {
         self.digest.recorded
     }
 
     /// The last step of the test that this one goes on with, if it does.
-    pub fn after(&self) -> Option<u64> {
+    pub(crate) fn after(&self) -> Option<u64> {
         self.digest.earlier.as_ref().map(|earlier| earlier.step)
     }
 
     /// Which steps are in these rows, where the test was gone on with and others are in another folder.
-    pub fn steps(&self) -> Option<String> {
+    pub(crate) fn steps(&self) -> Option<String> {
         self.digest.earlier.as_ref()?;
         let (first, last) = self.digest.passed.range?;
         Some(format!("steps {} to {}", count(first), count(last)))
     }
 
     /// The same with where the others are.
-    pub fn part(&self) -> Option<String> {
+    pub(crate) fn part(&self) -> Option<String> {
         let Earlier { folders, step, .. } = self.digest.earlier.as_ref()?;
         let before = count(*step);
         Some(self.steps().map_or_else(
@@ -87,7 +87,7 @@ impl<'a> Rows<'a> {
     }
 
     /// A column: of the structure at the ends of steps, of specimens at every tick. `time` is that of the ends of steps.
-    pub fn get(&self, name: &str) -> Option<Cow<'a, [f64]>> {
+    pub(crate) fn get(&self, name: &str) -> Option<Cow<'a, [f64]>> {
         let found = self.digest.table.get(name);
         found
             .or_else(|| self.digest.ticks.get(name))
@@ -103,12 +103,12 @@ impl<'a> Rows<'a> {
     }
 
     /// Test time of the entries of a column.
-    pub fn time_of(&self, name: &str) -> Option<Cow<'a, [f64]>> {
+    pub(crate) fn time_of(&self, name: &str) -> Option<Cow<'a, [f64]>> {
         self.table_of(name).time_of(name).map(Cow::Borrowed)
     }
 
     /// A column that holds at least one number, with the times of its entries.
-    pub fn history(&self, name: &str) -> Option<History<'a>> {
+    pub(crate) fn history(&self, name: &str) -> Option<History<'a>> {
         Some(History {
             values: self.filled(name)?,
             time: self.time_of(name)?,
@@ -116,54 +116,54 @@ impl<'a> Rows<'a> {
     }
 
     /// Extremes and last value of a column, each that of a single row.
-    pub fn marks(&self, name: &str) -> Marks {
+    pub(crate) fn marks(&self, name: &str) -> Marks {
         self.table_of(name).marks(name)
     }
 
     /// A test time with the digits that name its tick.
-    pub fn moment(&self, time: f64) -> String {
+    pub(crate) fn moment(&self, time: f64) -> String {
         let ticks = self.digest.ticks_per_step.max(1) as f64;
         let tick = self.digest.passed.step_s.map(|step| step / ticks);
         moment(time, tick)
     }
 
     /// A column that holds at least one number.
-    pub fn filled(&self, name: &str) -> Option<Cow<'a, [f64]>> {
+    pub(crate) fn filled(&self, name: &str) -> Option<Cow<'a, [f64]>> {
         self.get(name)
             .filter(|values| values.iter().any(|v| v.is_finite()))
     }
 
     /// Unit of a column.
-    pub fn unit(&self, name: &str) -> &'a str {
+    pub(crate) fn unit(&self, name: &str) -> &'a str {
         self.table_of(name).unit(name)
     }
 
     /// Unit of the displacement of a DOF; that of all that are not recorded where this is not.
-    pub fn disp_unit(&self, dof: u32) -> &'a str {
+    pub(crate) fn disp_unit(&self, dof: u32) -> &'a str {
         let name = format!("x{dof}");
         let is_recorded = self.get(&name).is_some();
         if is_recorded { self.unit(&name) } else { "m" }
     }
 
     /// Names of all columns that are kept.
-    pub fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         let tables = [&self.digest.table, &self.digest.ticks];
         let names = tables.into_iter().flat_map(Table::names);
         names.map(str::to_owned).collect()
     }
 
     /// Numbers of the DOFs with a recorded displacement, rising.
-    pub fn dofs(&self) -> &'a [u32] {
+    pub(crate) fn dofs(&self) -> &'a [u32] {
         &self.digest.dofs
     }
 
     /// Axes of specimens with a recorded force, rising.
-    pub fn axes(&self) -> &'a [SpecimenAxis] {
+    pub(crate) fn axes(&self) -> &'a [SpecimenAxis] {
         &self.digest.all_axes
     }
 
     /// What has passed of the test, and what is missing of it.
-    pub const fn passed(&self) -> &'a Passed {
+    pub(crate) const fn passed(&self) -> &'a Passed {
         &self.digest.passed
     }
 }

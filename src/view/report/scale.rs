@@ -50,7 +50,7 @@ pub(super) fn own_unit<'a>(
 
 impl Scale {
     /// Of an axis; none where both ends are one to one, or the record has only the specimen's.
-    pub fn of(rows: &Rows<'_>, test: &TestFile, axis: SpecimenAxis) -> Option<Self> {
+    pub(crate) fn of(rows: &Rows<'_>, test: &TestFile, axis: SpecimenAxis) -> Option<Self> {
         if rows.unit(&axis.column("cmd")) != OWN {
             return None;
         }
@@ -65,7 +65,7 @@ impl Scale {
     }
 
     /// In words.
-    pub fn words(self) -> String {
+    pub(crate) fn words(self) -> String {
         format!(
             "1\u{a0}m of the specimen is {}\u{a0}m of the structure, 1\u{a0}N is {}\u{a0}N",
             trimmed(self.metres, 6),

@@ -22,7 +22,7 @@ pub(super) struct Shaking {
 
 impl Shaking {
     /// Of a record in m/s² or m with this interval in s; none if nothing moves.
-    pub fn of(ground: &[f64], unit: &str, dt: f64) -> Option<Self> {
+    pub(crate) fn of(ground: &[f64], unit: &str, dt: f64) -> Option<Self> {
         gusset_motion::metrics::peak(ground).filter(|peak| peak.value != 0.0)?;
         let is_accel = unit != "m";
         let span = dt * ground.len() as f64;

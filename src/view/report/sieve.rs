@@ -40,7 +40,7 @@ pub(super) struct Stretch {
 
 impl Stretch {
     /// Those of the values of a block's column that belong to it.
-    pub fn of(&self, column: &[f64]) -> Vec<f64> {
+    pub(crate) fn of(&self, column: &[f64]) -> Vec<f64> {
         self.rows.iter().map(|&row| column[row]).collect()
     }
 }
@@ -156,7 +156,11 @@ pub(super) struct Passed {
 
 impl Sieve {
     /// For blocks in which state, step and time stand at these places; of rows without a state all are ends of steps.
-    pub fn new(places: [Option<usize>; 3], step_s: Option<f64>, ticks_per_step: u64) -> Self {
+    pub(crate) fn new(
+        places: [Option<usize>; 3],
+        step_s: Option<f64>,
+        ticks_per_step: u64,
+    ) -> Self {
         let [state, step, time] = places;
         let ticks_per_step = ticks_per_step.max(1) as f64;
         let interval = step_s.filter(|dt| *dt > 0.0 && dt.is_finite());
@@ -191,7 +195,7 @@ impl Sieve {
     }
 
     /// The ends of steps, and the ticks, of the next block.
-    pub fn sort(&mut self, block: &[Vec<f64>]) -> [Vec<Stretch>; 2] {
+    pub(crate) fn sort(&mut self, block: &[Vec<f64>]) -> [Vec<Stretch>; 2] {
         let mut found = [vec![Stretch::default()], vec![Stretch::default()]];
         self.early.clear();
         self.out.clear();
@@ -235,12 +239,12 @@ impl Sieve {
     }
 
     /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
-    pub fn ways(&self) -> [&[usize]; 2] {
+    pub(crate) fn ways(&self) -> [&[usize]; 2] {
         [&self.early, &self.out]
     }
 
     /// What has passed so far.
-    pub fn passed(&self) -> Passed {
+    pub(crate) fn passed(&self) -> Passed {
         Passed {
             steps: self.steps.rows - self.cut_short,
             ticks: self.ticks.rows,

@@ -52,7 +52,7 @@ fn is_stale(status: f64) -> bool {
 
 impl Stale {
     /// For blocks of these columns.
-    pub fn new(columns: &[Column]) -> Self {
+    pub(crate) fn new(columns: &[Column]) -> Self {
         let places = || columns.iter().enumerate();
         let specimens = places().filter_map(|(status, column)| {
             let specimen = column.name.strip_prefix("status_")?.parse().ok()?;
@@ -70,7 +70,7 @@ impl Stale {
     }
 
     /// The block with no number where nothing was measured.
-    pub fn left_out<'a>(&self, block: &'a [Vec<f64>]) -> Cow<'a, [Vec<f64>]> {
+    pub(crate) fn left_out<'a>(&self, block: &'a [Vec<f64>]) -> Cow<'a, [Vec<f64>]> {
         let mut out = Cow::Borrowed(block);
         for of in &self.specimens {
             let rows = block[of.status].iter().enumerate();
@@ -93,7 +93,7 @@ impl Stale {
     }
 
     /// Specimens of which there are any, with how many.
-    pub fn found(&self) -> Vec<(u32, u64)> {
+    pub(crate) fn found(&self) -> Vec<(u32, u64)> {
         let found = self.specimens.iter().filter(|of| of.count > 0);
         found.map(|of| (of.specimen, of.count)).collect()
     }

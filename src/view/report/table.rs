@@ -80,7 +80,7 @@ pub(super) struct Thinner {
 
 impl Thinner {
     /// For `rows` rows of `columns` columns; `time` is the place of a column that only rises.
-    pub fn new(rows: u64, columns: usize, time: Option<usize>) -> Self {
+    pub(crate) fn new(rows: u64, columns: usize, time: Option<usize>) -> Self {
         let whole = WHOLE.min(NUMBERS / columns.max(1)).max(MOST);
         let every = if rows <= whole as u64 {
             1
@@ -103,12 +103,12 @@ impl Thinner {
     }
 
     /// Rows that become two entries; one means that every row stays.
-    pub const fn every(&self) -> usize {
+    pub(crate) const fn every(&self) -> usize {
         self.every
     }
 
     /// Takes rows: one slice per column, all of one length.
-    pub fn take(&mut self, block: &[&[f64]]) {
+    pub(crate) fn take(&mut self, block: &[&[f64]]) {
         let rows = block.first().map_or(0, |column| column.len());
         let time = self.time.and_then(|place| block.get(place).copied());
         for (column, values) in self.columns.iter_mut().zip(block) {
@@ -141,7 +141,7 @@ impl Thinner {
 
     /// Marks that rows are missing here: nothing is known at this time. A gap that is narrower than what becomes two entries is
     /// none to be seen.
-    pub fn gap(&mut self, gap: Gap) {
+    pub(crate) fn gap(&mut self, gap: Gap) {
         if gap.rows < self.every as u64 {
             // Of what is not thinned every gap is wide enough.
             return;
@@ -182,7 +182,7 @@ impl Thinner {
     }
 
     /// The columns, each with the times of its entries; no times where every row was kept.
-    pub fn finish(mut self) -> Vec<(Vec<f64>, Vec<f64>)> {
+    pub(crate) fn finish(mut self) -> Vec<(Vec<f64>, Vec<f64>)> {
         if self.filled > 0 {
             self.close();
         }
@@ -244,7 +244,7 @@ pub(super) struct Table {
 
 impl Table {
     /// Of these columns.
-    pub fn new(columns: Vec<(Column, Vec<f64>)>) -> Self {
+    pub(crate) fn new(columns: Vec<(Column, Vec<f64>)>) -> Self {
         let names = columns.iter().enumerate().rev();
         let places = names
             .map(|(i, (column, _))| (column.name.clone(), i))
@@ -258,33 +258,33 @@ impl Table {
     }
 
     /// A column.
-    pub fn get(&self, name: &str) -> Option<&[f64]> {
+    pub(crate) fn get(&self, name: &str) -> Option<&[f64]> {
         Some(&self.columns.get(*self.places.get(name)?)?.1)
     }
 
     /// Times of the entries of a column.
-    pub fn time_of(&self, name: &str) -> Option<&[f64]> {
+    pub(crate) fn time_of(&self, name: &str) -> Option<&[f64]> {
         let own = self.times.get(*self.places.get(name)?);
         let own = own.filter(|times| !times.is_empty());
         own.map(Vec::as_slice).or_else(|| self.get("time"))
     }
 
     /// What was marked of a column; nothing of one that is not there.
-    pub fn marks(&self, name: &str) -> Marks {
+    pub(crate) fn marks(&self, name: &str) -> Marks {
         let place = self.places.get(name);
         let marks = place.and_then(|place| self.marks.get(*place));
         marks.copied().unwrap_or_default()
     }
 
     /// Unit of a column; "1" of one that is not there.
-    pub fn unit(&self, name: &str) -> &str {
+    pub(crate) fn unit(&self, name: &str) -> &str {
         let place = self.places.get(name);
         let column = place.and_then(|place| self.columns.get(*place));
         column.map_or("1", |(column, _)| column.unit.as_str())
     }
 
     /// Names of the columns, in order.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.columns.iter().map(|(column, _)| column.name.as_str())
     }
 }

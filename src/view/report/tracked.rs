@@ -25,7 +25,7 @@ pub(super) struct Tracked<'a> {
 
 impl<'a> Tracked<'a> {
     /// Peak force of the running test with its unit.
-    pub fn peak_force(&self) -> Option<(f64, &'a str)> {
+    pub(crate) fn peak_force(&self) -> Option<(f64, &'a str)> {
         self.digest.peak_force.map(|p| (p.value, self.force_unit))
     }
 
@@ -38,12 +38,12 @@ impl<'a> Tracked<'a> {
     }
 
     /// Its name, with whose a force of it is where that must be said.
-    pub fn force_of(&self) -> String {
+    pub(crate) fn force_of(&self) -> String {
         self.name.clone() + self.scale.map_or("", |_| AS_SEEN)
     }
 
     /// Force of largest magnitude in the startup with its unit, if there was one.
-    pub fn force_on_the_way_in(&self) -> Option<(f64, &'a str)> {
+    pub(crate) fn force_on_the_way_in(&self) -> Option<(f64, &'a str)> {
         self.way_in.map(|force| (force, self.force_unit))
     }
 
@@ -53,17 +53,17 @@ impl<'a> Tracked<'a> {
     }
 
     /// Lag of measured behind target in s.
-    pub fn lag(&self) -> Option<f64> {
+    pub(crate) fn lag(&self) -> Option<f64> {
         self.digest.lag()
     }
 
     /// Delay of measured behind target in s.
-    pub fn delay(&self) -> Option<f64> {
+    pub(crate) fn delay(&self) -> Option<f64> {
         Some(self.digest.tracking?.delay_s?.value)
     }
 
     /// Amplitude of measured over target, less one.
-    pub fn amplitude_error(&self) -> Option<f64> {
+    pub(crate) fn amplitude_error(&self) -> Option<f64> {
         Some(self.digest.tracking?.amplitude_error.value)
     }
 
@@ -94,12 +94,12 @@ impl<'a> Tracked<'a> {
     }
 
     /// The label of a picture of this axis.
-    pub fn label(&self, what: &str) -> String {
+    pub(crate) fn label(&self, what: &str) -> String {
         format!("{}: {what}", self.name)
     }
 
     /// A displacement of this axis under a name.
-    pub const fn disp<'b>(&'b self, words: &'b str) -> Quantity<'b> {
+    pub(crate) const fn disp<'b>(&'b self, words: &'b str) -> Quantity<'b> {
         Quantity {
             words,
             unit: self.disp_unit,

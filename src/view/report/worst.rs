@@ -31,7 +31,7 @@ pub(super) struct Worst {
 
 impl Worst {
     /// For rows of these columns; keeps nothing where a column is missing.
-    pub fn new(columns: &[Column]) -> Self {
+    pub(crate) fn new(columns: &[Column]) -> Self {
         let at = |name: &str| columns.iter().position(|c| c.name == name);
         let places = || {
             Some([
@@ -51,7 +51,7 @@ impl Worst {
     }
 
     /// Takes rows.
-    pub fn take(&mut self, block: &[&[f64]]) {
+    pub(crate) fn take(&mut self, block: &[&[f64]]) {
         let Some([step, time, wakeup, sent, round_trip, compute, stretched]) = self.places else {
             return;
         };
@@ -83,7 +83,7 @@ impl Worst {
     }
 
     /// The longest first.
-    pub fn finish(self) -> Vec<WorstTick> {
+    pub(crate) fn finish(self) -> Vec<WorstTick> {
         self.kept
     }
 }

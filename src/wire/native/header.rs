@@ -41,7 +41,7 @@ pub(super) struct Header {
 
 impl Header {
     /// Invariant of the result: `length` is what the kind, the axes and the key make it, and bounded.
-    pub fn parse(bytes: &[u8]) -> Result<Self, WireError> {
+    pub(crate) fn parse(bytes: &[u8]) -> Result<Self, WireError> {
         let Some((words, _)) = bytes
             .as_chunks::<WORD>()
             .0

@@ -36,7 +36,7 @@ impl Kind {
 
     /// The code on the wire.
     #[must_use]
-    pub const fn code(self) -> u8 {
+    pub(crate) const fn code(self) -> u8 {
         self as u8
     }
 
@@ -44,7 +44,7 @@ impl Kind {
     ///
     /// # Errors
     /// [`WireError::Code`] for an unknown code.
-    pub const fn from_code(code: u8) -> Result<Self, WireError> {
+    pub(crate) const fn from_code(code: u8) -> Result<Self, WireError> {
         Ok(match code {
             1 => Kind::Command,
             2 => Kind::Measurement,
@@ -64,7 +64,7 @@ impl Kind {
 
     /// In words.
     #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Kind::Command => "command",
             Kind::Measurement => "measurement",

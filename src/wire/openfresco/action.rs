@@ -87,7 +87,7 @@ const TABLE: [(f64, Action); 20] = [
 impl Action {
     /// The double on the wire.
     #[must_use]
-    pub fn code(self) -> f64 {
+    pub(crate) fn code(self) -> f64 {
         TABLE
             .iter()
             .find(|(_, action)| *action == self)

@@ -127,7 +127,7 @@ impl Actor {
 
     /// All signals of the last command in one row.
     #[must_use]
-    pub fn signals(&self) -> &[f64] {
+    pub(crate) fn signals(&self) -> &[f64] {
         self.served.as_ref().map_or(&[], Served::signals)
     }
 

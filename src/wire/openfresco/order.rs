@@ -23,7 +23,7 @@ impl SignalOrder {
     /// # Errors
     /// [`WireError::SignalOrder`] if there are several and none was given, [`WireError::TimePlace`] if the place of the time is
     /// unknown.
-    pub fn of(given: Option<Self>, counts: &Counts) -> Result<Self, WireError> {
+    pub(crate) fn of(given: Option<Self>, counts: &Counts) -> Result<Self, WireError> {
         let [kinds @ .., _] = counts.in_order();
         let axes = kinds.into_iter().max().unwrap_or(0);
         let present = counts.in_order().into_iter().filter(|count| *count > 0);

@@ -67,7 +67,7 @@ impl Counts {
     ///
     /// # Errors
     /// [`WireError::Truncated`], or [`WireError::Bounds`] for a count that cannot be.
-    pub fn parse(bytes: &[u8], at: usize) -> Result<Self, WireError> {
+    pub(crate) fn parse(bytes: &[u8], at: usize) -> Result<Self, WireError> {
         Ok(Self {
             disp: count("number of displacements", MAX_COUNT, bytes, at)?,
             vel: count("number of velocities", MAX_COUNT, bytes, at + 4)?,
@@ -81,7 +81,7 @@ impl Counts {
     ///
     /// # Errors
     /// [`WireError::Room`], or [`WireError::Bounds`] for a count that cannot be.
-    pub fn write(&self, out: &mut [u8], at: usize) -> Result<(), WireError> {
+    pub(crate) fn write(&self, out: &mut [u8], at: usize) -> Result<(), WireError> {
         self.check()?;
         for (index, count) in self.in_order().into_iter().enumerate() {
             // check() bounded it: the cast is lossless.
@@ -173,7 +173,7 @@ impl Sizes {
     ///
     /// # Errors
     /// See [`Sizes::new`].
-    pub fn full(n: usize, data_size: usize) -> Result<Self, WireError> {
+    pub(crate) fn full(n: usize, data_size: usize) -> Result<Self, WireError> {
         let ctrl = Counts::new(n, n, n, 0, 1);
         Self::fitted(ctrl, Counts::new(n, n, n, n, 1), data_size, false)
     }
@@ -223,7 +223,7 @@ impl Sizes {
 
     /// Bytes of every vector: 8N.
     #[must_use]
-    pub const fn vector_len(&self) -> usize {
+    pub(crate) const fn vector_len(&self) -> usize {
         8 * self.data_size
     }
 }
@@ -250,7 +250,7 @@ impl Interface {
     ///
     /// # Errors
     /// [`WireError::CommandedForces`], [`WireError::UnequalForces`], [`WireError::Count`].
-    pub fn check(&self, ctrl: &Counts, daq: &Counts) -> Result<(), WireError> {
+    pub(crate) fn check(&self, ctrl: &Counts, daq: &Counts) -> Result<(), WireError> {
         if ctrl.force > 0 {
             return Err(WireError::CommandedForces { found: ctrl.force });
         }

@@ -26,7 +26,7 @@ pub(super) struct AxisCompensator {
 }
 
 impl AxisCompensator {
-    pub fn new(one: Box<dyn Compensator>, metres: f64) -> Self {
+    pub(crate) fn new(one: Box<dyn Compensator>, metres: f64) -> Self {
         let memory = one.memory();
         Self {
             memory,
@@ -42,7 +42,7 @@ impl AxisCompensator {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.number(&mut self.disp);
         visit.number(&mut self.vel);
         visit.number(&mut self.own_vel);
@@ -56,7 +56,7 @@ impl AxisCompensator {
     }
 
     /// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.
-    pub fn at_rest(&mut self, disp: f64) -> f64 {
+    pub(crate) fn at_rest(&mut self, disp: f64) -> f64 {
         self.one.reset(disp);
         let command = self.one.predict(disp, 0.0, 0.0);
         self.one.reset(disp);
@@ -70,7 +70,7 @@ impl AxisCompensator {
     /// Asks for the next point: led target of this target. `vel` is the integrator's own velocity in m/s of wall time, which is its
     /// ∇d/Δt; on the way from target to target it has none, and that of the points is taken. Real-time: yes.
     #[inline]
-    pub fn ask(&mut self, disp: f64, vel: Option<f64>, tick: f64) -> f64 {
+    pub(crate) fn ask(&mut self, disp: f64, vel: Option<f64>, tick: f64) -> f64 {
         let vel = vel.unwrap_or((disp - self.disp) / tick);
         let accel = (vel - self.vel) / tick;
         let led = self.one.lead(disp, vel, accel);
@@ -82,14 +82,14 @@ impl AxisCompensator {
 
     /// The newest point was foretold, and came out otherwise; `vel` as in [`AxisCompensator::ask`]. Real-time: yes.
     #[inline]
-    pub fn amend(&mut self, disp: f64, vel: Option<f64>, tick: f64) {
+    pub(crate) fn amend(&mut self, disp: f64, vel: Option<f64>, tick: f64) {
         self.one.amend(disp);
         self.vel = vel.unwrap_or(self.vel + (disp - self.disp) / tick);
         self.disp = disp;
     }
 
     /// The led target of `disp`, so many points before the newest, at this pace. Real-time: yes.
-    pub fn between(&self, disp: f64, back: f64, pace: f64) -> f64 {
+    pub(crate) fn between(&self, disp: f64, back: f64, pace: f64) -> f64 {
         let [newest, before] = self.points.map(|(disp, led)| led - self.one.stands(disp));
         self.one.stands(disp) + pace * (newest + back * (before - newest))
     }
@@ -117,7 +117,7 @@ impl AxisCompensator {
     /// What was measured of a command; nothing is learnt while the test is disturbed, nor as long after it as that is remembered,
     /// nor of what is filled in. Real-time: yes.
     #[inline]
-    pub fn hear(&mut self, command: f64, measured: f64, undisturbed: bool) {
+    pub(crate) fn hear(&mut self, command: f64, measured: f64, undisturbed: bool) {
         let one = &mut self.one;
         self.gap
             .fill(measured, |command, measured| one.notice(command, measured));
@@ -131,7 +131,7 @@ impl AxisCompensator {
 
     /// The measurement of a command stays away: it is filled in when the next one comes, if that is soon. Real-time: yes.
     #[inline]
-    pub fn lacks(&mut self, command: f64, undisturbed: bool) {
+    pub(crate) fn lacks(&mut self, command: f64, undisturbed: bool) {
         if self.gap.takes(command) {
             self.count(undisturbed);
         } else {
@@ -149,12 +149,12 @@ impl AxisCompensator {
     }
 
     /// Ticks at rest after which a gap teaches nothing wrong: what is shorter is filtered out. Real-time: yes.
-    pub const fn ticks_to_rest(&self) -> u32 {
+    pub(crate) const fn ticks_to_rest(&self) -> u32 {
         self.gap.most()
     }
 
     /// What is measured next does not follow what was measured last. Real-time: yes.
-    pub fn misses(&mut self) {
+    pub(crate) fn misses(&mut self) {
         self.heard = 0;
         self.gap.forget();
     }

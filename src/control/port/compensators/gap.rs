@@ -23,7 +23,7 @@ pub(super) struct Gap {
 
 impl Gap {
     /// For a compensator that remembers measurements for so many ticks.
-    pub fn new(memory: u32) -> Self {
+    pub(crate) fn new(memory: u32) -> Self {
         let most = (memory / PARTS).min(MOST) as usize;
         Self {
             from: None,
@@ -33,30 +33,30 @@ impl Gap {
     }
 
     /// Most commands without a measurement that are filled in. Real-time: yes.
-    pub const fn most(&self) -> u32 {
+    pub(crate) const fn most(&self) -> u32 {
         self.most as u32
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.option(&mut self.from);
         visit.list(&mut self.sent, self.most);
     }
 
     /// The specimen was measured last, or has always stood, at `measured`. Real-time: yes.
-    pub fn begin(&mut self, measured: f64) {
+    pub(crate) fn begin(&mut self, measured: f64) {
         self.from = Some(measured);
         self.sent.clear();
     }
 
     /// What is measured next does not follow what was measured last. Real-time: yes.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.from = None;
         self.sent.clear();
     }
 
     /// The measurement of a command stays away; false if it cannot be put in afterwards. Real-time: yes.
-    pub fn takes(&mut self, command: f64) -> bool {
+    pub(crate) fn takes(&mut self, command: f64) -> bool {
         let takes = self.from.is_some() && self.sent.len() < self.most;
         if takes {
             // Within its capacity a push does not allocate.
@@ -66,7 +66,7 @@ impl Gap {
     }
 
     /// A fresh measurement is there: gives each command that has none with where the specimen was on the way to it. Real-time: yes.
-    pub fn fill(&mut self, measured: f64, mut put: impl FnMut(f64, f64)) {
+    pub(crate) fn fill(&mut self, measured: f64, mut put: impl FnMut(f64, f64)) {
         if let Some(from) = self.from {
             let ticks = self.sent.len() as f64 + 1.0;
             for (tick, command) in (1..).zip(&self.sent) {

@@ -120,7 +120,12 @@ const ROUNDOFF: f64 = 1e-12;
 impl Compensators {
     /// One per axis with the metres in one unit of each; `tick` is the wall time from command to command in s, `pace` the test time
     /// that passes in one second of it.
-    pub fn new(of: Vec<Box<dyn Compensator>>, metres: Vec<f64>, tick: f64, pace: f64) -> Self {
+    pub(crate) fn new(
+        of: Vec<Box<dyn Compensator>>,
+        metres: Vec<f64>,
+        tick: f64,
+        pace: f64,
+    ) -> Self {
         let axes = of.into_iter().zip(metres);
         let axes = axes.map(|(one, metres)| AxisCompensator::new(one, metres));
         Self {
@@ -138,7 +143,7 @@ impl Compensators {
     }
 
     /// Visits everything that later commands depend on. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("compensators");
         let activities = [
             LeadActivity::Holding,
@@ -176,7 +181,7 @@ impl Compensators {
     }
 
     /// The test runs: from the next target on commands are led.
-    pub const fn begin(&mut self) {
+    pub(crate) const fn begin(&mut self) {
         self.activity = LeadActivity::Running;
     }
 
@@ -189,14 +194,14 @@ impl Compensators {
     }
 
     /// Names of the parameters, axis by axis; the axis counts from 0.
-    pub fn names(&self) -> impl Iterator<Item = (usize, Parameter)> {
+    pub(crate) fn names(&self) -> impl Iterator<Item = (usize, Parameter)> {
         let axes = self.axes.iter().enumerate();
         axes.flat_map(|(index, axis)| axis.one.names().iter().map(move |name| (index, *name)))
     }
 
     /// The parameters of the moment, in the order of their names. Real-time: yes.
     #[inline]
-    pub fn parameters(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn parameters(&self) -> impl Iterator<Item = f64> {
         let axes = self.axes.iter();
         axes.flat_map(|axis| axis.one.parameters().iter().copied())
     }
@@ -207,7 +212,7 @@ impl Compensators {
     }
 
     /// No command is made for the next tick, and measurements teach nothing meanwhile. Real-time: yes.
-    pub fn hold(&mut self) {
+    pub(crate) fn hold(&mut self) {
         if self.delay_in == DelayIn::WallTime {
             self.axes.iter_mut().for_each(AxisCompensator::misses);
         }
@@ -215,13 +220,13 @@ impl Compensators {
     }
 
     /// Ticks at rest after which ticks without a command teach nothing wrong. Real-time: yes.
-    pub fn ticks_to_rest(&self) -> u32 {
+    pub(crate) fn ticks_to_rest(&self) -> u32 {
         let axes = self.axes.iter().map(AxisCompensator::ticks_to_rest);
         axes.max().unwrap_or(0)
     }
 
     /// The state, for a test that is resumed later: before the next command, where a record was retraced.
-    pub fn freeze(&mut self) -> Option<TestState> {
+    pub(crate) fn freeze(&mut self) -> Option<TestState> {
         let before = self.before.take().filter(|before| !before.is_empty());
         before.or_else(|| TestState::of(|visit| self.visit_state(visit)).ok())
     }
@@ -248,7 +253,7 @@ impl Compensators {
     }
 
     /// Takes the state back that these compensators had before any command.
-    pub fn restart(&mut self, fresh: &TestState) {
+    pub(crate) fn restart(&mut self, fresh: &TestState) {
         // It is that of these compensators.
         let _ = fresh.restore(|visit| self.visit_state(visit));
     }
@@ -266,7 +271,7 @@ impl Compensators {
     /// Makes the command of a target, which is a tick of the compensators' after the last. `is_published`: the target came with the
     /// integrator's velocity. Real-time: yes.
     #[inline]
-    pub fn lead(
+    pub(crate) fn lead(
         &mut self,
         axes: &[Axis],
         target: &AxisMotion,
@@ -378,7 +383,7 @@ impl Compensators {
     /// The next target is known: a point ahead of the command that was predicted is corrected, so that the
     /// next lead is not one of the difference. Real-time: yes.
     #[inline]
-    pub fn amend(&mut self, axes: &[Axis], path: &TargetPath) {
+    pub(crate) fn amend(&mut self, axes: &[Axis], path: &TargetPath) {
         let LeadGrid {
             point,
             ahead,
@@ -418,7 +423,7 @@ impl Compensators {
 
     /// The velocity of the command in force without what the lead adds, if it adds anything; in the axis' unit. Real-time: yes.
     #[inline]
-    pub fn own_vel(&self, axis: usize) -> Option<f64> {
+    pub(crate) fn own_vel(&self, axis: usize) -> Option<f64> {
         if self.velocities[1] == CommandVelocity::OfTarget {
             return None;
         }
@@ -427,7 +432,7 @@ impl Compensators {
 
     /// The answer to a command is there, or an old one in place of it. `sent` and `raw` are in the specimen's units. Real-time: yes.
     #[inline]
-    pub fn hear(&mut self, axes: &[Axis], sent: &[f64], raw: &[f64], is_fresh: bool) {
+    pub(crate) fn hear(&mut self, axes: &[Axis], sent: &[f64], raw: &[f64], is_fresh: bool) {
         if self.activity != LeadActivity::Awaiting {
             return;
         }

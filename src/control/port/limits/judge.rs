@@ -36,7 +36,7 @@ impl<const N: usize> Inner<N> {
 
     /// True if every value is inside. Real-time: yes.
     #[inline]
-    pub fn covers(&self, values: &[f64; N]) -> bool {
+    pub(crate) fn covers(&self, values: &[f64; N]) -> bool {
         let bounds = self.low.iter().zip(&self.high);
         let mut covers = true;
         for (value, (low, high)) in values.iter().zip(bounds) {
@@ -67,7 +67,7 @@ pub(super) struct AllInner {
 }
 
 impl AllInner {
-    pub fn of(limits: &AxisLimits) -> Self {
+    pub(crate) fn of(limits: &AxisLimits) -> Self {
         Self {
             command: Inner::of(COMMAND, limits),
             measurement: Inner::of(MEASUREMENT, limits),

@@ -14,7 +14,7 @@ pub(super) struct Lately {
 impl Lately {
     /// One more value, `tick` seconds after the last; it counts for `time` seconds. Real-time: yes.
     #[inline]
-    pub fn take(&mut self, value: f64, tick: f64, time: f64) {
+    pub(crate) fn take(&mut self, value: f64, tick: f64, time: f64) {
         let [largest, _] = self.largest;
         self.time += tick;
         if self.time < time {
@@ -27,14 +27,14 @@ impl Lately {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(&mut self.largest);
         visit.number(&mut self.time);
     }
 
     /// Real-time: yes.
     #[inline]
-    pub const fn largest(&self) -> f64 {
+    pub(crate) const fn largest(&self) -> f64 {
         let [one, other] = self.largest;
         one.max(other)
     }

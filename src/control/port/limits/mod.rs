@@ -94,13 +94,13 @@ impl Bound {
 
     /// The level that is reached first.
     #[must_use]
-    pub const fn lower(self) -> f64 {
+    pub(crate) const fn lower(self) -> f64 {
         self.warn.min(self.trip)
     }
 
     /// The level that `value` is beyond, and its bound. Real-time: yes.
     #[must_use]
-    pub fn judge(self, value: f64) -> Option<(Level, f64)> {
+    pub(crate) fn judge(self, value: f64) -> Option<(Level, f64)> {
         Range::from(self).judge(value)
     }
 }
@@ -138,7 +138,7 @@ impl Range {
 
     /// The largest values.
     #[must_use]
-    pub const fn upper(&self) -> Bound {
+    pub(crate) const fn upper(&self) -> Bound {
         let ([_, warn], [_, trip]) = (self.warn, self.trip);
         Bound { warn, trip }
     }
@@ -157,7 +157,7 @@ impl Range {
 
     /// The level that `value` is outside of, and the bound on that side. Real-time: yes.
     #[must_use]
-    pub fn judge(&self, value: f64) -> Option<(Level, f64)> {
+    pub(crate) fn judge(&self, value: f64) -> Option<(Level, f64)> {
         let outside = |[low, high]: [f64; 2]| {
             if value.is_finite() && value >= low && value <= high {
                 None
@@ -289,7 +289,7 @@ impl Found {
     /// True if there is something to tell. Real-time: yes.
     #[inline]
     #[must_use]
-    pub const fn is_something(&self) -> bool {
+    pub(crate) const fn is_something(&self) -> bool {
         self.trip.is_some() || self.warning.is_some() || self.more
     }
 }

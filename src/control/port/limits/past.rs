@@ -42,7 +42,7 @@ pub(super) struct Pace {
 
 impl Past {
     /// Nothing was commanded, measured or judged yet.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             ready: [f64::NAN; 4],
             judged: [f64::NAN; RECORDED.len()],
@@ -51,7 +51,7 @@ impl Past {
     }
 
     /// Visits every value but those judged in this tick, which is over. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(&mut self.command);
         self.speed.visit_state(visit);
         visit.number(&mut self.measured);
@@ -107,7 +107,7 @@ impl Past {
     /// The values of the next command that are judged, in the order of [`COMMAND`]; `sent` commands have left before it.
     /// Real-time: yes.
     #[inline]
-    pub fn of_command(
+    pub(crate) fn of_command(
         &mut self,
         disp: f64,
         pace: Pace,
@@ -198,7 +198,7 @@ impl Past {
         [disp, force, disp, force, error, change, stuck]
     }
 
-    pub fn judge<'a>(
+    pub(crate) fn judge<'a>(
         &'a mut self,
         axis: usize,
         limits: &'a AxisLimits,

@@ -14,7 +14,7 @@ pub(super) struct Sawtooth {
 }
 
 impl Sawtooth {
-    pub const fn at_rest(disp: f64) -> Self {
+    pub(crate) const fn at_rest(disp: f64) -> Self {
         Self {
             disp: [disp; 2],
             seen: 2,
@@ -24,7 +24,7 @@ impl Sawtooth {
     }
 
     /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.numbers(&mut self.disp);
         visit.choice(&mut self.seen, &[0, 1, 2]);
         visit.number(&mut self.bend);
@@ -33,7 +33,7 @@ impl Sawtooth {
 
     /// With one more. Real-time: yes.
     #[inline]
-    pub fn after(&self, disp: f64) -> Self {
+    pub(crate) fn after(&self, disp: f64) -> Self {
         let [last, before] = self.disp;
         let mut next = Self {
             disp: [disp, last],

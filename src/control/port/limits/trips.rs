@@ -141,7 +141,7 @@ pub(super) enum Verdict {
 
 impl Trips {
     /// Visits what has tripped. Between two ticks nothing is untold, and only the shutdown leads an axis away. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         for kept in &mut self.kept {
             let mut numbers = kept.map(|Kept { value, bound }| [value, bound]);
             visit.options(&mut numbers);
@@ -156,19 +156,19 @@ impl Trips {
     }
 
     /// Takes note of where it is measured on its way out, `tick` seconds after the last time. Real-time: yes.
-    pub fn follow(&mut self, stands: f64, tick: f64) {
+    pub(crate) fn follow(&mut self, stands: f64, tick: f64) {
         if let Some(left) = &mut self.left {
             left.follow(stands, tick);
         }
     }
 
     /// True while it only goes on to where it was sent before the way out.
-    pub fn goes_on(&self) -> bool {
+    pub(crate) fn goes_on(&self) -> bool {
         self.left.is_some_and(|left| left.goes_on)
     }
 
     /// Judges a value beyond its trip level, and keeps it.
-    pub fn judge(&mut self, hit: &Hit, goes_on: GoesOn) -> Verdict {
+    pub(crate) fn judge(&mut self, hit: &Hit, goes_on: GoesOn) -> Verdict {
         let found = Kept {
             value: hit.value,
             bound: hit.bound,
@@ -197,7 +197,7 @@ impl Trips {
     }
 
     /// It is to be reported, beside the first of its judgement.
-    pub const fn tell(&mut self, quantity: Limit) {
+    pub(crate) const fn tell(&mut self, quantity: Limit) {
         self.untold |= quantity.bit();
     }
 
@@ -212,7 +212,7 @@ impl Trips {
     }
 
     /// One that is to be told, once: what trips comes first.
-    pub fn next_untold(&mut self, axis: usize) -> Option<Hit> {
+    pub(crate) fn next_untold(&mut self, axis: usize) -> Option<Hit> {
         let place = self.untold.trailing_zeros() as usize;
         let (quantity, level, kept) = match Limit::OF_AXIS.get(place) {
             Some(&quantity) => {
@@ -239,7 +239,7 @@ impl Trips {
     }
 
     /// True if this has tripped.
-    pub fn has(&self, quantity: Limit) -> bool {
+    pub(crate) fn has(&self, quantity: Limit) -> bool {
         self.kept(quantity).is_some()
     }
 

@@ -62,7 +62,7 @@ impl Watch {
     }
 
     /// Visits everything that the judgement of later ticks depends on, in a test that runs. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("watch");
         visit.number(&mut self.tick);
         visit.number(&mut self.tick_before);
@@ -83,7 +83,7 @@ impl Watch {
     }
 
     /// The limits, one per axis.
-    pub fn limits(&self) -> impl Iterator<Item = &AxisLimits> {
+    pub(crate) fn limits(&self) -> impl Iterator<Item = &AxisLimits> {
         self.axes.iter().map(|axis| &axis.limits)
     }
 
@@ -111,7 +111,7 @@ impl Watch {
     /// and those of the measurement. NaN where nothing was judged. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn judged(&self, axis: usize) -> Option<&[f64; RECORDED.len()]> {
+    pub(crate) fn judged(&self, axis: usize) -> Option<&[f64; RECORDED.len()]> {
         self.axes.get(axis).map(|axis| &axis.past.judged)
     }
 
@@ -148,7 +148,7 @@ impl Watch {
     }
 
     /// True if it is known where the specimen was sent last. Real-time: yes.
-    pub const fn was_told(&self) -> bool {
+    pub(crate) const fn was_told(&self) -> bool {
         self.sent > 0
     }
 
@@ -162,7 +162,7 @@ impl Watch {
 
     /// The same, added to `found`. Real-time: yes.
     #[inline]
-    pub fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
+    pub(crate) fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
         let (pace, sent) = (self.pace(), self.sent);
         let aims = self.targets == Targets::AreTold;
         for ((index, axis), disp) in self.axes.iter_mut().enumerate().zip(disp) {
@@ -222,7 +222,7 @@ impl Watch {
     }
 
     /// The next of the trips and warnings that [`Found::more`] stands for. Real-time: yes.
-    pub fn next_untold(&mut self) -> Option<Hit> {
+    pub(crate) fn next_untold(&mut self) -> Option<Hit> {
         let mut axes = self.axes.iter_mut().enumerate();
         axes.find_map(|(index, axis)| axis.past.trips.next_untold(index))
     }
@@ -235,13 +235,13 @@ impl Watch {
 
     /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
     #[must_use]
-    pub fn jump(&self, axis: usize) -> Option<[f64; 2]> {
+    pub(crate) fn jump(&self, axis: usize) -> Option<[f64; 2]> {
         self.axes.get(axis)?.past.jump
     }
 
     /// Change in m from the last command but one to the last; 0 before the second.
     #[must_use]
-    pub fn last_step(&self, axis: usize) -> f64 {
+    pub(crate) fn last_step(&self, axis: usize) -> f64 {
         let axis = self.axes.get(axis).filter(|_| self.sent >= 2);
         axis.map_or(0.0, |Axis { past, .. }| past.command[0] - past.command[1])
     }
@@ -290,7 +290,7 @@ impl Watch {
     }
 
     /// True if this is the last command once more. Real-time: yes.
-    pub fn is_at(&self, disp: impl Iterator<Item = f64>) -> bool {
+    pub(crate) fn is_at(&self, disp: impl Iterator<Item = f64>) -> bool {
         let mut axes = self.axes.iter().zip(disp);
         axes.all(|(axis, disp)| axis.past.command[0] == disp)
     }
@@ -361,13 +361,13 @@ impl Watch {
     /// Judges the estimates of each axis, in the order of [`Estimated`], and adds the findings to `found`. A value that is not
     /// finite is not known. Real-time: yes.
     #[inline]
-    pub fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
+    pub(crate) fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
         self.judge_known(ESTIMATE, |inner| &inner.estimate, values, found);
     }
 
     /// Judges [|lag| in s, |gain − 1|] behind the targets of each axis, and adds the findings to `found`. A value that is not
     /// finite is not known. Real-time: yes.
-    pub fn tracked(&mut self, values: impl Iterator<Item = [f64; 2]>, found: &mut Found) {
+    pub(crate) fn tracked(&mut self, values: impl Iterator<Item = [f64; 2]>, found: &mut Found) {
         const {
             assert!(matches!(TRACKING, [Limit::Lag, Limit::GainError]));
         }

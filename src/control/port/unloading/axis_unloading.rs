@@ -41,7 +41,7 @@ pub(super) struct AxisUnloading {
 }
 
 impl AxisUnloading {
-    pub fn take(&mut self, disp: f64, force: f64) {
+    pub(crate) fn take(&mut self, disp: f64, force: f64) {
         let [last, before] = self.recent;
         self.force = last.min(force).max(last.max(force).min(before));
         self.recent = [force, last];
@@ -49,7 +49,7 @@ impl AxisUnloading {
     }
 
     /// True if the force has come out on the other side of zero.
-    pub fn swings(&mut self) -> bool {
+    pub(crate) fn swings(&mut self) -> bool {
         let crosses = -self.force * self.side > self.start.small.max(self.start.still);
         if crosses {
             self.side = -self.side;
@@ -57,7 +57,7 @@ impl AxisUnloading {
         crosses
     }
 
-    pub fn grows(&self) -> bool {
+    pub(crate) fn grows(&self) -> bool {
         self.mean.abs() > GROWS * self.start.scale + self.start.still
     }
 

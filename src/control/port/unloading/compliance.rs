@@ -16,7 +16,7 @@ pub(super) struct Elasticity {
 
 impl Elasticity {
     /// Inverts a stiffness of `n` axes, by rows.
-    pub fn new(stiffness: Vec<f64>, n: usize) -> Self {
+    pub(crate) fn new(stiffness: Vec<f64>, n: usize) -> Self {
         let (stiffness, compliance) = compliance(stiffness, n);
         Self {
             stiffness,

@@ -175,7 +175,7 @@ pub struct Unloading {
 
 impl Unloading {
     /// With the stiffness of `legs` by rows in N/m, and ticks of `tick` s of wall time.
-    pub fn new(legs: Vec<Leg>, stiffness: Vec<f64>, tick: f64) -> Self {
+    pub(crate) fn new(legs: Vec<Leg>, stiffness: Vec<f64>, tick: f64) -> Self {
         let n = legs.len();
         let blocks = Blocks::new(tick);
         let room = blocks.length.clamp(FEWEST, MOST);
@@ -208,23 +208,23 @@ impl Unloading {
     }
 
     /// Its end: where the forces are small, or why it is somewhere else.
-    pub const fn end(&self) -> Option<Result<(), UnloadFailure>> {
+    pub(crate) const fn end(&self) -> Option<Result<(), UnloadFailure>> {
         self.outcome
     }
 
     /// True before the first tick: what was measured last is of the test.
-    pub fn is_new(&self) -> bool {
+    pub(crate) fn is_new(&self) -> bool {
         self.time.passed == 0.0
     }
 
     /// How far each axis goes back in this tick, in m.
-    pub fn steps(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn steps(&self) -> impl Iterator<Item = f64> {
         self.ways.iter().map(|way| way.step)
     }
 
     /// The next tick, with displacement and force of each axis if they are the answer to the last; without, it comes to rest. False
     /// when there is no further to go.
-    pub fn go_on(&mut self, answers: Option<impl Iterator<Item = (f64, f64)>>) -> bool {
+    pub(crate) fn go_on(&mut self, answers: Option<impl Iterator<Item = (f64, f64)>>) -> bool {
         self.time.passed += 1.0;
         if self.time.passed > self.time.most && self.outcome.is_none() {
             let seconds = (self.time.most * self.time.tick).round() as u32;

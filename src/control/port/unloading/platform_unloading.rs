@@ -29,7 +29,7 @@ impl PlatformUnloading {
     ///
     /// # Errors
     /// No pose belongs to them.
-    pub fn new(geometry: &Geometry, strokes: &[f64]) -> Result<Self, Fault> {
+    pub(crate) fn new(geometry: &Geometry, strokes: &[f64]) -> Result<Self, Fault> {
         let reference = geometry.reference();
         let mut led = reference;
         geometry.find(strokes, &mut led)?;
@@ -55,7 +55,7 @@ impl PlatformUnloading {
     }
 
     /// By so much shorter are steps of small motions, so that no actuator goes farther than `longest`, in m, in one tick.
-    pub fn slower(&mut self, longest: impl Iterator<Item = f64>) -> f64 {
+    pub(crate) fn slower(&mut self, longest: impl Iterator<Item = f64>) -> f64 {
         for (most, longest) in self.longest.iter_mut().zip(longest) {
             *most = longest;
         }
@@ -63,7 +63,7 @@ impl PlatformUnloading {
     }
 
     /// Forces of small motions from those of the actuators at the pose that is led.
-    pub fn forces(&self, geometry: &Geometry, forces: &[f64]) -> [f64; MOST] {
+    pub(crate) fn forces(&self, geometry: &Geometry, forces: &[f64]) -> [f64; MOST] {
         turned(geometry, [&self.reference, &self.led], forces)
     }
 
@@ -71,7 +71,7 @@ impl PlatformUnloading {
     ///
     /// # Errors
     /// No pose belongs to them.
-    pub fn answer(
+    pub(crate) fn answer(
         &mut self,
         geometry: &Geometry,
         measured: impl Iterator<Item = (f64, f64)>,
@@ -88,7 +88,7 @@ impl PlatformUnloading {
     }
 
     /// Goes back by these strokes of small motions; by how much each actuator goes back, in m. Stays where the next pose cannot be.
-    pub fn go_back(
+    pub(crate) fn go_back(
         &mut self,
         geometry: &Geometry,
         steps: impl Iterator<Item = f64>,

@@ -136,7 +136,7 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    pub fn new(length: usize) -> Self {
+    pub(crate) fn new(length: usize) -> Self {
         Self {
             length,
             open: Self::empty(length),
@@ -155,7 +155,14 @@ impl Writer {
         }
     }
 
-    pub fn put(&mut self, segment: usize, row: usize, multiplier: f64, pivot: f64, fill: f64) {
+    pub(crate) fn put(
+        &mut self,
+        segment: usize,
+        row: usize,
+        multiplier: f64,
+        pivot: f64,
+        fill: f64,
+    ) {
         while self.tile < segment / SEGMENTS {
             self.close();
         }
@@ -180,7 +187,7 @@ impl Writer {
     }
 
     /// All of `segments` segments, the fill cut after `reach` rows.
-    pub fn finish(mut self, segments: usize, reach: usize) -> (Vec<Coefficients>, Vec<u32>) {
+    pub(crate) fn finish(mut self, segments: usize, reach: usize) -> (Vec<Coefficients>, Vec<u32>) {
         while self.of_tile.len() < segments.div_ceil(SEGMENTS) {
             self.close();
         }

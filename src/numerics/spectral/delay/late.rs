@@ -24,7 +24,7 @@ pub(super) struct Late {
 impl Late {
     /// So many `steps` late, by linear interpolation between the commands of the `ticks` of a step, or between targets where
     /// there are none.
-    pub fn of(ticks: &[Weights], steps: f64) -> Self {
+    pub(crate) fn of(ticks: &[Weights], steps: f64) -> Self {
         let per_step = ticks.len().max(1);
         let back = steps * per_step as f64;
         let whole = back.floor();
@@ -60,7 +60,7 @@ impl Late {
     }
 
     /// Targets before the newest that it needs.
-    pub fn past(&self) -> usize {
+    pub(crate) fn past(&self) -> usize {
         self.disp.len() - 1
     }
 }

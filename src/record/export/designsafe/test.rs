@@ -14,7 +14,7 @@ pub(super) struct Test {
 }
 
 impl Test {
-    pub fn read(run: &Run) -> Self {
+    pub(crate) fn read(run: &Run) -> Self {
         let text = |name: &str| fs::read_to_string(run.path().join(name)).ok();
         let table = text("resolved.toml").or_else(|| text("test.toml"));
         let table: toml::Table = table.and_then(|text| text.parse().ok()).unwrap_or_default();

@@ -19,7 +19,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    pub fn of(told: &[EventLine]) -> Self {
+    pub(crate) fn of(told: &[EventLine]) -> Self {
         let edge = |of: GridOf| {
             let mut lines = told.iter().rev();
             lines.find_map(|line| match line.event {
@@ -46,7 +46,7 @@ impl Grid {
     }
 
     /// The row in µs from zero.
-    pub fn place(&mut self, row: &Stamped) -> Stamped {
+    pub(crate) fn place(&mut self, row: &Stamped) -> Stamped {
         let part = Part::of(row.state);
         self.begun |= part == Some(Part::Test) || row.state.is_nan();
         let [directions, opening, test] = self.edges;

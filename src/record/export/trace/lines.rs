@@ -16,7 +16,7 @@ pub(super) struct Lines<W> {
 }
 
 impl Lines<BufWriter<AtomicFile>> {
-    pub fn end(mut self) -> io::Result<AtomicFile> {
+    pub(crate) fn end(mut self) -> io::Result<AtomicFile> {
         self.pass(f64::INFINITY)?;
         self.out.write_all(b"\n]}\n")?;
         self.out
@@ -26,7 +26,7 @@ impl Lines<BufWriter<AtomicFile>> {
 }
 
 impl<W: Write> Lines<W> {
-    pub const fn new(out: W) -> Self {
+    pub(crate) const fn new(out: W) -> Self {
         Self {
             out,
             held: Vec::new(),
@@ -35,7 +35,7 @@ impl<W: Write> Lines<W> {
     }
 
     /// The head: what this is of, and the names of its lines. `origin_us`: zero on the loop's clock.
-    pub fn begin(&mut self, run: &Run, origin_us: Option<f64>) -> io::Result<()> {
+    pub(crate) fn begin(&mut self, run: &Run, origin_us: Option<f64>) -> io::Result<()> {
         let name = run.path().file_name().map(|name| name.to_string_lossy());
         let about = json!({
             "run": name,
@@ -67,12 +67,12 @@ impl<W: Write> Lines<W> {
         serde_json::to_writer(&mut self.out, event).map_err(io::Error::from)
     }
 
-    pub fn hold(&mut self, at: f64, event: Value) {
+    pub(crate) fn hold(&mut self, at: f64, event: Value) {
         self.held.push((at, event));
     }
 
     /// Writes what is held from before `now`: nothing that is held later begins there.
-    pub fn pass(&mut self, now: f64) -> io::Result<()> {
+    pub(crate) fn pass(&mut self, now: f64) -> io::Result<()> {
         // Stable: what begins together stays in the order in which it came, the outer slice first.
         self.held.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         let passed = self.held.partition_point(|(at, _)| *at < now);

@@ -19,7 +19,7 @@ const SAME: f64 = 0.5;
 pub(super) struct Misses(Vec<Missed>);
 
 impl Misses {
-    pub fn of(told: &[EventLine], origin_us: Option<f64>) -> Self {
+    pub(crate) fn of(told: &[EventLine], origin_us: Option<f64>) -> Self {
         let missed = told.iter().filter_map(|event| {
             let Event::Miss { late_ns, .. } = event.event else {
                 return None;
@@ -37,7 +37,7 @@ impl Misses {
     }
 
     /// The miss of this deadline.
-    pub fn at(&self, deadline: f64) -> Option<&Missed> {
+    pub(crate) fn at(&self, deadline: f64) -> Option<&Missed> {
         let next = self
             .0
             .partition_point(|missed| missed.deadline < deadline - SAME);

@@ -24,7 +24,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    pub fn wanted(told: &[EventLine], choice: &Choice) -> Self {
+    pub(crate) fn wanted(told: &[EventLine], choice: &Choice) -> Self {
         let inside = |event: &EventLine| match event.time {
             Some(time) => choice.holds(time),
             None => !choice.is_part(),
@@ -44,7 +44,7 @@ impl Places {
         }
     }
 
-    pub fn note(&mut self, tick: &Stamped) {
+    pub(crate) fn note(&mut self, tick: &Stamped) {
         if !tick.is_stamped() {
             return;
         }
@@ -64,7 +64,7 @@ impl Places {
     }
 
     /// As the summary has it; of an unfinished run the shortest way between two edges.
-    pub fn period_us(&self, run: &Run) -> f64 {
+    pub(crate) fn period_us(&self, run: &Run) -> f64 {
         let rate = run.summary().map(|summary| summary.rate_hz);
         rate.filter(|rate| *rate > 0.0 && rate.is_finite())
             .map_or(self.shortest, |rate| 1e6 / rate)
@@ -100,7 +100,7 @@ impl Places {
     }
 
     /// The events of the window in order, each at its place on the grid.
-    pub fn placed(&self, told: &[EventLine], origin_us: Option<f64>) -> Vec<(f64, Value)> {
+    pub(crate) fn placed(&self, told: &[EventLine], origin_us: Option<f64>) -> Vec<(f64, Value)> {
         let placed = self.events(told).filter_map(|event| {
             let of_step = self.step(event).map(|(_, last, _)| *last);
             let of_clock = event.clock_ns;

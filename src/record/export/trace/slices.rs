@@ -57,7 +57,7 @@ pub(super) struct Loop {
 }
 
 impl Loop {
-    pub const fn new(period_us: f64, misses: Misses) -> Self {
+    pub(crate) const fn new(period_us: f64, misses: Misses) -> Self {
         Self {
             period_us,
             misses,
@@ -67,13 +67,13 @@ impl Loop {
     }
 
     /// True if the grid was past this edge already.
-    pub fn is_behind(&self, tick: &Stamped) -> bool {
+    pub(crate) fn is_behind(&self, tick: &Stamped) -> bool {
         let open = self.open.as_ref();
         open.is_some_and(|open| tick.release < open.tick.stamped.release)
     }
 
     /// The row of this number says how long the recording of the one before took.
-    pub const fn told(&mut self, sequence: u64, record_us: f64) {
+    pub(crate) const fn told(&mut self, sequence: u64, record_us: f64) {
         if let Some(open) = &mut self.open
             && open.tick.sequence + 1 == sequence
             && record_us >= 0.0
@@ -83,7 +83,7 @@ impl Loop {
     }
 
     /// The next tick.
-    pub fn take<W: Write>(&mut self, tick: Tick, lines: &mut Lines<W>) {
+    pub(crate) fn take<W: Write>(&mut self, tick: Tick, lines: &mut Lines<W>) {
         let release = tick.stamped.release;
         let mut begin = release;
         if let Some(open) = self.open.take() {
@@ -110,7 +110,7 @@ impl Loop {
     }
 
     /// Nothing follows.
-    pub fn finish<W: Write>(&mut self, lines: &mut Lines<W>) {
+    pub(crate) fn finish<W: Write>(&mut self, lines: &mut Lines<W>) {
         if let Some(open) = self.open.take() {
             let open = self.with_its_miss(open);
             self.show(&open, None, lines);

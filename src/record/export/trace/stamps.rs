@@ -33,7 +33,7 @@ pub(super) struct Stamped {
 }
 
 impl Stamps {
-    pub fn find(layout: &Layout, time: usize) -> Result<Self, ExportError> {
+    pub(crate) fn find(layout: &Layout, time: usize) -> Result<Self, ExportError> {
         let need = |name| {
             let place = layout.index_of(name);
             place.ok_or(ExportError::NoTimeline(name))
@@ -55,7 +55,7 @@ impl Stamps {
         })
     }
 
-    pub fn read(&self, row: &[f64]) -> Stamped {
+    pub(crate) fn read(&self, row: &[f64]) -> Stamped {
         let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let maybe = |place: Option<usize>| place.map_or(f64::NAN, at);
         let [release, woke, sent, answered, computed] = self.durations.map(|place| at(place) * 1e6);
@@ -85,7 +85,7 @@ impl Stamped {
     }
 
     /// The same, later by so much.
-    pub fn later(self, us: f64) -> Self {
+    pub(crate) fn later(self, us: f64) -> Self {
         Self {
             release: self.release + us,
             woke: self.woke + us,

@@ -21,7 +21,7 @@ impl Tree {
 
     /// A copy of another machine's files under `root`.
     #[must_use]
-    pub fn at(root: impl Into<PathBuf>) -> Self {
+    pub(crate) fn at(root: impl Into<PathBuf>) -> Self {
         Self { root: root.into() }
     }
 
@@ -53,7 +53,7 @@ const CPU: &str = "sys/devices/system/cpu";
 /// All findings of this file, in the order of a report; `allowed`: the processors that the process may run on, where that is to
 /// be judged.
 #[must_use]
-pub fn findings(tree: &Tree, allowed: Option<&[usize]>) -> Vec<Finding> {
+pub(crate) fn findings(tree: &Tree, allowed: Option<&[usize]>) -> Vec<Finding> {
     vec![
         kernel(tree),
         throttling(tree),

@@ -8,7 +8,7 @@ use crate::rt::{Feature, Granted, RtPlan, Want, apply};
 
 /// Tries everything that a run with `plan` would ask for, and gives it back.
 #[must_use]
-pub fn findings(plan: RtPlan) -> Vec<Finding> {
+pub(crate) fn findings(plan: RtPlan) -> Vec<Finding> {
     let granted = std::thread::spawn(move || {
         let granted = apply(&plan);
         if granted.has(Want::LockMemory) {

@@ -41,7 +41,7 @@ pub struct Percentiles {
 impl Percentiles {
     /// Percentiles of a histogram of nanoseconds.
     #[must_use]
-    pub fn of(histogram: &Histogram<u64>) -> Self {
+    pub(crate) fn of(histogram: &Histogram<u64>) -> Self {
         let at = |quantile| histogram.value_at_quantile(quantile) as f64 / NS_PER_US;
         let empty = histogram.is_empty();
         let edge = |ns: u64| if empty { 0.0 } else { ns as f64 / NS_PER_US };
@@ -86,7 +86,7 @@ pub struct Bin {
 
 /// The filled cells of a histogram of nanoseconds, in rising order.
 #[must_use]
-pub fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
+pub(crate) fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
     histogram
         .iter_recorded()
         .map(|cell| {
@@ -103,7 +103,7 @@ pub fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
 impl Timing {
     /// The percentiles of one quantity, round trips of all specimens merged.
     #[must_use]
-    pub fn percentiles(&self, quantity: Quantity) -> Percentiles {
+    pub(crate) fn percentiles(&self, quantity: Quantity) -> Percentiles {
         Percentiles::of(&self.histogram(quantity))
     }
 

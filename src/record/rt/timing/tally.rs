@@ -32,19 +32,19 @@ pub(super) fn histogram() -> Histogram<u64> {
 }
 
 impl Tally {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self::over(histogram())
     }
 
     /// Every count is written once, so that no page of it is met for the first time in the loop.
-    pub fn touched() -> Self {
+    pub(crate) fn touched() -> Self {
         let mut fresh = histogram();
         fresh.reset();
         Self::over(fresh)
     }
 
     /// Holds nothing worth reading.
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self::over(Histogram::new_with_bounds(1, 2, 0).expect("the smallest bounds that there are"))
     }
 
@@ -58,7 +58,7 @@ impl Tally {
 
     /// One more. Real-time: yes.
     #[inline]
-    pub fn record(&mut self, ns: u64) {
+    pub(crate) fn record(&mut self, ns: u64) {
         self.record_n(ns, 1);
     }
 
@@ -79,7 +79,7 @@ impl Tally {
     }
 
     /// An empty one is left alone: there is much to write.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         (self.last.count, self.other.count) = (0, 0);
         if !self.histogram.is_empty() {
             self.histogram.reset();
@@ -87,7 +87,7 @@ impl Tally {
     }
 
     /// With everything that was recorded.
-    pub fn read(&self) -> Histogram<u64> {
+    pub(crate) fn read(&self) -> Histogram<u64> {
         let mut whole = self.histogram.clone();
         for Waiting { ns, count } in [self.last, self.other] {
             if count > 0 {

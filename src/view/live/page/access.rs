@@ -80,7 +80,7 @@ impl Token {
     ///
     /// # Errors
     /// The system has no random numbers.
-    pub fn random() -> io::Result<Self> {
+    pub(crate) fn random() -> io::Result<Self> {
         let mut bytes = [0; LENGTH];
         File::open("/dev/urandom")?.read_exact(&mut bytes)?;
         let mut text = String::new();
@@ -144,7 +144,7 @@ impl Token {
 
     /// Whether `found` is it. The digests are compared in constant time.
     #[must_use]
-    pub fn is(&self, found: &str) -> bool {
+    pub(crate) fn is(&self, found: &str) -> bool {
         blake3::hash(plain(found).as_bytes()) == self.digest
     }
 }
@@ -180,7 +180,12 @@ const NO_CONTROL: Refusal = Refusal(
 );
 
 impl AccessRules {
-    pub fn new(bound: IpAddr, name: Option<String>, control: Token, view: Option<Token>) -> Self {
+    pub(crate) fn new(
+        bound: IpAddr,
+        name: Option<String>,
+        control: Token,
+        view: Option<Token>,
+    ) -> Self {
         let own = rustix::system::uname();
         let own = own.nodename().to_string_lossy().into_owned();
         let names = ["localhost".to_owned(), own].into_iter().chain(name);
@@ -193,7 +198,7 @@ impl AccessRules {
     }
 
     /// Whether the name by which it was called is one of ours.
-    pub fn host(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+    pub(crate) fn host(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         let host = text(headers, header::HOST).ok_or(STRANGE_HOST)?;
         let name = without_port(host).ok_or(STRANGE_HOST)?;
         let ours = match name.parse::<IpAddr>() {
@@ -208,7 +213,7 @@ impl AccessRules {
     }
 
     /// Whether the request comes from this page, or from no page at all.
-    pub fn origin(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+    pub(crate) fn origin(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         let site = headers.get("sec-fetch-site");
         let near = site.is_none_or(|site| site == "same-origin" || site == "none");
         let host = text(headers, header::HOST).unwrap_or_default();
@@ -230,7 +235,7 @@ impl AccessRules {
     }
 
     /// Whether the request may view the test.
-    pub fn view(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+    pub(crate) fn view(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         self.origin(headers)?;
         let Some(view) = &self.view else {
             return Ok(());
@@ -243,7 +248,7 @@ impl AccessRules {
     }
 
     /// Whether the request may operate the test.
-    pub fn control(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+    pub(crate) fn control(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         self.origin(headers)?;
         match bearer(headers) {
             Some(found) if self.control.is(found) => Ok(()),

@@ -47,7 +47,7 @@ pub(super) struct WebListener {
 }
 
 impl WebListener {
-    pub fn new(listener: TcpListener) -> Self {
+    pub(crate) fn new(listener: TcpListener) -> Self {
         Self {
             listener,
             places: Arc::default(),
@@ -55,7 +55,7 @@ impl WebListener {
     }
 
     /// Its open connections.
-    pub fn connections(&self) -> Arc<OpenConnections> {
+    pub(crate) fn connections(&self) -> Arc<OpenConnections> {
         Arc::clone(&self.places)
     }
 }
@@ -160,7 +160,7 @@ pub(super) struct Connection {
 
 impl Connection {
     /// Counts a request as pending until the returned value is dropped.
-    pub fn asks(self: &Arc<Self>) -> PendingRequest {
+    pub(crate) fn asks(self: &Arc<Self>) -> PendingRequest {
         self.requests.fetch_add(1, Ordering::Relaxed);
         PendingRequest(Arc::clone(self))
     }
@@ -170,7 +170,7 @@ impl Connection {
     }
 
     /// True if the client has closed its connection, or at least its sending half.
-    pub fn has_left(&self) -> bool {
+    pub(crate) fn has_left(&self) -> bool {
         let mut end = [PollFd::new(&self.stream, PollFlags::RDHUP)];
         let looked = poll(&mut end, Some(&Timespec::default()));
         let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;

@@ -63,7 +63,7 @@ struct Made {
 }
 
 impl Feed {
-    pub fn new(board: Arc<Board>, report_key: &str) -> Self {
+    pub(crate) fn new(board: Arc<Board>, report_key: &str) -> Self {
         Self {
             board,
             made: Mutex::default(),
@@ -74,7 +74,7 @@ impl Feed {
     }
 
     /// The report of a test that has ended, for a viewer that knows its key.
-    pub fn report(&self, key: &str) -> Option<String> {
+    pub(crate) fn report(&self, key: &str) -> Option<String> {
         let path = self
             .board
             .ended()?
@@ -89,13 +89,13 @@ impl Feed {
     }
 
     /// Waits until every viewer has received the end of the test and has fetched the report.
-    pub async fn is_done(&self) {
+    pub(crate) async fn is_done(&self) {
         while self.viewers() > 0 || self.awaited.load(Ordering::Relaxed) > 0 {
             tokio::time::sleep(PACE).await;
         }
     }
 
-    pub fn viewers(&self) -> usize {
+    pub(crate) fn viewers(&self) -> usize {
         self.viewers.load(Ordering::Relaxed)
     }
 
@@ -235,7 +235,7 @@ pub(super) struct Viewer {
 }
 
 impl Viewer {
-    pub fn new(feed: Arc<Feed>, asking: PendingRequest) -> Self {
+    pub(crate) fn new(feed: Arc<Feed>, asking: PendingRequest) -> Self {
         feed.viewers.fetch_add(1, Ordering::Relaxed);
         let mut pace = tokio::time::interval(PACE);
         pace.set_missed_tick_behavior(MissedTickBehavior::Delay);

@@ -168,7 +168,7 @@ impl LivePage {
 
     /// Where it is.
     #[must_use]
-    pub const fn address(&self) -> SocketAddr {
+    pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
 
