@@ -260,12 +260,6 @@ impl Excitation {
         self.steps
     }
 
-    /// Number of degrees of freedom.
-    #[must_use]
-    pub(crate) const fn dofs(&self) -> usize {
-        self.dofs
-    }
-
     /// True if the base moves.
     #[inline]
     #[must_use]
@@ -286,12 +280,6 @@ impl Excitation {
         let forces = table.dofs.iter().cycle().zip(&table.values);
         let peak = forces.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         peak.map(|(dof, force)| (*dof, *force))
-    }
-
-    /// The constant part of the load in N, if there is one: what holds before t = 0.
-    #[must_use]
-    pub(crate) fn constant(&self) -> Option<&[f64]> {
-        self.constant.as_deref()
     }
 
     /// Writes the load at `step` over `out` (N, one entry per DOF). Beyond the test only the constant part is left.

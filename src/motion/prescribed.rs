@@ -46,6 +46,7 @@ impl PrescribedSpec {
     ///
     /// # Errors
     /// See [`MotionError`].
+    #[cfg(test)]
     pub(crate) fn evaluate(
         &self,
         grid: Grid,
@@ -201,12 +202,14 @@ impl Prescribed {
 
     /// Number of axes.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn axes(&self) -> usize {
         self.axes
     }
 
     /// Number of steps.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn steps(&self) -> usize {
         self.steps
     }

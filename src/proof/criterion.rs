@@ -255,6 +255,7 @@ impl StabilityProof {
     ///
     /// # Errors
     /// See [`StabilityError`].
+    #[cfg(test)]
     pub(crate) fn choose(
         &self,
         request: Option<Lambda>,

@@ -743,7 +743,7 @@ pub(super) mod tests {
         let samples = path.join("samples.bin");
         let bytes = fs::read(&samples).unwrap();
         fs::write(&samples, &bytes[..bytes.len() - 3]).unwrap();
-        let tool = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/read_samples.py");
+        let tool = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tools/read_samples.py");
         let Ok(output) = std::process::Command::new("python3")
             .arg(tool)
             .arg(&path)

@@ -25,14 +25,9 @@ impl MemoryRecorder {
 
     /// Number of rows.
     #[must_use]
+    #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.values.len().checked_div(self.columns).unwrap_or(0)
-    }
-
-    /// True before the first row.
-    #[must_use]
-    pub(crate) fn is_empty(&self) -> bool {
-        self.values.is_empty()
     }
 
     /// The rows in order.
@@ -41,6 +36,7 @@ impl MemoryRecorder {
     }
 
     /// One column over all rows; empty if there is no such column.
+    #[cfg(test)]
     pub(crate) fn column(&self, index: usize) -> impl Iterator<Item = f64> + '_ {
         self.rows().filter_map(move |row| row.get(index).copied())
     }

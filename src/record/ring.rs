@@ -174,14 +174,9 @@ pub struct RingRecorder {
 impl RingRecorder {
     /// The counters of what was lost; keep a clone to read them after the run.
     #[must_use]
+    #[cfg(test)]
     pub(crate) fn lost(&self) -> LostCounts {
         self.lost.clone()
-    }
-
-    /// Rows offered so far, lost ones included.
-    #[must_use]
-    pub(crate) const fn offered(&self) -> u64 {
-        self.next
     }
 }
 

@@ -91,23 +91,6 @@ pub(super) struct Ats {
 }
 
 impl AtsSpec {
-    /// With the usual window, filter and bounds.
-    #[must_use]
-    pub(crate) fn usual(delay_s: f64) -> Self {
-        Self {
-            order: two(),
-            delay_s: Some(delay_s),
-            gain: 1.0,
-            start: None,
-            window_s: 1.0,
-            filter_hz: twenty(),
-            least_motion_m: least(),
-            lower: None,
-            upper: None,
-            rate_per_s: None,
-        }
-    }
-
     pub(super) fn build(&self, dt: f64) -> Result<Ats, CompensationError> {
         let order = f64::from(self.order);
         inside("order", order, (1..=3).contains(&self.order), "1, 2 or 3")?;

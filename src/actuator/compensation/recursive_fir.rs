@@ -85,21 +85,6 @@ pub(super) struct RecursiveFir {
 }
 
 impl RecursiveFirSpec {
-    /// With the usual filter and bounds.
-    #[must_use]
-    pub(crate) fn usual(delay_s: f64) -> Self {
-        Self {
-            delay_s,
-            spacing_s: None,
-            forgetting: 1.0,
-            start_variance_per_m2: variance(),
-            filter_hz: twenty(),
-            lower: None,
-            upper: None,
-            rate_per_s: None,
-        }
-    }
-
     pub(super) fn build(&self, dt: f64) -> Result<RecursiveFir, CompensationError> {
         let delay = not_negative("delay_s", self.delay_s)?;
         let spacing = match self.spacing_s {

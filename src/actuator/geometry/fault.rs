@@ -72,12 +72,6 @@ impl Fault {
             pose: *pose,
         }
     }
-
-    /// The pose: its driven coordinates with their values.
-    pub(crate) fn pose(&self) -> impl Iterator<Item = (Coordinate, f64)> + '_ {
-        let named = self.coordinates.iter().zip(&self.pose);
-        named.filter_map(|(coordinate, value)| coordinate.map(|named| (named, *value)))
-    }
 }
 
 impl std::fmt::Display for Fault {

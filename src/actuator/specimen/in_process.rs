@@ -68,12 +68,6 @@ impl<S: Specimen> InProcess<S> {
         self
     }
 
-    /// The specimen, for its reference, tangents and bounds.
-    #[must_use]
-    pub(crate) fn specimen(&self) -> &S {
-        &self.specimen
-    }
-
     /// The specimen back.
     #[must_use]
     #[cfg(test)]

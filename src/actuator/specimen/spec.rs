@@ -47,6 +47,7 @@ impl SpecimenLaw {
     ///
     /// # Errors
     /// More than one of them is given.
+    #[cfg(test)]
     pub(crate) fn one_of(
         law: Option<LawSpec>,
         laws: Option<Vec<LawSpec>>,

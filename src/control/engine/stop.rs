@@ -349,15 +349,6 @@ impl Ending {
         }
     }
 
-    /// What stopped it.
-    #[must_use]
-    pub(crate) const fn stop(&self) -> Option<Stop> {
-        match self {
-            Self::Completed => None,
-            Self::Stopped(stop) => Some(*stop),
-        }
-    }
-
     /// True if missed deadlines ended it: no measurement shows that.
     #[must_use]
     pub const fn is_for_being_late(&self) -> bool {

@@ -149,13 +149,6 @@ impl Port {
         geometry.map_or(0, |geometry| geometry.coordinates().len())
     }
 
-    /// Number of displacements that a controller commands: one for each coordinate of the loading unit, else one for each axis.
-    #[must_use]
-    pub(crate) fn signals(&self) -> usize {
-        let coordinates = self.geometry().map(|geometry| geometry.coordinates().len());
-        coordinates.unwrap_or(self.axes.len())
-    }
-
     /// Makes the next command from deformations of the axes in m, of a loading unit from the strokes of its actuators: displacement
     /// and velocity of one axis after the other. Nothing is compensated. Real-time: yes.
     pub fn aim_axes(&mut self, along: impl Iterator<Item = (f64, f64)>) {

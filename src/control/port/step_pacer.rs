@@ -165,6 +165,7 @@ impl StepPacer {
 
     /// True if the next target is known.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn knows(&self) -> bool {
         self.known
     }

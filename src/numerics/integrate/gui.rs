@@ -54,7 +54,6 @@ pub enum GuiError {
 #[derive(Debug)]
 pub struct Gui {
     dt: f64,
-    lambda: Lambda,
     start: Start,
     effective_mass: Spd,
     reciprocal_condition: f64,
@@ -90,18 +89,11 @@ impl Gui {
         let reciprocal_condition = effective_mass.reciprocal_condition(&matrix);
         Ok(Self {
             dt,
-            lambda,
             start,
             effective_mass,
             reciprocal_condition,
             lanes: Lanes::best_for(mass.n()),
         })
-    }
-
-    /// λ in use.
-    #[must_use]
-    pub(crate) fn lambda(&self) -> Lambda {
-        self.lambda
     }
 
     /// 1/κ of M_eff, see [`Spd::reciprocal_condition`].

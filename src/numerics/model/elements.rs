@@ -206,6 +206,7 @@ impl Elements {
             .for_each(|connection| connection.law.commit());
     }
 
+    #[cfg(test)]
     pub(super) fn revert(&mut self) {
         self.connections_mut(true)
             .for_each(|connection| connection.law.revert());

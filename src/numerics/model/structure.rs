@@ -219,6 +219,7 @@ impl Structure {
     ///
     /// # Errors
     /// As [`Structure::bound_stiffness`].
+    #[cfg(test)]
     pub(crate) fn parts(&self) -> Result<Vec<Part>, ModelError> {
         let mut parts = Vec::new();
         self.for_each_part(&mut |part| parts.push(part.clone()))?;
@@ -300,6 +301,7 @@ impl Structure {
     }
 
     /// Forgets the last trial of every element.
+    #[cfg(test)]
     pub(crate) fn revert(&mut self) {
         self.elements.revert();
     }

@@ -1,7 +1,5 @@
 //! A matrix as read from a file: its size and its entries that are not zero.
 
-use nalgebra::DMatrix;
-
 use crate::linalg::{MatrixError, SymMatrix};
 
 /// Most rows or columns that a file may claim.
@@ -29,8 +27,9 @@ impl MatrixTable {
 
     /// As a dense matrix.
     #[must_use]
-    pub(crate) fn to_dense(&self) -> DMatrix<f64> {
-        let mut dense = DMatrix::zeros(self.rows, self.columns);
+    #[cfg(test)]
+    pub(crate) fn to_dense(&self) -> nalgebra::DMatrix<f64> {
+        let mut dense = nalgebra::DMatrix::zeros(self.rows, self.columns);
         for &(i, j, value) in &self.entries {
             dense[(i, j)] += value;
         }

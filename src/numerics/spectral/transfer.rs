@@ -31,6 +31,7 @@ impl Transfer {
 
     /// G at a point of the z plane.
     #[must_use]
+    #[cfg(test)]
     pub(crate) fn at(&self, z: Pole) -> Pole {
         let [b1, b0] = self.numerator;
         let [a2, a1, a0] = self.denominator;

@@ -199,6 +199,7 @@ pub const PAGE: &str = "columns";
 
 /// The kind of a column of a test of this name; none if no kind has such a name. The columns of limits of the whole test have no kind.
 #[must_use]
+#[cfg(test)]
 pub(crate) fn of_test(name: &str) -> Option<&'static Kind> {
     TEST.iter().find(|kind| kind.fits(name))
 }

@@ -251,6 +251,7 @@ impl Cause {
 
     /// The cause with this code.
     #[must_use]
+    #[cfg(test)]
     pub(crate) fn from_code(code: u8) -> Option<Self> {
         Self::ALL.iter().copied().find(|cause| cause.code() == code)
     }

@@ -44,6 +44,7 @@ pub struct Choice {
 impl Choice {
     /// All rows of this kind.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn all(rows: Rows) -> Self {
         Self {
             rows,

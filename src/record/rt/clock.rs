@@ -26,6 +26,7 @@ impl MonotonicClock {
 
     /// The spin in nanoseconds.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn spin_ns(&self) -> u64 {
         self.spin_ns
     }

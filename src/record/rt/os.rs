@@ -62,14 +62,8 @@ pub fn thread_id() -> i32 {
     rustix::thread::gettid().as_raw_nonzero().get()
 }
 
-/// Name of the calling thread, as /proc has it: 15 bytes at most.
-#[must_use]
-pub(crate) fn thread_name() -> String {
-    let name = rustix::thread::name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
-}
-
 /// Lets another runnable thread have the processor.
+#[cfg(test)]
 pub(crate) fn yield_now() {
     rustix::thread::sched_yield();
 }
@@ -151,6 +145,7 @@ fn set_policy(policy: i32, priority: i32) -> Result<(), Errno> {
 
 /// True if the calling thread runs under SCHED_FIFO now.
 #[must_use]
+#[cfg(test)]
 pub(crate) fn is_fifo() -> bool {
     // SAFETY: the call takes a number (0: the calling thread) and returns one; no memory is passed.
     let policy = unsafe { libc::syscall(libc::SYS_sched_getscheduler, 0) };

@@ -122,6 +122,7 @@ impl History {
 
     /// Number of the bin that comes next.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn next(&self) -> u64 {
         self.next
     }

@@ -271,6 +271,7 @@ impl<'a> MeasurementFrame<'a> {
     ///
     /// # Errors
     /// [`WireError::Count`] if the slice has not one entry per axis.
+    #[cfg(test)]
     pub(crate) fn force_of(&self, sequence: u64, force: &mut [f64]) -> Result<bool, WireError> {
         if sequence == self.sequence {
             copy_words("measured force", self.force, force)?;

@@ -125,12 +125,6 @@ impl Actor {
         self.served.as_ref().map(Served::trial)
     }
 
-    /// All signals of the last command in one row.
-    #[must_use]
-    pub(crate) fn signals(&self) -> &[f64] {
-        self.served.as_ref().map_or(&[], Served::signals)
-    }
-
     /// See [`super::Server::is_reset`].
     #[must_use]
     pub fn is_reset(&self) -> bool {

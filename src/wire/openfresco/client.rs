@@ -238,6 +238,7 @@ impl Client {
 
     /// False if the displacement of a measurement is the commanded one.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn measures_disp(&self) -> bool {
         self.settings.sizes.daq().disp > 0
     }

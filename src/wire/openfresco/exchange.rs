@@ -76,10 +76,6 @@ impl Served {
         self.followed.trial()
     }
 
-    pub(super) fn signals(&self) -> &[f64] {
-        self.followed.signals()
-    }
-
     pub(super) fn dt(&self) -> Option<f64> {
         self.followed.dt()
     }

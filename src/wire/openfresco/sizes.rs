@@ -173,6 +173,7 @@ impl Sizes {
     ///
     /// # Errors
     /// See [`Sizes::new`].
+    #[cfg(test)]
     pub(crate) fn full(n: usize, data_size: usize) -> Result<Self, WireError> {
         let ctrl = Counts::new(n, n, n, 0, 1);
         Self::fitted(ctrl, Counts::new(n, n, n, n, 1), data_size, false)

@@ -82,11 +82,6 @@ impl Watch {
         }
     }
 
-    /// The limits, one per axis.
-    pub(crate) fn limits(&self) -> impl Iterator<Item = &AxisLimits> {
-        self.axes.iter().map(|axis| &axis.limits)
-    }
-
     /// Wall time in s from the last command to the next, where it is not always the same. Real-time: yes.
     pub fn tick_is(&mut self, tick: f64) {
         self.tick = tick;

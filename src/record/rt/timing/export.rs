@@ -101,12 +101,6 @@ pub(crate) fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
 }
 
 impl Timing {
-    /// The percentiles of one quantity, round trips of all specimens merged.
-    #[must_use]
-    pub(crate) fn percentiles(&self, quantity: Quantity) -> Percentiles {
-        Percentiles::of(&self.histogram(quantity))
-    }
-
     /// One object per quantity under its key, each with `count, min, p50, p90, p99, p99_9, max` in µs.
     ///
     /// `wakeup_lateness` also tells `early` (wake-ups before the edge) and `swallowed` (ticks that stalls

@@ -168,6 +168,7 @@ impl LivePage {
 
     /// Where it is.
     #[must_use]
+    #[cfg(test)]
     pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
