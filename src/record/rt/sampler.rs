@@ -203,6 +203,8 @@ mod tests {
         while samples.len() < 3 || (!grows(&samples) && samples.len() < 2000) {
             // 40 MB come from the kernel as new pages, whose first touches are faults to count.
             std::hint::black_box(vec![1_u8; 40 << 20]);
+            let pause = std::time::Duration::from_millis(1);
+            crossbeam_channel::after(pause).recv().unwrap();
             samples.push(receiver.recv().unwrap());
         }
         let _ = sampler.stop();
