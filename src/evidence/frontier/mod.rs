@@ -6,5 +6,6 @@ mod picture;
 mod search;
 
 pub use models::{ModelError, Scalable, plane_frame};
-pub use picture::{MARKS, Mark, csv, svg};
+pub(crate) use picture::MARKS;
+pub use picture::{Mark, csv, svg};
 pub use search::{Length, Point, Search, Trial, largest};
