@@ -20,7 +20,7 @@
 //! | [`gusset_numerics`] | force laws, matrices, the structure, the Gui-λ family, poles and bounds |
 //! | [`gusset_motion`] | ground motions and other signals on the step grid; numbers read off histories; identification |
 //! | [`gusset_actuator`] | loading units, simulated actuators, compensation, computed specimens |
-//! | [`gusset_wire`] | codecs: our own frames and handshake, the dialects of OpenFresco |
+//! | `gusset_wire` | codecs: our own frames and handshake, the dialects of OpenFresco |
 //! | [`gusset_config`] | the files that a user writes: schema, reading, checks, diagnostics |
 //! | [`gusset_proof`] | every proof of the stability of a loop, and the verdict of a test |
 //! | [`gusset_record`] | rows, the run folder, exports; what is asked of the operating system |

@@ -73,8 +73,7 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
-pub(crate) use campaign::parse_study;
-pub use campaign::{LoadedStudy, load_study};
+pub use campaign::{LoadedStudy, load_study, parse_study};
 pub use campaign_table::{
     CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,
     SpanTable, StudyFile, SyntheticTable, VaryTable,
@@ -95,8 +94,7 @@ use fault_script::Script;
 pub use gusset_quantity::text::printable;
 pub use input_store::InputStore;
 pub use input_store::read_input;
-pub(crate) use inputs::INPUTS_FOLDER;
-pub use inputs::{Input, InputError, Inputs};
+pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use levels::{BoundSpec, LimitsError, RangeSpec};
 pub use limit_table::LimitsSpec;
 pub use link_table::{

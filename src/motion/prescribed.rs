@@ -55,7 +55,7 @@ impl PrescribedSpec {
         self.evaluate_named(grid, files, |axis| format!("axis {}", axis + 1))
     }
 
-    /// As [`PrescribedSpec::evaluate`]; warnings call the axis with index i, from 0, `name(i)`.
+    /// The motions on the grid; warnings call the axis with index i, from 0, `name(i)`.
     ///
     /// # Errors
     /// See [`MotionError`].

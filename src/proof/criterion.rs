@@ -265,8 +265,8 @@ impl StabilityProof {
         self.choose_of(request, gain, &|visit| parts.iter().for_each(visit))
     }
 
-    /// As [`StabilityProof::choose`], the parts made one at a time when they are asked for: a chain of a million masses
-    /// has two million of them.
+    /// The choice of λ. The parts are made one at a time when they are asked for: a chain of a million masses has two million of
+    /// them.
     ///
     /// # Errors
     /// See [`StabilityError`].

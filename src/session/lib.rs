@@ -59,8 +59,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 pub use agreement::SummaryDifference;
-pub use bare::bare_loop;
-pub(crate) use bare::loop_round;
+pub use bare::{bare_loop, loop_round};
 pub use checksum::altered;
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};

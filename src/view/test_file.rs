@@ -1,4 +1,4 @@
-//! `resolved.toml` of any version, as far as a page needs it. The reader of tests is [`gusset_config`].
+//! `resolved.toml` of any version, as far as a page needs it. The reader of tests is `gusset_config`.
 
 use std::collections::BTreeMap;
 

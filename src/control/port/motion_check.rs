@@ -57,7 +57,7 @@ impl AxisFollows {
 
 /// One specimen. Real-time: yes, after its making.
 #[derive(Debug, Clone)]
-pub(crate) struct MotionCheck {
+pub struct MotionCheck {
     axes: Vec<AxisFollows>,
     has_begun: bool,
 }

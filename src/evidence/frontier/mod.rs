@@ -6,6 +6,5 @@ mod picture;
 mod search;
 
 pub use models::{ModelError, Scalable, plane_frame};
-pub(crate) use picture::MARKS;
-pub use picture::{Mark, csv, svg};
+pub use picture::{MARKS, Mark, csv, svg};
 pub use search::{Length, Point, Search, Trial, largest};

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `lines` | the transforms, and the lines of the band |
 //! | `frequency` | gain and delay over frequency with their coherence; the coarse delay and the sign |
-//! | `model`, `fit` | delay, first and second order as [`gusset_actuator::transfer`] samples them; their least squares |
+//! | `model`, `fit` | delay, first and second order as `gusset_actuator::transfer` samples them; their least squares |
 //! | `inverse` | what a compensator begins with |
 //! | `specimen` | stiffness and damping from force and displacement, and what axes feel of each other |
 //! | `drive` | the motion, and how far it may go |

@@ -1,4 +1,4 @@
-//! Models of an actuator, as [`gusset_actuator::transfer`] samples them: a command that ramps from tick to tick, and of it what the
+//! Models of an actuator, as `gusset_actuator::transfer` samples them: a command that ramps from tick to tick, and of it what the
 //! actuator has made at each tick. What is fitted here and put into `transfer` gives the same response.
 
 use serde::Serialize;

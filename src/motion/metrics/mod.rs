@@ -28,7 +28,8 @@ pub mod tracking;
 pub mod windows;
 
 pub use floor::Judged;
-pub(crate) use response::largest_error;
-pub use response::{Denominator, Peak, absorbed_energy, bridged, lag, nrmse, peak, residual};
+pub use response::{
+    Denominator, Peak, absorbed_energy, bridged, lag, largest_error, nrmse, peak, residual,
+};
 pub use specimen::{Estimate, Identified, delayed, identify, loading};
 pub use tracking::{Noise, Tracking};

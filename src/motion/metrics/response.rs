@@ -276,7 +276,7 @@ pub fn nrmse(command: &[f64], measured: &[f64], by: Denominator) -> Option<f64> 
 
 /// Largest |`measured` − `command`|.
 #[must_use]
-pub(crate) fn largest_error(command: &[f64], measured: &[f64]) -> Option<f64> {
+pub fn largest_error(command: &[f64], measured: &[f64]) -> Option<f64> {
     let errors = command
         .iter()
         .zip(measured)

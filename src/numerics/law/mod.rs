@@ -1,7 +1,7 @@
 //! Uniaxial laws: one displacement and velocity in, one force out.
 //!
 //! The same objects serve as springs and dampers of the numerical side ([`crate::model`]) and as
-//! specimens ([`gusset_actuator::specimen`]), so that a hybrid test and the monolithic run of the same structure
+//! specimens (`gusset_actuator::specimen`), so that a hybrid test and the monolithic run of the same structure
 //! agree to roundoff. Pure mathematics: no clock, no input or output.
 //!
 //! A law keeps a committed state and a trial state. [`Law::trial`] always starts from the committed one,

@@ -52,7 +52,7 @@ pub fn amplitude_decay(ratio: f64) -> f64 {
 
 /// Ω̄ of the undamped family: 4 sin²(Ω̄/2) = Ω²/(1 + Ω²/λ). None beyond the linear limit.
 #[must_use]
-pub(crate) fn undamped_apparent(omega: f64, lambda: f64) -> Option<f64> {
+pub fn undamped_apparent(omega: f64, lambda: f64) -> Option<f64> {
     let half = (omega * omega / (1.0 + omega * omega / lambda)).sqrt() / 2.0;
     (half <= 1.0).then(|| 2.0 * libm::asin(half))
 }

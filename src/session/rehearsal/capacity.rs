@@ -34,7 +34,7 @@ impl Used {
 pub type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
 
 /// What a capacity is compared with, in the order of its entries.
-pub(crate) const NEEDS: [Most; 4] = [
+pub const NEEDS: [Most; 4] = [
     ("stroke_m", "m", |need| {
         need.command.low.abs().max(need.command.high.abs())
     }),

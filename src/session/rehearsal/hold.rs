@@ -47,7 +47,7 @@ impl Held {
 ///
 /// # Errors
 /// As [`setup::build`].
-pub(crate) fn rehearse_hold(
+pub fn rehearse_hold(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
     budget: &mut Budget,

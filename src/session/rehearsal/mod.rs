@@ -28,17 +28,13 @@ mod whole;
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub use budget::Budget;
-pub(crate) use capacity::NEEDS;
-pub use capacity::{Most, Used};
-pub(crate) use drift::large_drift;
+pub use capacity::{Most, NEEDS, Used};
+pub use drift::large_drift;
 pub use errors::errors;
-pub use hold::Held;
-pub(crate) use hold::rehearse_hold;
+pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
-pub use speeds::Speeds;
-pub(crate) use speeds::compare_speeds;
-pub use tried::Tried;
-pub(crate) use tried::try_limits;
+pub use speeds::{Speeds, compare_speeds};
+pub use tried::{Tried, try_limits};
 pub use whole::FullRehearsal;
 
 use meter::Meter;

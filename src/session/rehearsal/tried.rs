@@ -23,7 +23,7 @@ pub enum Tried {
 ///
 /// # Errors
 /// As [`setup::build`].
-pub(crate) fn try_limits(
+pub fn try_limits(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
     budget: &mut Budget,

@@ -11,11 +11,11 @@ pub const MAGIC: [u8; 4] = *b"GUST";
 /// The version of the layout.
 pub const VERSION: u8 = 1;
 /// Most axes of one link.
-pub(crate) const MAX_AXES: usize = 64;
+pub const MAX_AXES: usize = 64;
 /// How many earlier measurements travel with each measurement.
 pub const HISTORY: usize = 4;
 /// Stands where there is no earlier measurement.
-pub(crate) const NO_SEQUENCE: u64 = u64::MAX;
+pub const NO_SEQUENCE: u64 = u64::MAX;
 /// Largest control message, so that its frame fits into one UDP datagram.
 pub const CONTROL_LIMIT: usize = 64_000;
 /// Length of the header.

@@ -227,7 +227,7 @@ impl Client {
     }
 
     /// Fills a measurement with the last answer. Where the server measures no displacement it is the commanded
-    /// one ([`Client::measures_disp`]); where it sends no time, 0. The status is left as it is: the protocol has
+    /// one (`Client::measures_disp`); where it sends no time, 0. The status is left as it is: the protocol has
     /// none. Real-time: yes.
     ///
     /// # Errors

@@ -51,14 +51,10 @@ pub use peer::Peer;
 pub use server::{Event, Server, ServerDialect};
 pub use shadow::{Shadow, ShadowEvent, ShadowSettings};
 pub use simulink::{Simulink, SimulinkEvent};
-pub(crate) use sizes::BLOCK_LEN;
-pub(crate) use sizes::SIZES_LEN;
-pub use sizes::{Counts, DEFAULT_DATA_SIZE, Interface, MAX_COUNT, MAX_DATA_SIZE, Sizes};
-pub(crate) use vector::read_lead;
-pub(crate) use vector::read_matrix;
-pub(crate) use vector::write_matrix;
-pub(crate) use vector::write_vector;
-pub use vector::{Response, write_action};
+pub use sizes::{
+    BLOCK_LEN, Counts, DEFAULT_DATA_SIZE, Interface, MAX_COUNT, MAX_DATA_SIZE, SIZES_LEN, Sizes,
+};
+pub use vector::{Response, read_lead, read_matrix, write_action, write_matrix, write_vector};
 
 /// Port of the examples for dialect A.
 pub const APPLICATION_PORT: u16 = 8090;

@@ -7,9 +7,9 @@ use crate::WireError;
 use crate::bytes::{get_i32, put};
 
 /// Length of the first message in dialects A, C and D.
-pub(crate) const SIZES_LEN: usize = 44;
+pub const SIZES_LEN: usize = 44;
 /// Length of one size array in dialect B.
-pub(crate) const BLOCK_LEN: usize = 20;
+pub const BLOCK_LEN: usize = 20;
 /// Doubles in a vector, unless somebody wants it otherwise.
 pub const DEFAULT_DATA_SIZE: usize = 256;
 /// Most doubles in a vector: 512 kB.

@@ -13,12 +13,9 @@ use nalgebra::{Complex, DMatrix};
 use thiserror::Error;
 
 pub use continuous::{Critical, continuous};
-pub(crate) use discrete::LONGEST_STEPS;
-pub use discrete::{DiscreteLimit, discrete, recursion};
+pub use discrete::{DiscreteLimit, LONGEST_STEPS, discrete, recursion};
 pub use late::Weights;
-pub use single::critical_lag;
-pub use single::sdof;
-pub(crate) use single::sdof_estimate;
+pub use single::{critical_lag, sdof, sdof_estimate};
 
 /// Growth over the largest pole that is roundoff: the double pole of a body that moves freely carries its square root.
 const AT_REST: f64 = 1e-6;

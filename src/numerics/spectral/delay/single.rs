@@ -26,7 +26,7 @@ pub fn sdof(ratio: f64, share: f64, omega: f64) -> Option<f64> {
 
 /// τ_cr ≈ 2 ξ/(p ω): what a small delay's negative damping takes.
 #[must_use]
-pub(crate) fn sdof_estimate(ratio: f64, share: f64, omega: f64) -> f64 {
+pub fn sdof_estimate(ratio: f64, share: f64, omega: f64) -> f64 {
     2.0 * ratio / (share * omega)
 }
 
