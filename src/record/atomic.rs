@@ -41,11 +41,13 @@ impl AtomicFile {
 
     /// Where the bytes go until then.
     #[must_use]
+    #[cfg(any(test, feature = "hdf5"))]
     pub(crate) fn path(&self) -> &Path {
         self.partial.as_deref().unwrap_or(&self.path)
     }
 
     /// Gives up the lock of the temporary file.
+    #[cfg(feature = "hdf5")]
     pub(crate) fn unlock(&self) {
         // A file system may have no locks.
         let _there_may_be_none = self.file.unlock();

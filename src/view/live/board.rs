@@ -190,6 +190,10 @@ impl Board {
     }
 
     /// Records how the test ended. The next reader computes the last margin of λ.
+    #[cfg_attr(
+        not(feature = "monitor"),
+        allow(dead_code, reason = "for the live page")
+    )]
     pub(crate) fn end(&self, mut ended: Ended) {
         ended.reason = printable(&ended.reason);
         lock(&self.margin).0 = 0;
@@ -197,6 +201,10 @@ impl Board {
     }
 
     /// Copies what is wanted of the history.
+    #[cfg_attr(
+        not(feature = "monitor"),
+        allow(dead_code, reason = "for the live page")
+    )]
     pub(crate) fn look_back<T>(&self, look: impl FnOnce(&History) -> T) -> T {
         look(&lock(&self.history))
     }
