@@ -6,7 +6,7 @@
 //!
 //! The thread of the loop allocates nothing, locks nothing, writes no log and never panics. Real and simulated time take the same
 //! path, bit for bit. This member knows traits for clock, specimen and recorder. It knows no socket, no page and no reading of files;
-//! from `gusset_config` it takes the levels of the limits. Begin reading with [`engine`], whose tick stands in `engine/cycle.rs`.
+//! from `gusset_config` it takes the levels of the limits. Begin reading with [`engine`], whose tick is in `engine/cycle.rs`.
 
 pub mod engine;
 pub mod port;

@@ -6,13 +6,13 @@
 use super::columns::Row;
 use super::commanding::Exchanges;
 use super::numerical::Side;
-use super::peaks::Peaks;
 use super::place::Place;
 use super::step_progress::StepProgress;
 use super::supervision::Supervision;
 use super::test_judge::TestJudge;
 use super::tick::Tick;
 use crate::port::Port;
+use gusset_numerics::integrate::Peaks;
 use gusset_quantity::state::Visit;
 
 /// The parts of a running test that have a state.

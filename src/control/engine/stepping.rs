@@ -8,11 +8,11 @@
 use super::cycle::{Engine, Maneuver};
 use super::numerical::{Side, seek_along};
 use super::order::{Kind, Order, Sends};
-use super::peaks::first_beyond;
 use super::phase::Phase;
 use super::tick::Tick;
 use super::{Ending, Stop};
 use crate::port::{PacerTick, Port};
+use gusset_numerics::integrate::first_beyond;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::state::{Digest, TestState};
 use gusset_record::Event;

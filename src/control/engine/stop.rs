@@ -1,6 +1,6 @@
 //! How a test ends, and why before its last step.
 
-pub use thiserror::Error;
+use thiserror::Error;
 
 use super::test_hit::TestHit;
 use crate::port::WiringFault;

@@ -18,7 +18,7 @@ use std::ops::Range;
 use thiserror::Error;
 
 use super::{Integrator, Lambda, LambdaError, RowForces, Start, State, fill_all};
-pub use crate::linalg::lanes::{Isa, Kernel};
+use crate::linalg::lanes::{Isa, Kernel};
 use crate::linalg::{Aligned, Lanes, NotPositiveDefinite, Rows, Spd, Storage, SymMatrix};
 
 /// Why there is no integrator.

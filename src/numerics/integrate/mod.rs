@@ -24,6 +24,7 @@ mod gui;
 mod kr_alpha;
 mod newmark;
 mod offline;
+mod peaks;
 
 use std::fmt;
 use std::ops::Range;
@@ -42,6 +43,7 @@ pub use gui::{Gui, GuiError};
 pub use kr_alpha::{AlphaWeights, KrAlpha, KrAlphaAtState};
 pub use newmark::{Newmark, NewmarkBeta};
 pub use offline::{Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents};
+pub use peaks::{Peaks, first_beyond};
 
 /// Displacement and velocity of one step, and what moved them there. One entry per degree of freedom.
 #[derive(Debug, Clone, PartialEq)]

@@ -24,7 +24,7 @@ mod condition;
 mod dense;
 mod dissection;
 mod eigen;
-pub mod lanes;
+pub(crate) mod lanes;
 mod matrix;
 mod ordering;
 mod panels;
@@ -43,7 +43,7 @@ pub use checked::MatrixError;
 pub use eigen::{
     EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, lowest_modes, modes,
 };
-pub use lanes::{Isa, Kernel, Lanes};
+pub use lanes::Lanes;
 pub use matrix::SymMatrix;
 
 /// A pivot that is not positive: the matrix has a direction without, or with negative, stiffness.

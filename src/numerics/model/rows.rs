@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::point::{OfForce, PointForce};
 use super::{Base, Motion};
-pub use crate::linalg::lanes::{Isa, Kernel};
+use crate::linalg::lanes::{Isa, Kernel};
 
 /// Elements from one place that is no degree of freedom, one at each row. All slices are equally long.
 pub(super) struct Anchored<'a> {

@@ -72,7 +72,7 @@ impl Lanes {
 
     /// Runs the kernel on these lanes; on those of every processor where this one lacks them. Real-time: yes.
     #[inline]
-    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         match self {
             Lanes::Avx512 => {
@@ -93,7 +93,7 @@ impl Lanes {
 
 /// A calculation that is compiled once for each path. `run` must be `#[inline(always)]`, and all that it calls: what
 /// stays a separate call is compiled for every processor. A closure may stay one: none uses an [`Isa`].
-pub trait Kernel {
+pub(crate) trait Kernel {
     /// Its result.
     type Output;
 
@@ -102,7 +102,7 @@ pub trait Kernel {
 }
 
 /// Eight doubles, or one double of each segment of a group, and what is done to them, lane by lane.
-pub trait Isa: Copy {
+pub(crate) trait Isa: Copy {
     /// Eight doubles that follow each other.
     type V: Copy;
     /// One double of each segment of a group: what one register holds.

@@ -1,8 +1,9 @@
 //! Peaks over all degrees of freedom, recorded or not.
 
-use gusset_numerics::linalg::Lanes;
-use gusset_numerics::linalg::{Isa, Kernel};
 use gusset_quantity::state::Visit;
+
+use crate::linalg::Lanes;
+use crate::linalg::lanes::{Isa, Kernel};
 
 /// Largest absolute displacement, velocity and acceleration of each DOF.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -18,7 +19,7 @@ pub struct Peaks {
 impl Peaks {
     /// Peaks of nothing, for `dofs` degrees of freedom.
     #[must_use]
-    pub(crate) fn zeros(dofs: usize) -> Self {
+    pub fn zeros(dofs: usize) -> Self {
         Self {
             disp: vec![0.0; dofs],
             vel: vec![0.0; dofs],
@@ -27,14 +28,14 @@ impl Peaks {
     }
 
     /// Forgets what was before t = 0.
-    pub(crate) fn start(&mut self, disp: &[f64]) {
+    pub fn start(&mut self, disp: &[f64]) {
         for (peak, value) in self.disp.iter_mut().zip(disp) {
             *peak = value.abs();
         }
     }
 
     /// Raises them to those of steps that the state does not know of. What does not exist does not come to be by that.
-    pub(crate) fn raise(&mut self, others: &Self) {
+    pub fn raise(&mut self, others: &Self) {
         let pairs = [
             (&mut self.disp, &others.disp),
             (&mut self.vel, &others.vel),
@@ -46,7 +47,7 @@ impl Peaks {
     }
 
     /// Visits every peak. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
+    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("peaks");
         visit.numbers(&mut self.disp);
         visit.numbers(&mut self.vel);
@@ -55,7 +56,7 @@ impl Peaks {
 
     /// Notes displacements. Real-time: yes.
     #[inline]
-    pub(crate) fn note_disp(&mut self, disp: &[f64]) {
+    pub fn note_disp(&mut self, disp: &[f64]) {
         let peaks = &mut self.disp;
         Lanes::best_for(disp.len()).run(Highest {
             peaks,
@@ -66,7 +67,7 @@ impl Peaks {
     /// Notes velocities and accelerations. A DOF without mass has no acceleration: its peak becomes NaN.
     /// Real-time: yes.
     #[inline]
-    pub(crate) fn note_rates(&mut self, vel: &[f64], accel: &[f64]) {
+    pub fn note_rates(&mut self, vel: &[f64], accel: &[f64]) {
         let lanes = Lanes::best_for(vel.len());
         lanes.run(Highest {
             peaks: &mut self.vel,
@@ -81,7 +82,7 @@ impl Peaks {
 
 /// The first displacement beyond `bound`, or not a number. Real-time: yes.
 #[inline]
-pub(crate) fn first_beyond(disp: &[f64], bound: f64) -> Option<(usize, f64)> {
+pub fn first_beyond(disp: &[f64], bound: f64) -> Option<(usize, f64)> {
     if Lanes::best_for(disp.len()).run(Inside {
         values: disp,
         bound,
