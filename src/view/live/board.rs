@@ -11,7 +11,6 @@ use super::subject::Subject;
 use super::trip::Trip;
 use gusset_control::engine::{Glimpse, Phase, PhaseCell};
 use gusset_proof::OnlineLimit;
-use gusset_quantity::text::printable;
 use gusset_record::MissClasses;
 
 /// Time over which the stiffest tangent is kept: once to twice this, ns.
@@ -190,21 +189,15 @@ impl Board {
     }
 
     /// Records how the test ended. The next reader computes the last margin of λ.
-    #[cfg_attr(
-        not(feature = "monitor"),
-        allow(dead_code, reason = "for the live page")
-    )]
+    #[cfg(feature = "monitor")]
     pub(crate) fn end(&self, mut ended: Ended) {
-        ended.reason = printable(&ended.reason);
+        ended.reason = gusset_quantity::text::printable(&ended.reason);
         lock(&self.margin).0 = 0;
         *lock(&self.ended) = Some(ended);
     }
 
     /// Copies what is wanted of the history.
-    #[cfg_attr(
-        not(feature = "monitor"),
-        allow(dead_code, reason = "for the live page")
-    )]
+    #[cfg(feature = "monitor")]
     pub(crate) fn look_back<T>(&self, look: impl FnOnce(&History) -> T) -> T {
         look(&lock(&self.history))
     }

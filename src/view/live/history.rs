@@ -128,10 +128,7 @@ impl History {
     }
 
     /// The bins from number `from` on, as far as they are kept, and the number of the first of them.
-    #[cfg_attr(
-        not(feature = "monitor"),
-        allow(dead_code, reason = "for the live page")
-    )]
+    #[cfg(any(test, feature = "monitor"))]
     pub(crate) fn since(&self, from: u64) -> (u64, impl Iterator<Item = &Arc<Bin>>) {
         let first = self.next - self.recent.len() as u64;
         let from = from.clamp(first, self.next);
@@ -140,10 +137,7 @@ impl History {
     }
 
     /// The whole test, coarsely.
-    #[cfg_attr(
-        not(feature = "monitor"),
-        allow(dead_code, reason = "for the live page")
-    )]
+    #[cfg(any(test, feature = "monitor"))]
     pub(crate) fn whole(&self) -> impl Iterator<Item = &Bin> {
         self.whole
             .iter()
