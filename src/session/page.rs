@@ -168,8 +168,8 @@ impl Source for OnDisk<'_> {
             // The last exchange of a step counts; the others are trials and repeated requests.
             let running = at(state_at).filter(|state| *state == Phase::Running.code());
             let next = running.and(at(commits_at)).zip(time);
-            if next.is_some() && next == step {
-                count_trial(&mut trials, time);
+            if let Some((_, time_s)) = next.filter(|_| next == step) {
+                count_trial(&mut trials, time_s);
                 filled -= 1;
                 block.iter_mut().for_each(|column| {
                     let _ = column.pop();
@@ -199,12 +199,11 @@ impl Source for OnDisk<'_> {
 }
 
 /// Counts an exchange that a later one of its step replaces.
-fn count_trial(trials: &mut Vec<Trials>, time: Option<f64>) {
-    let time = time.unwrap_or(f64::NAN);
-    match trials.last_mut().filter(|last| last.time_s == time) {
+fn count_trial(trials: &mut Vec<Trials>, time_s: f64) {
+    match trials.last_mut().filter(|last| last.time_s == time_s) {
         Some(last) => last.replaced += 1,
         None => trials.push(Trials {
-            time_s: time,
+            time_s,
             replaced: 1,
         }),
     }
