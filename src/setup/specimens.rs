@@ -13,7 +13,7 @@ use super::{Estimate, Refused, Site, path, safety};
 use entry::entry;
 use gusset_actuator::geometry::Geometry;
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
-pub use gusset_config::check::measured::needing_measured_disp;
+use gusset_config::check::measured::needing_measured_disp;
 use gusset_config::{Finding, LinkSpec, Loaded, ProbeChoice};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{

@@ -12,9 +12,7 @@ use super::plan::Campaign;
 use super::sensitivity::sensitivity;
 use super::study::Study;
 use gusset_config::Design;
-pub use gusset_view::report::{
-    Look, Scale, count, definitions, details, escape, frame, note, section,
-};
+use gusset_view::report::{Look, Scale, count, definitions, details, escape, frame, note, section};
 
 /// Most points of the design with separate pictures.
 const MOST_POINTS: usize = 6;

@@ -7,7 +7,7 @@ use super::random::bits;
 use super::study::Study;
 use super::task::Task;
 use gusset_quantity::units::unit_in_name;
-pub use gusset_view::report::{ScatterMatrix, Variable, count, note, section, table};
+use gusset_view::report::{ScatterMatrix, Variable, count, note, section, table};
 
 /// Most numbers of the picture.
 const MOST_VARIABLES: usize = 6;

@@ -55,7 +55,7 @@ struct Style {
 /// Words, unit ("1" for a pure number) and fixed range of an axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale<'a> {
-    /// What it shows.
+    /// Quantity.
     pub words: &'a str,
     /// Unit.
     pub unit: &'a str,

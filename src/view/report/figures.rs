@@ -67,7 +67,7 @@ fn of_steps(rows: &Rows<'_>) -> String {
 }
 
 /// The numbers one looks for first.
-pub fn tiles(
+pub(super) fn tiles(
     run: &RunView,
     rows: &Rows<'_>,
     axes: &[tracked::Tracked<'_>],

@@ -72,7 +72,7 @@ mod specimens;
 mod stale;
 #[cfg(test)]
 mod synthetic;
-pub mod table;
+mod table;
 mod tested;
 #[cfg(test)]
 mod tests;

@@ -32,7 +32,7 @@ pub(super) struct Verdict {
 }
 
 /// The verdict on `run`, which goes on after step `after` of another if it does; `more` are sentences on which steps of the test these are and how its specimens were left.
-pub fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Verdict {
+pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Verdict {
     let nothing = SummaryView::default();
     let summary = run.summary.as_ref().unwrap_or(&nothing);
     let status = summary.status.as_deref();

@@ -15,7 +15,7 @@ pub(super) const AS_SEEN: &str = ", as the structure sees it";
 
 /// What a metre and a newton of an axis are for the structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
+pub(super) struct Scale {
     pub(super) metres: f64,
     pub(super) newtons: f64,
 }

@@ -125,7 +125,7 @@ impl Bucket {
 
 /// The points of a history that a line needs to pass each of `x`, `y` within `tolerance` at its own `x`. Every point that is left
 /// stood among them, and so does every turning point that a line would cut off. A gap is a point without a number.
-pub fn followed(x: &[f64], y: &[f64], tolerance: f64) -> Run {
+pub(super) fn followed(x: &[f64], y: &[f64], tolerance: f64) -> Run {
     let mut out = Run::new();
     let mut open: Option<Straight> = None;
     // Turning points lie up to half of it off the straight piece, others as far on its other side.

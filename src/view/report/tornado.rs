@@ -26,7 +26,7 @@ pub struct Tornado<'a> {
     pub across: Scale<'a>,
     /// Result without an alteration, and its name.
     pub base: Option<(f64, &'a str)>,
-    /// The bars, as they are drawn.
+    /// The bars, in the order of the picture.
     pub bars: &'a [TornadoBar],
 }
 
