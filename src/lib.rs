@@ -23,7 +23,7 @@
 //! | `gusset_wire` | codecs: our own frames and handshake, the dialects of OpenFresco |
 //! | [`gusset_config`] | the files that a user writes: schema, reading, checks, diagnostics |
 //! | [`gusset_proof`] | every proof of the stability of a loop, and the verdict of a test |
-//! | [`gusset_record`] | rows, the run folder, exports; what is asked of the operating system |
+//! | [`gusset_record`] | rows, the run folder, exports; requests to the operating system |
 //! | [`gusset_control`] | the specimens as the loop sees them, and the loop |
 //! | [`gusset_link`] | transports, specimens across them, servers and gateways |
 //! | [`gusset_setup`] | from a file to an experiment, or to the specimen of a server |

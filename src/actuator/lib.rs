@@ -1,4 +1,4 @@
-//! What stands between a command and the force of a specimen, as values: loading units, actuators, compensators, computed specimens.
+//! Loading units, actuators, compensators and computed specimens, as values: the way from a command to the force of a specimen.
 //!
 //! [`geometry`] turns the pose of a loading unit into the strokes of its actuators, and back. [`transfer`] simulates delay, actuator,
 //! limits and sensors. [`compensation`] computes commands that make up for the lag of an actuator. [`specimen`] holds the specimens

@@ -265,8 +265,7 @@ impl StabilityProof {
         self.choose_of(request, gain, &|visit| parts.iter().for_each(visit))
     }
 
-    /// The choice of λ. The parts are made one at a time when they are asked for: a chain of a million masses has two million of
-    /// them.
+    /// The choice of λ. `parts` makes them one at a time, since a chain of a million masses has two million of them.
     ///
     /// # Errors
     /// See [`StabilityError`].

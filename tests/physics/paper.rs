@@ -173,7 +173,7 @@ fn example_4_1_is_stable_below_its_limit_and_not_above_and_11_5_is_the_closest()
         let choice = facts.structure.as_ref().unwrap().choice().unwrap();
         assert!(!choice.is_stable(), "{lambda}");
         let doubts = prepare(&LINEAR.file(lambda, false, [1.0; 2])).doubts;
-        // The peak of 2.04 g is a finding of its own.
+        // The peak of 2.04 g is another finding.
         let kinds: Vec<Kind> = doubts.iter().map(|(kind, _)| *kind).collect();
         assert_eq!(
             kinds.iter().filter(|kind| **kind == Kind::Unstable).count(),
