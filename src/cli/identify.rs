@@ -62,7 +62,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     test.experiment.retraces = true;
     for axis in &plan.axes {
         if let Some(port) = test.experiment.ports.get_mut(axis.place) {
-            port.needs_measured_disp_mut().own = vec!["`gusset identify`".to_owned()];
+            port.startup_mut().needs_measured_disp_mut().own = vec!["`gusset identify`".to_owned()];
         }
     }
     let mut judged = Judged::without_rehearsal(test);

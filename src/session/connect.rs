@@ -31,7 +31,7 @@ fn in_words(numbers: &[f64]) -> String {
 pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderError> {
     // What they said to an interrupted test was true then.
     for port in &mut *ports {
-        port.report_position(&[]);
+        port.startup_mut().report_position(&[]);
     }
     for event in run.event_lines()? {
         let Some(event) = event? else {
@@ -47,7 +47,7 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
         };
         let standing: Result<Vec<f64>, _> = said.split(' ').map(str::parse).collect();
         if let (Ok(standing), Some(port)) = (standing, ports.get_mut(port as usize)) {
-            port.report_position(&standing);
+            port.startup_mut().report_position(&standing);
         }
     }
     Ok(())
@@ -75,7 +75,7 @@ pub(super) struct Connections {
 /// Lets connected specimens go: nothing will come.
 pub(super) fn let_go(experiment: &mut Experiment, why: String) -> Unconnected {
     for port in &mut experiment.ports {
-        port.retire(Retirement::Orderly);
+        port.exchange_mut().retire(Retirement::Orderly);
     }
     Unconnected::Unfit(why)
 }
@@ -94,7 +94,7 @@ pub(super) fn connect(
     if line.asks_for_the_end() {
         let connected = all.into_iter().flatten();
         for (mut port, _) in connected {
-            port.retire(Retirement::Operator);
+            port.exchange_mut().retire(Retirement::Operator);
         }
         return Err(Unconnected::Stopped);
     }
@@ -116,7 +116,10 @@ pub(super) fn connect(
                 for warning in &introduction.warnings {
                     writer.note(Event::said(Remark::Warning, warning.as_str()));
                 }
-                if port.is_remote() && !port.is_computed() && !introduction.simulated {
+                if port.exchange().is_remote()
+                    && !port.startup().is_computed()
+                    && !introduction.simulated
+                {
                     moving.push(number as usize);
                 }
                 unfit.extend(port.lacks_measured_disp(&introduction));
@@ -133,12 +136,12 @@ pub(super) fn connect(
                     ));
                 }
                 warnings.extend(introduction.warnings);
-                if port.is_remote() {
+                if port.exchange().is_remote() {
                     writer.note(Event::Connected {
                         port: number,
                         peer: introduction.peer.clone(),
                         measures_disp: introduction.repeats_the_command.then_some(false),
-                        standing: port.standing().map(in_words),
+                        standing: port.startup().standing().map(in_words),
                     });
                 }
             }
@@ -167,7 +170,7 @@ pub(super) fn connect(
         _ => Unconnected::Refused(refusals.join("; ")),
     };
     for port in &mut experiment.ports {
-        port.retire(Retirement::Orderly);
+        port.exchange_mut().retire(Retirement::Orderly);
     }
     Err(why)
 }
@@ -175,7 +178,7 @@ pub(super) fn connect(
 /// What of the test judges no specimen of `without`, whose ends do not say that they measure displacement, in words. True if that is
 /// all of them: then it judges nothing.
 fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
-    let keys = &ports.first()?.needs_measured_disp().of_the_test;
+    let keys = &ports.first()?.startup().needs_measured_disp().of_the_test;
     if without.is_empty() || keys.is_empty() {
         return None;
     }
@@ -202,7 +205,7 @@ fn fit_for(
     port: &Port,
     found: Introduction,
 ) -> Result<Introduction, Unavailable> {
-    let computed = !port.is_remote() || port.is_computed() || found.simulated;
+    let computed = !port.exchange().is_remote() || port.startup().is_computed() || found.simulated;
     if clock == ClockChoice::Real || computed {
         return Ok(found);
     }
@@ -265,7 +268,7 @@ fn connect_all(ports: Vec<Port>, line: &mut Line) -> Vec<Option<Said>> {
     let (done, said) = mpsc::channel::<(usize, Said)>();
     let mut owed = 0;
     for (index, mut port) in ports.into_iter().enumerate() {
-        if !port.is_remote() {
+        if !port.exchange().is_remote() {
             let outcome = port.connect();
             all[index] = Some((port, outcome));
             continue;

@@ -251,7 +251,9 @@ impl Word {
     /// Says that the test of these files goes on in `folder`, where that is one with specimens that are not made anew.
     pub(crate) fn say(files: &Files, ports: &[Port], folder: &Path) -> Result<Self, Unsaid> {
         let origin = files.origin.as_deref().map(serde_json::from_str::<Origin>);
-        let Some(Ok(origin)) = origin.filter(|_| !ports.iter().all(Port::is_formula)) else {
+        let Some(Ok(origin)) =
+            origin.filter(|_| !ports.iter().all(|port| port.exchange().is_formula()))
+        else {
             return Ok(Self::default());
         };
         let mut word = Self {

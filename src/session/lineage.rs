@@ -201,7 +201,7 @@ impl Origin {
     /// Specimens behind links stand where they were left, wherever the interrupted test was when it was retraced.
     pub(crate) fn put(&self, ports: &mut [Port]) {
         for (port, axes) in ports.iter_mut().zip(&self.left) {
-            if port.is_remote() {
+            if port.exchange().is_remote() {
                 let commands: Vec<f64> = axes.iter().map(|axis| number(&axis[0])).collect();
                 port.stands_at(&commands);
             }

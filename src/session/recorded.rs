@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::tape::{Shared, at, with};
 use gusset_control::engine::Experiment;
+use gusset_control::port::PortError;
 use gusset_quantity::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
@@ -140,10 +141,10 @@ pub(super) fn put_recorded(
     tape: &Shared,
     layout: &Layout,
     replaced: Replaced,
-) {
+) -> Result<(), PortError> {
     let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
     for (index, port) in experiment.ports.iter_mut().enumerate() {
-        if replaced == Replaced::Remote && !port.is_remote() {
+        if replaced == Replaced::Remote && !port.exchange().is_remote() {
             continue;
         }
         let s = index + 1;
@@ -160,6 +161,7 @@ pub(super) fn put_recorded(
             status: place(&STATUS.of_specimen(s)),
             issued: 0,
             answered: None,
-        }));
+        }))?;
     }
+    Ok(())
 }

@@ -128,7 +128,7 @@ fn follow(
     let mut tape = Tape::new(recording, layout, &experiment, operator, 0..u64::MAX, false);
     tape.goes_on = goes_on;
     let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, layout, Replaced::All);
+    put_recorded(&mut experiment, &tape, layout, Replaced::All)?;
     let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let test = Connected::for_a_replay(experiment, recorder);

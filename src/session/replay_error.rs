@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use gusset_config::ConfigError;
+use gusset_control::port::PortError;
 use gusset_record::FolderError;
 
 /// Why a folder cannot be replayed.
@@ -16,6 +17,9 @@ pub enum ReplayError {
     /// Its configuration is not one of this program.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// Its rows do not fit the specimens of the test.
+    #[error(transparent)]
+    Port(#[from] PortError),
     /// A server wrote it: what it commanded came from elsewhere.
     #[error("{}: this is a server's record of what its controller commanded: there is nothing to be computed again, but in the run folder of that controller", .0.display())]
     Served(PathBuf),

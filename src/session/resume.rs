@@ -376,7 +376,7 @@ fn check_way_back(
     let again = run.rows_made()?.saturating_sub(traced.rows) as f64;
     let remember: Vec<&str> = ports
         .iter()
-        .filter(|port| !port.is_formula())
+        .filter(|port| !port.exchange().is_formula())
         .map(|port| port.name())
         .collect();
     if again <= ticks_lost(rate_hz) || remember.is_empty() {

@@ -264,7 +264,7 @@ fn recorded_test(
     let recording = Recording::of(run)?;
     let tape = Tape::new(recording, run.layout(), &experiment, operator, rows, true);
     let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, run.layout(), replaced);
+    put_recorded(&mut experiment, &tape, run.layout(), replaced)?;
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let test = Connected::for_a_replay(experiment, recorder);
     Ok((test, tape, Control::from(requests)))

@@ -90,7 +90,7 @@ impl SpecimenRecords {
         let record = LastingRecord::hold(&state_folder().map_err(told)?, &key).map_err(told)?;
         let before = record.read().map_err(|error| error.to_string())?;
         let (reset, run) = (run.display(), itself(run));
-        let standing = port.standing().unwrap_or_default();
+        let standing = port.startup().standing().unwrap_or_default();
         let resumed = facts.resumed.as_ref().map(|(folder, _)| itself(folder));
         let goes_on = before.place.as_ref().filter(|place| {
             let resumed = resumed.as_ref();

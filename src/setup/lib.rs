@@ -214,8 +214,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let gains = structure
         .as_mut()
         .map(|facts| std::mem::take(&mut facts.gains));
-    let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
-    let ports = margin::watched(site, structure.as_mut(), ports)?;
+    let gains = gains.unwrap_or_default();
+    let mut specs = specimens.into_specs(site, dofs, settling.is_some(), gains)?;
+    margin::watched(site, structure.as_mut(), &mut specs)?;
+    let ports = specimens::build(site, specs)?;
     let time = site.loaded.time;
     let kept = gusset_control::engine::kept_limits(&side, &ports);
     if structure.is_some() && !names.is_empty() {

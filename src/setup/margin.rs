@@ -1,16 +1,16 @@
-//! The tables of critical delays of the ports whose lag is estimated.
+//! The tables of critical delays of the specimens whose lag is estimated.
 
 use super::{Refused, Site, StructureFacts, path};
 use gusset_config::Finding;
-use gusset_control::port::Port;
+use gusset_control::port::PortSpec;
 
-/// Gives the tables to each port whose lag is estimated. Without tables, the facts of the structure keep the reason. A test that
+/// Gives the tables to each specimen whose lag is estimated. Without tables, the facts of the structure keep the reason. A test that
 /// needs them is then refused.
 pub(super) fn watched(
     site: &mut Site<'_>,
     structure: Option<&mut StructureFacts>,
-    ports: Vec<Port>,
-) -> Result<Vec<Port>, Refused> {
+    specs: &mut [PortSpec],
+) -> Result<(), Refused> {
     let asked = site.loaded.file.safety.delay_used.is_some();
     let at = || path("safety").key("delay_used");
     let Some(structure) = structure else {
@@ -21,26 +21,29 @@ pub(super) fn watched(
             );
             return site.refuse(finding.label("a share of what?"));
         }
-        return Ok(ports);
+        return Ok(());
     };
-    let wanted: Vec<bool> = ports.iter().map(Port::tracks).collect();
+    let wanted: Vec<bool> = specs.iter().map(|spec| spec.tracking.is_some()).collect();
     let tables = match &structure.analysis {
         _ if !wanted.contains(&true) => Err("no specimen estimates its lag".to_owned()),
         None => Err("the structure is too large".to_owned()),
         Some(analysis) => {
-            let bounds = ports
-                .iter()
-                .map(|port| port.tangent_bounds().map(|bound| bound.0));
-            let bounds: Vec<Vec<f64>> = bounds.map(Iterator::collect).collect();
+            let bounds = specs.iter().map(|spec| {
+                let axes = spec.axes.iter();
+                axes.map(|axis| axis.declared.stiffness_bound).collect()
+            });
+            let bounds: Vec<Vec<f64>> = bounds.collect();
             analysis.critical_delays(&wanted, &bounds)
         }
     };
     match tables {
         Ok(tables) => {
-            let both = ports.into_iter().zip(tables);
-            Ok(both
-                .map(|(port, tables)| port.with_critical_delays(tables))
-                .collect())
+            for (spec, tables) in specs.iter_mut().zip(tables) {
+                if let Some(tracking) = &mut spec.tracking {
+                    tracking.critical = tables;
+                }
+            }
+            Ok(())
         }
         Err(why) if asked => {
             let finding = Finding::error(at(), format!("the critical delay is unknown: {why}"));
@@ -48,7 +51,7 @@ pub(super) fn watched(
         }
         Err(why) => {
             structure.no_margin = Some(why);
-            Ok(ports)
+            Ok(())
         }
     }
 }

@@ -14,11 +14,12 @@ use entry::entry;
 use gusset_actuator::geometry::Geometry;
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_config::check::measured::needing_measured_disp;
+use gusset_config::steps::Time;
 use gusset_config::{Finding, LinkSpec, Loaded, ProbeChoice};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{
-    Axis, Declared, LinearStandIn, NeedsMeasuredDisp, Order, Pace, Port, Trend, WaitRules,
-    WiringCheck,
+    Axis, AxisSpec, Compensation, Declared, LinearStandIn, LoadingUnitSpec, NeedsMeasuredDisp,
+    Order, Pace, Port, PortSpec, TrackingSpec, Trend, WaitRules, WiringCheck,
 };
 use gusset_link::NativeLink;
 use gusset_link::openfresco::Remote;
@@ -26,7 +27,6 @@ use gusset_numerics::model::StructureSpec;
 use gusset_numerics::spectral::delay::Weights;
 use gusset_proof::Attached;
 use gusset_quantity::substructure::Substructure;
-use loading::Loading;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ struct Entry {
     stand: Stand,
     axes: Vec<Axis>,
     /// The loading unit whose actuators the axes are.
-    loading: Option<Loading>,
+    loading: Option<LoadingUnitSpec>,
     units: Vec<(f64, f64)>,
     /// k̂ and ĉ, by rows.
     stiffness: Rows,
@@ -298,149 +298,206 @@ impl Specimens {
         each.collect()
     }
 
-    /// One port per specimen.
-    pub(super) fn into_ports(
+    /// What the port of each specimen is built from.
+    pub(super) fn into_specs(
         self,
         site: &mut Site<'_>,
         dofs: usize,
         settles: bool,
         gains: Vec<Vec<f64>>,
-    ) -> Result<Vec<Port>, Refused> {
-        let influence = match &site.loaded.file.structure {
-            Some(structure) => structure
-                .matrices
-                .as_ref()
-                .and_then(|spec| match spec {
-                    StructureSpec::Matrices(matrices) => matrices.influence.clone(),
-                    _ => None,
-                })
-                .unwrap_or_else(|| vec![1.0; dofs]),
-            None => Vec::new(),
-        };
-        let mut ports = Vec::with_capacity(self.0.len());
-        for (index, mut entry) in self.0.into_iter().enumerate() {
-            let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
-            let base = |row: &[(usize, f64)]| row.iter().map(|&(dof, b)| b * iota(dof)).sum();
-            for axis in &mut entry.axes {
-                axis.base = base(&axis.row);
-            }
-            for row in entry.loading.iter_mut().flat_map(|l| &mut l.rows) {
-                row.base = base(&row.row);
-            }
-            let diagonal: Vec<f64> = (0..entry.axes.len())
-                .map(|i| entry.stiffness[i][i])
-                .collect();
-            let declared = entry.declared(gains.get(index));
-            let stiffness = entry.stiffness.clone();
-            let link = site.loaded.file.specimen.get(index);
-            let direction = match link.and_then(|table| table.link.as_ref()) {
-                Some(link) => {
-                    let accepted = site.loaded.file.safety.accept_wiring.clone();
-                    entry.direction(link, site.loaded.time.period.value(), settles, accepted)
-                }
-                None => WiringCheck::Known,
-            };
+    ) -> Result<Vec<PortSpec>, Refused> {
+        let influence = influence(site, dofs);
+        let each = self.0.into_iter().enumerate();
+        let each = each.map(|(index, mut entry)| {
+            entry.move_base(&influence);
+            let wiring = entry.wiring(site, index, settles);
             let is_simulated = matches!(entry.stand, Stand::Law(_));
-            let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
-                Stand::Law(law) => {
-                    let computed = InProcess::new(InUnits::around(law, &entry.units));
-                    match drill(site, index)? {
-                        Some(time) => (Box::new(computed.breaking_at(time)), None),
-                        None => (Box::new(computed), None),
-                    }
-                }
-                Stand::Native(native, rules) => (native, Some(rules)),
-                Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
-                Stand::LinearStandIn => {
-                    let axes = entry.axes.clone();
-                    (
-                        Box::new(LinearStandIn::new(axes, entry.stiffness, entry.damping)),
-                        None,
-                    )
-                }
-            };
-            let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
-            let exits = safety::exits(site, index, &metres, &diagonal)?;
-            safety::warn_of_force(site, index, &entry.axes, &entry.units, &stiffness);
-            let axes = entry.axes.len();
-            match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
-                Ok(port) => {
-                    let table = &site.loaded.file.specimen[index];
-                    let specs = table.limits_of(axes);
-                    unwatched::unwatched(site, index, &specs, &declared);
-                    // `divergence_m` is of the structure, whose scale may be another.
-                    let limits = specs.iter().map(AxisLimits::of).collect();
-                    let time = site.loaded.time;
-                    let per_step = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
-                    let ticks = if per_step { time.ticks_per_step } else { 1 };
-                    let period = time.period.value();
-                    let tick = period * f64::from(ticks);
-                    let order = order(site.loaded);
-                    let mut port = port
-                        .with_limits(limits, entry.units, period)
-                        .told_every(period, tick)
-                        .with_pace(per_step, order)
-                        .with_references(safety::references(table, axes))
-                        .with_declared(&declared, &stiffness, time.step.value());
-                    let passes = compensation::test_time(time) * f64::from(ticks);
-                    if let Some(compensators) = compensation::compensators(site, index, axes, tick)?
-                    {
-                        let pace = passes / tick;
-                        port = port.with_compensation(compensators, metres, tick, pace);
-                        if is_simulated && table.believed_transfer(1.0).is_some() {
-                            port = port.with_delay_in_test_time();
-                        }
-                        if site.loaded.file.excitation.base_displacement.is_some() {
-                            port = port.with_moving_base();
-                        }
-                    }
-                    if compensation::is_tracked(&site.loaded.file, table, axes) {
-                        let age = compensation::velocity_age(&site.loaded.file);
-                        port = port.with_tracking(passes, age);
-                        if let Some(known) = table.believed_transfer(1.0) {
-                            let tick = compensation::test_time(time);
-                            port = port.with_declared_noise(known.disp_sensor.noise_rms(tick));
-                        }
-                    }
-                    if let Some(Loading {
-                        geometry,
-                        rows,
-                        law_at,
-                    }) = entry.loading
-                    {
-                        port = port.with_geometry(geometry, rows, law_at);
-                    }
-                    port.set_wait_rules(wait);
-                    *port.wiring_check_mut() = direction;
-                    port.set_computed(table.link.as_ref().is_some_and(|link| link.computed));
-                    let at = path("specimen").index(index);
-                    let needs = needing_measured_disp(table, &at).into_iter();
-                    let of_the_test = site.loaded.file.safety.needing_measured_disp();
-                    *port.needs_measured_disp_mut() = NeedsMeasuredDisp {
-                        own: needs.map(|(place, _)| place.to_string()).collect(),
-                        of_the_test: of_the_test
-                            .map(|key| path("safety").key(key).to_string())
-                            .collect(),
-                    };
-                    *port.exits_mut() = exits;
-                    if let Some(link) = &table.link {
-                        if let Some(stands) = &link.stands_at_m {
-                            port.state_position(stands);
-                        }
-                        // What stands for it in a rehearsal is led as it is itself: unbent, since it is not asked.
-                        if site.trial.is_some() && is_known_to_stand(link, axes) {
-                            let unbent = port.sent().to_vec();
-                            port.report_position(&unbent);
-                        }
-                    }
-                    ports.push(port);
-                }
-                Err(error) => {
-                    let at = path("specimen").index(index);
-                    return site.refuse(Finding::error(at, error.to_string()));
+            let declared = entry.declared(gains.get(index));
+            let spec = entry.into_spec(site, (index, dofs), wiring, declared)?;
+            follow(spec, site, (index, is_simulated))
+        });
+        each.collect()
+    }
+}
+
+/// The influence vector of the structure; empty without one.
+fn influence(site: &Site<'_>, dofs: usize) -> Vec<f64> {
+    let Some(structure) = &site.loaded.file.structure else {
+        return Vec::new();
+    };
+    let given = match structure.matrices.as_ref() {
+        Some(StructureSpec::Matrices(matrices)) => matrices.influence.clone(),
+        _ => None,
+    };
+    given.unwrap_or_else(|| vec![1.0; dofs])
+}
+
+impl Entry {
+    /// The part of a base displacement that no deformation sees.
+    fn move_base(&mut self, influence: &[f64]) {
+        let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
+        let base = |row: &[(usize, f64)]| row.iter().map(|&(dof, b)| b * iota(dof)).sum();
+        for axis in &mut self.axes {
+            axis.base = base(&axis.row);
+        }
+        for row in self
+            .loading
+            .iter_mut()
+            .flat_map(|loading| &mut loading.rows)
+        {
+            row.base = base(&row.row);
+        }
+    }
+
+    /// How its wiring is checked.
+    fn wiring(&self, site: &Site<'_>, index: usize, settles: bool) -> WiringCheck {
+        let table = site.loaded.file.specimen.get(index);
+        let Some(link) = table.and_then(|table| table.link.as_ref()) else {
+            return WiringCheck::Known;
+        };
+        let accepted = site.loaded.file.safety.accept_wiring.clone();
+        self.direction(link, site.loaded.time.period.value(), settles, accepted)
+    }
+
+    /// Axes, limits, link and exits of a port in a structure of `dofs` degrees of freedom.
+    fn into_spec(
+        self,
+        site: &mut Site<'_>,
+        (index, dofs): (usize, usize),
+        wiring: WiringCheck,
+        declared: Vec<Declared>,
+    ) -> Result<PortSpec, Refused> {
+        let n = self.axes.len();
+        let diagonal: Vec<f64> = (0..n).map(|axis| self.stiffness[axis][axis]).collect();
+        let metres: Vec<f64> = self.units.iter().map(|unit| unit.0).collect();
+        let (substructure, wait): (Box<dyn Substructure>, _) = match self.stand {
+            Stand::Law(law) => {
+                let computed = InProcess::new(InUnits::around(law, &self.units));
+                match drill(site, index)? {
+                    Some(time) => (Box::new(computed.breaking_at(time)), None),
+                    None => (Box::new(computed), None),
                 }
             }
-        }
-        Ok(ports)
+            Stand::Native(native, rules) => (native, Some(rules)),
+            Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
+            Stand::LinearStandIn => {
+                let (axes, stiffness) = (self.axes.clone(), self.stiffness.clone());
+                (
+                    Box::new(LinearStandIn::new(axes, stiffness, self.damping)),
+                    None,
+                )
+            }
+        };
+        let exits = safety::exits(site, index, &metres, &diagonal)?;
+        safety::warn_of_force(site, index, &self.axes, &self.units, &self.stiffness);
+        let table = &site.loaded.file.specimen[index];
+        let limits = table.limits_of(n);
+        unwatched::unwatched(site, index, &limits, &declared);
+        let references = safety::references(table, n).into_iter();
+        let each = self.axes.into_iter().zip(diagonal).zip(self.units);
+        let each = each.zip(limits.iter().zip(references).zip(declared));
+        let axes = each.map(
+            |(((axis, stiffness), units), ((limits, reference), declared))| {
+                // `divergence_m` is of the structure, whose scale may be another.
+                let limits = AxisLimits::of(limits);
+                AxisSpec {
+                    axis,
+                    stiffness,
+                    units,
+                    limits,
+                    reference,
+                    declared,
+                }
+            },
+        );
+        let time = site.loaded.time;
+        let link = table.link.as_ref();
+        let per_step = link.is_some_and(LinkSpec::is_per_step);
+        let at = path("specimen").index(index);
+        let needs = needing_measured_disp(table, &at).into_iter();
+        let of_the_test = site.loaded.file.safety.needing_measured_disp();
+        Ok(PortSpec {
+            coupling: self.stiffness,
+            loading_unit: self.loading,
+            dt: time.step.value(),
+            tick: time.period.value(),
+            step: Some(time.period.value() * ticks_per_command(&time, per_step)),
+            per_step,
+            order: order(site.loaded),
+            wait,
+            wiring,
+            is_computed: link.is_some_and(|link| link.computed),
+            needs_measured_disp: NeedsMeasuredDisp {
+                own: needs.map(|(place, _)| place.to_string()).collect(),
+                of_the_test: of_the_test
+                    .map(|key| path("safety").key(key).to_string())
+                    .collect(),
+            },
+            exits,
+            stands_at_m: link.and_then(|link| link.stands_at_m.clone()),
+            ..PortSpec::new(self.name, substructure, dofs.max(1), axes.collect())
+        })
     }
+}
+
+/// Ticks from command to command in the running test.
+fn ticks_per_command(time: &Time, per_step: bool) -> f64 {
+    f64::from(if per_step { time.ticks_per_step } else { 1 })
+}
+
+/// Adds how the commands of specimen `index` make up for the lag of its actuators, which may be simulated, and how that is seen.
+fn follow(
+    mut spec: PortSpec,
+    site: &mut Site<'_>,
+    (index, is_simulated): (usize, bool),
+) -> Result<PortSpec, Refused> {
+    let time = site.loaded.time;
+    let ticks = ticks_per_command(&time, spec.per_step);
+    let tick = time.period.value() * ticks;
+    let passes = compensation::test_time(time) * ticks;
+    let axes = spec.axes.len();
+    let compensators = compensation::compensators(site, index, axes, tick)?;
+    let file = &site.loaded.file;
+    let table = &file.specimen[index];
+    let known = table.believed_transfer(1.0);
+    spec.compensation = compensators.map(|compensators| Compensation {
+        compensators,
+        tick,
+        pace: passes / tick,
+        delay_in_test_time: is_simulated && known.is_some(),
+        base_moves: file.excitation.base_displacement.is_some(),
+    });
+    if compensation::is_tracked(file, table, axes) {
+        let noise = known.map(|known| known.disp_sensor.noise_rms(compensation::test_time(time)));
+        spec.tracking = Some(TrackingSpec {
+            dt: passes,
+            age: compensation::velocity_age(file),
+            noise_m: noise,
+            critical: Vec::new(),
+        });
+    }
+    Ok(spec)
+}
+
+/// The port of each specimen.
+pub(super) fn build(site: &mut Site<'_>, specs: Vec<PortSpec>) -> Result<Vec<Port>, Refused> {
+    let mut ports = Vec::with_capacity(specs.len());
+    for (index, spec) in specs.into_iter().enumerate() {
+        let mut port = match spec.build() {
+            Ok(port) => port,
+            Err(error) => {
+                let at = path("specimen").index(index);
+                return site.refuse(Finding::error(at, error.to_string()));
+            }
+        };
+        let link = site.loaded.file.specimen[index].link.as_ref();
+        let stands = link.is_some_and(|link| is_known_to_stand(link, port.axes()));
+        // What stands for it in a rehearsal is led as it is itself: unbent, since it is not asked.
+        if site.trial.is_some() && stands {
+            let unbent = port.path().sent().to_vec();
+            port.startup_mut().report_position(&unbent);
+        }
+        ports.push(port);
+    }
+    Ok(ports)
 }

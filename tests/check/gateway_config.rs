@@ -148,7 +148,7 @@ fn limits_of_a_test_are_kept_by_its_loop() {
     );
     let path = std::path::Path::new("test.toml");
     let built = config::parse(path, text, &[]).and_then(|loaded| setup::build(&loaded));
-    let limits = built.unwrap().experiment.ports[0].limits()[0];
+    let limits = built.unwrap().experiment.ports[0].guard().declared()[0];
     assert_eq!(limits.size(Limit::CommandStep).trip, 1.0);
 }
 

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use gusset_control::engine::Experiment;
-use gusset_control::port::{Axis, Port};
+use gusset_control::port::{Axis, AxisSpec, PortSpec};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -172,6 +172,18 @@ pub fn attach(
     act: impl FnMut(Phase, u64) -> Act + Send + 'static,
 ) {
     let number = experiment.ports.len();
+    let spec = spec(number, axis, coupling, log, act);
+    experiment.ports.push(spec.build().unwrap());
+}
+
+/// What the port of rig `number` is built from.
+pub fn spec(
+    number: usize,
+    axis: Axis,
+    coupling: Coupling,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) -> PortSpec {
     let rig = Rig {
         number,
         log: log.clone(),
@@ -181,6 +193,5 @@ pub fn attach(
         sequence: 0,
     };
     let name = format!("rig-{}", number + 1);
-    let port = Port::new(name, vec![axis], Box::new(rig), 2, vec![STIFFNESS]);
-    experiment.ports.push(port.unwrap());
+    PortSpec::new(name, Box::new(rig), 2, vec![AxisSpec::new(axis, STIFFNESS)])
 }

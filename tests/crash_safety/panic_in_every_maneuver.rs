@@ -186,7 +186,7 @@ fn run(at: Option<(Phase, Call)>) -> (Ending, bool, [usize; 2], usize, Vec<Phase
         .zip(&goodbyes)
         .enumerate()
         .map(|(index, (mut port, goodbyes))| {
-            *port.wiring_check_mut() = WiringCheck::Probe {
+            *port.startup_mut().wiring_mut() = WiringCheck::Probe {
                 amplitude: vec![1e-4],
                 stiffness: vec![2e6],
                 accepted: None,

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use crate::common::{FRAME, PATIENT, json, say, write};
 use crate::link_common::Served;
 use gusset_config as config;
-use gusset_control::port::{Axis, Port};
+use gusset_control::port::{Axis, AxisSpec, PortSpec};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -66,14 +66,13 @@ fn run(out: &Path, fails_at: f64, fails_at_the_end: bool) -> (Finished, [usize; 
             fails_at_the_end,
             goodbyes: Arc::clone(&goodbyes[index]),
         };
-        let axes = vec![Axis::plain(vec![(0, 1.0)])];
-        Port::new(
+        PortSpec::new(
             ["first", "second"][index],
-            axes,
             Box::new(specimen),
             2,
-            vec![2.5e5],
+            vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 2.5e5)],
         )
+        .build()
         .unwrap()
     };
     test.experiment.ports = vec![

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use crate::common::engine::{Run, prepare, run, run_under};
 use crate::common::spring::Spring;
 use gusset_control::engine::{Control, Operator, Phase};
-use gusset_control::port::{Axis, Order, Port, Stage};
+use gusset_control::port::{Axis, AxisSpec, PortSpec, Stage};
 use gusset_quantity::time::SimClock;
 
 const DT: f64 = 0.01;
@@ -48,7 +48,13 @@ fn frame_with(
         heard.push([command.time, command.dt, command.disp[0], command.vel[0]]);
     });
     let axis = Axis::plain(vec![(0, 1.0)]);
-    let port = Port::new("spring", vec![axis], Box::new(spring), 2, vec![STIFFNESS]);
+    let port = PortSpec::new(
+        "spring",
+        Box::new(spring),
+        2,
+        vec![AxisSpec::new(axis, STIFFNESS)],
+    )
+    .build();
     experiment.ports.push(port.unwrap());
     let told: Arc<Mutex<Vec<usize>>> = Arc::default();
     if let Some(late) = late {
@@ -58,9 +64,10 @@ fn frame_with(
         });
         let far = far.answering(move |looks, told| !told.is_multiple_of(5) || looks > late);
         let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
-        let port = Port::new("far", vec![axis], Box::new(far), 2, vec![1e5]);
-        let port = port.unwrap().with_pace(true, Order::Quadratic);
-        experiment.ports.push(port);
+        let axes = vec![AxisSpec::new(axis, 1e5)];
+        let mut spec = PortSpec::new("far", Box::new(far), 2, axes);
+        spec.per_step = true;
+        experiment.ports.push(spec.build().unwrap());
     }
     let run = run_under(experiment, SimClock::new(), &Control::from(requests));
     let commands = heard.lock().unwrap().split_off(WARM_UP);
@@ -91,8 +98,10 @@ fn a_target_that_is_not_reached_is_repeated() {
             spring = spring.held_on_the_way(number);
         }
         let axis = Axis::plain(vec![(0, 1.0)]);
-        let port = Port::new("slow", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
-        let port = port.unwrap().with_pace(true, Order::Quadratic);
+        let axes = vec![AxisSpec::new(axis, STIFFNESS)];
+        let mut spec = PortSpec::new("slow", Box::new(spring), 1, axes);
+        spec.per_step = true;
+        let port = spec.build().unwrap();
         experiment.ports.push(port);
         let run = run_under(experiment, SimClock::new(), &Control::unattended());
         let told = told.lock().unwrap().clone();

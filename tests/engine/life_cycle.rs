@@ -8,7 +8,7 @@ use crate::common::rig;
 use crate::common::spring::Spring;
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset_control::port::limits::{AxisLimits, Bound, Hit, Range};
-use gusset_control::port::{Axis, Exit, Exits, Port, Reference, UnloadFailure, Zero};
+use gusset_control::port::{Axis, AxisSpec, Exit, Exits, PortSpec, Reference, UnloadFailure, Zero};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Coupling;
@@ -59,12 +59,14 @@ impl Lab {
         (spring.place, spring.bias) = (self.offset, self.bias);
         let mut axis = Axis::plain(vec![(0, 1.0)]);
         axis.disp_offset = self.offset;
-        let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]).unwrap();
-        let mut port = port
-            .with_limits(vec![self.limits], vec![(1.0, 1.0)], PERIOD)
-            .with_references(vec![self.reference]);
-        *port.exits_mut() = self.exits;
-        experiment.ports.push(port);
+        let axis = AxisSpec {
+            limits: self.limits,
+            reference: self.reference,
+            ..AxisSpec::new(axis, STIFFNESS)
+        };
+        let mut spec = PortSpec::new("rig", Box::new(spring), 1, vec![axis]);
+        (spec.tick, spec.exits) = (PERIOD, self.exits);
+        experiment.ports.push(spec.build().unwrap());
         (experiment, way)
     }
 
@@ -754,8 +756,8 @@ fn led_to(
     experiment.limits.stale_in_a_row = 100;
     let axis = rig::storey(0);
     rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
-    let port = experiment.ports.pop().unwrap();
-    let mut port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
+    let mut port = experiment.ports.pop().unwrap();
+    port.set_limits(PERIOD, |_| (limits, (1.0, 1.0)));
     *port.exits_mut() = Exits {
         on_trip: exit.clone(),
         at_end: exit,

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use crate::common::engine::{Run, prepare, run, run_on, run_under};
 use crate::common::spring::Spring;
 use gusset_control::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
-use gusset_control::port::{Axis, HOLD_AT, Order, Port};
+use gusset_control::port::{Axis, AxisSpec, HOLD_AT, Order, PortSpec};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -49,10 +49,10 @@ fn with_slow(ticks: u32, late: &[u32]) -> (Run, Commands) {
     let mut experiment = prepare(&format!("{}{SPRING}", frame(ticks, ""))).experiment;
     let (slow, commands) = slow(late);
     let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
-    let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
-    experiment
-        .ports
-        .push(port.with_pace(true, Order::Quadratic));
+    let axes = vec![AxisSpec::new(axis, 1e5)];
+    let mut spec = PortSpec::new("far", Box::new(slow), 2, axes);
+    (spec.per_step, spec.order) = (true, Order::Quadratic);
+    experiment.ports.push(spec.build().unwrap());
     (run_on(experiment, SimClock::new()), commands)
 }
 
@@ -154,8 +154,10 @@ fn a_slow_partner_that_does_not_answer_at_all_is_lost() {
     let mut experiment = prepare(&text).experiment;
     let (slow, _) = slow(&[u32::MAX]);
     let axis = Axis::plain(vec![(0, 1.0)]);
-    let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
-    experiment.ports.push(port.with_pace(true, Order::Linear));
+    let axes = vec![AxisSpec::new(axis, 1e5)];
+    let mut spec = PortSpec::new("far", Box::new(slow), 2, axes);
+    (spec.per_step, spec.order) = (true, Order::Linear);
+    experiment.ports.push(spec.build().unwrap());
     experiment.limits.reply_timeout_ns = 300_000_000;
     let run = run_on(experiment, SimClock::new());
     let Ending::Stopped(stop) = run.outcome.ending else {
@@ -179,7 +181,13 @@ fn with_words(text: &str, says: Vec<(u64, Operator)>) -> Run {
         }
         tick += 1;
     });
-    let port = Port::new("ear", vec![axis], Box::new(ear), 2, vec![STIFFNESS]);
+    let port = PortSpec::new(
+        "ear",
+        Box::new(ear),
+        2,
+        vec![AxisSpec::new(axis, STIFFNESS)],
+    )
+    .build();
     experiment.ports.push(port.unwrap());
     run_under(experiment, SimClock::new(), &Control::from(requests))
 }
@@ -240,7 +248,7 @@ fn recorded_of(
     let mut test = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     // They are polled as partners on the real clock would be, which a socket under the simulated clock is not.
     for (port, partner) in test.experiment.ports[1..].iter_mut().zip(partners) {
-        port.put_recording(partner);
+        port.put_recording(partner).unwrap();
     }
     let folder = RunFolder::create(&home.join("run")).unwrap();
     let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
@@ -301,7 +309,9 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
             same
         };
         let mut test = session::resume(&silent, None, false).unwrap_or_else(|e| panic!("{e}"));
-        test.experiment.ports[1].put_recording(Late::boxed(0.4, 0));
+        test.experiment.ports[1]
+            .put_recording(Late::boxed(0.4, 0))
+            .unwrap();
         let on = at(&format!("on-{held}"));
         // He who holds it from its beginning on lets it go; and one that stands for ever is ended.
         let mut words = vec![

@@ -7,7 +7,7 @@ use crate::common::engine::{Run, prepare, run_under};
 use crate::common::spring::Spring;
 use gusset_control::engine::{Control, Ending, Experiment, Operator, Phase, PhaseCell, Stop};
 use gusset_control::port::limits::{AxisLimits, Bound, Range};
-use gusset_control::port::{Axis, Exit, Exits, Pace, Port, WiringCheck};
+use gusset_control::port::{Axis, AxisSpec, Exit, Exits, Pace, PortSpec, WiringCheck};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -140,14 +140,18 @@ fn experiment(
         trips,
         told: 0,
     };
-    let port = match experiment.ports.first_mut() {
-        Some(port) => {
-            drop(port.swap_partner(Box::new(spring)));
-            experiment.ports.remove(0)
-        }
+    let mut port = match experiment.ports.first_mut() {
+        Some(_) => experiment.ports.remove(0).watched(|_, _| Box::new(spring)),
         None => {
             let axis = Axis::plain(vec![(0, 1.0)]);
-            Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]).unwrap()
+            PortSpec::new(
+                "rig",
+                Box::new(spring),
+                1,
+                vec![AxisSpec::new(axis, STIFFNESS)],
+            )
+            .build()
+            .unwrap()
         }
     };
     let mut limits = AxisLimits::NONE;
@@ -155,14 +159,14 @@ fn experiment(
     if kind.retraces {
         limits.set(Limit::CommandAccel, Bound::trip(ACCEL));
     }
-    let mut port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
+    port.set_limits(PERIOD, |_| (limits, (1.0, 1.0)));
     *port.exits_mut() = Exits {
         at_end: (kind.exit)(),
         on_trip: Exit::Freeze,
         speed: 0.05,
     };
     if kind.probes {
-        *port.wiring_check_mut() = WiringCheck::Probe {
+        *port.startup_mut().wiring_mut() = WiringCheck::Probe {
             amplitude: vec![AMPLITUDE],
             stiffness: vec![STIFFNESS],
             accepted: None,

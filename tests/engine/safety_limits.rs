@@ -694,10 +694,8 @@ fn a_force_beyond_its_limit_is_told_beside_what_the_specimen_says_and_that_ends_
             &Log::default(),
             script,
         );
-        let port = experiment.ports.pop().unwrap();
         let limits = AxisLimits::NONE.with(Limit::ForceStep, Bound::trip(1e3));
-        let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], 1e-3);
-        experiment.ports.push(port);
+        experiment.ports[0].set_limits(1e-3, |_| (limits, (1.0, 1.0)));
         let run = run_on(experiment, SimClock::new());
         assert_eq!(run.outcome.ending, Ending::Stopped(stop));
         assert_eq!(told(&run, true), [("force_step_n", 0, 0, 30)]);

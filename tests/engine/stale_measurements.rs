@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use crate::common::engine::{Run, run_on};
-use crate::common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
+use crate::common::rig::{self, Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset_control::engine::{EndPosition, Ending, Phase as Ended, Stop};
-use gusset_control::port::{Exit, Pace, Reference, WiringCheck, Zero};
+use gusset_control::port::{Exit, Pace, WiringCheck, Zero};
 use gusset_quantity::substructure::{Coupling, Retirement, Status};
 use gusset_quantity::time::{Clock, SimClock};
 use gusset_record::Event;
@@ -310,21 +310,13 @@ fn begins_late(zero_ticks: u32, warmup_ticks: u64, lost: u64) -> (Run, usize) {
     experiment.opening.zero_ticks = zero_ticks;
     experiment.limits.warmup_ticks = warmup_ticks;
     experiment.limits.stale_in_a_row = 10;
-    attach(
-        &mut experiment,
-        storey(0),
-        Coupling::Sampled,
-        &log,
-        move |phase, sequence| match phase {
-            Phase::Collect if sequence < lost => Act::Miss,
-            _ => Act::Force(3e4),
-        },
-    );
-    let port = experiment.ports.pop().unwrap();
-    experiment.ports.push(port.with_references(vec![Reference {
-        disp: Zero::Absolute,
-        force: Zero::Relative,
-    }]));
+    let act = move |phase, sequence| match phase {
+        Phase::Collect if sequence < lost => Act::Miss,
+        _ => Act::Force(3e4),
+    };
+    let mut spec = rig::spec(0, storey(0), Coupling::Sampled, &log, act);
+    spec.axes[0].reference.force = Zero::Relative;
+    experiment.ports.push(spec.build().unwrap());
     let run = run_on(experiment, SimClock::new());
     let calls = log.lock().unwrap();
     let issued = calls
@@ -396,7 +388,7 @@ fn a_direction_is_told_from_answers_to_the_commands_that_count() {
                 _ => Act::Serve,
             },
         );
-        *experiment.ports[0].wiring_check_mut() = WiringCheck::Probe {
+        *experiment.ports[0].startup_mut().wiring_mut() = WiringCheck::Probe {
             amplitude: vec![amplitude],
             stiffness: vec![STIFFNESS],
             accepted: None,

@@ -8,7 +8,9 @@ use crate::common::rig;
 use crate::common::spring::Spring;
 use gusset_control::engine::{Control, EndPosition, Ending, Operator, Stop};
 use gusset_control::port::limits::{AxisLimits, Bound};
-use gusset_control::port::{Axis, Exit, Exits, Order, Pace, Port, Reference, WiringCheck, Zero};
+use gusset_control::port::{
+    Axis, AxisSpec, Exit, Exits, Pace, Port, PortSpec, Reference, WiringCheck, Zero,
+};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
@@ -18,14 +20,14 @@ const PERIOD: f64 = 1e-3;
 const STIFFNESS: f64 = 2e5;
 
 /// Half a second at 1 kHz with a spring in the only storey, made ready by `ready`: the run and every command.
-fn led(more: &str, ready: impl FnOnce(Port) -> Port) -> (Run, Vec<f64>) {
+fn led(more: &str, ready: impl FnOnce(PortSpec) -> Port) -> (Run, Vec<f64>) {
     led_by(more, ready, |_| {}, &Control::unattended(), [0.0; 2])
 }
 
 /// The same; `hears` is told the number of commands so far at each of them, and the sensors read `bias` at rest.
 fn led_by(
     more: &str,
-    ready: impl FnOnce(Port) -> Port,
+    ready: impl FnOnce(PortSpec) -> Port,
     mut hears: impl FnMut(usize) + Send + 'static,
     control: &Control,
     bias: [f64; 2],
@@ -45,8 +47,9 @@ fn led_by(
     });
     spring.bias = bias;
     let axis = Axis::plain(vec![(0, 1.0)]);
-    let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
-    experiment.ports.push(ready(port.unwrap()));
+    let axes = vec![AxisSpec::new(axis, STIFFNESS)];
+    let spec = PortSpec::new("rig", Box::new(spring), 1, axes);
+    experiment.ports.push(ready(spec));
     let run = run_under(experiment, SimClock::new(), control);
     let way = way.lock().unwrap().clone();
     (run, way)
@@ -58,7 +61,7 @@ fn largest_step(way: &[f64]) -> f64 {
 }
 
 /// At most 0.1 m/s, which is tripped at.
-fn slowly(port: Port) -> Port {
+fn slowly(spec: &mut PortSpec) {
     let mut limits = AxisLimits::NONE;
     limits.set(
         Limit::CommandVel,
@@ -67,7 +70,7 @@ fn slowly(port: Port) -> Port {
             trip: 0.1,
         },
     );
-    port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD)
+    (spec.axes[0].limits, spec.tick) = (limits, PERIOD);
 }
 
 #[test]
@@ -78,10 +81,11 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
         ("safety.zero_s = 0", -0.013),
     ] {
         let more = format!("timing.warmup_ticks = 3\n{more}");
-        let (run, way) = led(&more, |port| {
-            let mut port = slowly(port);
-            port.report_position(&[stands]);
-            *port.wiring_check_mut() = WiringCheck::Probe {
+        let (run, way) = led(&more, |mut spec| {
+            slowly(&mut spec);
+            let mut port = spec.build().unwrap();
+            port.startup_mut().report_position(&[stands]);
+            *port.startup_mut().wiring_mut() = WiringCheck::Probe {
                 amplitude: vec![0.001],
                 stiffness: vec![STIFFNESS],
                 accepted: None,
@@ -172,8 +176,9 @@ fn nobody_is_moved_before_all_have_answered() {
 fn the_ramp_keeps_every_bound_of_a_command() {
     let ramp = |limits: AxisLimits| {
         let more = "timing.warmup_ticks = 3\nsafety.ramp_s = 0.01\nstructure.initial_displacement_m = [0.02]";
-        let (run, way) = led(more, |port| {
-            port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD)
+        let (run, way) = led(more, |mut spec| {
+            (spec.axes[0].limits, spec.tick) = (limits, PERIOD);
+            spec.build().unwrap()
         });
         assert_eq!(run.outcome.ending, Ending::Completed);
         way[..=way.iter().position(|disp| *disp == 0.02).unwrap()].to_vec()
@@ -205,7 +210,13 @@ fn held(more: &str, says: &'static [(usize, Operator)]) -> (Run, Vec<f64>) {
             ask.send(*word).unwrap();
         }
     };
-    led_by(more, |port| port, hears, &Control::from(requests), [0.0; 2])
+    led_by(
+        more,
+        |spec| spec.build().unwrap(),
+        hears,
+        &Control::from(requests),
+        [0.0; 2],
+    )
 }
 
 const EASED: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ease_s = 0.05";
@@ -266,15 +277,15 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
                 ask.send(*word).unwrap();
             }
         };
-        let ready = |mut port: Port| {
-            *port.wiring_check_mut() = WiringCheck::Probe {
+        let ready = |mut spec: PortSpec| {
+            spec.wiring = WiringCheck::Probe {
                 amplitude: vec![AMPLITUDE],
                 stiffness: vec![STIFFNESS],
                 accepted: None,
                 pace: Pace::of(1.0, PERIOD),
                 units: Vec::new(),
             };
-            port
+            spec.build().unwrap()
         };
         led_by(EASED, ready, hears, &Control::from(requests), [0.0; 2])
     };
@@ -317,7 +328,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
 #[test]
 fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
     let ended = |reference: Reference, bias: f64| {
-        let ready = |port: Port| {
+        let ready = |mut spec: PortSpec| {
             let mut limits = AxisLimits::NONE;
             limits.set(
                 Limit::FollowingError,
@@ -326,8 +337,9 @@ fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
                     trip: 0.001,
                 },
             );
-            let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
-            port.with_references(vec![reference])
+            spec.tick = PERIOD;
+            (spec.axes[0].limits, spec.axes[0].reference) = (limits, reference);
+            spec.build().unwrap()
         };
         let nobody = Control::unattended();
         led_by(EASED, ready, |_| {}, &nobody, [bias, 0.0])
@@ -350,17 +362,17 @@ fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
 /// Told once in ten ticks while the test runs, which it does not yet: 10 mm in 0.05 s are 0.3 m/s.
 #[test]
 fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() {
-    let (run, way) = led(EASED, |port| {
-        let port = slowly(port).with_pace(true, Order::Quadratic);
-        let mut port = port.told_every(PERIOD, 10.0 * PERIOD);
-        *port.wiring_check_mut() = WiringCheck::Probe {
+    let (run, way) = led(EASED, |mut spec| {
+        slowly(&mut spec);
+        (spec.per_step, spec.step) = (true, Some(10.0 * PERIOD));
+        spec.wiring = WiringCheck::Probe {
             amplitude: vec![0.01],
             stiffness: vec![STIFFNESS],
             accepted: None,
             pace: Pace::of(0.05, PERIOD),
             units: Vec::new(),
         };
-        port
+        spec.build().unwrap()
     });
     let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
@@ -373,15 +385,12 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
 /// 0.1 m/s are too fast then, and would be 0.01 m/s by the step.
 #[test]
 fn what_is_told_once_a_step_has_the_step_for_it_in_the_test_and_the_tick_on_its_way_out() {
-    let (run, way) = led(EASED, |port| {
+    let (run, way) = led(EASED, |mut spec| {
         let limits = AxisLimits::NONE.with(Limit::CommandVel, Bound::trip(0.02));
-        let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
-        let mut port = port
-            .told_every(PERIOD, 10.0 * PERIOD)
-            .with_pace(true, Order::Quadratic);
-        port.exits_mut().at_end = Exit::Safe(vec![0.05]);
-        port.exits_mut().speed = 0.1;
-        port
+        (spec.axes[0].limits, spec.tick) = (limits, PERIOD);
+        (spec.per_step, spec.step) = (true, Some(10.0 * PERIOD));
+        (spec.exits.at_end, spec.exits.speed) = (Exit::Safe(vec![0.05]), 0.1);
+        spec.build().unwrap()
     });
     assert!(largest_step(&way) > 0.02 * PERIOD, "{}", largest_step(&way));
     assert_eq!(run.outcome.steps, 500);
@@ -405,7 +414,13 @@ fn beside_the_test_a_tick_takes_its_share_of_the_step() {
         heard.lock().unwrap().push(command.dt)
     });
     let axis = Axis::plain(vec![(0, 1.0)]);
-    let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
+    let port = PortSpec::new(
+        "rig",
+        Box::new(spring),
+        1,
+        vec![AxisSpec::new(axis, STIFFNESS)],
+    )
+    .build();
     let mut port = port.unwrap();
     *port.exits_mut() = Exits {
         on_trip: Exit::Freeze,
@@ -430,13 +445,11 @@ fn beside_the_test_a_tick_takes_its_share_of_the_step() {
 /// However short the file wants the ramp: without a limit of its speed a specimen that stands elsewhere is given a second.
 #[test]
 fn a_short_ramp_is_no_jump() {
-    let (run, way) = led(
-        "safety.zero_s = 0.005\nsafety.ramp_s = 0.001",
-        |mut port| {
-            port.report_position(&[0.02]);
-            port
-        },
-    );
+    let (run, way) = led("safety.zero_s = 0.005\nsafety.ramp_s = 0.001", |spec| {
+        let mut port = spec.build().unwrap();
+        port.startup_mut().report_position(&[0.02]);
+        port
+    });
     assert_eq!(run.outcome.ending, Ending::Completed);
     let to_the_test = &way[..way.iter().position(|disp| *disp == 0.0).unwrap()];
     assert!(to_the_test.len() >= 1000, "{}", to_the_test.len());
@@ -477,7 +490,13 @@ fn on_simulated_time_a_test_that_waits_for_somebody_makes_no_rows_at_full_speed(
     });
     let began = std::time::Instant::now();
     let safety = "[safety]\nconfirm = true\nzero_s = 0.05";
-    let (run, way) = led_by(safety, |port| port, |_| {}, &control, [0.0; 2]);
+    let (run, way) = led_by(
+        safety,
+        |spec| spec.build().unwrap(),
+        |_| {},
+        &control,
+        [0.0; 2],
+    );
     let waited = began.elapsed();
     says.join().unwrap();
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));

@@ -395,7 +395,7 @@ fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found()
                 0.5e6,
                 "{ linear = { stiffness_n_per_m = 3.5e6 } }",
             );
-            *experiment.ports[0].wiring_check_mut() =
+            *experiment.ports[0].startup_mut().wiring_mut() =
                 WiringCheck::Settling(Trend::new(1, vec![3.5e6]));
             experiment
         };

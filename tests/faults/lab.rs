@@ -194,7 +194,8 @@ pub fn play(
     } else {
         let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;
         for (port, stood) in again.ports.iter_mut().zip(&recorded.stood) {
-            port.report_position(stood.as_deref().unwrap_or_default());
+            port.startup_mut()
+                .report_position(stood.as_deref().unwrap_or_default());
         }
         let rows = Box::new(std::io::Cursor::new(recorded.samples.clone()));
         replay_rows(again, &recorded.layout, rows).map_err(|error| error.to_string())?
@@ -211,7 +212,7 @@ pub fn perform(prepared: Prepared, wires: Wires<'_>, extra: Extra<'_>) -> Result
     let stood = experiment
         .ports
         .iter()
-        .map(|port| port.standing().map(<[f64]>::to_vec))
+        .map(|port| port.startup().standing().map(<[f64]>::to_vec))
         .collect();
     let (into, requests) = crossbeam_channel::bounded(16);
     let (notices, told) = crossbeam_channel::bounded(16);

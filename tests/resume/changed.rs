@@ -224,8 +224,10 @@ fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file
         );
         let test = write(home.path(), "test.toml", &text);
         let run = |mut test: gusset_setup::Prepared, extra: f64, out: &str| {
-            test.experiment.ports[0].put_recording(Box::new(Cell::with(extra)));
-            test.experiment.ports[0].set_computed(true);
+            test.experiment.ports[0]
+                .put_recording(Box::new(Cell::with(extra)))
+                .unwrap();
+            test.experiment.ports[0].startup_mut().set_computed(true);
             let folder = RunFolder::create(&at(out)).unwrap();
             let (_says, requests) = crossbeam_channel::bounded(1);
             session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()

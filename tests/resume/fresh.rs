@@ -100,8 +100,10 @@ fn a_force_at_the_beginning_is_warned_of_beyond_1_percent_of_the_limit() {
              coupling = \"lockstep\", probe = \"none\" }}\n"
         );
         let mut test = built(&write(home.path(), "test.toml", &text));
-        test.experiment.ports[0].put_recording(Box::new(Cell::with(extra)));
-        test.experiment.ports[0].set_computed(true);
+        test.experiment.ports[0]
+            .put_recording(Box::new(Cell::with(extra)))
+            .unwrap();
+        test.experiment.ports[0].startup_mut().set_computed(true);
         let folder = RunFolder::create(&out).unwrap();
         let (_says, requests) = crossbeam_channel::bounded(1);
         session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();

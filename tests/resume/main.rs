@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 use common::killed::{column, killed};
 use common::{completed, copy, say, write};
 use gusset_control::engine::{Operator, Phase};
-use gusset_control::port::{Axis, Port};
+use gusset_control::port::{Axis, AxisSpec, Port, PortSpec};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,

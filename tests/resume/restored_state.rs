@@ -7,7 +7,7 @@ use crate::common::engine::prepare;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
-use gusset_control::port::{Axis, Order, Port};
+use gusset_control::port::{Axis, AxisSpec, Compensation, PortSpec, TrackingSpec};
 use gusset_quantity::state::{StateError, TestState, Visit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
@@ -117,7 +117,7 @@ impl Test<'_> {
         let retraced = test.retrace_from(state, &Control::from(requests)).unwrap();
         assert_eq!(retraced.ending, Ending::Completed);
         let (_, ports, _) = retraced.state.unwrap();
-        let peaks = ports.iter().map(|port| port.peak_force().to_vec());
+        let peaks = ports.iter().map(|port| port.feedback().peak().to_vec());
         let record = std::mem::take(&mut *record.lock().unwrap());
         (record, peaks.collect())
     }
@@ -432,7 +432,7 @@ impl Substructure for Partner {
 }
 
 /// A frame of two storeys with a spring in the lower one and a partner in the upper one.
-fn with_partner(ticks: u32, partner: Partner, port: impl Fn(Port) -> Port) -> Experiment {
+fn with_partner(ticks: u32, partner: Partner, change: impl Fn(&mut PortSpec)) -> Experiment {
     let mut experiment = prepare(&format!(
         "[time]\nstep_s = 0.01\nduration_s = 2\nclock = \"simulated\"\nticks_per_step = {ticks}\n[integrator]\nlambda = 2\n\
          [safety]\nease_s = 0.1\n[structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n\
@@ -441,14 +441,10 @@ fn with_partner(ticks: u32, partner: Partner, port: impl Fn(Port) -> Port) -> Ex
     ))
     .experiment;
     let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
-    let far = Port::new(
-        "far",
-        vec![axis],
-        Box::new(partner),
-        2,
-        vec![PARTNER_N_PER_M],
-    );
-    experiment.ports.push(port(far.unwrap()));
+    let axes = vec![AxisSpec::new(axis, PARTNER_N_PER_M)];
+    let mut far = PortSpec::new("far", Box::new(partner), 2, axes);
+    change(&mut far);
+    experiment.ports.push(far.build().unwrap());
     experiment
 }
 
@@ -459,9 +455,8 @@ fn a_partner_that_is_commanded_once_a_step_is_told_its_pending_target() {
             late: &[13, 0, 17, 5, 40, 9, 12],
             ..Partner::new(Coupling::Lockstep)
         };
-        with_partner(10, partner, |port| {
-            port.with_pace(true, Order::Quadratic)
-                .told_every(0.001, 0.01)
+        with_partner(10, partner, |far| {
+            (far.per_step, far.tick, far.step) = (true, 0.001, Some(0.01));
         })
     };
     for says in [SILENT, HOLDS] {
@@ -486,10 +481,19 @@ fn stale_measurements_and_what_a_compensator_fills_in_continue() {
                 };
                 let tick = 0.01 / f64::from(ticks);
                 let spec: CompensationSpec = toml::from_str("ats = { delay_s = 0.005 }").unwrap();
-                let mut experiment = with_partner(ticks, partner, |port| {
-                    let made = vec![spec.build(tick).unwrap()];
-                    port.with_compensation(made, vec![1.0], tick, 1.0)
-                        .with_tracking(tick, 0.5)
+                let mut experiment = with_partner(ticks, partner, |far| {
+                    far.compensation = Some(Compensation {
+                        compensators: vec![spec.build(tick).unwrap()],
+                        tick,
+                        pace: 1.0,
+                        delay_in_test_time: false,
+                        base_moves: false,
+                    });
+                    far.tracking = Some(TrackingSpec {
+                        dt: tick,
+                        age: 0.5,
+                        ..TrackingSpec::default()
+                    });
                 });
                 experiment.limits.extrapolate_stale = stale;
                 experiment

@@ -109,8 +109,8 @@ pub fn run_rigs(
     stops_after: Option<usize>,
 ) -> session::Finished {
     for (port, rig) in test.experiment.ports.iter_mut().zip(rigs) {
-        port.put_recording(rig);
-        port.set_computed(true);
+        port.put_recording(rig).unwrap();
+        port.startup_mut().set_computed(true);
     }
     let ticks = stops_after.unwrap_or(0);
     let (says, requests) = crossbeam_channel::bounded(ticks + 1);

@@ -60,18 +60,18 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
             vel: 0.0,
             sequence: 0,
         };
-        Port::new(
+        PortSpec::new(
             "far",
-            vec![Axis::plain(vec![(0, 1.0)])],
             Box::new(far),
             2,
-            vec![5e5],
+            vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 5e5)],
         )
+        .build()
         .unwrap()
     };
     let under = |mut test: gusset_setup::Prepared, off: f64, out: &str, words: Vec<Operator>| {
         test.experiment.ports[0].go_live(far(off));
-        test.experiment.ports[0].set_computed(true);
+        test.experiment.ports[0].startup_mut().set_computed(true);
         let folder = RunFolder::create(&at(out)).unwrap();
         let (says, requests) = crossbeam_channel::bounded(words.len() + 1);
         for word in words {
@@ -168,10 +168,16 @@ fn concluded(mut test: gusset_setup::Prepared, out: &Path) -> session::Finished 
         vel: 0.0,
         sequence: 0,
     };
-    let axes = vec![Axis::plain(vec![(0, 1.0)])];
-    let far = Port::new("far", axes, Box::new(far), 2, vec![5e5]).unwrap();
+    let far = PortSpec::new(
+        "far",
+        Box::new(far),
+        2,
+        vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 5e5)],
+    )
+    .build()
+    .unwrap();
     test.experiment.ports[0].go_live(far);
-    test.experiment.ports[0].set_computed(true);
+    test.experiment.ports[0].startup_mut().set_computed(true);
     let (ask, requests) = crossbeam_channel::bounded(100);
     for _ in 0..100 {
         ask.send(Operator::Confirm).unwrap();

@@ -63,6 +63,6 @@ impl Exchanges {
     /// True if a specimen is commanded once a step now. Real-time: yes.
     #[inline]
     pub(crate) fn is_by_steps(&self, port: &Port) -> bool {
-        self.commanding == Commanding::EveryStep && port.is_per_step()
+        self.commanding == Commanding::EveryStep && port.path().is_per_step()
     }
 }

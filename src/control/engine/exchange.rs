@@ -13,7 +13,7 @@ use super::test_judge::limit_event;
 use super::tick::Tick;
 use super::{Limits, Stop};
 use crate::port::limits::{Found, Hit, Level};
-use crate::port::{OnStale, Port};
+use crate::port::{LoadingUnit, OnStale, Port};
 use gusset_quantity::catalog::phase::NOT_AWAITED;
 use gusset_quantity::substructure::{Coupling, Freshness, Holder, LISTEN_NS, LinkFault, Status};
 use gusset_quantity::time::Nanos;
@@ -29,11 +29,11 @@ fn send_target(
     dt: f64,
     holds: bool,
 ) -> Result<(), LinkFault> {
-    if port.has_pending_target() && !holds {
+    if port.exchange().state().is_pending() && !holds {
         let passed = if step == 0 { 0.0 } else { dt };
         return port.tell_target(sequence, step as f64 * dt, passed);
     }
-    port.skip_command();
+    port.exchange_mut().skip_command();
     Ok(())
 }
 
@@ -44,15 +44,15 @@ fn has_reply(
     patience_ns: u64,
     simulated: bool,
 ) -> Result<bool, LinkFault> {
-    if !port.owes() {
-        port.attend()?;
+    if !port.exchange().state().owes() {
+        port.exchange_mut().attend()?;
         return Ok(false);
     }
     // A socket lives in wall time: under the simulated clock it is waited for.
-    if (simulated && port.is_remote()) || port.is_answered(0)? {
+    if (simulated && port.exchange().is_remote()) || port.exchange_mut().is_answered(0)? {
         return Ok(true);
     }
-    let asked_at = port.look_for_answer(now);
+    let asked_at = port.exchange_mut().state_mut().look_for_answer(now);
     if now.since(asked_at) > patience_ns {
         return Err(LinkFault::Timeout);
     }
@@ -72,7 +72,7 @@ fn reported_stop(port: usize, status: Status) -> Option<Stop> {
 
 /// The use of stale data of a specimen, and how many in a row are accepted. Real-time: yes.
 fn stale_rules(port: &Port, limits: &Limits) -> (OnStale, u64) {
-    match port.wait_rules() {
+    match port.exchange().wait() {
         Some(own) => (own.on_stale, own.stale_in_a_row),
         None if limits.extrapolate_stale => (OnStale::Extrapolate, limits.stale_in_a_row),
         None => (OnStale::Hold, limits.stale_in_a_row),
@@ -89,16 +89,20 @@ impl Engine<'_> {
         let tick = &order.tick;
         self.environment.place.exchanged(tick);
         self.environment.journal.command_left();
-        self.ports.iter_mut().for_each(Port::begin_tick);
+        self.ports
+            .iter_mut()
+            .for_each(|port| port.guard_mut().begin_tick());
         let issued = self.issue(order);
         stamps.sent = self.environment.pace.read();
         stamps.decoded = stamps.sent;
         let result = self.collect_all(tick, stamps, issued);
         if self.exchanges.commanding == Commanding::EveryStep {
-            self.ports.iter_mut().for_each(Port::note_peak);
+            self.ports
+                .iter_mut()
+                .for_each(|port| port.feedback_mut().note_peak());
         } else if self.environment.supervision.phase().is_on_the_way_in() {
             let ports = self.ports.iter_mut();
-            ports.for_each(Port::note_force_at_startup);
+            ports.for_each(|port| port.feedback_mut().note_peak_at_startup());
         }
         if let Err(stop) = &result {
             self.record_trip(tick, stamps, stop);
@@ -115,9 +119,9 @@ impl Engine<'_> {
         let sequence = self.exchanges.sequence();
         let (step, dt) = (self.progress.step(), self.plan.dt);
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if port.owes_the_last() {
-                port.skip_command();
-            } else if !port.is_lost() {
+            if port.exchange().state().owes_the_last() {
+                port.exchange_mut().skip_command();
+            } else if !port.exchange().state().is_lost() {
                 let left = if self.exchanges.is_by_steps(port) {
                     send_target(port, sequence, step, dt, holds)
                 } else {
@@ -145,7 +149,9 @@ impl Engine<'_> {
             let Some(port) = self.ports.get(index) else {
                 break;
             };
-            if !port.may_be_commanded() || (result.is_err() && !port.owes()) {
+            if !port.exchange().state().may_be_commanded()
+                || (result.is_err() && !port.exchange().state().owes())
+            {
                 continue;
             }
             if let Err(stop) = self.collect_from(index, tick, stamps, waits) {
@@ -170,7 +176,7 @@ impl Engine<'_> {
         if let Stop::Link { port, .. } = stop
             && let Some(port) = self.ports.get_mut(*port)
         {
-            port.note_loss();
+            port.feedback_mut().note_loss();
         }
     }
 
@@ -211,7 +217,9 @@ impl Engine<'_> {
     /// Number of the command whose reply came last. Real-time: yes.
     #[inline]
     fn newest_of(&self, index: usize) -> u64 {
-        self.ports.get(index).map_or(0, |port| port.raw().sequence)
+        self.ports
+            .get(index)
+            .map_or(0, |port| port.feedback().raw().sequence)
     }
 
     #[inline]
@@ -227,8 +235,10 @@ impl Engine<'_> {
         };
         let broken = |fault| Stop::Link { port: index, fault };
         let pace = &self.environment.pace;
-        let patience = port.patience_ns(self.plan.limits.reply_timeout_ns);
-        if self.exchanges.is_by_steps(port) || port.owes_the_last() {
+        let patience = port
+            .exchange()
+            .patience_ns(self.plan.limits.reply_timeout_ns);
+        if self.exchanges.is_by_steps(port) || port.exchange().state().owes_the_last() {
             let reply = has_reply(port, stamps.sent, patience, pace.is_simulated());
             if !reply.map_err(broken)? {
                 return Ok(());
@@ -240,16 +250,16 @@ impl Engine<'_> {
         };
         let pace = &self.environment.pace;
         // A lockstep specimen was waited for, a sampled one has until its share of the tick is over.
-        let deadline = match port.coupling() {
+        let deadline = match port.exchange().coupling() {
             Coupling::Lockstep => stamps.sent.plus(patience),
             // The edge was counted when the tick began: this is the one that ends it.
             Coupling::Sampled => pace.next_edge().minus(pace.period_ns() / 8),
         };
         // A slow specimen may have been asked some ticks ago.
-        let asked_at = port.asked_at().unwrap_or(stamps.sent);
+        let asked_at = port.exchange().state().asked_at().unwrap_or(stamps.sent);
         let freshness = port.collect(deadline).map_err(broken)?;
         stamps.decoded = pace.read();
-        if self.exchanges.recordings == Recordings::AreSilent && port.is_recorded() {
+        if self.exchanges.recordings == Recordings::AreSilent && port.exchange().is_recording() {
             return Ok(());
         }
         let round_trip_ns = stamps.decoded.since(asked_at);
@@ -262,7 +272,10 @@ impl Engine<'_> {
         let Some(port) = self.ports.get(index) else {
             return Ok(());
         };
-        let (status, was_holding) = (port.raw().status, port.holding_in_a_row() > 0);
+        let (status, was_holding) = (
+            port.feedback().raw().status,
+            port.exchange().holding_in_a_row() > 0,
+        );
         if let Some(stop) = reported_stop(index, status) {
             if freshness == Freshness::Fresh {
                 self.report_beside(index, tick);
@@ -278,7 +291,7 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        port.forget_stale();
+        port.exchange_mut().forget_stale();
         let found = port.judge();
         if status.has(Status::UNSETTLED) {
             self.count_unsettled(index, tick);
@@ -296,24 +309,26 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        if !port.is_awaited() {
+        if !port.exchange().is_awaited() {
             return Ok(());
         }
-        let (wait_ns, parts) = if waits || port.is_recorded() {
-            let patience = port.patience_ns(self.plan.limits.reply_timeout_ns);
+        let (wait_ns, parts) = if waits || port.exchange().is_recording() {
+            let patience = port
+                .exchange()
+                .patience_ns(self.plan.limits.reply_timeout_ns);
             (LISTEN_NS, patience.div_ceil(LISTEN_NS))
         } else {
             (0, 1)
         };
         let supervision = &mut self.environment.supervision;
         for _ in 0..parts {
-            let answered = port.is_answered(wait_ns);
+            let answered = port.exchange_mut().is_answered(wait_ns);
             if answered.map_err(|fault| Stop::Link { port: index, fault })? {
                 return Ok(());
             }
             // A recording replies unless the operator did not wait.
-            if port.is_recorded() || !waits || supervision.takes_a_stop_in_wait() {
-                port.leave_owing();
+            if port.exchange().is_recording() || !waits || supervision.takes_a_stop_in_wait() {
+                port.feedback_mut().leave_owing();
                 return Err(Stop::Operator);
             }
         }
@@ -344,11 +359,11 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        if self.exchanges.is_by_steps(port) && !port.has_pending_target() {
+        if self.exchanges.is_by_steps(port) && !port.exchange().state().is_pending() {
             return Ok(());
         }
         let found = port.clear();
-        if let Some(fault) = port.geometry_fault() {
+        if let Some(fault) = port.loading_unit().and_then(LoadingUnit::fault) {
             return Err(Stop::Geometry { port: index, fault });
         }
         if found.is_something() {
@@ -374,7 +389,11 @@ impl Engine<'_> {
         for hit in found.warning.iter().chain(&found.trip) {
             self.report_hit(index, hit, tick);
         }
-        while let Some(hit) = self.ports.get_mut(index).and_then(Port::next_untold) {
+        while let Some(hit) = self
+            .ports
+            .get_mut(index)
+            .and_then(|port| port.guard_mut().next_untold())
+        {
             self.report_hit(index, &hit, tick);
         }
         match found.trip {
@@ -403,17 +422,17 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        let ticks = port.count_stale();
+        let ticks = port.exchange_mut().count_stale();
         // While it stands, numbers stand, too: there the age is the count of exchanges without a measurement.
         let sequence = self.exchanges.sequence();
-        let age = sequence.saturating_sub(port.raw().sequence);
+        let age = sequence.saturating_sub(port.feedback().raw().sequence);
         let age = age.max(ticks);
         let (on_stale, in_a_row) = stale_rules(port, &self.plan.limits);
         if on_stale == OnStale::Extrapolate {
             port.extrapolate();
         }
         let in_test = self.exchanges.commanding == Commanding::EveryStep;
-        let is_made_up = in_test && !port.has_answered();
+        let is_made_up = in_test && !port.exchange().has_answered();
         let port = index as u32;
         self.environment.report(tick, Event::Stale { port, age });
         if on_stale == OnStale::Stop || ticks > in_a_row || is_made_up {
@@ -462,7 +481,7 @@ impl Engine<'_> {
             while let Some(&force) = self
                 .ports
                 .get(index)
-                .and_then(|port| port.recovered_force().get(axis))
+                .and_then(|port| port.feedback().recovered().get(axis))
             {
                 let event = Event::Recovered {
                     port: index as u32,
@@ -482,7 +501,7 @@ impl Engine<'_> {
         let Some(port) = self.ports.get_mut(index) else {
             return;
         };
-        let ticks = port.count_unsettled();
+        let ticks = port.exchange_mut().count_unsettled();
         if ticks.is_power_of_two() {
             let port = index as u32;
             self.environment
@@ -572,7 +591,7 @@ impl Engine<'_> {
     fn accept_if(&mut self, commits: impl Fn(&Port) -> bool) -> Result<(), Stop> {
         let sequence = self.exchanges.sequence();
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if port.may_be_commanded() && commits(port) {
+            if port.exchange().state().may_be_commanded() && commits(port) {
                 port.accepted(sequence)
                     .map_err(|fault| Stop::Link { port: index, fault })?;
             }
@@ -584,7 +603,9 @@ impl Engine<'_> {
     /// The exchange did not belong to the test: its number is used again. Real-time: yes.
     #[inline]
     pub(crate) fn reuse_number(&mut self) {
-        self.ports.iter_mut().for_each(Port::skip_number);
+        self.ports
+            .iter_mut()
+            .for_each(|port| port.exchange_mut().skip_number());
     }
 
     /// Aims every specimen at the first target, `B·x[0]`.
@@ -620,7 +641,7 @@ impl Engine<'_> {
             if !is_armed.map_err(|fault| Stop::Link { port: index, fault })? {
                 let waited_for = self.ports.iter().enumerate().skip(index);
                 let gets_ready =
-                    waited_for.filter(|(_, port)| port.holder() == Holder::ItsWatchdog);
+                    waited_for.filter(|(_, port)| port.exchange().holder() == Holder::ItsWatchdog);
                 self.ends.unarmed = gets_ready.map(|(index, _)| index).collect();
                 return Err(Stop::Operator);
             }

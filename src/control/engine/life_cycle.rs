@@ -81,7 +81,7 @@ impl Connected {
     pub fn new(experiment: Experiment, clock: Box<dyn Clock>, recorder: Box<dyn Recorder>) -> Self {
         let ports = &experiment.ports;
         let names: Vec<&str> = ports.iter().map(|port| port.name()).collect();
-        let remote = ports.iter().any(Port::is_remote);
+        let remote = ports.iter().any(|port| port.exchange().is_remote());
         let timing = if clock.is_simulated() {
             Timing::untouched
         } else {
@@ -257,7 +257,7 @@ impl Stopped {
             let Some(port) = self.test.ports.get_mut(index) else {
                 break;
             };
-            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| port.retire(how))) {
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| port.exchange_mut().retire(how))) {
                 self.note_panic(panic_text(panic.as_ref()));
             }
         }
@@ -294,7 +294,7 @@ fn perform_steps(engine: &mut Engine<'_>, steps: &mut Stepping) -> Result<(), St
     let result = engine.perform(steps);
     engine.exchanges.commanding = Commanding::EveryTick;
     for port in &mut *engine.ports {
-        port.is_told_by_steps(false);
+        port.guard_mut().is_told_by_steps(false);
     }
     engine.environment.deadlines.flush();
     result

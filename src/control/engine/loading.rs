@@ -73,16 +73,19 @@ impl Waits {
     /// The specimens are sent to their next commands.
     fn send(&mut self, ports: &[Port]) {
         for (port, rest) in ports.iter().zip(&mut self.rests) {
-            let raw = port.has_answered().then(|| port.raw());
-            rest.sent(port.sent(), port.command(), raw);
+            let raw = port
+                .exchange()
+                .has_answered()
+                .then(|| port.feedback().raw());
+            rest.sent(port.path().sent(), port.command(), raw);
         }
     }
 
     /// Those that were led there have answered their last command once.
     fn note_led(&mut self, ports: &[Port]) {
         for (port, rest) in ports.iter().zip(&mut self.rests) {
-            if port.is_fresh() && port.sent() == port.command() {
-                rest.led(port.raw());
+            if port.feedback().is_fresh() && port.path().sent() == port.command() {
+                rest.led(port.feedback().raw());
             }
         }
     }
@@ -95,8 +98,8 @@ impl Waits {
                 return Err(Stop::DoesNotFollow {
                     port: index,
                     axis,
-                    sent: value(port.sent()),
-                    read: value(&port.raw().disp),
+                    sent: value(port.path().sent()),
+                    read: value(&port.feedback().raw().disp),
                 });
             }
         }
@@ -137,7 +140,7 @@ impl Resting<'_> {
     /// Takes the replies; the specimen that is not at rest, if one is not.
     fn take(&mut self, ports: &[Port]) -> Option<usize> {
         for (port, rest) in ports.iter().zip(&mut self.waits.rests) {
-            rest.take(port.raw());
+            rest.take(port.feedback().raw());
         }
         self.waits.rests.iter().position(|rest| !rest.rests())
     }
@@ -160,7 +163,7 @@ impl Resting<'_> {
 impl Maneuver for Resting<'_> {
     fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop> {
         if self.state == RestState::Refreshes {
-            if !engine.ports.iter().all(Port::is_fresh) {
+            if !engine.ports.iter().all(|port| port.feedback().is_fresh()) {
                 return Ok(Some(engine.still(Phase::Settling)));
             }
             let Some(port) = self.take(engine.ports) else {
@@ -325,7 +328,10 @@ impl Loading {
         Ramp::perform(engine)?;
         self.waits.note_led(engine.ports);
         engine.environment.enter(Phase::Settling, Ending::Completed);
-        let listened = engine.ports.iter().any(Port::is_checked_by_static_load);
+        let listened = engine
+            .ports
+            .iter()
+            .any(|port| port.startup().wiring().is_by_static_load());
         if listened && !self.waits.rests.iter().all(Rest::rests) {
             self.come_to_rest(engine)?;
         }
@@ -469,7 +475,7 @@ impl Loading {
     /// Reports the axes whose direction the static load did not show.
     fn report_unshown(engine: &mut Engine<'_>) {
         for (index, port) in engine.ports.iter().enumerate() {
-            for axis in port.unchecked_by_static_load() {
+            for axis in port.startup().wiring().unshown() {
                 engine.environment.report_now(Event::DirectionUnknown {
                     port: index as u32,
                     axis: axis as u32,

@@ -98,7 +98,7 @@ impl Test {
             Side::Structure(numerical) => numerical.structure.dofs(),
             Side::Prescribed(_) => 0,
         };
-        let per_step = ports.iter().any(Port::is_per_step);
+        let per_step = ports.iter().any(|port| port.path().is_per_step());
         let mut environment = Environment {
             pace: Pace::new(clock, period, limits.on_miss),
             deadlines: Deadlines::new(timing, &limits.test, per_step),
@@ -211,9 +211,9 @@ impl Test {
         } = &mut *self.parts;
         let mut unheard = Vec::new();
         for (index, (port, left)) in self.ports.iter().zip(&mut ends.left).enumerate() {
-            if port.lacks_acknowledgement() && !port.is_gone() {
+            if port.exchange().lacks_acknowledgement() && !port.exchange().state().is_gone() {
                 unheard.push(index);
-                if port.stale_in_a_row() > 0 || port.owes() {
+                if port.exchange().stale_in_a_row() > 0 || port.exchange().state().owes() {
                     *left = EndPosition::Lost;
                 }
                 environment.report_now(Event::Unacknowledged { port: index as u32 });
@@ -222,7 +222,10 @@ impl Test {
         ends.unheard = unheard;
         // Without an answer to the last message, the owed reply would have been the last one.
         for (port, left) in self.ports.iter().zip(&mut ends.left) {
-            if port.needs_no_acknowledgement() && port.is_left_owing() && !port.is_gone() {
+            if port.exchange().needs_no_acknowledgement()
+                && port.feedback().is_left_owing()
+                && !port.exchange().state().is_gone()
+            {
                 *left = EndPosition::Lost;
             }
         }
@@ -243,7 +246,7 @@ impl Test {
         let before = before.chain(std::iter::repeat(&[][..]));
         self.ports.iter().zip(before).map(|(port, before)| {
             let before = before.iter().copied().chain(std::iter::repeat(0.0));
-            let each = port.peak_force().iter().zip(before);
+            let each = port.feedback().peak().iter().zip(before);
             each.map(|(own, before)| own.max(before)).collect()
         })
     }
@@ -260,7 +263,7 @@ impl Test {
         let (rows_lost, events_lost) = journal.lost();
         let ends = &self.parts.ends;
         let reasons = self.ports.iter().filter(|_| ends.wiring_is_accepted);
-        let mut reasons = reasons.filter_map(|port| port.wiring_check().accepted());
+        let mut reasons = reasons.filter_map(|port| port.startup().wiring().accepted());
         Outcome {
             accepted_wiring: reasons.next().map(str::to_owned),
             ending,
@@ -268,8 +271,8 @@ impl Test {
             left: ends.left.clone(),
             last_commands: (self.ports.iter())
                 .map(|port| {
-                    if port.has_begun() {
-                        port.sent().to_vec()
+                    if port.exchange().has_begun() {
+                        port.path().sent().to_vec()
                     } else {
                         Vec::new()
                     }
@@ -281,10 +284,12 @@ impl Test {
             steps: place.steps_done(),
             peaks: self.parts.peaks.clone(),
             ports: (self.ports.iter().zip(self.peak_forces()))
-                .map(|(port, forces)| (port.name().to_owned(), forces, port.link_count()))
+                .map(|(port, forces)| {
+                    (port.name().to_owned(), forces, port.exchange().full_count())
+                })
                 .collect(),
             forces_on_the_way_in: (self.ports.iter())
-                .map(|port| port.force_at_startup().to_vec())
+                .map(|port| port.feedback().peak_at_startup().to_vec())
                 .collect(),
             pace: PaceOutcome {
                 timing,
@@ -295,8 +300,8 @@ impl Test {
             },
             rows_lost,
             events_lost,
-            complaints: self.said(Port::complaint),
-            last_words: self.said(Port::last_words),
+            complaints: self.said(|port| port.exchange().complaint()),
+            last_words: self.said(|port| port.exchange().last_words()),
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::port::Port;
+use crate::port::{LoadingUnit, Port};
 use gusset_quantity::catalog::column::{
     ACTUATOR_FORCE, ADDED, COMMAND, COMPENSATION, EXCHANGES, FALSE_DAMPING, FORCE, GAIN, JUDGED,
     Kind, LAG, MARGIN, MEASURED, MEASURED_POSE, POSE, POSE_FORCE, RAW_DISP, RAW_FORCE, SEQUENCE,
@@ -16,19 +16,20 @@ use gusset_record::Column;
 /// The numbers of a port, in the order of its columns. Real-time: yes.
 #[inline]
 pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
-    let raw = port.raw();
+    let raw = port.feedback().raw();
     if let [.., sequence, status, exchanges, stale] = &mut *slots {
         *sequence = raw.sequence as f64;
         *status = f64::from(raw.status.0);
-        *exchanges = port.counts().sent as f64;
-        *stale = port.counts().stale as f64;
+        *exchanges = port.exchange().count().sent as f64;
+        *stale = port.exchange().count().stale as f64;
     }
     let Some((axes, further)) = slots.split_at_mut_checked(width * port.axes()) else {
         return;
     };
     let at = |values: &[f64], axis: usize| values.get(axis).copied().unwrap_or(f64::NAN);
     let slots_of_axes = axes.chunks_exact_mut(width).enumerate();
-    for ((axis, slot), (stiffness, damping, energy)) in slots_of_axes.zip(port.estimates()) {
+    for ((axis, slot), (stiffness, damping, energy)) in slots_of_axes.zip(port.estimates().values())
+    {
         let [
             target,
             command,
@@ -44,9 +45,9 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
             return;
         };
         *target = at(port.target(), axis);
-        *command = at(port.sent(), axis);
-        *measured = at(port.measured(), axis);
-        *force = at(port.force(), axis);
+        *command = at(port.path().sent(), axis);
+        *measured = at(port.feedback().disp(), axis);
+        *force = at(port.feedback().force(), axis);
         *raw_disp = at(&raw.disp, axis);
         *raw_force = at(&raw.force, axis);
         *kt = stiffness;
@@ -60,15 +61,22 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
         return;
     };
     if !further.is_empty() {
-        let tracking = port.tracking().flatten();
-        let poses = port.pose().flat_map(|(_, values)| values);
-        let margins = port.knows_margin().then(|| port.delay_margins());
+        let tracking = port.tracking().values().flatten();
+        let poses = port
+            .loading_unit()
+            .into_iter()
+            .flat_map(LoadingUnit::pose)
+            .flat_map(|(_, values)| values);
+        let margins = port
+            .tracking()
+            .knows_margin()
+            .then(|| port.tracking().delay_margins());
         let margins = margins.into_iter().flatten();
         let all = tracking
             .chain(margins)
-            .chain(port.compensation_parameters())
+            .chain(port.path().compensation_parameters())
             .chain(poses)
-            .chain(port.judged());
+            .chain(port.guard().judged());
         for (slot, value) in further.iter_mut().zip(all) {
             *slot = value;
         }
@@ -77,7 +85,10 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
 
 /// Columns that every axis of a port has side by side.
 pub(super) fn width_of_axis(port: &Port) -> usize {
-    let damping = port.estimates().any(|(_, damping, _)| damping.is_some());
+    let damping = port
+        .estimates()
+        .values()
+        .any(|(_, damping, _)| damping.is_some());
     8 + usize::from(damping)
 }
 
@@ -93,7 +104,10 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
     } else {
         (TARGET, FORCE)
     };
-    let has_damping = port.estimates().any(|(_, damping, _)| damping.is_some());
+    let has_damping = port
+        .estimates()
+        .values()
+        .any(|(_, damping, _)| damping.is_some());
     let always = [
         target, COMMAND, MEASURED, force, RAW_DISP, RAW_FORCE, TANGENT, ADDED,
     ];
@@ -103,15 +117,15 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
         let kinds = always.iter().chain(&damping);
         columns.extend(kinds.map(|kind| of_axis(kind, axis)));
     }
-    if port.tracks() {
+    if port.tracking().is_on() {
         for axis in 1..=port.axes() {
             columns.extend(tracked.iter().map(|kind| of_axis(kind, axis)));
         }
     }
-    if port.knows_margin() {
+    if port.tracking().knows_margin() {
         columns.extend((1..=port.axes()).map(|axis| of_axis(&MARGIN, axis)));
     }
-    for (axis, parameter) in port.compensation_names() {
+    for (axis, parameter) in port.path().compensation_names() {
         let (key, axis) = (parameter.name, axis + 1);
         let meaning = COMPENSATION.meaning.replace("NAME", key);
         columns.push(Column {
@@ -120,7 +134,12 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
             ..named(&COMPENSATION, COMPENSATION.of_parameter(key, number, axis))
         });
     }
-    for (index, (coordinate, _)) in port.pose().enumerate() {
+    for (index, (coordinate, _)) in port
+        .loading_unit()
+        .into_iter()
+        .flat_map(LoadingUnit::pose)
+        .enumerate()
+    {
         let (unit, force_unit) = (coordinate.unit(), coordinate.force_unit());
         let kinds = [
             (&POSE, unit),
@@ -135,7 +154,7 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
             });
         }
     }
-    for (axis, limit) in port.recorded_limits() {
+    for (axis, limit) in port.guard().recorded_limits() {
         let (row, axis) = (limit.row(), axis + 1);
         columns.push(Column {
             unit: row.unit.into(),

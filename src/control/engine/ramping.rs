@@ -103,7 +103,10 @@ impl Ramp {
     }
 
     fn all_replied(engine: &Engine<'_>) -> bool {
-        engine.ports.iter().all(|port| port.has_answered())
+        engine
+            .ports
+            .iter()
+            .all(|port| port.exchange().has_answered())
     }
 }
 

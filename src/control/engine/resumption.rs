@@ -104,7 +104,7 @@ fn expected_force(
     let others = others.map(|(other, way)| if other == axis { 0.0 } else { *way });
     let others: Vec<f64> = others.collect();
     let noise = NOISE * port.elastic_force_of(axis, reading.disp_noise).abs();
-    let explained = if port.has_relative_disp(axis) {
+    let explained = if port.startup().has_relative_disp(axis) {
         place.within
     } else {
         place.way_lost
@@ -188,8 +188,8 @@ impl Resumption {
     /// Specimens that report their position must stand where they were left; nothing has moved yet.
     fn compare_positions(&self, engine: &mut Engine<'_>) -> Result<(), Stop> {
         for (index, (port, places)) in engine.ports.iter().zip(&self.left).enumerate() {
-            let stands = port.standing().unwrap_or(port.sent());
-            let axes = stands.iter().zip(port.sent()).zip(places);
+            let stands = port.startup().standing().unwrap_or(port.path().sent());
+            let axes = stands.iter().zip(port.path().sent()).zip(places);
             for (axis, ((found, left), place)) in axes.enumerate() {
                 let stands_there = (found - left).abs() <= place.within;
                 if !stands_there && !self.accepts_changed {
@@ -217,7 +217,7 @@ impl Resumption {
             return Ok(());
         }
         for port in &mut *engine.ports {
-            port.forget_readings();
+            port.startup_mut().forget_readings();
             port.leave_test();
             // A specimen at rest shows its noise and no stiffness.
             port.pause_estimates();
@@ -242,7 +242,7 @@ impl Resumption {
         let mut moved = None;
         for (index, (port, places)) in engine.ports.iter().zip(&self.left).enumerate() {
             for (axis, place) in places.iter().enumerate() {
-                let reading = port.reading(axis);
+                let reading = port.startup().reading(axis);
                 let found = reading.disp;
                 let (left, within) = (place.disp, place.within);
                 if !place.stands_at(found) && moved.is_none() {
@@ -274,14 +274,15 @@ impl Resumption {
         let mut changed = None;
         for (index, (port, places)) in engine.ports.iter().zip(&self.left).enumerate() {
             let ways = places.iter().enumerate();
-            let ways = ways.map(|(axis, place)| port.reading(axis).disp - place.disp_of_force);
+            let ways =
+                ways.map(|(axis, place)| port.startup().reading(axis).disp - place.disp_of_force);
             let ways: Vec<f64> = ways.collect();
             for (axis, place) in places.iter().enumerate() {
                 // A formula has no load cell: it continues from its own state.
                 if place.within.is_infinite() {
                     continue;
                 }
-                let reading = port.reading(axis);
+                let reading = port.startup().reading(axis);
                 let [left, within] = expected_force(port, axis, place, &ways, &reading);
                 let difference = (reading.force - left).abs();
                 if (difference.is_nan() || difference > within) && changed.is_none() {
@@ -300,7 +301,7 @@ impl Resumption {
                         left,
                         found: reading.force,
                         within,
-                        taken_for_drift: takes_drift && port.has_relative_force(axis),
+                        taken_for_drift: takes_drift && port.startup().has_relative_force(axis),
                     });
                 }
             }
@@ -319,7 +320,7 @@ impl Resumption {
                 if place.within.is_infinite() {
                     continue;
                 }
-                if place.stands_at(port.reading(axis).disp) {
+                if place.stands_at(port.startup().reading(axis).disp) {
                     port.take_disp_drift(axis, place.disp);
                 }
                 if takes_force {
@@ -333,13 +334,20 @@ impl Resumption {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::{Axis, LinearStandIn};
+    use crate::port::{Axis, AxisSpec, LinearStandIn, PortSpec};
 
     /// The force of a specimen of 1e5 N/m was 100 N at 1 mm; the specimen is found at 0.5 mm.
     fn passes(way_lost: f64, force: f64) -> bool {
         let axes = vec![Axis::plain(vec![(0, 1.0)])];
         let rig = LinearStandIn::new(axes.clone(), vec![vec![1e5]], Vec::new());
-        let port = Port::new("rig", axes, Box::new(rig), 1, vec![1e5]).unwrap();
+        let port = PortSpec::new(
+            "rig",
+            Box::new(rig),
+            1,
+            vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 1e5)],
+        )
+        .build()
+        .unwrap();
         let place = Place {
             disp: 1e-3,
             force: 100.0,
@@ -350,7 +358,7 @@ mod tests {
         };
         let reading = Reading {
             force,
-            ..port.reading(0)
+            ..port.startup().reading(0)
         };
         let [expected, within] = expected_force(&port, 0, &place, &[-0.5e-3], &reading);
         assert!((expected - 50.0).abs() < 1e-9, "{expected}");

@@ -71,7 +71,12 @@ impl Shutdown {
         let Err(stop) = led else {
             return ending;
         };
-        let is_gone = |port: usize| engine.ports.get(port).is_some_and(|port| port.is_gone());
+        let is_gone = |port: usize| {
+            engine
+                .ports
+                .get(port)
+                .is_some_and(|port| port.exchange().state().is_gone())
+        };
         // One that was lost while the others were led was reported then.
         if !matches!(stop, Stop::Link { port, .. } if is_gone(port)) {
             engine.environment.report_stop(&stop);
@@ -122,7 +127,8 @@ impl Shutdown {
         let brakes = Self::end_motion(engine.ends.is_after_operator(), engine);
         let shutdown = Self::new(tripped, is_known, brakes, engine);
         let ports = engine.ports.iter().zip(&shutdown.exits);
-        let moves = { ports }.any(|(port, exit)| exit.moves() && !port.is_lost());
+        let moves =
+            { ports }.any(|(port, exit)| exit.moves() && !port.exchange().state().is_lost());
         let journal = &mut engine.environment.journal;
         journal.keep_warm_up();
         if tripped && !journal.has_trip() && (moves || journal.lacks_commands()) {
@@ -181,15 +187,15 @@ impl Shutdown {
         let ports = engine.ports.iter().zip(brakes);
         for (left, (port, brake)) in engine.ends.left.iter_mut().zip(ports) {
             // The position of one that never replied is unknown.
-            let replies = port.has_answered() || port.owes_the_last();
+            let replies = port.exchange().has_answered() || port.exchange().state().owes_the_last();
             let is_wanted = is_known
-                && port.has_begun()
+                && port.exchange().has_begun()
                 && replies
                 && (port.can_retrace() || !retraces)
                 && (retraces || port.exits().moves(tripped));
             let is_felt = retraces || port.can_be_led(tripped);
             let unfelt = (!is_felt).then_some(UnloadFailure::Unfelt);
-            *left = if port.is_gone() {
+            *left = if port.exchange().state().is_gone() {
                 EndPosition::Lost
             } else if is_wanted {
                 EndPosition::NotReached(unfelt)
@@ -222,7 +228,7 @@ impl Shutdown {
         for (port, exit) in engine.ports.iter_mut().zip(&mut self.exits) {
             if let Some(brake) = &mut exit.brake {
                 if brake.is_new() {
-                    port.leave_number(sequence);
+                    port.exchange_mut().leave_number(sequence);
                 }
                 if port.brake(brake) {
                     moving = true;
@@ -243,10 +249,12 @@ impl Shutdown {
             engine.exchanges.sequence(),
         );
         let each = engine.ports.iter_mut().zip(&mut self.exits);
-        let each = each.filter(|(port, exit)| port.may_be_commanded() && exit.brake.is_none());
+        let each = each.filter(|(port, exit)| {
+            port.exchange().state().may_be_commanded() && exit.brake.is_none()
+        });
         for (port, exit) in each {
             if !std::mem::replace(&mut exit.is_halted, true) {
-                port.halt();
+                port.exchange_mut().halt();
             }
             if exit.is_led && exit.departure.is_none() {
                 exit.departure = if self.retraces {
@@ -254,7 +262,7 @@ impl Shutdown {
                 } else {
                     port.begin_return_move(self.tripped, period)
                 };
-                port.leave_number(sequence);
+                port.exchange_mut().leave_number(sequence);
             }
         }
     }
@@ -289,7 +297,7 @@ impl Shutdown {
     ) -> Result<(), Stop> {
         for index in 0..engine.ports.len() {
             let port = engine.ports.get(index);
-            if !port.is_some_and(|port| port.owes_the_last()) {
+            if !port.is_some_and(|port| port.exchange().state().owes_the_last()) {
                 continue;
             }
             match engine.collect_from(index, tick, stamps, true) {
@@ -312,7 +320,7 @@ impl Shutdown {
         if let Ending::Stopped(Stop::Link { port, .. }) = ending
             && let Some(port) = engine.ports.get_mut(*port)
         {
-            port.note_loss();
+            port.feedback_mut().note_loss();
         }
         let tick = Self::tick_after_the_last(engine, 0.0);
         let stopped = (engine.ends).is_operators(engine.environment.supervision.phase());
@@ -356,7 +364,8 @@ impl Maneuver for Shutdown {
         self.begin_motions(engine);
         moving |= self.go_on(engine);
         let mut ports = engine.ports.iter().zip(&self.exits);
-        let waits = ports.any(|(port, exit)| exit.is_led && port.owes_the_last());
+        let waits =
+            ports.any(|(port, exit)| exit.is_led && port.exchange().state().owes_the_last());
         if !moving && !waits {
             return Ok(None);
         }
@@ -382,7 +391,7 @@ impl Maneuver for Shutdown {
     ) -> Result<(), Stop> {
         engine.accept()?;
         for port in &mut *engine.ports {
-            port.close_tick_of_shutdown();
+            port.exchange_mut().state_mut().close_tick_of_shutdown();
         }
         Ok(())
     }

@@ -34,7 +34,7 @@ impl Zeroing {
     pub(crate) fn report_readings(engine: &mut Engine<'_>) {
         for (index, port) in engine.ports.iter().enumerate() {
             for axis in 0..port.axes() {
-                let reading = port.reading(axis);
+                let reading = port.startup().reading(axis);
                 let [disp_noise, force_noise] = reading.noise().unwrap_or([f64::NAN; 2]);
                 engine.environment.report_now(Event::Zeroed {
                     port: index as u32,
@@ -59,7 +59,7 @@ impl Zeroing {
 impl Maneuver for Zeroing {
     fn next(&mut self, engine: &mut Engine<'_>) -> Result<Option<Order>, Stop> {
         let mut ports = engine.ports.iter();
-        let complete = ports.all(|port| port.has_read(self.readings));
+        let complete = ports.all(|port| port.startup().has_read(self.readings));
         Ok((!complete).then(|| engine.still(Phase::Zeroing)))
     }
 
@@ -125,7 +125,10 @@ pub(super) struct Listening {
 impl Listening {
     /// A few readings, if there is such a specimen.
     pub(crate) fn new(engine: &Engine<'_>) -> Self {
-        let is_needed = engine.ports.iter().any(Port::is_checked_by_static_load);
+        let is_needed = engine
+            .ports
+            .iter()
+            .any(|port| port.startup().wiring().is_by_static_load());
         let period = engine.environment.pace.period_s();
         let readings = (AT_REST_S / period).clamp(2.0, AT_REST) as u32;
         Self {

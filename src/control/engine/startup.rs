@@ -65,7 +65,7 @@ impl Startup {
         engine.ports.iter_mut().for_each(Port::begin_way);
         WarmUp::perform(engine)?;
         Self::report_initial_forces(engine, |port, axis| {
-            let raw = port.raw();
+            let raw = port.feedback().raw();
             [raw.disp.get(axis), raw.force.get(axis)].map(|value| value.copied().unwrap_or(0.0))
         });
         Ok(())
@@ -99,7 +99,7 @@ impl Startup {
         // Under a static load a force at t = 0 is as it must be: what counts is the force before it.
         if engine.settling.is_some() {
             Self::report_initial_forces(engine, |port, axis| {
-                let reading = port.reading(axis);
+                let reading = port.startup().reading(axis);
                 [reading.disp, reading.force]
             });
         }
@@ -112,13 +112,13 @@ impl Startup {
         let bounds = &engine.plan.opening.initial_forces;
         for (index, (port, bounds)) in engine.ports.iter().zip(bounds).enumerate() {
             // A law of this process begins in its virgin state; of one that has not replied nothing is known.
-            if port.is_formula() || !port.has_answered() {
+            if port.exchange().is_formula() || !port.exchange().has_answered() {
                 continue;
             }
             let all: Vec<[f64; 2]> = (0..port.axes()).map(|axis| measured(port, axis)).collect();
             for (axis, bound) in bounds.iter().enumerate().take(all.len()) {
-                let newtons = port.newtons_of(axis);
-                let noise = port.reading(axis).force_noise * newtons;
+                let newtons = port.guard().newtons_of(axis);
+                let noise = port.startup().reading(axis).force_noise * newtons;
                 let (force, slack) = port.unexplained_force(axis, &all, STIFFNESS_SHARE);
                 let resolution = port.stiffness_at_specimen(axis) * RESOLUTION_M;
                 let most = bound.most_n + NOISE * noise + resolution + slack * newtons;

@@ -179,7 +179,11 @@ impl Maneuver for Stepping {
         let steps = engine.plan.steps;
         if engine.progress.step() > steps {
             // Given up for being late in its very last tick: of a recorded test only the row that comes next tells it.
-            if engine.ports.iter().any(Port::is_recorded) {
+            if engine
+                .ports
+                .iter()
+                .any(|port| port.exchange().is_recording())
+            {
                 engine.environment.hear()?;
             }
             return Ok(None);
@@ -204,7 +208,10 @@ impl Maneuver for Stepping {
             return Ok(());
         }
         if engine.progress.arrive() {
-            engine.ports.iter_mut().for_each(Port::reach);
+            engine
+                .ports
+                .iter_mut()
+                .for_each(|port| port.path_mut().reach());
         }
         self.stride = engine.progress.stride();
         self.closed = None;
@@ -254,7 +261,7 @@ impl Stepping {
         let held = engine.environment.supervision.is_held();
         let ports = engine.ports.iter_mut();
         match engine.progress.next(held, engine.plan.steps) {
-            None => ports.for_each(Port::hold_compensation),
+            None => ports.for_each(|port| port.path_mut().hold()),
             Some(stride) => ports.for_each(|port| port.advance(&stride, engine.plan.dt)),
         }
     }
@@ -262,9 +269,11 @@ impl Stepping {
     /// True if the step can be closed: its target is reached, and no specimen owes a reply. Real-time: yes.
     #[inline]
     fn can_close(engine: &Engine<'_>) -> bool {
-        let owes = |port: &Port| port.owes() || port.has_pending_target();
+        let owes =
+            |port: &Port| port.exchange().state().owes() || port.exchange().state().is_pending();
         let mut ports = engine.ports.iter();
-        engine.progress.has_reached() && ports.all(|port| port.is_lost() || !owes(port))
+        engine.progress.has_reached()
+            && ports.all(|port| port.exchange().state().is_lost() || !owes(port))
     }
 
     /// The row's place of the step that is closed in this tick. What was kept for it is taken. Real-time: yes.
@@ -361,7 +370,7 @@ impl Stepping {
             digest.add_list(self.memory.words().iter().copied());
         }
         for port in &*engine.ports {
-            for value in port.force().iter().chain(port.measured()) {
+            for value in port.feedback().force().iter().chain(port.feedback().disp()) {
                 digest.add(value.to_bits());
             }
         }

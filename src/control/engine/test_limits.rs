@@ -12,9 +12,11 @@ const OF_STEPS: [Limit; 4] = Limit::judging(&[Judges::Step]);
 fn is_kept(limit: Limit, side: &Side, ports: &[Port]) -> bool {
     match (limit, side) {
         (Limit::StabilityUsed, Side::Structure(_)) => {
-            !ports.is_empty() && ports.iter().all(Port::knows_stability)
+            !ports.is_empty() && ports.iter().all(|port| port.estimates().knows_stability())
         }
-        (Limit::DelayUsed, Side::Structure(_)) => ports.iter().any(Port::knows_margin),
+        (Limit::DelayUsed, Side::Structure(_)) => {
+            ports.iter().any(|port| port.tracking().knows_margin())
+        }
         (Limit::StepAudit, Side::Structure(numerical)) => numerical.audit().is_some(),
         (Limit::AddedEnergyShare, Side::Structure(numerical)) => {
             numerical.intake().is_some() && !ports.is_empty()
@@ -28,11 +30,11 @@ fn is_kept(limit: Limit, side: &Side, ports: &[Port]) -> bool {
 pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
     match (limit, side) {
         (Limit::StabilityUsed, _) => {
-            let used = |port: &Port| port.stability_used().unwrap_or(f64::NAN);
+            let used = |port: &Port| port.estimates().total_stability_used().unwrap_or(f64::NAN);
             ports.iter().fold(-0.0, |sum, port| sum + used(port))
         }
         (Limit::DelayUsed, _) => {
-            let ports = ports.iter().map(Port::delay_used);
+            let ports = ports.iter().map(|port| port.tracking().delay_used());
             // A number wins against none.
             ports.fold(f64::NAN, f64::max)
         }
@@ -40,7 +42,9 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
             .audit()
             .map_or(f64::NAN, super::audit::StepAudit::relative),
         (Limit::AddedEnergyShare, Side::Structure(numerical)) => {
-            let added = ports.iter().fold(0.0, |sum, port| port.added_energy(sum));
+            let added = ports
+                .iter()
+                .fold(0.0, |sum, port| port.estimates().added_energy(sum));
             let intake = numerical.intake();
             intake.map_or(f64::NAN, |intake| intake.share(added))
         }
@@ -84,8 +88,8 @@ pub(super) fn worst(limit: Limit, ports: &[Port]) -> Option<(usize, usize)> {
     };
     for (index, port) in ports.iter().enumerate() {
         match limit {
-            Limit::StabilityUsed => note(index, &mut port.stability_used_by_axis()),
-            Limit::DelayUsed => note(index, &mut port.delay_used_by_axis()),
+            Limit::StabilityUsed => note(index, &mut port.estimates().stability_used()),
+            Limit::DelayUsed => note(index, &mut port.tracking().delay_used_by_axis()),
             _ => {}
         }
     }

@@ -84,7 +84,7 @@ impl WarmUp {
             // A specimen that never replied before the test, and is late in its first tick, ends it there: then these rows are
             // kept.
             for port in &mut *engine.ports {
-                port.take_for_answered();
+                port.exchange_mut().take_for_answered();
             }
         }
         let held_before = engine.environment.supervision.is_held();
@@ -119,11 +119,11 @@ impl WarmUp {
         self.judge_readiness(engine)?;
         for port in &mut *engine.ports {
             port.begin_test();
-            port.is_told_by_steps(true);
+            port.guard_mut().is_told_by_steps(true);
             // Warm-up ticks do not count, but for a specimen that has not replied yet.
-            if port.has_answered() {
-                port.forget_stale();
-                port.set_holding_in_a_row(0);
+            if port.exchange().has_answered() {
+                port.exchange_mut().forget_stale();
+                port.exchange_mut().set_holding_in_a_row(0);
             }
         }
         engine.judge_commands()
@@ -210,7 +210,7 @@ impl Maneuver for WarmUp {
         stamps.pushed = pace.read();
         engine.environment.deadlines.warm_up_tick(stamps);
         // A specimen that the test commands once a step is not waited for in it.
-        let waits = engine.ports.iter().any(Port::is_per_step);
+        let waits = engine.ports.iter().any(|port| port.path().is_per_step());
         if judged.is_some() {
             let waited_ns = u64::from(waits) * stamps.decoded.since(stamps.sent);
             self.readiness.note(stamps, waited_ns);

@@ -6,70 +6,23 @@ use super::compensators::Compensators;
 use super::probe::SIGMAS;
 use super::retrace::Tick;
 use super::*;
-use gusset_actuator::compensation::Compensator;
-use gusset_actuator::geometry::LawPlace;
-use gusset_proof::CriticalDelay;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::state::TestState;
-use limits::AxisLimits;
 
 // Construction.
 impl Port {
-    /// Joins a substructure to a structure of `dofs` degrees of freedom. `stiffness` is the estimate k̂, one
-    /// value per axis in N/m as the structure sees it, used to extrapolate a stale force.
+    /// Puts a recording in place of the substructure that was there: it knows the test's numbers only.
     ///
     /// # Errors
-    /// See [`PortError`].
-    pub fn new(
-        name: impl Into<String>,
-        axes: Vec<Axis>,
-        substructure: Box<dyn Substructure>,
-        dofs: usize,
-        stiffness: Vec<f64>,
-    ) -> Result<Self, PortError> {
-        let n = substructure.axes();
-        if axes.len() != n || stiffness.len() != n {
-            return Err(PortError::Axes {
-                rows: axes.len(),
-                axes: n,
-            });
-        }
-        for (index, axis) in axes.iter().enumerate() {
-            axis.check(index, dofs)?;
-        }
-        Ok(Self::joined(name.into(), axes, substructure, stiffness))
-    }
-
-    /// A port of checked axes: one axis for each of the substructure's and each entry of `stiffness`.
-    pub(super) fn joined(
-        name: String,
-        axes: Vec<Axis>,
-        substructure: Box<dyn Substructure>,
-        stiffness: Vec<f64>,
-    ) -> Self {
-        let n = axes.len();
-        Self {
-            name,
-            loading_unit: None,
-            path: CommandPath::new(&axes),
-            exchange: Exchange::new(substructure),
-            guard: Guard::open(n),
-            feedback: Feedback::new(n),
-            estimates: Estimates::new(&stiffness),
-            stiffness: InitialStiffness::new(stiffness),
-            tracking: Tracking::new(n),
-            startup: Startup::absolute(n),
-            exits: Exits::default(),
-            retrace: None,
-            axes,
-        }
-    }
-
-    /// Puts a recording with as many axes in place of the substructure that was there: it knows the test's numbers only.
-    pub fn put_recording(&mut self, substructure: Box<dyn Substructure>) {
-        if substructure.axes() == self.axes.len() {
-            self.exchange.put_recording(substructure);
-        }
+    /// It has another number of axes.
+    pub fn put_recording(&mut self, substructure: Box<dyn Substructure>) -> Result<(), PortError> {
+        spec::fits(
+            "axes of the recording",
+            substructure.axes(),
+            self.axes.len(),
+        )?;
+        self.exchange.put_recording(substructure);
+        Ok(())
     }
 
     /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
@@ -90,147 +43,15 @@ impl Port {
         found.filter(|hit| hit.quantity == Limit::CommandDisp)
     }
 
-    /// Sets the limits, one entry per axis, SI at the specimen's own scale; `units` are the metres and newtons in one
-    /// unit of each axis, `tick` the wall time of one tick in s.
-    #[must_use]
-    pub fn with_limits(
-        mut self,
-        limits: Vec<AxisLimits>,
-        units: Vec<(f64, f64)>,
+    /// From here on the guard has these limits, and metres and newtons in one unit of each axis; the axis counts from 0. Ticks take
+    /// `tick` s.
+    pub fn set_limits(
+        &mut self,
         tick: f64,
-    ) -> Self {
-        if limits.len() == self.axes.len() && units.len() == self.axes.len() {
-            self.guard = Guard::new(limits, units, tick);
-        }
-        self
-    }
-
-    /// In the running test its commands are `step` s apart, and judged by that; otherwise `tick` s.
-    #[must_use]
-    pub const fn told_every(mut self, tick: f64, step: f64) -> Self {
-        self.guard.set_ticks(tick, step);
-        self
-    }
-
-    /// Commands it once a step, and lets it take several ticks for its answer; predicts the way of the others with `order`.
-    #[must_use]
-    pub fn with_pace(mut self, per_step: bool, order: Order) -> Self {
-        self.path.set_pace(per_step, order);
-        self
-    }
-
-    /// Which channels take their zero from what is read, one entry per axis.
-    #[must_use]
-    pub fn with_references(mut self, references: Vec<Reference>) -> Self {
-        if references.len() == self.axes.len() {
-            self.startup.set_references(references);
-        }
-        self
-    }
-
-    /// Declared values of the axes, k̂ between them (n × n by rows, the diagonal is ignored) and the step Δt.
-    #[must_use]
-    pub fn with_declared(mut self, declared: &[Declared], stiffness: &[Vec<f64>], dt: f64) -> Self {
-        self.estimates.declare(declared, dt);
-        self.stiffness.couple(stiffness);
-        self
-    }
-
-    /// Puts a compensator on each axis; `tick` is the wall time from command to command in s, `pace` the test time that
-    /// passes in one second of it. Without as many compensators as axes nothing changes.
-    #[must_use]
-    pub fn with_compensation(
-        mut self,
-        of: Vec<Box<dyn Compensator>>,
-        metres: Vec<f64>,
-        tick: f64,
-        pace: f64,
-    ) -> Self {
-        let n = self.axes.len();
-        if of.len() == n && metres.len() == n {
-            self.path
-                .set_compensators(Compensators::new(of, metres, tick, pace));
-        }
-        self
-    }
-
-    /// The compensated delay is one of test time: that of an actuator which is simulated in this process.
-    #[must_use]
-    pub const fn with_delay_in_test_time(mut self) -> Self {
-        if let Some(compensators) = self.path.compensators_mut() {
-            compensators.delay_is_in_test_time();
-        }
-        self
-    }
-
-    /// The base moves: targets come with velocities that are no differences of theirs.
-    #[must_use]
-    pub const fn with_moving_base(mut self) -> Self {
-        if let Some(compensators) = self.path.compensators_mut() {
-            compensators.base_moves();
-        }
-        self
-    }
-
-    /// Estimates delay and gain; `dt` is the test time from command to command in s, and the velocity that comes with a target
-    /// is `age` of that older: half where it is the backward difference of the family, γ with the α methods, nothing where it
-    /// is prescribed.
-    #[must_use]
-    pub const fn with_tracking(mut self, dt: f64, age: f64) -> Self {
-        self.tracking.begin(dt, age);
-        self
-    }
-
-    /// Declared noise of the displacement sensors, m of the specimen rms: smaller motion gives no estimate until noise is read.
-    #[must_use]
-    pub fn with_declared_noise(mut self, rms_m: f64) -> Self {
-        let axes = self.axes.iter().zip(self.guard.units());
-        let noise = axes.map(|(axis, (metres, _))| (rms_m / (metres * axis.disp_gain)).abs());
-        self.tracking.declare_noise(noise);
-        self
-    }
-
-    /// Knows the critical delays of its axes, one table per axis.
-    #[must_use]
-    pub fn with_critical_delays(mut self, tables: Vec<CriticalDelay>) -> Self {
-        self.tracking.set_critical(tables);
-        self
-    }
-
-    /// Makes the axes the actuators of a loading unit, at the structure's scale; `rows` are those of B, one per coordinate, and
-    /// `law_at` is where the specimen's stiffness is the same for every pose.
-    /// Without as many actuators as axes and rows as coordinates nothing changes.
-    #[must_use]
-    pub fn with_geometry(
-        mut self,
-        geometry: Geometry,
-        rows: Vec<PoseRow>,
-        law_at: LawPlace,
-    ) -> Self {
-        if geometry.actuators() == self.axes.len() && geometry.coordinates().len() == rows.len() {
-            self.loading_unit = Some(Box::new(LoadingUnit::new(geometry, rows, law_at)));
-        }
-        self
-    }
-
-    /// How the loop waits for this specimen; none: by the limits of the test.
-    pub const fn set_wait_rules(&mut self, rules: Option<WaitRules>) {
-        self.exchange.set_wait(rules);
-    }
-
-    /// Where to say how the wiring is checked.
-    pub const fn wiring_check_mut(&mut self) -> &mut WiringCheck {
-        self.startup.wiring_mut()
-    }
-
-    /// Whether the test file says that a computation answers, and no machine.
-    pub const fn set_computed(&mut self, computed: bool) {
-        self.startup.set_computed(computed);
-    }
-
-    /// Where to say what needs the measured displacement.
-    pub const fn needs_measured_disp_mut(&mut self) -> &mut NeedsMeasuredDisp {
-        self.startup.needs_measured_disp_mut()
+        of: impl Fn(usize) -> (limits::AxisLimits, (f64, f64)),
+    ) {
+        let (limits, units) = (0..self.axes()).map(of).unzip();
+        self.guard = Guard::new(limits, units, tick);
     }
 
     /// Where to say how the specimen is left.
@@ -238,18 +59,7 @@ impl Port {
         &mut self.exits
     }
 
-    /// A port for a rehearsal: `wrap` puts something round its substructure, and takes the metres and newtons in
-    /// one unit of each axis. No limit trips any more, except at NaN and infinity.
-    #[must_use]
-    pub fn rehearsed(
-        mut self,
-        wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
-    ) -> Self {
-        self.guard.open_all();
-        self.watched(wrap)
-    }
-
-    /// A port with an observer round its substructure, which keeps its limits; `wrap` as in [`Port::rehearsed`].
+    /// A port with an observer round its substructure: `wrap` takes that, and the metres and newtons in one unit of each axis.
     #[must_use]
     pub fn watched(
         mut self,
@@ -269,8 +79,8 @@ impl Port {
             axes: &self.axes,
             stiffness: self.stiffness.own(),
             startup: &self.startup,
-            wait: self.wait_rules(),
-            is_remote: self.is_remote(),
+            wait: self.exchange.wait(),
+            is_remote: self.exchange.is_remote(),
             is_resumed: self.path.is_resumed(),
         }
     }
@@ -298,47 +108,10 @@ impl Port {
         self.expected().lacks_measured_disp(introduction)
     }
 
-    /// What needs the measured displacement.
-    #[must_use]
-    pub const fn needs_measured_disp(&self) -> &NeedsMeasuredDisp {
-        self.startup.needs_measured_disp()
-    }
-
-    /// True if the test file says that a computation answers, and no machine.
-    #[must_use]
-    pub const fn is_computed(&self) -> bool {
-        self.startup.is_computed()
-    }
-
-    /// How the wiring is checked.
-    #[must_use]
-    pub const fn wiring_check(&self) -> &WiringCheck {
-        self.startup.wiring()
-    }
-
-    /// Where the specimen reports that it stands before the test, in its own unit.
-    #[must_use]
-    pub fn standing(&self) -> Option<&[f64]> {
-        self.startup.standing()
-    }
-
-    /// The specimen reports this position, in its own unit, one value per axis; another number of values clears it.
-    pub fn report_position(&mut self, disp: &[f64]) {
-        self.startup.report_position(disp);
-    }
-
-    /// The test file states the position of a specimen that does not report it, in m, one value per axis.
-    pub fn state_position(&mut self, disp: &[f64]) {
-        let units = self.guard.units().iter().map(|(metres, _)| *metres);
-        let stated = disp.iter().zip(units);
-        let stated = stated.map(|(disp, metres)| disp / metres).collect();
-        self.startup.state_position(stated);
-    }
-
     /// The reported position is where the next command is, and what that is held against. Once a command has left the specimen
     /// stands where that sent it, whatever it reported before. Does nothing if it does not report one.
     pub(crate) fn take_reported_position(&mut self) {
-        let has_begun = self.has_begun();
+        let has_begun = self.exchange.has_begun();
         let Some(standing) = self.startup.standing() else {
             return;
         };
@@ -380,8 +153,8 @@ impl Port {
     /// The small motion that checks the wiring of this specimen, if there is to be one: from where it reports that it stands, else
     /// from its target.
     #[must_use]
-    pub fn probe(&self) -> Option<Probe> {
-        let reported = self.standing().map(|standing| {
+    pub(crate) fn probe(&self) -> Option<Probe> {
+        let reported = self.startup.standing().map(|standing| {
             let axes = standing.iter().zip(&self.axes);
             let deformed = axes.map(|(disp, axis)| axis.deformation(*disp));
             deformed.collect::<Vec<f64>>()
@@ -399,9 +172,9 @@ impl Port {
     }
 
     /// Gives a probe what was measured, unless it is old. Real-time: yes.
-    pub fn take_probe(&self, probe: &mut Probe) {
-        if self.is_fresh() {
-            probe.take(self.measured(), self.force());
+    pub(crate) fn take_probe(&self, probe: &mut Probe) {
+        if self.feedback.is_fresh() {
+            probe.take(self.feedback.disp(), self.feedback.force());
         } else {
             probe.give_again();
         }
@@ -409,15 +182,15 @@ impl Port {
 
     /// Turns a probe that was interrupted back to its start, after the last command that left; false if there is nothing to undo.
     /// Real-time: yes.
-    pub fn turn_back(&self, probe: &mut Probe) -> bool {
+    pub(crate) fn turn_back(&self, probe: &mut Probe) -> bool {
         let period_s = probe.period_ns() as f64 * 1e-9;
         let sent = |index: usize| {
-            let axis = self.axes.get(index).zip(self.sent().get(index));
+            let axis = self.axes.get(index).zip(self.path.sent().get(index));
             axis.map_or(f64::NAN, |(axis, sent)| axis.deformation(*sent))
         };
         let brake = |index: usize| {
             let gain = self.axes.get(index).map_or(1.0, |axis| axis.disp_gain);
-            let metres = (self.metres_of(index) * gain).abs();
+            let metres = (self.guard.metres_of(index) * gain).abs();
             self.guard.brake_accel(index) * period_s * period_s / metres
         };
         probe.turn_back(sent, brake)
@@ -428,22 +201,16 @@ impl Port {
     ///
     /// # Errors
     /// The link is lost.
-    pub fn accept_probe(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        if self.is_remote() && !self.is_computed() {
+    pub(crate) fn accept_probe(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        if self.exchange.is_remote() && !self.startup.is_computed() {
             return self.exchange.accepted(sequence, false);
         }
         Ok(())
     }
 
-    /// True if the motion that brings the static load on checks the wiring.
-    #[must_use]
-    pub(crate) const fn is_checked_by_static_load(&self) -> bool {
-        self.startup.wiring().is_by_static_load()
-    }
-
     /// A reading at rest, before the static load comes on; none if it is an old one. Real-time: yes.
     pub(crate) fn read_before_static_load(&mut self) {
-        if self.is_fresh() {
+        if self.feedback.is_fresh() {
             let reading = at_rest(&self.path, &self.feedback);
             self.startup.wiring_mut().rest(reading);
         }
@@ -456,12 +223,6 @@ impl Port {
     pub(crate) fn check_by_static_load(&mut self) -> Result<(), WiringFault> {
         let reading = at_rest(&self.path, &self.feedback);
         self.startup.wiring_mut().moved(reading)
-    }
-
-    /// The axes (from 0) whose wiring the static load did not show.
-    #[must_use]
-    pub(crate) fn unchecked_by_static_load(&self) -> Vec<usize> {
-        self.startup.wiring().unshown()
     }
 
     /// The specimen rests where it was sent, or as near as it comes. Returns the first axis (from 0) that does not follow; ways
@@ -487,26 +248,9 @@ fn at_rest<'a>(path: &'a CommandPath, feedback: &'a Feedback) -> [&'a [f64]; 3] 
 impl Port {
     /// Keeps the measurement last taken for the zero, unless it is an old one.
     pub(crate) fn take_reading(&mut self) {
-        if self.is_fresh() {
+        if self.feedback.is_fresh() {
             self.startup.take_reading(self.feedback.raw());
         }
-    }
-
-    /// True if this many readings were kept.
-    #[must_use]
-    pub(crate) fn has_read(&self, times: u32) -> bool {
-        self.startup.has_read(times)
-    }
-
-    /// Drops the readings of an earlier startup.
-    pub(crate) fn forget_readings(&mut self) {
-        self.startup.forget_readings();
-    }
-
-    /// Readings of one axis.
-    #[must_use]
-    pub fn reading(&self, axis: usize) -> Reading {
-        self.startup.reading(axis)
     }
 
     /// Takes the zero of every relative channel from the readings. The estimates restart with the noise that was read.
@@ -544,23 +288,6 @@ impl Port {
         }
     }
 
-    /// True if the zero of an axis' displacement sensor was read, not declared.
-    #[must_use]
-    pub(crate) fn has_relative_disp(&self, index: usize) -> bool {
-        self.startup.has_relative_disp(index)
-    }
-
-    /// True if the zero of an axis' load cell was read, not declared.
-    #[must_use]
-    pub(crate) fn has_relative_force(&self, index: usize) -> bool {
-        self.startup.has_relative_force(index)
-    }
-
-    /// How the displacement sensor of each axis belongs to its commands now.
-    pub fn disp_zeros(&self) -> impl Iterator<Item = DispZero> {
-        self.startup.disp_zeros(&self.axes)
-    }
-
     /// Force of an axis that its displacement does not explain by the initial stiffness, and how far off that is where the stiffness is
     /// known to a `share` and the other axes are coupled with it. `measured`: displacement and force of each axis; all is in the
     /// specimen's own units.
@@ -579,7 +306,7 @@ impl Port {
     #[must_use]
     pub(crate) fn stiffness_at_specimen(&self, axis: usize) -> f64 {
         let own = self.elastic_force_of(axis, 1.0);
-        (own * self.newtons_of(axis) / self.metres_of(axis)).abs()
+        (own * self.guard.newtons_of(axis) / self.guard.metres_of(axis)).abs()
     }
 
     /// Change of the force of an axis whose displacement changes by `way`, by its initial stiffness; both in the specimen's own units.
@@ -614,11 +341,6 @@ impl Port {
 
 // Begin, interruption and end of the test.
 impl Port {
-    /// Commands are a step apart from here on, or a tick again, if it is commanded once a step.
-    pub(crate) fn is_told_by_steps(&mut self, by_steps: bool) {
-        self.guard.is_told_by_steps(by_steps);
-    }
-
     /// The test begins or is resumed: energy counts from the next measurement on. Measurements before it are forgotten, since a
     /// replay has only those of the rows.
     pub(crate) fn begin_test(&mut self) {
@@ -660,7 +382,7 @@ impl Port {
     /// The compensators' states, for a test that is resumed later: before the next command, where the record
     /// was retraced.
     #[must_use]
-    pub fn freeze_compensation(&mut self) -> Option<TestState> {
+    pub(crate) fn freeze_compensation(&mut self) -> Option<TestState> {
         self.path.compensators_mut().and_then(Compensators::freeze)
     }
 
@@ -672,7 +394,7 @@ impl Port {
     }
 
     /// The specimen is at rest since the test was interrupted: the next command is judged by that.
-    pub fn has_come_to_rest(&mut self) {
+    pub(crate) fn has_come_to_rest(&mut self) {
         self.guard.rests();
     }
 
@@ -718,7 +440,8 @@ impl Port {
         self.exchange.state_mut().end_test();
         self.pause_estimates();
         self.pause_following();
-        let tick = tick.filter(|_| self.may_be_commanded() && !self.is_per_step());
+        let tick =
+            tick.filter(|_| self.exchange.state().may_be_commanded() && !self.path.is_per_step());
         let brake = tick.and_then(|tick| self.guard.brake(tick));
         if brake.is_none() {
             self.guard.rests();
@@ -749,12 +472,6 @@ impl Port {
         !(self.guard.force_is_unknown() && *self.exits.after(tripped) == Exit::ZeroForce)
     }
 
-    /// It stops where it is, and its own end judges what comes next from rest, as this one does. A link that is lost shows with
-    /// the next command.
-    pub fn halt(&mut self) {
-        self.exchange.halt();
-    }
-
     /// Begins the return move with ticks of `tick` seconds of wall time; none where the specimen is to stay.
     pub(crate) fn begin_return_move(&mut self, tripped: bool, tick: f64) -> Option<ReturnMove> {
         let speed = self.exits.speed;
@@ -780,9 +497,9 @@ impl Port {
         };
         self.path.command_place(&goal);
         self.begin_ramp();
-        let ends = self.sent().iter().zip(self.command()).enumerate();
+        let ends = self.path.sent().iter().zip(self.command()).enumerate();
         let times = ends.map(|(axis, (from, to))| {
-            let distance = (to - from).abs().max(self.steepest(axis)) * self.metres_of(axis);
+            let distance = (to - from).abs().max(self.steepest(axis)) * self.guard.metres_of(axis);
             self.guard.cosine_time(axis, distance, speed)
         });
         let seconds = times.fold(0.0, f64::max);
@@ -819,10 +536,10 @@ impl Port {
         self.path.command_place(retrace.start());
         self.path.begin_ramp(&self.axes, None);
         let retrace = self.retrace.as_ref()?;
-        let ends = self.sent().iter().zip(retrace.start()).enumerate();
+        let ends = self.path.sent().iter().zip(retrace.start()).enumerate();
         let times = ends.filter(|(_, (from, to))| from != to);
         let times = times.map(|(axis, (from, to))| {
-            let metres = self.metres_of(axis);
+            let metres = self.guard.metres_of(axis);
             let speed = retrace.step(axis) * metres / self.guard.command_time(tick);
             self.guard
                 .cosine_time(axis, (to - from).abs() * metres, speed)
@@ -856,47 +573,12 @@ impl Port {
         way.go_on(&self.axes, &mut self.path, &self.feedback, unit)
     }
 
-    /// Says goodbye.
-    pub fn retire(&mut self, how: Retirement) {
-        self.exchange.retire(how);
-    }
-
-    /// Who holds the specimen if commands stay away.
-    #[must_use]
-    pub(crate) fn holder(&self) -> Holder {
-        self.exchange.holder()
-    }
-
     /// Who holds the specimen after the goodbye, when it is known whether it was armed.
     #[must_use]
     pub(crate) fn left_to(&self) -> Holder {
-        match self.holder() {
-            Holder::ItsWatchdog if self.needs_no_acknowledgement() => Holder::NeverArmed,
+        match self.exchange.holder() {
+            Holder::ItsWatchdog if self.exchange.needs_no_acknowledgement() => Holder::NeverArmed,
             holder => holder,
         }
-    }
-
-    /// True of a specimen that need not acknowledge the goodbye.
-    #[must_use]
-    pub(crate) fn needs_no_acknowledgement(&self) -> bool {
-        self.exchange.has_acknowledged().is_none()
-    }
-
-    /// True of a specimen that should have acknowledged the goodbye, and did not.
-    #[must_use]
-    pub(crate) fn lacks_acknowledgement(&self) -> bool {
-        self.exchange.has_acknowledged() == Some(false)
-    }
-
-    /// Answer to the goodbye beyond a plain acknowledgement.
-    #[must_use]
-    pub fn last_words(&self) -> Option<String> {
-        self.exchange.last_words()
-    }
-
-    /// More than the fault says about why the link was lost.
-    #[must_use]
-    pub fn complaint(&self) -> Option<String> {
-        self.exchange.complaint()
     }
 }

@@ -6,7 +6,7 @@ use gusset_quantity::state::Visit;
 
 /// One value per axis, of displacements and of their velocities.
 #[derive(Debug, Clone)]
-pub(super) struct AxisMotion {
+pub(crate) struct AxisMotion {
     pub disp: Vec<f64>,
     pub vel: Vec<f64>,
 }

@@ -12,12 +12,13 @@ use super::loading_unit::LoadingUnit;
 use super::ramp::Ramp;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
+use gusset_actuator::compensation::Parameter;
 use gusset_actuator::geometry::MOST;
 use gusset_quantity::state::Visit;
 
 /// Which moment the velocity that belongs to a target is of.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) enum VelocityOf {
+pub(crate) enum VelocityOf {
     /// That of the integrator, some part of a tick ago.
     #[default]
     Integrator,
@@ -45,7 +46,7 @@ enum InForce {
 
 /// From targets to commands, for all axes of one specimen.
 #[derive(Debug)]
-pub(super) struct CommandPath {
+pub struct CommandPath {
     /// Deformation that the structure asks for: B·x; of an actuator the stroke for the pose B·x.
     target: AxisMotion,
     velocity_of: VelocityOf,
@@ -121,12 +122,25 @@ impl CommandPath {
         self.compensators.as_ref()
     }
 
+    /// Names of the compensators' parameters, axis by axis; the axis counts from 0.
+    pub fn compensation_names(&self) -> impl Iterator<Item = (usize, Parameter)> + '_ {
+        self.compensators.iter().flat_map(Compensators::names)
+    }
+
+    /// The parameters of the moment, in the order of their names. Real-time: yes.
+    #[inline]
+    pub fn compensation_parameters(&self) -> impl Iterator<Item = f64> + '_ {
+        self.compensators.iter().flat_map(Compensators::parameters)
+    }
+
     pub(crate) const fn compensators_mut(&mut self) -> Option<&mut Compensators> {
         self.compensators.as_mut()
     }
 
+    /// True if it is commanded once a step.
     #[inline]
-    pub(crate) const fn is_per_step(&self) -> bool {
+    #[must_use]
+    pub const fn is_per_step(&self) -> bool {
         self.per_step
     }
 
@@ -142,7 +156,8 @@ impl CommandPath {
     }
 
     /// Velocities of targets are the slope of a path from here on.
-    pub(crate) const fn take_velocities_of_a_path(&mut self) {
+    /// Velocities that come with targets are the slope of a path, and no differences.
+    pub const fn take_velocities_of_a_path(&mut self) {
         self.velocity_of = VelocityOf::Path;
     }
 
@@ -163,8 +178,10 @@ impl CommandPath {
         &mut self.command
     }
 
+    /// The last command, in the specimen's unit.
     #[inline]
-    pub(crate) fn sent(&self) -> &[f64] {
+    #[must_use]
+    pub fn sent(&self) -> &[f64] {
         &self.sent
     }
 

@@ -33,4 +33,14 @@ pub enum PortError {
         /// What was found, as text so that the error can be compared.
         found: String,
     },
+    /// A list whose length does not fit.
+    #[error("{found} {what}, but there must be {wanted}")]
+    Length {
+        /// What was counted.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there must be.
+        wanted: usize,
+    },
 }

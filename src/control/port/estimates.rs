@@ -68,7 +68,7 @@ enum EnergyCount {
 
 /// The estimates of a specimen.
 #[derive(Debug)]
-pub(super) struct Estimates {
+pub struct Estimates {
     axes: Vec<Estimate>,
     /// Δt of the integration.
     dt: f64,
@@ -78,7 +78,7 @@ pub(super) struct Estimates {
 }
 
 /// A fresh measurement of all axes at the structure, and the command that it answers.
-pub(super) struct Observation<'a> {
+pub(crate) struct Observation<'a> {
     pub axes: &'a [Axis],
     pub path: &'a CommandPath,
     pub feedback: &'a Feedback,
@@ -86,20 +86,23 @@ pub(super) struct Observation<'a> {
 }
 
 impl Estimates {
-    pub(crate) fn new(stiffness: &[f64]) -> Self {
-        let estimate = |stiffness: &f64| Estimate {
-            tangent: Tangent::new(*stiffness, 0.0, false),
-            declared: Declared::NONE,
+    /// Of axes with this k̂ and what is declared of them, in an integration with the step `dt`.
+    pub(crate) fn new(stiffness: &[f64], declared: &[Declared], dt: f64) -> Self {
+        let estimate = |(stiffness, declared): (&f64, &Declared)| Estimate {
+            tangent: Tangent::new(*stiffness, declared.damping, declared.damping_bound > 0.0),
+            declared: *declared,
             added_energy: 0.0,
             error: 0.0,
             force: 0.0,
         };
-        Self {
-            axes: stiffness.iter().map(estimate).collect(),
-            dt: 0.0,
+        let mut estimates = Self {
+            axes: stiffness.iter().zip(declared).map(estimate).collect(),
+            dt,
             energy: EnergyCount::Off,
             is_resting: false,
-        }
+        };
+        estimates.begin(std::iter::repeat_n((0.0, 0.0), stiffness.len()));
+        estimates
     }
 
     /// Visits everything but what is declared. Real-time: yes.
@@ -114,19 +117,6 @@ impl Estimates {
         let counts = [EnergyCount::Off, EnergyCount::FromNext, EnergyCount::On];
         visit.choice(&mut self.energy, &counts);
         visit.flag(&mut self.is_resting);
-    }
-
-    /// Takes what is declared of the axes, and the step Δt.
-    pub(crate) fn declare(&mut self, declared: &[Declared], dt: f64) {
-        let n = self.axes.len();
-        for (axis, declared) in self.axes.iter_mut().zip(declared) {
-            axis.declared = *declared;
-            let with_damping = declared.damping_bound > 0.0;
-            let stiffness = axis.tangent.stiffness();
-            axis.tangent = Tangent::new(stiffness, declared.damping, with_damping);
-        }
-        self.dt = dt;
-        self.begin(std::iter::repeat_n((0.0, 0.0), n));
     }
 
     /// Restarts with the declared values: the wiring check is not part of the test.
@@ -258,8 +248,9 @@ impl Estimates {
         axes.fold(others, |sum, axis| sum + axis.added_energy)
     }
 
-    /// Declared upper bounds of tangent stiffness and tangent damping, per axis; NaN without one.
-    pub(crate) fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    /// Declared upper bounds of the tangent stiffness in N/m and of the tangent damping in N s/m, per axis at the structure; NaN
+    /// without one.
+    pub fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let axes = self.axes.iter();
         axes.map(|axis| (axis.declared.stiffness_bound, axis.declared.damping_bound))
     }
@@ -269,6 +260,14 @@ impl Estimates {
     pub(crate) fn stability_used(&self) -> impl Iterator<Item = f64> + '_ {
         let axes = self.axes.iter();
         axes.map(|axis| axis.stability_used(self.dt))
+    }
+
+    /// Stability margin that tangents beyond their declared bounds use: 0 within the bounds; below 1 stable; exactly 1 is the limit
+    /// of one axis alone. None if there is no proof to start from. Real-time: yes.
+    #[inline]
+    pub(crate) fn total_stability_used(&self) -> Option<f64> {
+        let used = self.stability_used().fold(-0.0, |sum, axis| sum + axis);
+        used.is_finite().then_some(used)
     }
 
     /// True if there is a proof of stability to start from. Real-time: yes.
@@ -330,7 +329,7 @@ impl Estimate {
 mod tests {
     use super::*;
     use crate::port::limits::{AxisLimits, Bound, Found};
-    use crate::port::{Axis, Port};
+    use crate::port::{Axis, AxisSpec, Port, PortSpec};
     use gusset_quantity::catalog::limit::Limit;
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -376,10 +375,15 @@ mod tests {
             force_gain: -1000.0,
             ..Axis::plain(vec![(0, 1.0)])
         };
-        Port::new("rig", vec![axis], Box::new(late), 1, vec![1e5])
-            .unwrap()
-            .with_limits(vec![limits], vec![(1e-3, 1e3)], dt)
-            .with_declared(&[declared], &[vec![1e5]], dt)
+        let axis = AxisSpec {
+            units: (1e-3, 1e3),
+            limits,
+            declared,
+            ..AxisSpec::new(axis, 1e5)
+        };
+        let mut spec = PortSpec::new("rig", Box::new(late), 1, vec![axis]);
+        (spec.tick, spec.dt) = (dt, dt);
+        spec.build().unwrap()
     }
 
     /// Goes along `disp` and `vel`; what the last measurement found.
@@ -428,7 +432,7 @@ mod tests {
             // From where the delay line is full.
             go(&mut port, 500, swing);
             port.begin_test();
-            let counted = |port: &Port| port.estimates().next().unwrap().2;
+            let counted = |port: &Port| port.estimates().values().next().unwrap().2;
             assert_eq!(counted(&port), 0.0, "nothing before the test");
             go(&mut port, 1001, |k| swing(k + 500));
             // What happens while it is interrupted does not count, and what was counted stays.
@@ -488,7 +492,7 @@ mod tests {
         };
         let mut port = port(late, declared, AxisLimits::NONE, DT);
         go(&mut port, 200, swing);
-        let (stiffness, damping, _) = port.estimates().next().unwrap();
+        let (stiffness, damping, _) = port.estimates().values().next().unwrap();
         assert!((stiffness / 3e5 - 1.0).abs() < 1e-6, "{stiffness}");
         assert!((damping.unwrap() / 2e3 - 1.0).abs() < 1e-6, "{damping:?}");
     }
@@ -508,15 +512,15 @@ mod tests {
         };
         let used = |stiffness: f64| {
             let mut port = port(spring(stiffness, 0), declared, AxisLimits::NONE, dt);
-            assert!(port.knows_stability());
+            assert!(port.estimates().knows_stability());
             go(&mut port, 10, swing);
-            port.stability_used().unwrap()
+            port.estimates().total_stability_used().unwrap()
         };
         assert_eq!(used(1.04e5), 0.0, "within the declared bound");
         assert!((used(limit) - 1.0).abs() < 1e-9);
         assert!(used(0.999 * limit) < 1.0 && used(1.001 * limit) > 1.0);
         let unproven = port(spring(1e5, 0), Declared::NONE, AxisLimits::NONE, dt);
-        assert!(!unproven.knows_stability());
+        assert!(!unproven.estimates().knows_stability());
     }
 
     /// Largest modulus of a root of M_eff ∇²x⁺/Δt² + c (∇x + ∇²x/2 + ∇³x/3 …)/Δt + k x = 0, up to the difference of this
@@ -568,7 +572,7 @@ mod tests {
                 };
                 let mut port = port(late, declared, AxisLimits::NONE, dt);
                 go(&mut port, 200, swing);
-                port.stability_used().unwrap()
+                port.estimates().total_stability_used().unwrap()
             };
             let radius = |c: f64| spectral_radius(order, effective, k, c, dt);
             // By halving: up to here the recursion is stable.

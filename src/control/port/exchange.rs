@@ -61,7 +61,7 @@ pub struct WaitRules {
 }
 
 /// The exchange with one substructure.
-pub(super) struct Exchange {
+pub struct Exchange {
     substructure: Box<dyn Substructure>,
     is_recording: bool,
     state: ExchangeState,
@@ -74,6 +74,15 @@ pub(super) struct Exchange {
     stale: u64,
     /// Answers in a row in which the specimen reports a hold by its own watchdog.
     holding: u64,
+}
+
+impl std::fmt::Debug for Exchange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Exchange")
+            .field("state", &self.state)
+            .field("count", &self.count)
+            .finish_non_exhaustive()
+    }
 }
 
 impl LinkCount {
@@ -184,22 +193,22 @@ impl Exchange {
     }
 
     /// See [`Substructure::commanded_every`].
-    pub(crate) fn commanded_every(&mut self, seconds: f64) {
+    pub fn commanded_every(&mut self, seconds: f64) {
         self.substructure.commanded_every(seconds);
     }
 
     /// Measures before the first command; false if the specimen does not.
-    pub(crate) fn at_rest(&mut self, into: &mut Measurement) -> bool {
+    pub fn at_rest(&mut self, into: &mut Measurement) -> bool {
         self.substructure.at_rest(into)
     }
 
     /// A computed specimen forgets what was not accepted.
-    pub(crate) fn revert(&mut self) {
+    pub fn revert(&mut self) {
         self.substructure.revert();
     }
 
     /// Tangent stiffness, n × n by columns, in the specimen's units; false if it is not known. Real-time: yes.
-    pub(crate) fn tangent(&self, stiffness: &mut [f64]) -> bool {
+    pub fn tangent(&self, stiffness: &mut [f64]) -> bool {
         self.substructure.tangent(stiffness)
     }
 
@@ -213,19 +222,30 @@ impl Exchange {
         &mut self.state
     }
 
+    /// Whether a reply is owed for each command.
     #[inline]
-    pub(crate) fn coupling(&self) -> Coupling {
+    #[must_use]
+    pub fn coupling(&self) -> Coupling {
         self.substructure.coupling()
     }
 
+    /// True if replies come from outside this process, so that a late one is the peer's doing.
     #[inline]
-    pub(crate) fn is_remote(&self) -> bool {
+    #[must_use]
+    pub fn is_remote(&self) -> bool {
         self.substructure.is_remote()
     }
 
+    /// True if a recording answers in place of the specimen.
     #[inline]
     pub(crate) const fn is_recording(&self) -> bool {
         self.is_recording
+    }
+
+    /// True if it is neither behind a link nor a recording.
+    #[must_use]
+    pub fn is_formula(&self) -> bool {
+        !self.is_recording && !self.is_remote()
     }
 
     /// True if its answer has to be waited for: it comes from outside this process. A recording says whether it was.
@@ -334,7 +354,7 @@ impl Exchange {
     }
 
     /// Connects the substructure.
-    pub(crate) fn connect(&mut self) -> Result<Introduction, Unavailable> {
+    pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         self.substructure.connect()
     }
 
@@ -358,12 +378,12 @@ impl Exchange {
 
     /// True if the answer is here, or comes within `wait_ns` of wall time. Real-time: yes.
     #[inline]
-    pub(crate) fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+    pub fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         self.substructure.is_answered(wait_ns)
     }
 
     /// Nothing to command: see [`Substructure::attend`]. Real-time: yes.
-    pub(crate) fn attend(&mut self) -> Result<(), LinkFault> {
+    pub fn attend(&mut self) -> Result<(), LinkFault> {
         self.substructure.attend()
     }
 
@@ -373,14 +393,14 @@ impl Exchange {
     }
 
     /// The specimen stops where it is. A link that is lost shows with the next command.
-    pub(crate) fn halt(&mut self) {
+    pub fn halt(&mut self) {
         if self.has_begun() {
             let _ = self.substructure.halt();
         }
     }
 
     /// Says goodbye.
-    pub(crate) fn retire(&mut self, how: Retirement) {
+    pub fn retire(&mut self, how: Retirement) {
         self.substructure.retire(how);
     }
 
@@ -389,45 +409,72 @@ impl Exchange {
         self.substructure.has_acknowledged()
     }
 
-    pub(crate) fn last_words(&self) -> Option<String> {
+    /// True of a specimen that need not acknowledge the goodbye.
+    pub(crate) fn needs_no_acknowledgement(&self) -> bool {
+        self.has_acknowledged().is_none()
+    }
+
+    /// True of a specimen that should have acknowledged the goodbye, and did not.
+    pub(crate) fn lacks_acknowledgement(&self) -> bool {
+        self.has_acknowledged() == Some(false)
+    }
+
+    /// Answer to the goodbye beyond a plain acknowledgement.
+    #[must_use]
+    pub fn last_words(&self) -> Option<String> {
         self.substructure.last_words()
     }
 
-    pub(crate) fn complaint(&self) -> Option<String> {
+    /// More than the fault says about why the link was lost.
+    #[must_use]
+    pub fn complaint(&self) -> Option<String> {
         self.substructure.complaint()
     }
 
+    /// Who holds the specimen if commands stay away.
     pub(crate) fn holder(&self) -> Holder {
         self.substructure.holder()
     }
 
     /// True if a command has left.
-    pub(crate) const fn has_begun(&self) -> bool {
+    #[must_use]
+    pub const fn has_begun(&self) -> bool {
         self.count.sent > 0
     }
 
     /// Counts of this exchange, without those of the link itself. Real-time: yes.
     #[inline]
-    pub(crate) const fn count(&self) -> &LinkCount {
+    #[must_use]
+    pub const fn count(&self) -> &LinkCount {
         &self.count
     }
 
     /// Everything that was counted.
-    pub(crate) fn full_count(&self) -> LinkCount {
+    #[must_use]
+    pub fn full_count(&self) -> LinkCount {
         LinkCount {
             stats: self.substructure.stats(),
             ..self.count
         }
     }
 
-    pub(crate) const fn wait(&self) -> Option<WaitRules> {
+    /// How the loop waits for this specimen; none: by the limits of the test.
+    #[must_use]
+    pub const fn wait(&self) -> Option<WaitRules> {
         self.wait
+    }
+
+    /// How long the loop waits for it in ns: by its own rules, or as long as for others. Real-time: yes.
+    #[inline]
+    pub(crate) fn patience_ns(&self, others: u64) -> u64 {
+        self.wait.map_or(others, |own| own.reply_timeout_ns)
     }
 
     pub(crate) const fn set_wait(&mut self, wait: Option<WaitRules>) {
         self.wait = wait;
     }
 
+    /// True if a fresh measurement has come since the specimen was armed. Real-time: yes.
     #[inline]
     pub(crate) const fn has_answered(&self) -> bool {
         self.has_answered
@@ -438,6 +485,7 @@ impl Exchange {
         self.has_answered = true;
     }
 
+    /// Stale measurements in a row. Real-time: yes.
     #[inline]
     pub(crate) const fn stale_in_a_row(&self) -> u64 {
         self.stale
@@ -449,16 +497,19 @@ impl Exchange {
         self.stale
     }
 
+    /// The last measurement was fresh. Real-time: yes.
     #[inline]
     pub(crate) const fn forget_stale(&mut self) {
         self.stale = 0;
     }
 
+    /// Answers in a row in which it reports a hold by its own watchdog. Real-time: yes.
     #[inline]
     pub(crate) const fn holding_in_a_row(&self) -> u64 {
         self.holding
     }
 
+    /// Sets their number. Real-time: yes.
     pub(crate) const fn set_holding_in_a_row(&mut self, answers: u64) {
         self.holding = answers;
     }
@@ -484,7 +535,7 @@ impl Exchange {
     }
 
     /// One more measurement whose iteration did not converge; how many there are. Real-time: yes.
-    pub(crate) const fn count_unsettled(&mut self) -> u64 {
+    pub const fn count_unsettled(&mut self) -> u64 {
         self.count.unsettled += 1;
         self.count.unsettled
     }

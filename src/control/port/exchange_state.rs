@@ -9,7 +9,7 @@ use gusset_quantity::time::Nanos;
 
 /// Why a partner is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Loss {
+pub(crate) enum Loss {
     /// The loop does not command it any more; its link may live.
     Distrusted,
     /// Its link is gone: nothing is known of it.
@@ -18,7 +18,7 @@ pub(super) enum Loss {
 
 /// The part of a step that a partner of whole steps still needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Due {
+pub(crate) enum Due {
     Nothing,
     /// Its target, which was not sent.
     Target,
@@ -28,7 +28,7 @@ pub(super) enum Due {
 
 /// State of an exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ExchangeState {
+pub(crate) enum ExchangeState {
     /// Nothing is owed.
     Idle,
     /// The target of the step is known and was not sent.
@@ -116,11 +116,13 @@ impl ExchangeState {
         matches!(*self, Self::Pending)
     }
 
+    /// True if it is not commanded any more. Real-time: yes.
     #[inline]
     pub(crate) const fn is_lost(&self) -> bool {
         matches!(*self, Self::Lost { .. })
     }
 
+    /// True if it is lost because its link is gone: nothing is known of it. Real-time: yes.
     #[inline]
     pub(crate) const fn is_gone(&self) -> bool {
         matches!(

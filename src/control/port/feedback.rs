@@ -12,7 +12,7 @@ use gusset_quantity::substructure::{Freshness, LinkFault, Measurement, Status};
 
 /// The measured side of a port. All vectors have one entry per axis.
 #[derive(Debug)]
-pub(super) struct Feedback {
+pub struct Feedback {
     /// The newest measurement, in the specimen's units.
     raw: Measurement,
     /// Where the substructure writes. Between two exchanges its axes are those of `raw`.
@@ -90,8 +90,10 @@ impl Feedback {
         }
     }
 
+    /// The raw measurement of the last exchange, in the specimen's units.
     #[inline]
-    pub(crate) const fn raw(&self) -> &Measurement {
+    #[must_use]
+    pub const fn raw(&self) -> &Measurement {
         &self.raw
     }
 
@@ -100,22 +102,29 @@ impl Feedback {
         &mut self.raw
     }
 
+    /// Measured displacement, brought back to the structure's metres.
     #[inline]
-    pub(crate) fn disp(&self) -> &[f64] {
+    #[must_use]
+    pub fn disp(&self) -> &[f64] {
         &self.disp
     }
 
+    /// Restoring force in N that enters equilibrium.
     #[inline]
-    pub(crate) fn force(&self) -> &[f64] {
+    #[must_use]
+    pub fn force(&self) -> &[f64] {
         &self.force
     }
 
+    /// Force of an answer that was recovered last, N.
     #[inline]
     pub(crate) fn recovered(&self) -> &[f64] {
         &self.recovered
     }
 
-    pub(crate) fn peak(&self) -> &[f64] {
+    /// Largest |force| of the test so far, N.
+    #[must_use]
+    pub fn peak(&self) -> &[f64] {
         &self.peak
     }
 
@@ -123,6 +132,7 @@ impl Feedback {
         &self.peak_before_last
     }
 
+    /// Largest |force| of every exchange before the test, N.
     pub(crate) fn peak_at_startup(&self) -> &[f64] {
         &self.peak_at_startup
     }
@@ -300,6 +310,7 @@ impl Feedback {
         self.raw.status.0 |= Status::OWED.0;
     }
 
+    /// True while its answer is owed and not waited for.
     pub(crate) const fn is_left_owing(&self) -> bool {
         self.raw.status.has(Status::OWED)
     }

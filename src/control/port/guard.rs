@@ -39,11 +39,6 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// For `axes` axes in SI units, without a limit.
-    pub(super) fn open(axes: usize) -> Self {
-        Self::new(vec![AxisLimits::NONE; axes], vec![(1.0, 1.0); axes], 1.0)
-    }
-
     /// With these limits, metres and newtons in one unit of each axis, and ticks of `tick` s of wall time.
     #[must_use]
     pub fn new(limits: Vec<AxisLimits>, units: Vec<(f64, f64)>, tick: f64) -> Self {
@@ -65,8 +60,13 @@ impl Guard {
     }
 
     /// From here on nothing trips but what is no number.
-    pub(super) fn open_all(&mut self) {
+    pub fn open_all(&mut self) {
         self.watch = Watch::new(vec![AxisLimits::NONE; self.units.len()], 1.0);
+    }
+
+    /// Wall time in s of the next motion. Real-time: yes.
+    pub fn set_motion_time(&mut self, seconds: f64) {
+        self.watch.tick_is(seconds);
     }
 
     /// In the running test commands are `step` s apart, otherwise `tick` s.
@@ -80,7 +80,7 @@ impl Guard {
     }
 
     /// Commands are a step apart from here on, or a tick again, for a specimen of whole steps.
-    pub(super) fn is_told_by_steps(&mut self, by_steps: bool) {
+    pub(crate) fn is_told_by_steps(&mut self, by_steps: bool) {
         if let Some([tick, step]) = self.ticks {
             self.watch.tick_is(if by_steps { step } else { tick });
         }
@@ -96,7 +96,9 @@ impl Guard {
         &mut self.watch
     }
 
-    pub(super) const fn watch(&self) -> &Watch {
+    /// The guard's record of past commands.
+    #[must_use]
+    pub const fn watch(&self) -> &Watch {
         &self.watch
     }
 
@@ -106,31 +108,39 @@ impl Guard {
         Self::new(self.declared.clone(), self.units.clone(), tick)
     }
 
-    pub(super) fn declared(&self) -> &[AxisLimits] {
+    /// The limits, one entry per axis.
+    #[must_use]
+    pub fn declared(&self) -> &[AxisLimits] {
         &self.declared
     }
 
-    pub(super) fn units(&self) -> &[(f64, f64)] {
+    /// Metres and newtons in one unit of each axis.
+    #[must_use]
+    pub fn units(&self) -> &[(f64, f64)] {
         &self.units
     }
 
-    pub(super) fn metres_of(&self, axis: usize) -> f64 {
+    /// Metres in one unit of an axis.
+    #[must_use]
+    pub fn metres_of(&self, axis: usize) -> f64 {
         self.units.get(axis).map_or(1.0, |unit| unit.0)
     }
 
-    pub(super) fn newtons_of(&self, axis: usize) -> f64 {
+    /// Newtons in one unit of force of an axis.
+    #[must_use]
+    pub fn newtons_of(&self, axis: usize) -> f64 {
         self.units.get(axis).map_or(1.0, |unit| unit.1)
     }
 
     /// Axis (from 0) and limit of each judged value that has a column.
-    pub(super) fn recorded_limits(&self) -> impl Iterator<Item = (usize, Limit)> + '_ {
+    pub(crate) fn recorded_limits(&self) -> impl Iterator<Item = (usize, Limit)> + '_ {
         let recorded = self.recorded.iter();
         recorded.filter_map(|(axis, place)| Some((*axis, *RECORDED.get(*place)?)))
     }
 
     /// The values of [`Guard::recorded_limits`] that were judged in this tick; NaN where nothing was judged. Real-time: yes.
     #[inline]
-    pub(super) fn judged(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn judged(&self) -> impl Iterator<Item = f64> + '_ {
         self.recorded.iter().map(|(axis, place)| {
             let judged = self.watch.judged(*axis);
             judged
@@ -142,7 +152,7 @@ impl Guard {
 
     /// A tick begins: nothing was judged in it. Real-time: yes.
     #[inline]
-    pub(super) fn begin_tick(&mut self) {
+    pub(crate) fn begin_tick(&mut self) {
         self.watch.begin_tick();
     }
 
@@ -214,7 +224,7 @@ impl Guard {
     }
 
     /// The next of the trips and warnings that were found beside the first. Real-time: yes.
-    pub(super) fn next_untold(&mut self) -> Option<Hit> {
+    pub fn next_untold(&mut self) -> Option<Hit> {
         self.watch.next_untold()
     }
 
@@ -239,7 +249,7 @@ impl Guard {
     }
 
     /// The specimen is found at `disp`: the next command is a step from there.
-    pub(super) fn is_found_at(&mut self, disp: &[f64]) {
+    pub fn is_found_at(&mut self, disp: &[f64]) {
         self.watch.is_found_at(Self::metres(&self.units, disp));
     }
 

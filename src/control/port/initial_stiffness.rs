@@ -5,7 +5,7 @@ use super::row_product::row_times;
 
 /// k̂ of all axes in N/m.
 #[derive(Debug)]
-pub(super) struct InitialStiffness {
+pub(crate) struct InitialStiffness {
     /// Of each axis alone.
     own: Vec<f64>,
     /// Between different axes, n × n by rows, zero on the diagonal; empty if they do not know of each other.
@@ -13,24 +13,19 @@ pub(super) struct InitialStiffness {
 }
 
 impl InitialStiffness {
-    /// Of axes that do not know of each other.
-    pub(crate) const fn new(own: Vec<f64>) -> Self {
-        Self {
-            own,
-            between: Vec::new(),
-        }
-    }
-
-    /// k̂ between the axes, n × n by rows; the diagonal is not looked at.
-    pub(crate) fn couple(&mut self, stiffness: &[Vec<f64>]) {
-        let n = self.own.len();
-        let rows = stiffness.iter().enumerate().flat_map(|(i, row)| {
+    /// k̂ of each axis alone, and between the axes, n × n by rows, whose diagonal is not looked at; empty if they do not know of each
+    /// other.
+    pub(crate) fn new(own: Vec<f64>, coupling: &[Vec<f64>]) -> Self {
+        let rows = coupling.iter().enumerate().flat_map(|(i, row)| {
             let beside = move |(j, value): (usize, &f64)| if i == j { 0.0 } else { *value };
             row.iter().enumerate().map(beside)
         });
         let between: Vec<f64> = rows.collect();
-        let known = between.len() == n * n && between.iter().any(|value| *value != 0.0);
-        self.between = if known { between } else { Vec::new() };
+        let known = between.iter().any(|value| *value != 0.0);
+        Self {
+            own,
+            between: if known { between } else { Vec::new() },
+        }
     }
 
     /// Of each axis alone, N/m.

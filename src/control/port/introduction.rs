@@ -141,7 +141,7 @@ impl Expectation<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::Port;
+    use crate::port::{AxisSpec, PortSpec};
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, Measurement, Retirement, Substructure,
     };
@@ -202,7 +202,8 @@ mod tests {
         let mut axis = Axis::plain(vec![(0, 1.0)]);
         axis.disp_gain = -1e3;
         axis.force_gain = -1e3;
-        Port::new("rig", vec![axis], reports(reported), 1, vec![1e6])
+        PortSpec::new("rig", reports(reported), 1, vec![AxisSpec::new(axis, 1e6)])
+            .build()
             .unwrap()
             .connect()
     }
@@ -220,8 +221,13 @@ mod tests {
     #[test]
     fn of_a_specimen_that_cannot_say_where_it_stands_everybody_is_told() {
         let warned = |standing| {
-            let axes = vec![Axis::plain(vec![(0, 1.0)])];
-            let port = Port::new("rig", axes, far(standing), 1, vec![1e6]);
+            let port = PortSpec::new(
+                "rig",
+                far(standing),
+                1,
+                vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 1e6)],
+            )
+            .build();
             port.unwrap().connect().unwrap().warnings
         };
         assert!(warned(vec![0.0]).is_empty());
@@ -229,11 +235,16 @@ mod tests {
         assert!(words.len() == 1 && words[0].contains("ITS POSITION IS UNKNOWN"));
         // The user is warned if the specimen reports another position than the file states.
         let warned = |standing| {
-            let axes = vec![Axis::plain(vec![(0, 1.0)])];
-            let mut port = Port::new("rig", axes, far(standing), 1, vec![1e6]).unwrap();
-            port.state_position(&[0.01]);
+            let mut spec = PortSpec::new(
+                "rig",
+                far(standing),
+                1,
+                vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 1e6)],
+            );
+            spec.stands_at_m = Some(vec![0.01]);
+            let mut port = spec.build().unwrap();
             let warnings = port.connect().unwrap().warnings;
-            (port.standing().unwrap()[0], warnings)
+            (port.startup().standing().unwrap()[0], warnings)
         };
         assert_eq!(warned(Vec::new()), (0.01, Vec::new()));
         assert_eq!(warned(vec![0.01]), (0.01, Vec::new()));
@@ -249,19 +260,37 @@ mod tests {
     #[test]
     fn a_partner_of_a_test_that_goes_on_owes_nothing_of_the_one_before() {
         let port = || {
-            let axes = vec![Axis::plain(vec![(0, 1.0)])];
-            Port::new("rig", axes, far(Vec::new()), 1, vec![1e6]).unwrap()
+            PortSpec::new(
+                "rig",
+                far(Vec::new()),
+                1,
+                vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 1e6)],
+            )
+            .build()
+            .unwrap()
         };
         let mut retraced = port();
         retraced.repeat(0, 0.0).unwrap();
-        retraced.look_for_answer(Nanos(5));
-        retraced.count_stale();
+        retraced
+            .exchange_mut()
+            .state_mut()
+            .look_for_answer(Nanos(5));
+        retraced.exchange_mut().count_stale();
         assert_eq!(
-            (retraced.asked_at(), retraced.stale_in_a_row()),
+            (
+                retraced.exchange().state().asked_at(),
+                retraced.exchange().stale_in_a_row()
+            ),
             (Some(Nanos(5)), 1)
         );
         retraced.go_live(port());
-        assert_eq!((retraced.asked_at(), retraced.stale_in_a_row()), (None, 0));
+        assert_eq!(
+            (
+                retraced.exchange().state().asked_at(),
+                retraced.exchange().stale_in_a_row()
+            ),
+            (None, 0)
+        );
     }
 
     #[test]

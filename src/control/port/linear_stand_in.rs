@@ -91,7 +91,7 @@ impl Substructure for LinearStandIn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::Port;
+    use crate::port::{AxisSpec, PortSpec};
 
     /// Reversed, in millimetres and kilonewtons, off its zero, coupled: the port brings back exactly k̂ d + ĉ v.
     #[test]
@@ -110,7 +110,17 @@ mod tests {
         let stiffness = vec![vec![4e5, -1e5], vec![-1e5, 2e5]];
         let damping = vec![vec![300.0, 0.0], vec![0.0, 0.0]];
         let believed = LinearStandIn::new(axes.clone(), stiffness, damping);
-        let mut port = Port::new("rig", axes, Box::new(believed), 2, vec![4e5, 2e5]).unwrap();
+        let mut port = PortSpec::new(
+            "rig",
+            Box::new(believed),
+            2,
+            axes.into_iter()
+                .zip(vec![4e5, 2e5])
+                .map(|(axis, k)| AxisSpec::new(axis, k))
+                .collect(),
+        )
+        .build()
+        .unwrap();
         port.aim(&[0.01, -0.02], &[0.5, 0.25], 0.0, 0.0);
         assert!(port.clear().trip.is_none());
         port.issue(0, 0.0, 0.0).unwrap();
@@ -121,8 +131,11 @@ mod tests {
         ];
         for (axis, wanted) in wanted.into_iter().enumerate() {
             // A dozen operations on numbers of 1e4: 1e-16 · 12 · 1e4.
-            assert!((port.force()[axis] - wanted).abs() < 1e-9, "{axis}");
+            assert!(
+                (port.feedback().force()[axis] - wanted).abs() < 1e-9,
+                "{axis}"
+            );
         }
-        assert!((port.measured()[1] + 0.02).abs() < 1e-15);
+        assert!((port.feedback().disp()[1] + 0.02).abs() < 1e-15);
     }
 }

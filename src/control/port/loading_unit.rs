@@ -39,7 +39,7 @@ pub struct Poses {
 
 /// A loading unit and everything of the current step.
 #[derive(Debug)]
-pub(super) struct LoadingUnit {
+pub struct LoadingUnit {
     geometry: Geometry,
     rows: Vec<PoseRow>,
     law_at: LawPlace,
@@ -223,7 +223,8 @@ impl LoadingUnit {
 
     /// Why the pose last sought cannot be. Real-time: yes.
     #[inline]
-    pub(crate) const fn fault(&self) -> Option<Fault> {
+    #[must_use]
+    pub const fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
@@ -247,7 +248,7 @@ impl LoadingUnit {
 
     /// Each coordinate: pose that the structure asks for, measured pose, force. Real-time: yes.
     #[inline]
-    pub(crate) fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
+    pub fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
         let values = self.aim.pose().iter().zip(self.found.pose());
         let values = values.zip(&self.force);
         let named = self.geometry.coordinates().iter().zip(values);
@@ -290,7 +291,7 @@ impl LoadingUnit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::{Axis, Exit, Exits, Port};
+    use crate::port::{Axis, AxisSpec, Exit, Exits, LoadingUnitSpec, Port, PortSpec};
     use gusset_actuator::geometry::{GeometrySpec, PlanePins};
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -357,9 +358,15 @@ mod tests {
                 [measured, measured.map(|disp| 1000.0 * disp)]
             },
         };
-        Port::new("rig", axes, Box::new(springs), 3, vec![1000.0; 2])
-            .unwrap()
-            .with_geometry(spec.build(1.0).unwrap(), rows, LawPlace::Platform)
+        let axes = axes.into_iter().map(|axis| AxisSpec::new(axis, 1000.0));
+        let geometry = spec.build(1.0).unwrap();
+        let mut spec = PortSpec::new("rig", Box::new(springs), 3, axes.collect());
+        spec.loading_unit = Some(LoadingUnitSpec {
+            geometry,
+            rows,
+            law_at: LawPlace::Platform,
+        });
+        spec.build().unwrap()
     }
 
     #[test]
@@ -379,7 +386,7 @@ mod tests {
         for (found, exact) in residual.iter().zip([-800.0, -3600.0, 800.0]) {
             assert!((found - exact).abs() < 1e-10, "{residual:?}");
         }
-        let pose: Vec<_> = port.pose().collect();
+        let pose: Vec<_> = port.loading_unit().unwrap().pose().collect();
         assert_eq!(pose[1].0, Coordinate::Uy);
         assert!((pose[1].1[0] - 3.0).abs() < 1e-15 && (pose[1].1[1] - 3.0).abs() < 1e-14);
     }
@@ -393,7 +400,12 @@ mod tests {
         port.issue(0, 0.0, 0.0).unwrap();
         port.collect(Nanos(0)).unwrap();
         port.resolve_pose().unwrap();
-        let measured: Vec<f64> = port.pose().map(|(_, [_, found, _])| found).collect();
+        let measured: Vec<f64> = port
+            .loading_unit()
+            .unwrap()
+            .pose()
+            .map(|(_, [_, found, _])| found)
+            .collect();
         // Circles of 4.5 m about (−4, 0) and 5.5 m about (0, −3).
         let [x, y] = [measured[0], measured[1]];
         assert!((f64::hypot(4.0 + x, y) - 4.5).abs() < 1e-14);
@@ -429,7 +441,12 @@ mod tests {
             port.issue(0, 0.0, 0.0).unwrap();
             port.collect(Nanos(0)).unwrap();
             port.resolve_pose().unwrap();
-            let pose: Vec<f64> = port.pose().map(|(_, [_, found, _])| found).collect();
+            let pose: Vec<f64> = port
+                .loading_unit()
+                .unwrap()
+                .pose()
+                .map(|(_, [_, found, _])| found)
+                .collect();
             [pose[0], pose[1]]
         };
         port.aim(&[0.0, 3.0, 0.0], &[0.0; 3], 0.0, 0.0);
@@ -438,12 +455,12 @@ mod tests {
         let mut way = port.begin_return_move(true, 0.01).unwrap();
         let mut fastest: f64 = 0.0;
         while port.go_on(&mut way) {
-            let before = port.sent().to_vec();
+            let before = port.path().sent().to_vec();
             let rates = port.path.command().vel.clone();
             let [x, y] = exchange(&mut port);
             assert!(x.abs() < 1e-13 && y <= last, "{x} {y}");
             last = y;
-            for ((from, to), rate) in before.iter().zip(port.sent()).zip(rates) {
+            for ((from, to), rate) in before.iter().zip(port.path().sent()).zip(rates) {
                 let speed = (to - from) / 0.01;
                 fastest = fastest.max(speed.abs());
                 assert!(
@@ -456,7 +473,7 @@ mod tests {
             way.end() == Some(Ok(())) && fastest > 0.45 && fastest < 0.5,
             "{fastest}"
         );
-        assert_eq!(port.sent(), [0.0, 0.0], "to the last bit");
+        assert_eq!(port.path().sent(), [0.0, 0.0], "to the last bit");
     }
 
     /// A platform that is soft along x and stiff along y, behind two actuators that turn.
@@ -480,30 +497,45 @@ mod tests {
             },
         };
         let rows = loading.loading_unit.as_deref().unwrap().rows.clone();
-        let mut port = Port::new("rig", loading.axes.clone(), Box::new(law), 3, LAW.to_vec())
-            .unwrap()
-            .with_geometry(geometry, rows, LawPlace::Platform);
+        let axes = loading.axes.iter().zip(LAW);
+        let axes = axes.map(|(axis, k)| AxisSpec::new(axis.clone(), k));
+        let mut spec = PortSpec::new("rig", Box::new(law), 3, axes.collect());
+        spec.loading_unit = Some(LoadingUnitSpec {
+            geometry,
+            rows,
+            law_at: LawPlace::Platform,
+        });
+        let mut port = spec.build().unwrap();
         let exchange = |port: &mut Port| {
             assert_eq!(port.clear().trip, None);
             port.issue(0, 0.0, 0.0).unwrap();
             port.collect(Nanos(0)).unwrap();
             port.look_at_pose();
-            let pose: Vec<f64> = port.pose().map(|(_, [_, found, _])| found).collect();
+            let pose: Vec<f64> = port
+                .loading_unit()
+                .unwrap()
+                .pose()
+                .map(|(_, [_, found, _])| found)
+                .collect();
             [pose[0], pose[1]]
         };
         port.aim(&[0.3, 0.001, 0.0], &[0.0; 3], 0.0, 0.0);
         let first = exchange(&mut port);
         assert!((first[0] - 0.3).abs() < 1e-12 && (first[1] - 0.001).abs() < 1e-12);
-        let most = port.force().iter().fold(0.0, |a: f64, f| a.max(f.abs()));
+        let most = port
+            .feedback()
+            .force()
+            .iter()
+            .fold(0.0, |a: f64, f| a.max(f.abs()));
         (port.exits.on_trip, port.exits.speed) = (Exit::ZeroForce, 0.2);
         let mut way = port.begin_return_move(true, 0.001).unwrap();
         let mut last = first;
         while port.go_on(&mut way) {
-            for (from, to) in port.sent().iter().zip(port.command()) {
+            for (from, to) in port.path().sent().iter().zip(port.command()) {
                 assert!((to - from).abs() <= 2e-4 * (1.0 + 1e-9), "{from} {to}");
             }
             last = exchange(&mut port);
-            for force in port.force() {
+            for force in port.feedback().force() {
                 assert!(force.abs() <= 1.01 * most, "{force} beside {most}");
             }
         }
@@ -515,12 +547,12 @@ mod tests {
     fn beyond_reach_or_at_a_singular_pose_no_command_leaves() {
         let mut port = port(0.0, Some([2.0, 4.5]));
         port.aim(&[0.0, 0.1, 0.0], &[0.0; 3], 0.0, 0.0);
-        assert_eq!(port.geometry_fault(), None);
+        assert_eq!(port.loading_unit().unwrap().fault(), None);
         port.clear();
         assert_eq!(port.issue(0, 0.0, 0.0), Ok(()));
         for x in [[0.9, 0.0, 0.0], [-4.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0]] {
             port.aim(&x, &[0.0; 3], 0.0, 0.0);
-            let fault = port.geometry_fault().unwrap();
+            let fault = port.loading_unit().unwrap().fault().unwrap();
             port.clear();
             assert_eq!(port.issue(1, 0.0, 0.0), Err(LinkFault::Refused));
             assert!(fault.to_string().contains("ux = "), "{fault}");

@@ -3,57 +3,54 @@
 //! The controller commands the signals of the port: the deformations of its axes, or the coordinates of its loading
 //! unit. They go through the port as the targets of a structure do, and displacements and forces come back the same way.
 
+use super::spec::fits;
 use super::*;
 
-impl Port {
-    /// Joins a substructure to a controller that commands its axes in their own units. What that sends is passed on to the last bit.
-    /// Nothing is estimated. `stiffness` is the estimate k̂ of each axis, in its units.
-    #[must_use]
-    pub fn received(
-        name: impl Into<String>,
-        substructure: Box<dyn Substructure>,
-        mut stiffness: Vec<f64>,
-    ) -> Self {
-        let axes = vec![Axis::received(); substructure.axes()];
-        stiffness.resize(axes.len(), 0.0);
-        let mut port = Self::joined(name.into(), axes, substructure, stiffness);
-        port.take_received_commands();
-        port
-    }
+/// A port whose commands another controller sends. Nothing is estimated.
+#[derive(Debug)]
+pub struct ReceivedPort(pub(super) Port);
 
-    /// Another controller commands it: each of its commands is a target, and is answered. Nothing is estimated.
-    #[must_use]
-    pub fn with_received_commands(mut self) -> Self {
-        self.take_received_commands();
-        self
-    }
+impl std::ops::Deref for ReceivedPort {
+    type Target = Port;
 
-    fn take_received_commands(&mut self) {
-        self.path.set_pace(true, Order::default());
-        self.pause_estimates();
+    fn deref(&self) -> &Port {
+        &self.0
     }
+}
 
-    /// Its guard, for a specimen that has more than one server: only one of them commands it at a time.
-    #[must_use]
-    pub const fn guard(&self) -> &Guard {
-        &self.guard
+impl std::ops::DerefMut for ReceivedPort {
+    fn deref_mut(&mut self) -> &mut Port {
+        &mut self.0
     }
+}
 
+impl ReceivedPort {
     /// Takes the guard that another server of the same specimen had.
-    pub fn set_guard(&mut self, guard: Guard) {
-        if guard.declared().len() == self.axes.len() {
-            self.guard = guard;
-        }
+    ///
+    /// # Errors
+    /// It has another number of axes.
+    pub fn set_guard(&mut self, guard: Guard) -> Result<(), PortError> {
+        fits("axes of the guard", guard.declared().len(), self.axes())?;
+        self.0.guard = guard;
+        Ok(())
     }
 
-    /// Another substructure with as many axes answers from here on, and all counts restart. Returns the substructure before, or the
-    /// new one if its axes do not fit.
-    pub fn swap_partner(&mut self, substructure: Box<dyn Substructure>) -> Box<dyn Substructure> {
-        if substructure.axes() != self.axes.len() {
-            return substructure;
-        }
-        self.feedback = Feedback::new(self.axes.len());
-        self.exchange.swap(substructure)
+    /// The guard forgets past commands, and its ticks take `tick` s.
+    pub fn renew_guard(&mut self, tick: f64) {
+        self.0.guard = self.guard.forgetful(tick);
+    }
+
+    /// Another substructure answers from here on, and all counts restart. Returns the substructure before.
+    ///
+    /// # Errors
+    /// It has another number of axes.
+    pub fn swap_partner(
+        &mut self,
+        substructure: Box<dyn Substructure>,
+    ) -> Result<Box<dyn Substructure>, PortError> {
+        fits("axes of the partner", substructure.axes(), self.axes())?;
+        self.feedback = Feedback::new(self.axes());
+        Ok(self.exchange.swap(substructure))
     }
 
     /// Another controller commands: nothing was counted, measured, warned of or tripped. The guard keeps the commands before.
@@ -67,7 +64,7 @@ impl Port {
 
     /// The specimen is at `disp`, in its own unit. The next command has the number `sequence`, and leads away from there.
     pub fn begin_commands(&mut self, sequence: u64, disp: &[f64]) {
-        self.found_at(disp);
+        self.guard.is_found_at(disp);
         self.path.stands_at(disp);
         self.stand_still();
         let strokes = self.deformations_at(disp);
@@ -78,16 +75,6 @@ impl Port {
         self.feedback.forget_number();
     }
 
-    /// The specimen is found at `disp`, in its own unit: the next command is a step from there.
-    pub fn found_at(&mut self, disp: &[f64]) {
-        self.guard.is_found_at(disp);
-    }
-
-    /// Wall time in s of the next motion. Real-time: yes.
-    pub fn set_motion_time(&mut self, seconds: f64) {
-        self.guard.watch_mut().tick_is(seconds);
-    }
-
     /// True if the next command is the last one once more. Real-time: yes.
     #[must_use]
     pub fn repeats(&self) -> bool {
@@ -96,52 +83,13 @@ impl Port {
 
     /// The specimen came to where it stands with the velocities of the next command, for `seconds`. Real-time: yes.
     pub fn came_with_command(&mut self, seconds: f64) {
-        self.guard.came_with(&self.path.command().vel, seconds);
-    }
-
-    /// The guard's record of past commands.
-    #[must_use]
-    pub const fn watch(&self) -> &limits::Watch {
-        self.guard.watch()
-    }
-
-    /// The specimen's introduction. Nothing moves.
-    ///
-    /// # Errors
-    /// The specimen cannot take part.
-    pub fn introduce(&mut self) -> Result<Introduction, Unavailable> {
-        self.exchange.connect()
-    }
-
-    /// See [`Substructure::commanded_every`].
-    pub fn commanded_every(&mut self, seconds: f64) {
-        self.exchange.commanded_every(seconds);
-    }
-
-    /// Measures before the first command, in the specimen's units; false if the specimen does not.
-    pub fn at_rest(&mut self, into: &mut Measurement) -> bool {
-        self.exchange.at_rest(into)
-    }
-
-    /// A computed specimen forgets what was not accepted.
-    pub fn revert(&mut self) {
-        self.exchange.revert();
-    }
-
-    /// Tangent stiffness, n × n by columns, in the specimen's units; false if it is not known. Real-time: yes.
-    pub fn tangent(&self, stiffness: &mut [f64]) -> bool {
-        self.exchange.tangent(stiffness)
-    }
-
-    /// Takes note of whether the last answer says that the specimen's own watchdog holds it. Real-time: yes.
-    pub fn note_hold(&mut self, freshness: Freshness) -> Hold {
-        let status = self.feedback.raw().status;
-        self.exchange.note_hold(status, freshness)
+        let port = &mut self.0;
+        port.guard.came_with(&port.path.command().vel, seconds);
     }
 }
 
 // Signals: what the controller commands, at the structure's scale.
-impl Port {
+impl ReceivedPort {
     /// Number of coordinates of the loading unit; 0 without one.
     #[must_use]
     pub fn coordinates(&self) -> usize {
@@ -153,8 +101,9 @@ impl Port {
     /// and velocity of one axis after the other. Nothing is compensated. Real-time: yes.
     pub fn aim_axes(&mut self, along: impl Iterator<Item = (f64, f64)>) {
         self.leave_pose();
-        self.path.target_mut().take(along);
-        self.path.follow_target(&self.axes);
+        let port = &mut self.0;
+        port.path.target_mut().take(along);
+        port.path.follow_target(&port.axes);
     }
 
     /// The target that was sought last: deformations of the axes in m, of a loading unit the strokes of its actuators. Real-time: yes.
@@ -175,11 +124,6 @@ impl Port {
     fn static_gain(&self, axis: usize) -> f64 {
         let compensators = self.path.compensators();
         compensators.map_or(1.0, |compensators| compensators.static_gain(axis))
-    }
-
-    /// Velocities that come with targets are the slope of a path, and no differences.
-    pub const fn take_velocities_of_a_path(&mut self) {
-        self.path.take_velocities_of_a_path();
     }
 
     /// Compensators and estimates of tracking are as before any command; `fresh` is that state of the compensators.
@@ -213,12 +157,17 @@ impl Port {
     /// [`Port::resolve_pose`] finds those of a loading unit. Real-time: yes.
     pub fn read_signals(&self, mut read: impl FnMut(usize, f64, f64)) {
         if self.loading_unit.is_some() {
-            for (index, (_, [_, disp, force])) in self.pose().enumerate() {
+            for (index, (_, [_, disp, force])) in self
+                .loading_unit()
+                .into_iter()
+                .flat_map(LoadingUnit::pose)
+                .enumerate()
+            {
                 read(index, disp, force);
             }
             return;
         }
-        let measured = self.measured().iter().zip(self.force());
+        let measured = self.feedback.disp().iter().zip(self.feedback.force());
         for (index, (disp, force)) in measured.enumerate() {
             read(index, *disp, *force);
         }
@@ -229,7 +178,8 @@ impl Port {
     /// # Errors
     /// The actuators cannot have these strokes.
     pub fn take_at_rest(&mut self, at_rest: &Measurement) -> Result<(), Fault> {
-        self.feedback.take_at_rest(at_rest, &self.axes);
+        let port = &mut self.0;
+        port.feedback.take_at_rest(at_rest, &port.axes);
         self.resolve_pose()
     }
 
@@ -276,5 +226,67 @@ impl Port {
     /// An axis reports another sign.
     pub fn compare_stiffness(&self, reported: &[f64]) -> Result<Vec<String>, Unavailable> {
         self.expected().compare_stiffness(reported)
+    }
+}
+
+// What the controller of a server needs of a port beside its signals.
+impl ReceivedPort {
+    /// See `Port::ramp_time`.
+    #[must_use]
+    pub fn ramp_time(&self, share: f64, tick: f64, shortest: f64) -> f64 {
+        self.0.ramp_time(share, tick, shortest)
+    }
+
+    /// See `Port::note_hold`.
+    pub fn note_hold(&mut self, freshness: Freshness) -> Hold {
+        self.0.note_hold(freshness)
+    }
+
+    /// See `Port::pause`.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn pause(&mut self) -> Result<(), LinkFault> {
+        self.0.pause()
+    }
+
+    /// See `Port::seek_at`.
+    pub fn seek_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
+        self.0.seek_at(along)
+    }
+
+    /// See `Port::probe`.
+    #[must_use]
+    pub fn probe(&self) -> Option<Probe> {
+        self.0.probe()
+    }
+
+    /// See `Port::take_probe`.
+    pub fn take_probe(&self, probe: &mut Probe) {
+        self.0.take_probe(probe)
+    }
+
+    /// See `Port::turn_back`.
+    pub fn turn_back(&self, probe: &mut Probe) -> bool {
+        self.0.turn_back(probe)
+    }
+
+    /// See `Port::accept_probe`.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn accept_probe(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.0.accept_probe(sequence)
+    }
+
+    /// See `Port::freeze_compensation`.
+    #[must_use]
+    pub fn freeze_compensation(&mut self) -> Option<TestState> {
+        self.0.freeze_compensation()
+    }
+
+    /// See `Port::has_come_to_rest`.
+    pub fn has_come_to_rest(&mut self) {
+        self.0.has_come_to_rest()
     }
 }

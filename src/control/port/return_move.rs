@@ -228,7 +228,7 @@ mod tests {
     use std::collections::VecDeque;
 
     use super::*;
-    use crate::port::{Axis, Port};
+    use crate::port::{Axis, AxisSpec, Port, PortSpec};
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
@@ -289,7 +289,9 @@ mod tests {
             noise,
             phase: 0.0,
         });
-        let mut port = Port::new("rig", vec![axis], spring, 1, vec![stiffness]).unwrap();
+        let mut port = PortSpec::new("rig", spring, 1, vec![AxisSpec::new(axis, stiffness)])
+            .build()
+            .unwrap();
         port.exits.on_trip = Exit::ZeroForce;
         port.exits.speed = 0.05;
         port
@@ -301,7 +303,7 @@ mod tests {
             assert_eq!(port.clear().trip, None);
             port.issue(0, 0.0, tick).unwrap();
             port.collect(Nanos(0)).unwrap();
-            port.raw().disp[0]
+            port.feedback().raw().disp[0]
         };
         port.aim(&[0.01], &[0.0], 0.0, 0.0);
         exchange(&mut port);
@@ -311,7 +313,7 @@ mod tests {
             least = exchange(&mut port).min(least);
             ticks += 1;
         }
-        let (end, arrived) = (port.sent()[0], departure.end() == Some(Ok(())));
+        let (end, arrived) = (port.path().sent()[0], departure.end() == Some(Ok(())));
         Way {
             ticks,
             end,
@@ -364,7 +366,7 @@ mod tests {
             assert_eq!(port.clear().trip, None);
             port.issue(0, 0.0, TICK).unwrap();
             port.collect(Nanos(0)).unwrap();
-            port.note_peak();
+            port.feedback_mut().note_peak();
         };
         for disp in [0.01, 0.9e-4] {
             port.aim(&[disp], &[0.0], 0.0, 0.0);
@@ -375,7 +377,7 @@ mod tests {
             exchange(&mut port);
         }
         assert_eq!(departure.end(), Some(Ok(())));
-        assert_eq!(port.sent()[0], 0.9e-4, "nothing has moved");
+        assert_eq!(port.path().sent()[0], 0.9e-4, "nothing has moved");
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub struct NeedsMeasuredDisp {
 
 /// The startup of one specimen.
 #[derive(Debug)]
-pub(super) struct Startup {
+pub struct Startup {
     references: Vec<Reference>,
     sums: Vec<ReadingSums>,
     zero_is_taken: bool,
@@ -38,17 +38,22 @@ pub(super) struct Startup {
 }
 
 impl Startup {
-    /// Of `axes` axes whose offsets are declared.
-    pub(crate) fn absolute(axes: usize) -> Self {
+    /// One reference for each axis.
+    pub(crate) fn new(
+        references: Vec<Reference>,
+        wiring: WiringCheck,
+        is_computed: bool,
+        needs_measured_disp: NeedsMeasuredDisp,
+    ) -> Self {
         Self {
-            references: vec![Reference::default(); axes],
-            sums: vec![ReadingSums::default(); axes],
+            sums: vec![ReadingSums::default(); references.len()],
+            references,
             zero_is_taken: false,
             standing: None,
             stated: None,
-            wiring: WiringCheck::Known,
-            is_computed: false,
-            needs_measured_disp: NeedsMeasuredDisp::default(),
+            wiring,
+            is_computed,
+            needs_measured_disp,
         }
     }
 
@@ -61,31 +66,36 @@ impl Startup {
         visit.flag(&mut self.zero_is_taken);
     }
 
-    pub(crate) fn set_references(&mut self, references: Vec<Reference>) {
-        self.references = references;
-    }
-
-    pub(crate) const fn wiring(&self) -> &WiringCheck {
+    /// How the wiring is checked.
+    #[must_use]
+    pub const fn wiring(&self) -> &WiringCheck {
         &self.wiring
     }
 
-    pub(crate) const fn wiring_mut(&mut self) -> &mut WiringCheck {
+    /// Where to say how the wiring is checked.
+    pub const fn wiring_mut(&mut self) -> &mut WiringCheck {
         &mut self.wiring
     }
 
-    pub(crate) const fn is_computed(&self) -> bool {
+    /// True if the test file says that a computation answers, and no machine.
+    #[must_use]
+    pub const fn is_computed(&self) -> bool {
         self.is_computed
     }
 
-    pub(crate) const fn set_computed(&mut self, computed: bool) {
+    /// Whether the test file says that a computation answers, and no machine.
+    pub const fn set_computed(&mut self, computed: bool) {
         self.is_computed = computed;
     }
 
-    pub(crate) const fn needs_measured_disp(&self) -> &NeedsMeasuredDisp {
+    /// What needs the measured displacement.
+    #[must_use]
+    pub const fn needs_measured_disp(&self) -> &NeedsMeasuredDisp {
         &self.needs_measured_disp
     }
 
-    pub(crate) const fn needs_measured_disp_mut(&mut self) -> &mut NeedsMeasuredDisp {
+    /// Where to say what needs the measured displacement.
+    pub const fn needs_measured_disp_mut(&mut self) -> &mut NeedsMeasuredDisp {
         &mut self.needs_measured_disp
     }
 
@@ -128,7 +138,8 @@ impl Startup {
     }
 
     /// Readings of one axis.
-    pub(crate) fn reading(&self, axis: usize) -> Reading {
+    #[must_use]
+    pub fn reading(&self, axis: usize) -> Reading {
         let sums = self.sums.get(axis);
         sums.map_or_else(Reading::default, ReadingSums::reading)
     }
@@ -166,10 +177,7 @@ impl Startup {
     }
 
     /// How the displacement sensor of each axis belongs to its commands now.
-    pub(crate) fn disp_zeros<'a>(
-        &'a self,
-        axes: &'a [Axis],
-    ) -> impl Iterator<Item = DispZero> + 'a {
+    pub fn disp_zeros<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = DispZero> + 'a {
         axes.iter().enumerate().map(|(index, axis)| DispZero {
             gain: axis.disp_gain,
             command: axis.disp_offset,
@@ -178,12 +186,13 @@ impl Startup {
     }
 
     /// Position that the specimen reports, or else the one that the test file states.
-    pub(crate) fn standing(&self) -> Option<&[f64]> {
+    #[must_use]
+    pub fn standing(&self) -> Option<&[f64]> {
         self.standing.as_deref()
     }
 
     /// The specimen reports this position; another number of values than axes clears it.
-    pub(crate) fn report_position(&mut self, disp: &[f64]) {
+    pub fn report_position(&mut self, disp: &[f64]) {
         self.standing = (disp.len() == self.references.len()).then(|| disp.to_vec());
     }
 

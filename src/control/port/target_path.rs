@@ -6,7 +6,7 @@ use gusset_quantity::state::Visit;
 
 /// Where the target goes.
 #[derive(Debug)]
-pub(super) struct TargetPath {
+pub(crate) struct TargetPath {
     goal: AxisMotion,
     interpolation: Interpolation,
 }

@@ -34,6 +34,10 @@ impl Substructure for Reversed {
 }
 
 fn reversed() -> Port {
+    reversed_spec().build().unwrap()
+}
+
+fn reversed_spec() -> PortSpec {
     let axis = Axis {
         row: vec![(1, 1.0), (0, -1.0)],
         base: 0.0,
@@ -44,14 +48,12 @@ fn reversed() -> Port {
         force_gain: -1000.0,
         force_offset: 2.0,
     };
-    Port::new(
+    PortSpec::new(
         "rig",
-        vec![axis],
         Box::new(Reversed { disp: 0.0 }),
         2,
-        vec![8000.0],
+        vec![AxisSpec::new(axis, 8000.0)],
     )
-    .unwrap()
 }
 
 /// Judges and sends.
@@ -87,7 +89,9 @@ fn a_zero_that_is_read_and_its_drift_are_taken_off_what_is_read() {
         disp: Zero::Relative,
         force: Zero::Relative,
     };
-    let mut port = reversed().with_references(vec![relative]);
+    let mut spec = reversed_spec();
+    spec.axes[0].reference = relative;
+    let mut port = spec.build().unwrap();
     port.aim(&[0.0, 0.001], &[0.0, 0.0], 0.0, 0.0);
     send(&mut port, 0);
     let read = |port: &mut Port, disp: f64, force: f64| {
@@ -95,9 +99,12 @@ fn a_zero_that_is_read_and_its_drift_are_taken_off_what_is_read() {
         let raw = port.feedback.raw_mut();
         raw.disp[0] += disp;
         raw.force[0] += force;
-        port.forget_readings();
+        port.startup_mut().forget_readings();
         port.take_reading();
-        (port.raw().disp[0], port.raw().force[0])
+        (
+            port.feedback().raw().disp[0],
+            port.feedback().raw().force[0],
+        )
     };
     let is_zero = |port: &Port, (disp, force): (f64, f64)| {
         let (disp, force) = port.axes[0].at_structure(disp, force);
@@ -144,9 +151,11 @@ fn a_force_that_is_recovered_is_one_of_the_structure() {
         ..Axis::plain(vec![(0, 1.0)])
     };
     let rig = Box::new(Recovering(true));
-    let mut port = Port::new("rig", vec![axis], rig, 1, vec![0.0]).unwrap();
+    let mut port = PortSpec::new("rig", rig, 1, vec![AxisSpec::new(axis, 0.0)])
+        .build()
+        .unwrap();
     assert_eq!(
-        (port.recover(), port.recovered_force()[0]),
+        (port.recover(), port.feedback().recovered()[0]),
         (Some(3), -500.0)
     );
     assert_eq!(port.recover(), None);
@@ -158,7 +167,7 @@ fn a_ramp_says_how_fast_it_goes_in_the_specimens_own_time() {
     let mut port = reversed();
     port.axes[0].vel_gain = -500.0;
     send(&mut port, 0);
-    let from = port.sent()[0];
+    let from = port.path().sent()[0];
     port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
     let way = port.command()[0] - from;
     port.begin_ramp();
@@ -176,8 +185,8 @@ fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
     assert!((port.command()[0] - 2.0).abs() < 1e-12, "-1000 · 0.003 + 5");
     send(&mut port, 0);
     port.collect(Nanos(0)).unwrap();
-    assert!((port.measured()[0] - 0.003).abs() < 1e-15);
-    assert!((port.force()[0] - 8000.0 * 0.003).abs() < 1e-10);
+    assert!((port.feedback().disp()[0] - 0.003).abs() < 1e-15);
+    assert!((port.feedback().force()[0] - 8000.0 * 0.003).abs() < 1e-10);
     let mut residual = [0.0, 0.0];
     port.subtract_force(0..residual.len(), &mut residual);
     assert!((residual[0] - 24.0).abs() < 1e-10 && (residual[1] + 24.0).abs() < 1e-10);
@@ -187,13 +196,13 @@ fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
 fn a_base_displacement_is_not_a_deformation_of_the_upper_storeys() {
     let mut axis = Axis::plain(vec![(0, 1.0)]);
     axis.base = 1.0;
-    let mut port = Port::new(
+    let mut port = PortSpec::new(
         "base",
-        vec![axis],
         Box::new(Reversed { disp: 0.0 }),
         2,
-        vec![0.0],
+        vec![AxisSpec::new(axis, 0.0)],
     )
+    .build()
     .unwrap();
     port.aim(&[0.25, 0.0], &[0.5, 0.0], 0.2, 0.5);
     assert!((port.target()[0] - 0.05).abs() < 1e-15);
@@ -209,7 +218,7 @@ fn a_stale_force_moves_with_the_estimate() {
     port.collect(Nanos(0)).unwrap();
     port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
     port.extrapolate();
-    assert!((port.force()[0] - 16.0).abs() < 1e-9);
+    assert!((port.feedback().force()[0] - 16.0).abs() < 1e-9);
 }
 
 /// It was never told anything but to stay where its declared offset says that it stands.
@@ -217,7 +226,8 @@ fn a_stale_force_moves_with_the_estimate() {
 fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
     let limits = limits::AxisLimits::NONE.with(Limit::FollowingError, limits::Bound::trip(1e-3));
     let read = |disp: Option<f64>| {
-        let mut port = reversed().with_limits(vec![limits], vec![(1e-3, 1e3)], 0.01);
+        let mut port = reversed();
+        port.set_limits(0.01, |_| (limits, (1e-3, 1e3)));
         port.stand_still();
         port.repeat(0, 0.0).unwrap();
         port.collect(Nanos(0)).unwrap();
@@ -231,27 +241,50 @@ fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
 }
 
 #[test]
-fn rows_that_do_not_fit_are_refused() {
-    let axes = || vec![Axis::plain(vec![(2, 1.0)])];
-    let specimen = || Box::new(Reversed { disp: 0.0 });
+fn what_does_not_fit_is_refused() {
+    let refused = |change: fn(&mut PortSpec)| {
+        let mut spec = reversed_spec();
+        change(&mut spec);
+        spec.build().unwrap_err()
+    };
+    let length = |found, wanted| move |error: PortError| matches!(error, PortError::Length { found: f, wanted: w, .. } if (f, w) == (found, wanted));
+    let dof = PortError::Dof {
+        row: 1,
+        dof: 3,
+        dofs: 2,
+    };
+    assert_eq!(refused(|spec| spec.axes[0].axis.row = vec![(2, 1.0)]), dof);
     assert_eq!(
-        Port::new("a", axes(), specimen(), 2, vec![1.0]).unwrap_err(),
-        PortError::Dof {
-            row: 1,
-            dof: 3,
-            dofs: 2
-        }
-    );
-    assert_eq!(
-        Port::new("a", vec![], specimen(), 2, vec![]).unwrap_err(),
+        refused(|spec| spec.axes.clear()),
         PortError::Axes { rows: 0, axes: 1 }
     );
-    let mut axis = Axis::plain(vec![(0, 1.0)]);
-    axis.force_gain = f64::NAN;
     assert!(matches!(
-        Port::new("a", vec![axis], specimen(), 2, vec![1.0]),
-        Err(PortError::Gain { axis: 1, .. })
+        refused(|spec| spec.axes[0].axis.force_gain = f64::NAN),
+        PortError::Gain { axis: 1, .. }
     ));
+    assert!(length(2, 1)(refused(
+        |spec| spec.coupling = vec![vec![0.0]; 2]
+    )));
+    assert!(length(3, 1)(refused(
+        |spec| spec.coupling = vec![vec![0.0; 3]]
+    )));
+    assert!(length(0, 1)(refused(|spec| spec.compensation =
+        Some(Compensation {
+            compensators: Vec::new(),
+            tick: 1e-3,
+            pace: 1.0,
+            delay_in_test_time: false,
+            base_moves: false,
+        }))));
+    assert!(length(2, 1)(refused(
+        |spec| spec.exits.on_trip = Exit::Safe(vec![0.0; 2])
+    )));
+    assert!(length(2, 1)(refused(
+        |spec| spec.exits.at_end = Exit::Safe(vec![0.0; 2])
+    )));
+    assert!(length(0, 1)(refused(
+        |spec| spec.stands_at_m = Some(Vec::new())
+    )));
 }
 
 /// The command that was judged is another one.

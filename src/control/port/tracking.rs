@@ -8,6 +8,7 @@
 
 use super::command_path::VelocityOf;
 use super::estimates::Observation;
+use super::spec::TrackingSpec;
 use gusset_proof::CriticalDelay;
 use gusset_quantity::state::Visit;
 
@@ -187,7 +188,7 @@ impl AxisTracking {
 
 /// How all axes of a specimen follow.
 #[derive(Debug)]
-pub(super) struct Tracking {
+pub struct Tracking {
     axes: Vec<AxisTracking>,
     dt: f64,
     /// By this many ticks the velocities that come with targets are older than these.
@@ -225,9 +226,10 @@ impl Tracking {
         visit.option(&mut self.passes);
     }
 
-    /// Estimates delay and gain from here on: see [`super::Port::with_tracking`].
-    pub(crate) const fn begin(&mut self, dt: f64, age: f64) {
-        (self.is_on, self.dt, self.age) = (true, dt, age);
+    /// Estimates delay and gain from here on.
+    pub(crate) fn begin(&mut self, spec: TrackingSpec) {
+        (self.is_on, self.dt, self.age) = (true, spec.dt, spec.age);
+        self.critical = spec.critical;
     }
 
     /// Everything is forgotten but what is declared: another test begins later.
@@ -241,13 +243,9 @@ impl Tracking {
         (self.test_runs, self.passes) = (false, None);
     }
 
-    pub(crate) fn set_critical(&mut self, tables: Vec<CriticalDelay>) {
-        if tables.len() == self.axes.len() {
-            self.critical = tables;
-        }
-    }
-
-    pub(crate) const fn is_on(&self) -> bool {
+    /// True if delay and gain are estimated: they have columns.
+    #[must_use]
+    pub const fn is_on(&self) -> bool {
         self.is_on
     }
 
@@ -313,7 +311,7 @@ impl Tracking {
 
     /// Lag, gain, stiffness, and the damping that the lag adds; empty where nothing is estimated. Real-time: yes.
     #[inline]
-    pub(crate) fn values(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
+    pub fn values(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
         let axes = if self.is_on {
             self.axes.as_slice()
         } else {
@@ -337,16 +335,34 @@ impl Tracking {
 
     /// Lag and critical delay in s of test time, per axis; not a number where it is not known. Empty without tables. Real-time:
     /// yes.
-    pub(crate) fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let axes = self.critical.iter().zip(self.values());
         axes.map(|(table, [lag, _, stiffness, _])| (lag, table.at(stiffness)))
+    }
+
+    /// Critical delay at the stiffness of the last seconds less their lag, s of test time, per axis: negative where the test is expected to
+    /// grow, infinite where every delay is stable, not a number where nothing is known yet. Real-time: yes.
+    pub(crate) fn delay_margins(&self) -> impl Iterator<Item = f64> + '_ {
+        self.lags().map(|(lag, critical)| critical - lag)
+    }
+
+    /// The largest share of its critical delay that an axis uses; not a number while nothing is known. Real-time: yes.
+    pub(crate) fn delay_used(&self) -> f64 {
+        // A number wins against none.
+        self.delay_used_by_axis().fold(f64::NAN, f64::max)
+    }
+
+    /// The share of each axis. Real-time: yes.
+    pub(crate) fn delay_used_by_axis(&self) -> impl Iterator<Item = f64> + '_ {
+        let lags = self.lags();
+        lags.map(|(lag, critical)| lag.max(0.0) / critical + 0.0 * lag)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::{Axis, Port};
+    use crate::port::{Axis, AxisSpec, PortSpec};
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
@@ -485,10 +501,20 @@ mod tests {
     #[test]
     fn declared_noise_is_a_floor_until_enough_readings_show_another() {
         let least = |declared: f64, readings: u32| {
-            let axes = vec![Axis::plain(vec![(0, 1.0)])];
             let rig = Box::new(Noisy(1e-6));
-            let port = Port::new("rig", axes, rig, 1, vec![1e6]).unwrap();
-            let mut port = port.with_tracking(1e-3, 0.5).with_declared_noise(declared);
+            let mut spec = PortSpec::new(
+                "rig",
+                rig,
+                1,
+                vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 1e6)],
+            );
+            spec.tracking = Some(TrackingSpec {
+                dt: 1e-3,
+                age: 0.5,
+                noise_m: Some(declared),
+                critical: Vec::new(),
+            });
+            let mut port = spec.build().unwrap();
             for k in 0..u64::from(readings) {
                 port.repeat(k, 0.0).unwrap();
                 port.collect(Nanos(0)).unwrap();

@@ -62,7 +62,7 @@ impl WiringCheck {
     }
 
     /// True if the motion that brings the static load on is the check.
-    pub(super) const fn is_by_static_load(&self) -> bool {
+    pub(crate) const fn is_by_static_load(&self) -> bool {
         matches!(self, Self::Settling(_))
     }
 
@@ -85,7 +85,7 @@ impl WiringCheck {
     }
 
     /// The axes (from 0) whose wiring the static load did not show.
-    pub(super) fn unshown(&self) -> Vec<usize> {
+    pub(crate) fn unshown(&self) -> Vec<usize> {
         match self {
             Self::Settling(trend) => trend.unshown().collect(),
             _ => Vec::new(),

@@ -5,7 +5,7 @@
 //! Its port converts them as in a test.
 
 use gusset_actuator::geometry::{Coordinate, Fault};
-use gusset_control::port::Port;
+use gusset_control::port::ReceivedPort;
 use gusset_quantity::substructure::Measurement;
 use gusset_quantity::units::AxisUnits;
 
@@ -51,7 +51,12 @@ impl ClientScale {
     }
 
     /// Makes the next command of displacements and velocities of the controller, which counts in `client`. Real-time: yes.
-    pub(crate) fn aim(&self, port: &mut Port, [disp, vel]: [&[f64]; 2], client: &[AxisUnits]) {
+    pub(crate) fn aim(
+        &self,
+        port: &mut ReceivedPort,
+        [disp, vel]: [&[f64]; 2],
+        client: &[AxisUnits],
+    ) {
         let motion = disp.iter().zip(vel);
         match self {
             Self::Axes => port.aim_at(&mut motion.map(|(disp, vel)| (*disp, *vel))),
@@ -65,7 +70,7 @@ impl ClientScale {
     }
 
     /// Makes the target of the port of displacements of the controller, and no command. Real-time: yes.
-    pub(crate) fn seek(&self, port: &mut Port, disp: &[f64], client: &[AxisUnits]) {
+    pub(crate) fn seek(&self, port: &mut ReceivedPort, disp: &[f64], client: &[AxisUnits]) {
         match self {
             Self::Axes => port.seek_at(&mut disp.iter().map(|disp| (*disp, 0.0))),
             Self::Structure(_) => {
@@ -82,12 +87,12 @@ impl ClientScale {
     /// The actuators cannot have the strokes that were measured.
     pub(crate) fn answer(
         &self,
-        port: &mut Port,
+        port: &mut ReceivedPort,
         client: &[AxisUnits],
         into: &mut Measurement,
     ) -> Result<Option<usize>, Fault> {
         if self.is_of_axes() {
-            copy(port.raw(), into);
+            copy(port.feedback().raw(), into);
             let values = into.disp.iter().zip(&into.force).zip(client);
             let mut values = values.map(|((disp, force), unit)| {
                 (disp * unit.metres).is_finite() && (force * unit.newtons).is_finite()
@@ -117,7 +122,7 @@ impl ClientScale {
     /// The actuators cannot have this pose.
     pub(crate) fn place_for(
         &self,
-        port: &Port,
+        port: &ReceivedPort,
         disp: &[f64],
         client: &[AxisUnits],
     ) -> Result<Vec<f64>, Fault> {
@@ -137,7 +142,7 @@ impl ClientScale {
     /// The actuators cannot have these strokes.
     pub(crate) fn disp_at(
         &self,
-        port: &Port,
+        port: &ReceivedPort,
         place: &[f64],
         client: &[AxisUnits],
     ) -> Result<Vec<f64>, Fault> {

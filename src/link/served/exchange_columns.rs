@@ -2,7 +2,7 @@
 
 use super::Trip;
 use gusset_actuator::geometry::Coordinate;
-use gusset_control::port::Port;
+use gusset_control::port::{LoadingUnit, ReceivedPort};
 use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
 use gusset_quantity::catalog::phase::Phase;
 use gusset_quantity::substructure::{Command, Measurement};
@@ -17,7 +17,7 @@ pub(super) struct Exchange<'a> {
     pub command: &'a Command<'a>,
     pub elapsed: f64,
     /// The port that converts what the controller commands, if its numbers are not those of the axes.
-    pub port: Option<&'a Port>,
+    pub port: Option<&'a ReceivedPort>,
     pub commits: u64,
     pub measured: &'a Measurement,
     pub trip: Option<Trip>,
@@ -70,10 +70,10 @@ impl Exchange<'_> {
     }
 
     /// Writes the row of a port that converts: commands and measurements of the axes, at the structure's scale and at their own.
-    fn write_converted(&self, port: &Port, row: &mut [f64]) {
+    fn write_converted(&self, port: &ReceivedPort, row: &mut [f64]) {
         let axes = WIDTH * port.axes();
         let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
-        let raw = port.raw();
+        let raw = port.feedback().raw();
         let is_number = self.command.disp.iter().all(|disp| disp.is_finite());
         let targets = if self.is_aimed {
             port.target()
@@ -84,7 +84,7 @@ impl Exchange<'_> {
             .iter()
             .map(|target| if is_number { *target } else { f64::NAN })
             .zip(port.command().iter().zip(port.command_vel()));
-        let measured = port.measured().iter().zip(port.force());
+        let measured = port.feedback().disp().iter().zip(port.feedback().force());
         let measured = measured.zip(raw.disp.iter().zip(&raw.force));
         for (slot, ((target, (disp, vel)), ((meas, force), (raw_disp, raw_force)))) in
             row.chunks_exact_mut(WIDTH).zip(commands.zip(measured))
@@ -100,14 +100,17 @@ impl Exchange<'_> {
             ]);
         }
         let slots = coordinates.chunks_exact_mut(COORDINATE_WIDTH);
-        for (slot, (_, values)) in slots.zip(port.pose()) {
+        for (slot, (_, values)) in
+            slots.zip(port.loading_unit().into_iter().flat_map(LoadingUnit::pose))
+        {
             slot.copy_from_slice(&values);
         }
         let further = coordinates.get_mut(COORDINATE_WIDTH * port.coordinates()..);
         let values = port
             .tracking()
+            .values()
             .flatten()
-            .chain(port.compensation_parameters());
+            .chain(port.path().compensation_parameters());
         // The last column is the status.
         for (slot, value) in further.into_iter().flatten().zip(values) {
             *slot = value;
@@ -121,7 +124,9 @@ impl Exchange<'_> {
 
     /// Measured displacement and force of one axis after the other, SI. Real-time: yes.
     pub(crate) fn measured_si(&self, units: &'_ [AxisUnits]) -> impl Iterator<Item = (f64, f64)> {
-        let measured = self.port.map_or(self.measured, Port::raw);
+        let measured = self
+            .port
+            .map_or(self.measured, |port| port.feedback().raw());
         let measured = measured.disp.iter().zip(&measured.force).zip(units);
         measured.map(|((disp, force), unit)| (unit.metres * disp, unit.newtons * force))
     }
@@ -161,7 +166,7 @@ fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
 pub(super) fn columns(
     units: &[AxisUnits],
     coordinates: &[Coordinate],
-    port: &Port,
+    port: &ReceivedPort,
     name: &str,
 ) -> Vec<Column> {
     let column = |kind: &Kind, name: String, unit: &str, meaning: String| Column {
@@ -192,14 +197,14 @@ pub(super) fn columns(
             column(kind, kind.of_axis(1, number), unit, meaning)
         }));
     }
-    for axis in (1..=port.axes()).filter(|_| port.tracks()) {
+    for axis in (1..=port.axes()).filter(|_| port.tracking().is_on()) {
         let estimates = SERVER.iter().filter(|kind| is_estimate(kind));
         columns.extend(estimates.map(|kind| {
             let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);
             column(kind, kind.of_axis(1, axis), kind.unit, meaning)
         }));
     }
-    for (axis, parameter) in port.compensation_names() {
+    for (axis, parameter) in port.path().compensation_names() {
         let (key, kind) = (parameter.name, &SERVER_COMPENSATION);
         let meaning = kind.meaning.replace("NAME", key);
         let meaning = format!("{meaning}; specimen \"{name}\", axis {}", axis + 1);

@@ -2,7 +2,7 @@
 //! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
 
 use super::{Trip, USUAL_TICK_S};
-use gusset_control::port::Port;
+use gusset_control::port::ReceivedPort;
 use gusset_control::port::limits::{AxisLimits, Hit, Level};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Command;
@@ -46,7 +46,7 @@ impl FirstCommand {
         &self,
         command: &Command<'_>,
         place: &[f64],
-        port: &Port,
+        port: &ReceivedPort,
     ) -> Result<(), Trip> {
         if let Some((number, begins)) = &self.begins
             && command.sequence == *number
@@ -56,7 +56,7 @@ impl FirstCommand {
         }
         if let Some(leaves) = &self.leaves
             && let Some(hit) = judge(
-                port.limits(),
+                port.guard().declared(),
                 in_metres(port, leaves),
                 in_metres(port, place),
             )
@@ -68,7 +68,12 @@ impl FirstCommand {
 
     /// A resumed test begins at its announced speed. The acceleration of its first command that moves is judged from that speed, not
     /// from the rest in which the specimen waited. A motion while test time is constant does not count. Real-time: yes.
-    pub(crate) fn take_up_pace(&mut self, command: &Command<'_>, elapsed: f64, port: &mut Port) {
+    pub(crate) fn take_up_pace(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        port: &mut ReceivedPort,
+    ) {
         let from = *self.goes_on_from.get_or_insert(command.time);
         // A test that begins does so at rest.
         let goes_on = from > 0.0 && command.time > from;
@@ -85,8 +90,11 @@ impl FirstCommand {
 }
 
 /// Displacements in m. Real-time: yes.
-fn in_metres<'a>(port: &'a Port, disp: &'a [f64]) -> impl Iterator<Item = f64> + Clone + 'a {
-    let units = port.units().iter();
+fn in_metres<'a>(
+    port: &'a ReceivedPort,
+    disp: &'a [f64],
+) -> impl Iterator<Item = f64> + Clone + 'a {
+    let units = port.guard().units().iter();
     disp.iter()
         .zip(units)
         .map(|(disp, (metres, _))| disp * metres)
@@ -109,7 +117,7 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
 
 /// The first axis whose wiring check would begin at `start` although it was measured at `stands`, in units of the axes: farther than
 /// a first command may go.
-pub(super) fn begins_elsewhere(port: &Port, stands: &[f64], start: &[f64]) -> Option<Hit> {
+pub(super) fn begins_elsewhere(port: &ReceivedPort, stands: &[f64], start: &[f64]) -> Option<Hit> {
     let bound = |limits: &AxisLimits| {
         let [step, vel] =
             [Limit::CommandStep, Limit::CommandVel].map(|limit| limits.size(limit).trip);
@@ -117,12 +125,17 @@ pub(super) fn begins_elsewhere(port: &Port, stands: &[f64], start: &[f64]) -> Op
         Some(farthest(limits).unwrap_or(own))
     };
     let [stands, start] = [stands, start].map(|place| in_metres(port, place));
-    too_far(port.limits(), stands, start, bound)
+    too_far(port.guard().declared(), stands, start, bound)
 }
 
 /// The first axis of a port that `place`, in its units, would take beyond its bound of displacement. Real-time: yes.
-pub(super) fn beyond(port: &Port, place: &[f64]) -> Option<Hit> {
-    let mut axes = port.limits().iter().zip(in_metres(port, place)).enumerate();
+pub(super) fn beyond(port: &ReceivedPort, place: &[f64]) -> Option<Hit> {
+    let mut axes = port
+        .guard()
+        .declared()
+        .iter()
+        .zip(in_metres(port, place))
+        .enumerate();
     axes.find_map(|(axis, (limits, value))| {
         let [low, high] = limits.get(Limit::CommandDisp).trip;
         let is_within = value >= low && value <= high;

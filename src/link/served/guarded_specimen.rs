@@ -11,8 +11,8 @@ use super::pacing::{PacedPath, Pacing};
 use super::recording::Recording;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
-use gusset_control::port::Port;
 use gusset_control::port::limits::{Found, Level};
+use gusset_control::port::{LoadingUnit, ReceivedPort};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::{
@@ -76,7 +76,7 @@ const HOLDING_IN_A_ROW: u64 = 10;
 /// A specimen with its guard, and everything that is judged by it.
 pub(super) struct GuardedSpecimen {
     pub identity: Identity,
-    pub port: Port,
+    pub port: ReceivedPort,
     /// Longest wait for an answer in ns; 0 of a specimen without a link.
     pub reply_limit_ns: u64,
     pub allowance: SpeedAllowance,
@@ -100,7 +100,7 @@ pub(super) struct GuardedSpecimen {
 // How a session begins.
 impl GuardedSpecimen {
     /// A specimen without limits and without a record.
-    pub(crate) fn new(identity: Identity, port: Port) -> Self {
+    pub(crate) fn new(identity: Identity, port: ReceivedPort) -> Self {
         Self {
             answer: Measurement::zeros(identity.units.len()),
             told: Vec::with_capacity(port.axes()),
@@ -123,7 +123,7 @@ impl GuardedSpecimen {
     /// Each target of a controller becomes a path of commands.
     pub(crate) fn set_pacing(&mut self, pacing: Pacing) {
         let (signals, axes) = (self.identity.units.len(), self.port.axes());
-        self.port.take_velocities_of_a_path();
+        self.port.path_mut().take_velocities_of_a_path();
         let mut path = PacedPath::new(pacing, signals, axes);
         path.fresh = self.port.freeze_compensation();
         self.path = Some(path);
@@ -168,7 +168,8 @@ impl GuardedSpecimen {
             Some(new())
         };
         let lent = lent.ok_or_else(|| TestEnd::failed("another session has the specimen"))?;
-        self.port.set_guard(lent.guard);
+        let taken = self.port.set_guard(lent.guard);
+        taken.map_err(|error| TestEnd::failed(&error.to_string()))?;
         self.allowance = lent.allowance;
         self.port.begin_session(USUAL_TICK_S);
         if let Some(path) = &self.path {
@@ -217,8 +218,7 @@ impl GuardedSpecimen {
         wanted: &mut Wanted<'_>,
     ) -> Result<(), TestEnd> {
         if !self.identity.is_lasting() {
-            self.port
-                .set_guard(self.port.guard().forgetful(USUAL_TICK_S));
+            self.port.renew_guard(USUAL_TICK_S);
             self.allowance.forget();
         }
         self.port.begin_commands(sequence, start);
@@ -227,7 +227,7 @@ impl GuardedSpecimen {
         if let Some(announced) = &mut self.announced {
             let Identity { scale, units, .. } = &self.identity;
             if scale.is_of_axes() {
-                announced.begin(self.port.watch());
+                announced.begin(self.port.guard().watch());
             } else if let Ok(disp) = scale.disp_at(&self.port, start, units) {
                 announced.begin_at(in_metres(units, &disp));
             }
@@ -247,7 +247,7 @@ impl GuardedSpecimen {
             return Err(over);
         }
         outcome.map(|_| ()).map_err(|fault| {
-            let why = self.port.complaint().unwrap_or_default();
+            let why = self.port.exchange().complaint().unwrap_or_default();
             let between = if why.is_empty() { "" } else { ": " };
             TestEnd::failed(format_args!("not armed: {fault}{between}{why}"))
         })
@@ -317,7 +317,7 @@ impl GuardedSpecimen {
         into.time = self.answer.time;
         into.status = self.answer.status;
         if self.is_by_axes(origin) {
-            copy(self.port.raw(), into);
+            copy(self.port.feedback().raw(), into);
         } else {
             copy(&self.answer, into);
         }
@@ -380,7 +380,7 @@ impl GuardedSpecimen {
             Err(LinkFault::NotFinite) => Some(LinkFault::NotFinite),
             Err(fault) => return Err(fault.into()),
         };
-        let raw = self.port.raw();
+        let raw = self.port.feedback().raw();
         let not_finite = not_finite(&raw.disp, &raw.force);
         if let (Some(fault), None) = (fault, not_finite) {
             // The link itself refused the answer, or it is too large to be converted.
@@ -394,7 +394,7 @@ impl GuardedSpecimen {
             scale.answer(&mut self.port, units, &mut self.answer)
         };
         if self.answer.status.has(Status::UNSETTLED) {
-            self.port.count_unsettled();
+            self.port.exchange_mut().count_unsettled();
         }
         // A signal that the controller counts may be too large where the number of the axis is not.
         let not_finite = not_finite.or(posed.unwrap_or_default());
@@ -425,12 +425,12 @@ impl GuardedSpecimen {
             return Err(Trip::NotFinite { axis, measured });
         }
         self.aim(command, origin);
-        if let Some(fault) = self.port.geometry_fault() {
+        if let Some(fault) = self.port.loading_unit().and_then(LoadingUnit::fault) {
             return Err(Trip::Geometry(fault));
         }
         let time = self.time_of(command, elapsed, origin);
         if let Some(time) = time {
-            self.port.set_motion_time(time.own);
+            self.port.guard_mut().set_motion_time(time.own);
         }
         // The wiring check is not part of the controller's test.
         let is_theirs = origin == Origin::Controller;
@@ -480,7 +480,7 @@ impl GuardedSpecimen {
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<bool, LinkFault> {
         // The other end counts the time over commands that were lost by itself.
-        let dt = if self.port.is_remote() {
+        let dt = if self.port.exchange().is_remote() {
             command.dt
         } else {
             elapsed
@@ -493,9 +493,9 @@ impl GuardedSpecimen {
         self.port.issue(command.sequence, command.time, dt)?;
         // Within its capacity.
         self.told.clear();
-        self.told.extend_from_slice(self.port.sent());
+        self.told.extend_from_slice(self.port.path().sent());
         for _ in 0..limit_ns.div_ceil(LISTEN_NS) {
-            if self.port.is_answered(LISTEN_NS)? {
+            if self.port.exchange_mut().is_answered(LISTEN_NS)? {
                 break;
             }
             if !wanted() {
@@ -564,7 +564,10 @@ impl GuardedSpecimen {
     /// Notes warnings and further trips. The first trip ends the test.
     fn heed(&mut self, found: Found) -> Result<(), Trip> {
         let mut untold = found.warning;
-        while let Some(hit) = untold.take().or_else(|| self.port.next_untold()) {
+        while let Some(hit) = untold
+            .take()
+            .or_else(|| self.port.guard_mut().next_untold())
+        {
             // Each time that the level is crossed from inside.
             let what = match hit.level {
                 Level::Warning => "a warning",
@@ -592,7 +595,7 @@ impl GuardedSpecimen {
             return;
         }
         self.commits += 1;
-        if self.port.has_begun()
+        if self.port.exchange().has_begun()
             && let Err(fault) = self.port.accepted(0)
         {
             self.trip(fault.into());
@@ -615,7 +618,7 @@ impl GuardedSpecimen {
         let mut text = trip.to_string();
         match trip {
             Trip::Lost(_) => {
-                if let Some(complaint) = self.port.complaint() {
+                if let Some(complaint) = self.port.exchange().complaint() {
                     text.push_str(&format!(" ({complaint})"));
                 }
             }
@@ -627,7 +630,8 @@ impl GuardedSpecimen {
                     ));
                 }
                 let leaves = self.first.leaves.as_ref();
-                if let Some(why) = leaves.and_then(|_| first_command::why(self.port.limits(), &hit))
+                if let Some(why) =
+                    leaves.and_then(|_| first_command::why(self.port.guard().declared(), &hit))
                 {
                     text.push_str(&format!(" ({why})"));
                 }

@@ -1,7 +1,7 @@
 //! The specimen of a server of any protocol: computed in this process, or behind another link. With a link the server is a
 //! gateway.
 //!
-//! A [`ServedSpecimen`] is what a server commands. It is a [`gusset_control::port::Port`] whose commands are received: the same guard judges
+//! A [`ServedSpecimen`] is what a server commands. It is a [`gusset_control::port::ReceivedPort`] whose commands are received: the same guard judges
 //! them, and the same exchange sends them, as in the loop. Beside the port stand what only a server needs: the speed allowance, the
 //! limits that the controller announced, the first command, the latch of trips, and the record. Invariants: what a limit refuses is
 //! not passed on. A trip stops its session for good, and the specimen holds at the last command. The limits' history and the trip

@@ -10,7 +10,7 @@ use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
-use gusset_control::port::SHARE_OF_SPEED;
+use gusset_control::port::{LoadingUnit, SHARE_OF_SPEED};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::substructure::{Command, Measurement};
 
@@ -91,7 +91,7 @@ impl GuardedSpecimen {
         }
         let Identity { scale, units, .. } = &self.identity;
         scale.seek(&mut self.port, command.disp, units);
-        if let Some(fault) = self.port.geometry_fault() {
+        if let Some(fault) = self.port.loading_unit().and_then(LoadingUnit::fault) {
             return Err(Trip::Geometry(fault));
         }
         let [last, next] = &mut path.places;

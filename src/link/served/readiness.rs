@@ -58,7 +58,10 @@ impl<'a> Readiness<'a> {
                 self.served.identity.in_words(&start)
             ));
         }
-        let is_probed = matches!(self.served.port.wiring_check(), WiringCheck::Probe { .. });
+        let is_probed = matches!(
+            self.served.port.startup().wiring(),
+            WiringCheck::Probe { .. }
+        );
         if is_probed {
             self.judge_start(&introduction, &start)?;
         }
@@ -69,7 +72,7 @@ impl<'a> Readiness<'a> {
         }
         if self.served.pacing().is_some() {
             // The ramp to the first target takes its least time only if the place is known.
-            self.served.port.report_position(&start);
+            self.served.port.startup_mut().report_position(&start);
         }
         let felt = self.feel(&start, &introduction, wanted)?;
         self.served
@@ -98,11 +101,12 @@ impl<'a> Readiness<'a> {
             None => self
                 .served
                 .port
-                .introduce()
+                .exchange_mut()
+                .connect()
                 .map_err(|error| TestEnd::failed(error.text))?,
         };
-        self.served.port.commanded_every(every);
-        if self.served.port.is_remote() {
+        self.served.port.exchange_mut().commanded_every(every);
+        if self.served.port.exchange().is_remote() {
             let Introduction { peer, .. } = &introduction;
             let name = &self.served.identity.name;
             self.told.push(format!("specimen \"{name}\": {peer}"));
@@ -124,7 +128,8 @@ impl<'a> Readiness<'a> {
             return Err(text.into());
         }
         // From here on the specimen hears how the test ends.
-        drop(self.served.port.swap_partner(link));
+        let before = self.served.port.swap_partner(link);
+        before.map_err(|error| error.to_string())?;
         links.located(introduction)
     }
 
@@ -134,7 +139,7 @@ impl<'a> Readiness<'a> {
             self.served.note(Remark::Warning, &warning);
         }
         let of_limits = self.served.identity.needs_measured_disp.iter().copied();
-        let own = self.served.port.needs_measured_disp().own.iter();
+        let own = self.served.port.startup().needs_measured_disp().own.iter();
         let needs: Vec<&str> = of_limits.chain(own.map(String::as_str)).collect();
         if introduction.repeats_the_command && !needs.is_empty() {
             let text = format!(
@@ -194,7 +199,7 @@ impl<'a> Readiness<'a> {
     }
 
     fn doubts_of_wiring(&self, introduction: &Introduction) -> Option<String> {
-        let is_unchecked = matches!(self.served.port.wiring_check(), WiringCheck::Unchecked);
+        let is_unchecked = matches!(self.served.port.startup().wiring(), WiringCheck::Unchecked);
         (is_unchecked && !introduction.simulated).then(|| {
             "NOTHING CHECKS WHICH WAY ROUND THE SPECIMEN IS WIRED: give `probe_m` in [specimen.link] for a small \
              motion before each test, or say `probe = \"none\"`"
@@ -260,7 +265,7 @@ impl<'a> Readiness<'a> {
     /// It cannot be recorded.
     fn record_place(&self, introduction: &Introduction, start: &[f64]) -> Result<(), TestEnd> {
         let is_computed = self.links.is_some_and(LinkMaker::is_of_a_computation);
-        if introduction.simulated || is_computed || !self.served.port.is_remote() {
+        if introduction.simulated || is_computed || !self.served.port.exchange().is_remote() {
             return Ok(());
         }
         let Controller { test, peer, .. } = self.controller;
@@ -307,7 +312,7 @@ impl<'a> Readiness<'a> {
     fn move_a_little(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<String, TestEnd> {
         self.served
             .note(Remark::Probing, "a small motion and back, axis after axis");
-        self.served.port.report_position(start);
+        self.served.port.startup_mut().report_position(start);
         let Some(mut probe) = self.served.port.probe() else {
             return Ok(String::new());
         };
@@ -386,7 +391,7 @@ impl<'a> Readiness<'a> {
     fn verdict(&mut self, probe: &Probe) -> Result<String, TestEnd> {
         let wiring = probe.verdict().map_err(|misfit| misfit.to_string())?;
         if !wiring.accepted.is_empty()
-            && let Some(reason) = self.served.port.wiring_check().accepted()
+            && let Some(reason) = self.served.port.startup().wiring().accepted()
         {
             self.served.recording.accept_wiring(reason);
         }
@@ -421,7 +426,7 @@ impl<'a> Readiness<'a> {
         wanted: &mut Wanted<'_>,
     ) -> Result<Option<Vec<f64>>, TestEnd> {
         let n = stands.len();
-        let is_felt = self.served.port.is_remote()
+        let is_felt = self.served.port.exchange().is_remote()
             && self.controller.start.is_empty()
             && introduction.standing.len() == n
             && introduction.force.len() != n;
@@ -481,7 +486,7 @@ impl<'a> Readiness<'a> {
             start
         };
         if is_measured {
-            self.served.port.found_at(stands);
+            self.served.port.guard_mut().is_found_at(stands);
         }
         if !self.controller.start.is_empty() {
             self.served.begins_at(self.controller.first_sequence, start);
@@ -498,7 +503,7 @@ impl<'a> Readiness<'a> {
     ) -> Result<(), TestEnd> {
         let served = &mut *self.served;
         let mut rest = Measurement::zeros(served.port.axes());
-        if !served.port.at_rest(&mut rest) {
+        if !served.port.exchange_mut().at_rest(&mut rest) {
             let disp = rest.disp.iter_mut().zip(&introduction.standing);
             let force = rest.force.iter_mut().zip(&introduction.force);
             disp.chain(force).for_each(|(to, stands)| *to = *stands);

@@ -5,7 +5,7 @@ use super::identity::Identity;
 use super::session_record::{RecordSettings, SessionRecord};
 use super::{Controller, GuardStore, Trip};
 use crate::quota::Allowance;
-use gusset_control::port::Port;
+use gusset_control::port::ReceivedPort;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_quantity::substructure::LinkStats;
@@ -36,7 +36,7 @@ impl Recording {
     /// It cannot be kept.
     pub(crate) fn open(
         &mut self,
-        specimen: (&Identity, &Port),
+        specimen: (&Identity, &ReceivedPort),
         controller: &Controller,
         pace_hz: Option<f64>,
     ) -> Result<(), String> {

@@ -15,7 +15,7 @@ use super::speed_allowance::SpeedAllowance;
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted, with_last_words};
 use gusset_config::LimitsSpec;
 use gusset_control::port::limits::AxisLimits;
-use gusset_control::port::{Guard, Port, WiringCheck};
+use gusset_control::port::{PortSpec, ReceivedPort, WiringCheck};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::substructure::{Command, LinkStats, Measurement, Substructure};
@@ -66,11 +66,11 @@ impl ServedSpecimen {
     ) -> Self {
         let axes = substructure.axes();
         units.resize(axes, AxisUnits::SI);
-        let diagonal = stiffness.iter().step_by(axes + 1).copied().collect();
+        let diagonal: Vec<f64> = stiffness.iter().step_by(axes + 1).copied().collect();
         let is_remote = substructure.is_remote();
-        let mut port = Port::received(name.clone(), substructure, diagonal);
+        let mut port = PortSpec::passing_on(name.clone(), substructure, &diagonal);
         if is_remote {
-            *port.wiring_check_mut() = WiringCheck::Unchecked;
+            *port.startup_mut().wiring_mut() = WiringCheck::Unchecked;
         }
         let identity = Identity {
             name,
@@ -112,7 +112,7 @@ impl ServedSpecimen {
     #[must_use]
     pub(crate) fn converted(
         links: LinkMaker,
-        port: Port,
+        port: ReceivedPort,
         behind: AxesBehind,
         units: Vec<AxisUnits>,
         [stiffness, mass]: [Vec<f64>; 2],
@@ -154,13 +154,16 @@ impl ServedSpecimen {
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
-        let given = |axis| limits.get(axis).map_or(AxisLimits::NONE, AxisLimits::of);
-        let own: Vec<AxisLimits> = (0..self.guarded.port.axes()).map(given).collect();
-        let units = self.guarded.identity.axis_units().iter();
-        let units = units.map(|unit| (unit.metres, unit.newtons)).collect();
-        self.guarded
-            .port
-            .set_guard(Guard::new(own, units, USUAL_TICK_S));
+        let units = self.guarded.identity.axis_units();
+        self.guarded.port.set_limits(USUAL_TICK_S, |axis| {
+            let limits = limits.get(axis).map_or(AxisLimits::NONE, AxisLimits::of);
+            (
+                limits,
+                units
+                    .get(axis)
+                    .map_or((1.0, 1.0), |unit| (unit.metres, unit.newtons)),
+            )
+        });
         let needs = limits.iter().flat_map(LimitsSpec::needing_measured_disp);
         self.guarded.identity.needs_measured_disp =
             needs.collect::<BTreeSet<_>>().into_iter().collect();
@@ -184,8 +187,8 @@ impl ServedSpecimen {
     /// How its wiring is checked. `computed`: a computation answers, which forgets having been moved.
     #[must_use]
     pub(crate) fn checked(mut self, check: WiringCheck, computed: bool) -> Self {
-        *self.guarded.port.wiring_check_mut() = check;
-        self.guarded.port.set_computed(computed);
+        *self.guarded.port.startup_mut().wiring_mut() = check;
+        self.guarded.port.startup_mut().set_computed(computed);
         self
     }
 
@@ -234,7 +237,7 @@ impl ServedSpecimen {
     /// True if commands leave this process.
     #[must_use]
     pub(crate) fn is_remote(&self) -> bool {
-        self.guarded.port.is_remote()
+        self.guarded.port.exchange().is_remote()
     }
 
     /// True if each target of a controller becomes a path of commands.
@@ -258,7 +261,7 @@ impl ServedSpecimen {
     /// Tangent stiffness, n × n by columns; the initial one if the tangent is not known, as behind every link. Real-time: yes.
     pub(crate) fn tangent(&self, stiffness: &mut [f64]) {
         let is_of_axes = self.guarded.identity.scale.is_of_axes();
-        if !(is_of_axes && self.guarded.port.tangent(stiffness)) {
+        if !(is_of_axes && self.guarded.port.exchange().tangent(stiffness)) {
             for (to, from) in stiffness.iter_mut().zip(&self.guarded.identity.stiffness) {
                 *to = *from;
             }
@@ -273,7 +276,7 @@ impl ServedSpecimen {
 
     /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds, per axis; empty where nothing is estimated.
     pub fn tracking(&self) -> impl Iterator<Item = [f64; 4]> {
-        self.guarded.port.tracking()
+        self.guarded.port.tracking().values()
     }
 
     /// The trip for which the specimen holds, if there is one.
@@ -422,7 +425,7 @@ impl ServedSpecimen {
 
     /// A computed specimen forgets what was not committed.
     pub(crate) fn revert(&mut self) {
-        self.guarded.port.revert();
+        self.guarded.port.exchange_mut().revert();
     }
 
     /// Nothing to command for now: notices a specimen that has gone. Does not block.
@@ -432,7 +435,7 @@ impl ServedSpecimen {
     pub fn attend(&mut self) -> Result<(), Trip> {
         if self.stage != Stage::Closed
             && self.guarded.tripped().is_none()
-            && let Err(fault) = self.guarded.port.attend()
+            && let Err(fault) = self.guarded.port.exchange_mut().attend()
         {
             self.guarded.trip(fault.into());
             return Err(fault.into());
@@ -449,7 +452,7 @@ impl ServedSpecimen {
     /// Its controller ends its test here: it stops, and what comes next comes from rest.
     pub(crate) fn halt(&mut self) {
         self.guarded.has_come_to_rest();
-        self.guarded.port.halt();
+        self.guarded.port.exchange_mut().halt();
     }
 }
 
@@ -470,7 +473,7 @@ impl ServedSpecimen {
     pub(crate) fn counted(&mut self, commands: u64, missed: u32, corrupt: u64) {
         let text = format!("{commands} commands, {missed} missed, {corrupt} frames corrupt");
         self.note(Remark::Counts, &text);
-        if !self.guarded.port.is_remote() {
+        if !self.guarded.port.exchange().is_remote() {
             self.guarded.recording.link = LinkStats {
                 missed: missed.into(),
                 corrupt,
@@ -486,19 +489,19 @@ impl ServedSpecimen {
             return None;
         }
         self.stage = Stage::Dismissed;
-        let unsettled = self.guarded.port.counts().unsettled;
+        let unsettled = self.guarded.port.exchange().count().unsettled;
         if unsettled > 0 {
             let text = format!(
                 "the actuator–specimen iteration did not converge in {unsettled} answers, which are not exact"
             );
             self.note(Remark::Unsettled, &text);
         }
-        if self.guarded.port.is_remote() {
-            self.guarded.recording.link = self.guarded.port.link_count().stats;
+        if self.guarded.port.exchange().is_remote() {
+            self.guarded.recording.link = self.guarded.port.exchange().full_count().stats;
         }
         let told = self.guarded.tripped().map(|trip| self.guarded.whole(trip));
-        self.guarded.port.retire(cause.into());
-        let said = self.guarded.port.last_words();
+        self.guarded.port.exchange_mut().retire(cause.into());
+        let said = self.guarded.port.exchange().last_words();
         if let Some(links) = &self.links {
             if !self.guarded.told.is_empty() {
                 links.left_at(&self.guarded.told);

@@ -12,7 +12,7 @@ use super::exchange_columns::{Exchange, HEAD, columns};
 use super::identity::Identity;
 use super::session_summary::{self, Counted};
 use super::{Controller, Trip};
-use gusset_control::port::Port;
+use gusset_control::port::ReceivedPort;
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_quantity::substructure::{LinkStats, Status};
@@ -82,7 +82,7 @@ impl SessionRecord {
     /// The folder, with everything that is known before the test. Touches the disk, and starts two threads.
     pub(crate) fn open(
         settings: &RecordSettings,
-        (identity, port): (&Identity, &Port),
+        (identity, port): (&Identity, &ReceivedPort),
         controller: &Controller,
         (pace_hz, away_from): (Option<f64>, Option<usize>),
     ) -> Result<Self, String> {

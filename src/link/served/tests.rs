@@ -663,7 +663,7 @@ fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() 
         led.waits(rate.1 as f64 / rate.0 as f64);
         assert_eq!(led.goes(1e-6), None);
         let motion = check(1e-3, Pace::of(4.0 * own_s, own_s));
-        *led.served.guarded.port.wiring_check_mut() = motion;
+        *led.served.guarded.port.startup_mut().wiring_mut() = motion;
         led.served.end(Cause::ControllerVanished, "gone");
         led.served.answered_by(Standing {
             disp: led.disp,

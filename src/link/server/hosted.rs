@@ -12,7 +12,7 @@ use gusset_actuator::specimen::Specimen;
 use gusset_config::fault_script::Script;
 use gusset_config::{LimitsSpec, ScriptError, check_script};
 use gusset_control::port::limits::AxisLimits;
-use gusset_control::port::{Port, WiringCheck};
+use gusset_control::port::{ReceivedPort, WiringCheck};
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Capabilities};
@@ -48,7 +48,8 @@ struct GatewaySettings {
 }
 
 /// Makes the port of a gateway around its link.
-pub type PortBuild = Arc<dyn Fn(Box<dyn Substructure>) -> Result<Port, String> + Send + Sync>;
+pub type PortBuild =
+    Arc<dyn Fn(Box<dyn Substructure>) -> Result<ReceivedPort, String> + Send + Sync>;
 
 /// How a gateway converts what its controllers command to the axes of the specimen.
 #[derive(Clone)]
@@ -68,7 +69,7 @@ impl std::fmt::Debug for Conversion {
 }
 
 impl Conversion {
-    fn build(&self) -> Result<Port, String> {
+    fn build(&self) -> Result<ReceivedPort, String> {
         let axes = self.behind.units.len();
         (self.port)(Box::new(Unconnected { axes }))
     }

@@ -274,19 +274,23 @@ fn staged_with(
     let per_step = experiment.pacing.ticks_per_step;
     let period = experiment.period.value();
     let mut books = Vec::with_capacity(experiment.ports.len());
-    let ports = experiment.ports.drain(..).map(|port| {
+    let ports = experiment.ports.drain(..).map(|mut port| {
         let book = Arc::new(Mutex::new(Vec::new()));
         books.push(Arc::clone(&book));
         // A partner that is told once a step has that long for each command.
-        let ticks = if port.is_per_step() { per_step } else { 1 };
+        let ticks = if port.path().is_per_step() {
+            per_step
+        } else {
+            1
+        };
         let tick = f64::from(ticks) * period;
         let meter = |inner, units: &[(f64, f64)]| -> Box<dyn Substructure> {
             Box::new(Meter::new(inner, units, tick, book))
         };
-        match staging {
-            Staging::AsItIs => port.watched(meter),
-            Staging::WithoutLimits => port.rehearsed(meter),
+        if staging == Staging::WithoutLimits {
+            port.guard_mut().open_all();
         }
+        port.watched(meter)
     });
     experiment.ports = ports.collect();
     let test = Connected::new(experiment, Box::new(SimClock::new()), recorder);
@@ -335,7 +339,7 @@ fn carry_out_with(
     experiment.record_dofs.clear();
     let ports = experiment.ports.iter();
     let known: Vec<_> = ports
-        .map(|port| (port.name().to_owned(), port.limits().to_vec()))
+        .map(|port| (port.name().to_owned(), port.guard().declared().to_vec()))
         .collect();
     let (outcome, needs, poses) = staged_with(experiment, prompter, staging, control);
     let seen = needs.into_iter().zip(poses);

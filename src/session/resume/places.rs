@@ -175,10 +175,10 @@ impl Axis {
     fn way_lost(&self, port: &Port, axis: usize, (rate_hz, ticks_per_step): (f64, u32)) -> f64 {
         let pairs = self.latest.iter().zip(self.latest.iter().skip(1));
         let steps = pairs.map(|(one, next)| (next - one).abs());
-        let ready = port.command().get(axis).zip(port.sent().get(axis));
+        let ready = port.command().get(axis).zip(port.path().sent().get(axis));
         let ready = ready.map(|(ready, sent)| (ready - sent).abs());
         let ticks = ticks_lost(rate_hz);
-        let commands = if port.is_per_step() {
+        let commands = if port.path().is_per_step() {
             (ticks / f64::from(ticks_per_step)).ceil()
         } else {
             ticks
@@ -212,18 +212,21 @@ fn is_all_known(run: &Run, port: &Port, state: Option<f64>) -> bool {
 /// is declared, else as measured before the test.
 fn force_within(port: &Port, index: usize, axis: usize, by: &Tolerances<'_>) -> f64 {
     if let Some(newtons) = by.within_n {
-        return newtons / port.newtons_of(axis);
+        return newtons / port.guard().newtons_of(axis);
     }
     let told = by.peak.force.get(port.name());
     let told = told.and_then(|peaks| *peaks.get(axis)?).unwrap_or(0.0);
     let peak = port
-        .peak_force()
+        .feedback()
+        .peak()
         .get(axis)
         .map_or(told, |own| own.max(told));
     let declared = by.noise_n.get(index).copied().filter(|rms| *rms > 0.0);
-    let noise = declared.map(|rms| rms / port.newtons_of(axis));
-    let noise = noise.unwrap_or_else(|| port.reading(axis).force_noise);
-    FORCE_SHARE * port.in_own_unit(axis, peak) + NOISE * noise
+    let noise = declared.map(|rms| rms / port.guard().newtons_of(axis));
+    let noise = noise.unwrap_or_else(|| port.startup().reading(axis).force_noise);
+    // In the unit of the load cell.
+    let gain = port.axis_maps().get(axis).map_or(1.0, |map| map.force_gain);
+    FORCE_SHARE * (peak / gain.abs()) + NOISE * noise
 }
 
 /// Where each axis was left by the last command on record, and how far off it may be. `before`: the origin of a test that ended
@@ -247,7 +250,7 @@ pub(super) fn places(
         let is_all_known = is_all_known(run, port, state);
         let one = |(number, axis): (usize, &Axis)| {
             let Kept { command, mut place } = axis.place();
-            if port.is_formula() {
+            if port.exchange().is_formula() {
                 // A formula is at its last command.
                 (place.within, place.force_within) = (f64::INFINITY, f64::INFINITY);
                 return Kept { command, place };
@@ -260,7 +263,7 @@ pub(super) fn places(
             let own = place.within + lost + NOTHING * command.abs();
             place.within = by
                 .within_m
-                .map_or(own, |metres| metres / port.metres_of(number));
+                .map_or(own, |metres| metres / port.guard().metres_of(number));
             place.way_lost += lost;
             place.force_within = force_within(port, index, number, by);
             Kept { command, place }
@@ -304,7 +307,7 @@ fn axes_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_control::port::{Axis as Seen, LinearStandIn, Order};
+    use gusset_control::port::{Axis as Seen, AxisSpec, LinearStandIn, PortSpec};
 
     #[test]
     fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {
@@ -313,8 +316,10 @@ mod tests {
         for (per_step, wanted) in [(false, 25.0 * 0.6e-3), (true, 2.0 * 12e-3)] {
             let axes = vec![Seen::plain(vec![(0, 1.0)])];
             let rig = LinearStandIn::new(axes.clone(), vec![vec![1e5]], Vec::new());
-            let port = Port::new("rig", axes, Box::new(rig), 1, vec![1e5]).unwrap();
-            let port = port.with_pace(per_step, Order::Quadratic);
+            let axes = axes.into_iter().map(|axis| AxisSpec::new(axis, 1e5));
+            let mut spec = PortSpec::new("rig", Box::new(rig), 1, axes.collect());
+            spec.per_step = per_step;
+            let port = spec.build().unwrap();
             let steps = (0..600).map(|row| f64::from(row) / f64::from(ticks));
             let steps = steps.map(|steps| if per_step { steps.floor() } else { steps });
             let command: Vec<f64> = steps.map(|steps| 12e-3 * steps).collect();

@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use super::super::gear::{self, Rows};
 use super::super::links::wire_axes;
-use super::super::specimens::loading::{Loading, at_actuators, loading_of};
+use super::super::specimens::loading::{at_actuators, loading_of};
 use super::following::Following;
 use super::{check_estimate, reply_limit_ns, wiring_check};
 use gusset_actuator::geometry::{Coordinate, LawPlace};
 use gusset_config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
 use gusset_control::port::limits::AxisLimits;
-use gusset_control::port::{Axis, Port, WiringCheck};
+use gusset_control::port::{Axis, AxisSpec, LoadingUnitSpec, PortSpec, WiringCheck};
 use gusset_link::announce::announce;
 use gusset_link::served::{AxesBehind, LinkBuild};
 use gusset_link::server::{Conversion, Host, PortBuild};
@@ -25,7 +25,7 @@ use gusset_wire::handshake::{Axis as WireAxis, Limits, Unit};
 struct Converted<'a> {
     table: &'a SpecimenTable,
     axes: Vec<Axis>,
-    loading: Option<Loading>,
+    loading: Option<LoadingUnitSpec>,
     /// k̂ as the axes see it, by rows, at the structure's scale.
     stiffness: Rows,
 }
@@ -225,29 +225,21 @@ impl<'a> Converted<'a> {
         } = self;
         let n = axes.len();
         let name = table.name.clone();
-        let limits: Vec<AxisLimits> = table.limits_of(n).iter().map(AxisLimits::of).collect();
-        let units = table.units_of(n).into_iter();
-        let units: Vec<_> = units.map(|unit| (unit.metres, unit.newtons)).collect();
+        let limits = table.limits_of(n).into_iter().zip(table.units_of(n));
+        let each = axes.into_iter().zip(limits).enumerate();
+        let axes = each.map(|(index, (axis, (limits, unit)))| AxisSpec {
+            units: (unit.metres, unit.newtons),
+            limits: AxisLimits::of(&limits),
+            ..AxisSpec::new(axis, stiffness[index][index])
+        });
+        let axes: Vec<AxisSpec> = axes.collect();
         Arc::new(move |substructure: Box<dyn Substructure>| {
-            let own = (0..n).map(|axis| stiffness[axis][axis]).collect();
-            let port = Port::new(name.clone(), axes.clone(), substructure, 0, own);
-            let port = port.map_err(|error| error.to_string())?;
-            let port = port.with_limits(limits.clone(), units.clone(), 1.0);
-            let port = match &loading {
-                Some(Loading {
-                    geometry,
-                    rows,
-                    law_at,
-                }) => port.with_geometry(geometry.clone(), rows.clone(), *law_at),
-                None => port,
-            };
-            let port = match &following {
-                Some(following) => {
-                    following.around(port, units.iter().map(|(metres, _)| *metres).collect())?
-                }
-                None => port,
-            };
-            Ok(port.with_received_commands())
+            let mut spec = PortSpec::new(name.clone(), substructure, 0, axes.clone());
+            spec.loading_unit = loading.clone();
+            if let Some(following) = &following {
+                following.add_to(&mut spec)?;
+            }
+            spec.build_received().map_err(|error| error.to_string())
         })
     }
 }

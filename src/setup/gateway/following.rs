@@ -3,7 +3,7 @@
 use super::super::specimens::compensation::{TRACKED, usual_gain};
 use gusset_actuator::compensation::{CompensationSpec, Compensator};
 use gusset_config::{Finding, KeyPath, LimitsSpec, ServedFile, SpecimenTable};
-use gusset_control::port::{NeedsMeasuredDisp, Port};
+use gusset_control::port::{Compensation, NeedsMeasuredDisp, PortSpec, TrackingSpec};
 
 /// Compensators and tracking of a port whose commands come every `tick` s of wall time.
 #[derive(Debug, Clone)]
@@ -68,29 +68,33 @@ impl Following {
         )))
     }
 
-    /// A port with as many compensators as axes, whose units have these metres.
-    pub(crate) fn around(&self, port: Port, metres: Vec<f64>) -> Result<Port, String> {
-        let port = match &self.compensation {
-            Some(spec) => {
-                let built = metres.iter().map(|_| spec.build(self.tick));
-                let built: Result<Vec<Box<dyn Compensator>>, _> = built.collect();
-                let built = built.map_err(|error| error.to_string())?;
-                port.with_compensation(built, metres, self.tick, 1.0)
-            }
-            None => port,
-        };
-        let mut port = port.with_tracking(self.tick, 0.0);
-        let adapts = self
-            .compensation
-            .as_ref()
-            .filter(|spec| spec.uses_measured_disp());
-        *port.needs_measured_disp_mut() = NeedsMeasuredDisp {
-            own: adapts
-                .iter()
-                .map(|spec| format!("compensation.{}", spec.kind()))
-                .collect(),
+    /// Adds to a port what makes up for the lag of its axes.
+    ///
+    /// # Errors
+    /// A compensator that cannot be built.
+    pub(crate) fn add_to(&self, spec: &mut PortSpec) -> Result<(), String> {
+        if let Some(of) = &self.compensation {
+            let built = spec.axes.iter().map(|_| of.build(self.tick));
+            let built: Result<Vec<Box<dyn Compensator>>, _> = built.collect();
+            spec.compensation = Some(Compensation {
+                compensators: built.map_err(|error| error.to_string())?,
+                tick: self.tick,
+                pace: 1.0,
+                delay_in_test_time: false,
+                base_moves: false,
+            });
+        }
+        spec.tracking = Some(TrackingSpec {
+            dt: self.tick,
+            ..TrackingSpec::default()
+        });
+        let adapts = self.compensation.as_ref();
+        let adapts = adapts.filter(|spec| spec.uses_measured_disp());
+        let own = adapts.map(|spec| format!("compensation.{}", spec.kind()));
+        spec.needs_measured_disp = NeedsMeasuredDisp {
+            own: own.into_iter().collect(),
             of_the_test: Vec::new(),
         };
-        Ok(port)
+        Ok(())
     }
 }

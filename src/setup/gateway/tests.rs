@@ -11,6 +11,7 @@ use proptest::prelude::*;
 
 use super::conversion::{self, Client};
 use gusset_config::{DispUnit, ForceUnit, KeyPath, SpecimenTable};
+use gusset_control::port::{AxisSpec, LoadingUnitSpec, PortSpec, PoseRow, ReceivedPort};
 use gusset_link::served::{
     Controller, LinkBuild, Pacing, ServedSpecimen, Trip, simulated_pace as simulated,
 };
@@ -255,7 +256,7 @@ proptest! {
             told: Arc::clone(&told),
             sequence: 0,
         };
-        let mut port = in_process(&table, own);
+        let mut port = in_process(&table, own).build().unwrap();
         for (sequence, pose) in (0..).zip(&poses) {
             let vel = pose.map(|q| 3.0 * q);
             let answer = goes(&mut served, sequence, pose, &vel).unwrap();
@@ -267,7 +268,7 @@ proptest! {
             port.resolve_pose().unwrap();
             let here = told.lock().unwrap().last().cloned();
             prop_assert_eq!(here, Some(rig.last()));
-            let found: Vec<[f64; 3]> = port.pose().map(|(_, values)| values).collect();
+            let found: Vec<[f64; 3]> = port.loading_unit().unwrap().pose().map(|(_, values)| values).collect();
             for (index, [_, disp, force]) in found.into_iter().enumerate() {
                 prop_assert_eq!(answer.disp[index].to_bits(), disp.to_bits());
                 prop_assert_eq!(answer.force[index].to_bits(), force.to_bits());
@@ -277,16 +278,19 @@ proptest! {
 }
 
 /// The port of a test with a prescribed deformation, as [`crate::specimens`] puts it together.
-fn in_process(table: &SpecimenTable, rig: Rig) -> gusset_control::port::Port {
+fn in_process(table: &SpecimenTable, rig: Rig) -> PortSpec {
     use crate::gear::axis;
-    use gusset_control::port::PoseRow;
     let axes = table.axis.iter();
-    let axes = axes.map(|gear| axis(table, gear, Vec::new()).0).collect();
-    let spec = table.geometry.as_ref().unwrap();
-    let geometry = spec.build(table.similitude.length).unwrap();
-    let rows = vec![PoseRow::default(); 3];
-    let port = gusset_control::port::Port::new("rig", axes, Box::new(rig), 1, vec![4e6, 5e6, 6e6]);
-    port.unwrap().with_geometry(geometry, rows, spec.law_at)
+    let axes = axes.zip([4e6, 5e6, 6e6]);
+    let axes = axes.map(|(gear, k)| AxisSpec::new(axis(table, gear, Vec::new()).0, k));
+    let unit = table.geometry.as_ref().unwrap();
+    let mut spec = PortSpec::new("rig", Box::new(rig), 1, axes.collect());
+    spec.loading_unit = Some(LoadingUnitSpec {
+        geometry: unit.build(table.similitude.length).unwrap(),
+        rows: vec![PoseRow::default(); 3],
+        law_at: unit.law_at,
+    });
+    spec
 }
 
 #[test]
@@ -504,14 +508,15 @@ fn before_of(sequence: u64) -> f64 {
     if sequence == 0 { 0.0 } else { 0.03 }
 }
 
-fn port_of_platform() -> gusset_control::port::Port {
+fn port_of_platform() -> ReceivedPort {
     let rig = Rig {
         law: springs(),
         standing: REST.to_vec(),
         told: Told::default(),
         sequence: 0,
     };
-    in_process(&toml::from_str(PLATFORM).unwrap(), rig)
+    let spec = in_process(&toml::from_str(PLATFORM).unwrap(), rig);
+    spec.build_received().unwrap()
 }
 
 /// OpenSees sends each displacement twice: with the velocity that it predicts, and with that of the end of the step.

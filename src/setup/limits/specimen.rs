@@ -16,7 +16,7 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
         .link
         .as_ref()
         .is_some_and(|link| link.protocol == Protocol::Gusset);
-    let axes = port.limits().iter().map(|axis| {
+    let axes = port.guard().declared().iter().map(|axis| {
         let levels = axis.levels().map(|(quantity, levels)| {
             let [warn, trip] = [levels.warn, levels.trip].map(|ends| listed(quantity, ends));
             LimitFact {
@@ -126,13 +126,13 @@ fn stale(link: &LinkSpec, port: &Port) -> String {
         StaleChoice::Stop => "the first one trips",
     };
     match link.on_stale {
-        _ if port.coupling() == Coupling::Lockstep => format!(
+        _ if port.exchange().coupling() == Coupling::Lockstep => format!(
             "not possible: the loop waits for each reply; after {} without a reply the link is lost",
             duration(link.reply_timeout_s)
         ),
         StaleChoice::Stop => way.to_owned(),
         StaleChoice::Hold | StaleChoice::Extrapolate => {
-            let most = port.wait_rules().map_or(0, |wait| wait.stale_in_a_row);
+            let most = port.exchange().wait().map_or(0, |wait| wait.stale_in_a_row);
             format!("{way}; more than {most} in a row cause a trip")
         }
     }
@@ -159,7 +159,7 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
 }
 
 fn direction(link: &LinkSpec, port: &Port) -> String {
-    match (link.probe_m, port.wiring_check()) {
+    match (link.probe_m, port.startup().wiring()) {
         (Some(metres), direction) => {
             let way = match direction {
                 WiringCheck::Probe { pace, .. } if pace.is_shortest() => {

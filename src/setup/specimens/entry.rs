@@ -4,11 +4,12 @@ use nalgebra::DMatrix;
 
 use super::super::gear::{Rows, axis, scaled};
 use super::super::{Refused, Site, links, path, speed};
-use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, own_offsets};
+use super::loading::{at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_config::echo::number;
 use gusset_config::{Finding, KeyPath, LinkSpec, Loaded, MatrixValue, Protocol, SpecimenTable};
+use gusset_control::port::LoadingUnitSpec;
 use gusset_control::port::{Axis, shares};
 use gusset_numerics::law::Reach;
 use gusset_numerics::linalg::SymMatrix;
@@ -332,7 +333,7 @@ fn built(
 }
 
 /// An estimate as the axes see it.
-fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Rows {
+fn seen(table: &SpecimenTable, loading: &Option<LoadingUnitSpec>, estimate: Rows) -> Rows {
     match loading {
         Some(loading) => at_actuators(table, &loading.geometry, estimate),
         None => estimate,

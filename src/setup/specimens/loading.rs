@@ -12,15 +12,7 @@ use super::super::{Refused, Site};
 use gusset_actuator::geometry::{Geometry, GeometryError, GeometrySpec, LawPlace, MOST};
 use gusset_actuator::specimen::{Gear, Platform, Specimen};
 use gusset_config::{AxisTable, KeyPath, SpecimenTable};
-use gusset_control::port::PoseRow;
-
-/// A geometry at the structure's scale, and what its coordinates are of the structure.
-#[derive(Debug)]
-pub(crate) struct Loading {
-    pub geometry: Geometry,
-    pub rows: Vec<PoseRow>,
-    pub law_at: LawPlace,
-}
+use gusset_control::port::{LoadingUnitSpec, PoseRow};
 
 type Sparse = Vec<(usize, f64)>;
 
@@ -30,7 +22,7 @@ pub(super) fn loading(
     at: &KeyPath,
     table: &SpecimenTable,
     rows: Vec<Sparse>,
-) -> Result<(Vec<Sparse>, Option<Loading>), Refused> {
+) -> Result<(Vec<Sparse>, Option<LoadingUnitSpec>), Refused> {
     match loading_of(table, rows) {
         Ok(found) => Ok(found),
         Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
@@ -41,7 +33,7 @@ pub(super) fn loading(
 pub(crate) fn loading_of(
     table: &SpecimenTable,
     rows: Vec<Sparse>,
-) -> Result<(Vec<Sparse>, Option<Loading>), GeometryError> {
+) -> Result<(Vec<Sparse>, Option<LoadingUnitSpec>), GeometryError> {
     let Some(spec) = &table.geometry else {
         return Ok((rows, None));
     };
@@ -64,7 +56,7 @@ pub(crate) fn loading_of(
         sums.into_iter().filter(|(_, sum)| *sum != 0.0).collect()
     });
     let axes = axes.collect();
-    let loading = Loading {
+    let loading = LoadingUnitSpec {
         geometry,
         rows,
         law_at: spec.law_at,

@@ -246,20 +246,21 @@ impl Subject {
             .zip(actuators)
             .map(|((number, port), actuator)| WatchedSpecimen {
                 name: port.name().to_owned(),
-                remote: port.is_remote(),
+                remote: port.exchange().is_remote(),
                 at_end: way_out(port.exits().after(false)),
                 status: find(&column::STATUS.of_specimen(number)),
                 newest: find(&column::SEQUENCE.of_specimen(number)),
                 exchanges: find(&column::EXCHANGES.of_specimen(number)),
                 stale: find(&column::STALE.of_specimen(number)),
-                per_step: port.is_per_step(),
+                per_step: port.path().is_per_step(),
                 axes: (1..)
                     .zip(
-                        port.limits()
+                        port.guard()
+                            .declared()
                             .iter()
-                            .zip(port.units())
-                            .zip(port.tangent_bounds())
-                            .zip(port.disp_zeros()),
+                            .zip(port.guard().units())
+                            .zip(port.estimates().tangent_bounds())
+                            .zip(port.startup().disp_zeros(port.axis_maps())),
                     )
                     .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
                         let place = |kind: &column::Kind| find(&kind.of_axis(number, axis));

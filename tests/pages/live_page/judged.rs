@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use gusset_control::engine::{Experiment, Glimpse, Phase, PhaseCell, StartupSettings};
 use gusset_control::port::limits::{AxisLimits, Bound, Range};
-use gusset_control::port::{Axis, Order, Port, Reference, Zero};
+use gusset_control::port::{Axis, AxisSpec, PortSpec, Reference, Zero};
 use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -143,17 +143,20 @@ fn shaken(per_step: bool, limits: AxisLimits) -> Experiment {
         sticks: if per_step { 60..65 } else { 215..220 },
         last: [5.0, 0.0],
     };
-    let port = Port::new("upper", vec![axis], Box::new(specimen), 2, vec![STIFFNESS]).unwrap();
-    let tick = experiment.period.value();
-    let port = port
-        .with_limits(vec![limits], vec![(1e-3, 1.0)], tick)
-        .told_every(tick, tick * f64::from(ticks))
-        .with_pace(per_step, Order::Quadratic)
-        .with_references(vec![Reference {
+    let axis = AxisSpec {
+        units: (1e-3, 1.0),
+        limits,
+        reference: Reference {
             disp: Zero::Relative,
             force: Zero::Absolute,
-        }]);
-    experiment.ports.push(port);
+        },
+        ..AxisSpec::new(axis, STIFFNESS)
+    };
+    let mut spec = PortSpec::new("upper", Box::new(specimen), 2, vec![axis]);
+    spec.tick = experiment.period.value();
+    spec.step = Some(spec.tick * f64::from(ticks));
+    spec.per_step = per_step;
+    experiment.ports.push(spec.build().unwrap());
     experiment
 }
 

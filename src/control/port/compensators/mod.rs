@@ -15,9 +15,10 @@ use axis_compensator::AxisCompensator;
 
 use super::axis::Axis;
 use super::axis_motion::AxisMotion;
+use super::spec::Compensation;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
-use gusset_actuator::compensation::{Compensator, Parameter};
+use gusset_actuator::compensation::Parameter;
 use gusset_quantity::state::{TestState, Visit};
 
 /// Which time a compensated delay is of.
@@ -77,7 +78,7 @@ enum CommandVelocity {
 /// g₁ is the first point at or after the end of the tick, g₀ the one before, θ the share of the way between them, and ρ the pace:
 /// a delay is one of wall time, in which only ρ of it passes in test time. The velocity that goes with it is s(v) + ρ Δ(r − s)/Δg.
 #[derive(Debug)]
-pub(super) struct Compensators {
+pub(crate) struct Compensators {
     axes: Vec<AxisCompensator>,
     /// Tick in s of wall time, and seconds of test time in one of wall time.
     tick: f64,
@@ -118,22 +119,24 @@ impl LeadGrid {
 const ROUNDOFF: f64 = 1e-12;
 
 impl Compensators {
-    /// One per axis with the metres in one unit of each; `tick` is the wall time from command to command in s, `pace` the test time
-    /// that passes in one second of it.
-    pub(crate) fn new(
-        of: Vec<Box<dyn Compensator>>,
-        metres: Vec<f64>,
-        tick: f64,
-        pace: f64,
-    ) -> Self {
-        let axes = of.into_iter().zip(metres);
+    /// One per axis, with the metres in one unit of each.
+    pub(crate) fn new(spec: Compensation, metres: Vec<f64>) -> Self {
+        let axes = spec.compensators.into_iter().zip(metres);
         let axes = axes.map(|(one, metres)| AxisCompensator::new(one, metres));
         Self {
             axes: axes.collect(),
-            tick,
-            pace,
-            delay_in: DelayIn::WallTime,
-            target_velocity: TargetVelocity::Difference,
+            tick: spec.tick,
+            pace: spec.pace,
+            delay_in: if spec.delay_in_test_time {
+                DelayIn::TestTime
+            } else {
+                DelayIn::WallTime
+            },
+            target_velocity: if spec.base_moves {
+                TargetVelocity::Own
+            } else {
+                TargetVelocity::Difference
+            },
             activity: LeadActivity::Holding,
             course: LeadCourse::Undisturbed,
             velocities: [CommandVelocity::OfTarget; 2],
@@ -168,16 +171,6 @@ impl Compensators {
         for axis in &mut self.axes {
             axis.visit_state(visit);
         }
-    }
-
-    /// The compensated delay is one of test time.
-    pub(crate) const fn delay_is_in_test_time(&mut self) {
-        self.delay_in = DelayIn::TestTime;
-    }
-
-    /// Targets come with velocities that are no differences of theirs.
-    pub(crate) const fn base_moves(&mut self) {
-        self.target_velocity = TargetVelocity::Own;
     }
 
     /// The test runs: from the next target on commands are led.

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::port::{Axis, Order, Port, StepPacer};
+use crate::port::{Axis, AxisSpec, Order, Port, PortSpec, StepPacer};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::substructure::{
@@ -111,6 +111,17 @@ struct Drive {
     n: u32,
 }
 
+fn made(spec: &CompensationSpec, delay_in_test_time: bool) -> Compensators {
+    let spec = Compensation {
+        compensators: vec![spec.build(TICK).unwrap()],
+        tick: TICK,
+        pace: 1.0,
+        delay_in_test_time,
+        base_moves: false,
+    };
+    Compensators::new(spec, vec![1.0])
+}
+
 impl Drive {
     fn new(kind: &str, n: u32, in_test_time: bool) -> Self {
         Self::losing(kind, n, in_test_time, |_| false)
@@ -129,16 +140,12 @@ impl Drive {
             known: 0.0,
         };
         let axis = Axis::plain(vec![(0, 1.0)]);
-        let port = Port::new("rig", vec![axis], Box::new(lag), 1, vec![1e5]).unwrap();
-        let mut port = port.with_pace(false, Order::Quadratic).with_compensation(
-            vec![spec.build(TICK).unwrap()],
-            vec![1.0],
-            TICK,
-            1.0,
-        );
-        if in_test_time {
-            port = port.with_delay_in_test_time();
-        }
+        let axes = vec![AxisSpec::new(axis, 1e5)];
+        let mut port = PortSpec::new("rig", Box::new(lag), 1, axes)
+            .build()
+            .unwrap();
+        port.path.set_pace(false, Order::Quadratic);
+        port.path.set_compensators(made(&spec, in_test_time));
         port.aim_at(&mut std::iter::once((0.0, 0.0)));
         port.begin_way();
         port.begin_compensation();
@@ -173,10 +180,10 @@ impl Drive {
         self.port.collect(Nanos(0)).unwrap();
         let row = Row {
             target: self.port.target()[0],
-            command: self.port.sent()[0],
+            command: self.port.path().sent()[0],
             vel: self.port.path.command().vel[0],
             target_vel: self.port.target_vel()[0],
-            parameters: self.port.compensation_parameters().collect(),
+            parameters: self.port.path().compensation_parameters().collect(),
             pace: self.stride.pace,
             stood,
             ended: if self.stride.lands() {
@@ -193,7 +200,7 @@ impl Drive {
                 self.reached = true;
                 self.waits = late(self.step);
                 self.tempo.begin();
-                self.port.reach();
+                self.port.path_mut().reach();
             }
             if self.reached && self.waits == 0 {
                 self.step += 1;
@@ -213,7 +220,7 @@ impl Drive {
         self.stride = self.tempo.next(hold);
         self.stands = hold && self.tempo.stands();
         if self.stands {
-            self.port.hold_compensation();
+            self.port.path_mut().hold();
         } else {
             self.port.advance(&self.stride, dt);
         }
@@ -378,7 +385,7 @@ fn an_undisturbed_test_has_the_bits_of_a_prediction_in_every_tick() {
                     assert_eq!(row.command.to_bits(), command.to_bits(), "{kind} {n} {k}");
                 }
                 (last, last_vel) = (row.target, vel);
-                heard = Some((row.command, drive.port.measured()[0]));
+                heard = Some((row.command, drive.port.feedback().disp()[0]));
             }
         }
     }
@@ -501,16 +508,18 @@ fn what_is_frozen_in_a_gap_is_filled_in_with_the_same_bits() {
         }
         let state = one.port.freeze_compensation().unwrap();
         let spec: CompensationSpec = toml::from_str(kind).unwrap();
-        let made = vec![spec.build(TICK).unwrap()];
-        two.port = two.port.with_compensation(made, vec![1.0], TICK, 1.0);
-        two.port = two.port.with_delay_in_test_time();
+        two.port.path.set_compensators(made(&spec, true));
         two.port.thaw_compensation(&state);
-        let last = one.port.compensation_parameters().last();
+        let last = one.port.path().compensation_parameters().last();
         for k in 2055..2300 {
             let (one, two) = (one.tick(k, false, PROMPT), two.tick(k, false, PROMPT));
             assert_eq!(one.command.to_bits(), two.command.to_bits(), "{kind} {k}");
         }
-        assert_ne!(one.port.compensation_parameters().last(), last, "{kind}");
+        assert_ne!(
+            one.port.path().compensation_parameters().last(),
+            last,
+            "{kind}"
+        );
     }
 }
 
@@ -576,8 +585,7 @@ fn what_is_frozen_while_time_is_stretched_goes_on_with_the_same_bits() {
                     two.tick(k, hold(k), PROMPT);
                 }
                 let spec: CompensationSpec = toml::from_str(kind).unwrap();
-                let made = vec![spec.build(TICK).unwrap()];
-                two.port = two.port.with_compensation(made, vec![1.0], TICK, 1.0);
+                two.port.path.set_compensators(made(&spec, false));
                 two.port.thaw_compensation(&state);
                 // To where what was measured before counts again.
                 for k in at..3300 {

@@ -3,7 +3,8 @@
 use super::*;
 use crate::gateway::following::Following;
 use gusset_config::ServedFile;
-use gusset_control::port::Port;
+use gusset_control::port::limits::AxisLimits;
+use gusset_control::port::{AxisSpec, Port, PortSpec};
 
 const ALL: [&str; 9] = [
     "none = {}",
@@ -139,22 +140,20 @@ fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let table: SpecimenTable = toml::from_str(&text).unwrap();
     let told = Arc::clone(&rig.told);
     let (axis, (metres, newtons)) = crate::gear::axis(&table, &table.axis[0], Vec::new());
-    let port = Port::new("column", vec![axis], Box::new(rig), 1, vec![2e6]).unwrap();
-    let port = port.with_limits(
-        table
-            .limits_of(1)
-            .iter()
-            .map(gusset_control::port::limits::AxisLimits::of)
-            .collect(),
-        vec![(metres, newtons)],
-        1e-3,
-    );
-    let mut port = following(&text)
+    let axis = AxisSpec {
+        units: (metres, newtons),
+        limits: AxisLimits::of(&table.limits_of(1)[0]),
+        ..AxisSpec::new(axis, 2e6)
+    };
+    let mut spec = PortSpec::new("column", Box::new(rig), 1, vec![axis]);
+    spec.tick = 1e-3;
+    following(&text)
         .unwrap()
         .unwrap()
-        .around(port, vec![metres])
+        .add_to(&mut spec)
         .unwrap();
-    port.take_velocities_of_a_path();
+    let mut port = spec.build().unwrap();
+    port.path_mut().take_velocities_of_a_path();
     let mut sequence = 0;
     let mut tick = |port: &mut Port| {
         assert_eq!(port.clear().trip, None);
@@ -193,7 +192,7 @@ fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
             tick(&mut port);
         }
     }
-    let tracking = port.tracking().next().unwrap();
+    let tracking = port.tracking().values().next().unwrap();
     let told = told.lock().unwrap().clone();
     (told, tracking)
 }
