@@ -183,6 +183,9 @@ pub struct Summary {
     /// What `check` would say of the test; null where there is no verdict, and in folders of earlier versions.
     #[serde(default)]
     pub verdict: Option<RecordedVerdict>,
+    /// Why, as events spell it: of a limit its key. Older runs lack it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<String>,
 }
 
 #[cfg(test)]
@@ -225,6 +228,7 @@ pub(super) mod tests {
             force_on_the_way_in: BTreeMap::new(),
             accepted: BTreeMap::new(),
             verdict: None,
+            cause: Some("done".to_owned()),
         }
     }
 
@@ -268,6 +272,7 @@ pub(super) mod tests {
             "force_on_the_way_in",
             "accepted",
             "verdict",
+            "cause",
         ];
         assert_eq!(keys, [&documented[..], &additions[..]].concat());
         assert_eq!(
