@@ -109,6 +109,7 @@ pub struct Summary {
     /// How the run ended.
     pub status: Status,
     /// Why, in words.
+    #[serde(deserialize_with = "gusset_quantity::text::words")]
     pub reason: String,
     /// Steps of integration done.
     pub steps: u64,

@@ -184,7 +184,7 @@ fn ending(summary: &Summary, found: Option<Found>, required: bool) -> Option<Sum
     (*told != found).then(|| SummaryDifference::new("cause", told, found))
 }
 
-/// Only the writer knows that a record is damaged which the test file requires; an older one does not say so.
+/// Only the writer knows that a record is damaged which the test file requires. An older summary has no cause.
 fn is_stopped_for_its_record(summary: &Summary, required: bool) -> bool {
     let cause = summary.cause.as_deref();
     required

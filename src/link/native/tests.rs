@@ -355,7 +355,7 @@ fn holder_follows_the_code_of_the_goodbye() {
     };
     let says = |cause| Word::Says(Box::new(Control::Bye(bye(cause, TEXT))));
     let byes = |cause| Word::Byes(bye(cause, TEXT), cause);
-    // In place of the arming, or after the last words: in versions 1 and 2.
+    // What comes instead of the arming, what answers the retire, and whether the holder is unknown in versions 1 and 2.
     let cases = [
         (says(Cause::Tripped), Word::Fits, [true, false]),
         (says(Cause::Shutdown), Word::Fits, [false, false]),
