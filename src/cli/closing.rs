@@ -328,9 +328,8 @@ fn tracking(summary: &Summary, page: Option<&Page>) -> Section {
         }
         section.add(&format!("tracking, {name}"), text, place < MOST_ROWS);
     }
-    for text in &summary.metrics_missing {
-        let is_unmeasured = text.contains("not measured");
-        section.add("not known", text.clone(), is_unmeasured);
+    for (place, text) in summary.metrics_missing.iter().enumerate() {
+        section.add("not known", text.clone(), place < MOST_ROWS);
     }
     for (place, axis) in page.iter().flat_map(|page| &page.identified).enumerate() {
         let unknown = || "unknown".to_owned();

@@ -47,6 +47,7 @@ pub struct RecordedFinding {
     /// Path of the key in the test file.
     pub key: String,
     /// The finding in words.
+    #[serde(deserialize_with = "gusset_quantity::text::words")]
     pub text: String,
     /// The numbers that it states, SI; null for one that is not finite.
     pub numbers: BTreeMap<String, Option<f64>>,

@@ -282,7 +282,7 @@ pub enum Holder {
     ItsWatchdog,
     /// The same, but it was never armed: no command has left for it.
     NeverArmed,
-    /// What lies between has lost it, as that says itself: only its own end knows where it stands.
+    /// The gateway between lost it, or cannot say that it did not: only the server of the specimen knows its position.
     Unknown,
     /// Nobody: its protocol has no word for it.
     Nobody,

@@ -51,6 +51,25 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
+/// A text that a peer sent or a run file holds. People read it, and nothing depends on it: in a debug build with the variable
+/// `GUSSET_REWORD` it becomes another text, and tests show that the program does the same.
+#[must_use]
+pub fn received(text: String) -> String {
+    #[cfg(debug_assertions)]
+    if !text.is_empty() && std::env::var_os("GUSSET_REWORD").is_some() {
+        return "reworded".to_owned();
+    }
+    text
+}
+
+/// Reads such a text with serde.
+///
+/// # Errors
+/// It is no text.
+pub fn words<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    serde::Deserialize::deserialize(deserializer).map(received)
+}
+
 /// True if a text can be a reason that a user gives: it has at least one letter, in any script.
 #[must_use]
 pub fn is_reason(text: &str) -> bool {

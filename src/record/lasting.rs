@@ -33,6 +33,7 @@ pub struct LatchedTrip {
     /// Key of the limit, or another name of the trip.
     pub what: String,
     /// What happened, with axis, value and bound.
+    #[serde(deserialize_with = "gusset_quantity::text::words")]
     pub text: String,
     /// When, UTC.
     pub at: String,

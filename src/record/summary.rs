@@ -109,6 +109,7 @@ pub struct Summary {
     /// How the run ended.
     pub status: Status,
     /// Why, in words.
+    #[serde(deserialize_with = "gusset_quantity::text::words")]
     pub reason: String,
     /// Steps of integration done.
     pub steps: u64,
@@ -183,6 +184,9 @@ pub struct Summary {
     /// What `check` would say of the test; null where there is no verdict, and in folders of earlier versions.
     #[serde(default)]
     pub verdict: Option<RecordedVerdict>,
+    /// Why, as events spell it: of a limit its key. Older runs lack it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<String>,
 }
 
 #[cfg(test)]
@@ -225,6 +229,7 @@ pub(super) mod tests {
             force_on_the_way_in: BTreeMap::new(),
             accepted: BTreeMap::new(),
             verdict: None,
+            cause: Some("done".to_owned()),
         }
     }
 
@@ -268,6 +273,7 @@ pub(super) mod tests {
             "force_on_the_way_in",
             "accepted",
             "verdict",
+            "cause",
         ];
         assert_eq!(keys, [&documented[..], &additions[..]].concat());
         assert_eq!(

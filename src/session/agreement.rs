@@ -1,4 +1,4 @@
-//! Whether `summary.json` says what the record shows: status, reason, steps and peaks.
+//! Whether `summary.json` says what the record shows: status, cause, steps and peaks.
 //!
 //! A replay compares it with the loop that was made again ([`with_loop`]), a report with the rows and events ([`with_record`]):
 //! a report builds no test, and looks only at the DOFs that were recorded. A summary that was edited, or that belongs to another
@@ -11,12 +11,10 @@ use std::fmt::{Display, Formatter};
 use serde::Serialize;
 
 use super::lineage::Origin;
-use super::reason::{named, stop_words};
 use super::summary::finite;
 use gusset_config::{Time, TimeTable};
-use gusset_control::engine::{Ending, IncompleteShutdown, Outcome, Phase, Stop};
+use gusset_control::engine::{Ending, Outcome, Phase, Stop};
 use gusset_quantity::catalog::ending::{Cause, Kind};
-use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Part;
 use gusset_quantity::substructure::LinkFault;
 use gusset_record::summary::{Peak, Status};
@@ -99,15 +97,20 @@ pub(super) fn with_loop(
     required: bool,
 ) -> Vec<SummaryDifference> {
     let mut all = Vec::new();
-    let found = outcome.ending.cause().status();
-    all.extend(status(summary, Some(found), required));
-    if !is_stopped_for_its_record(summary, required) {
-        let wanted = words_of(outcome);
-        let missing = wanted.iter().find(|text| !summary.reason.contains(*text));
-        all.extend(missing.map(|text| SummaryDifference::new("reason", &summary.reason, text)));
-    }
+    all.extend(ending(summary, Some(found(outcome)), required));
     all.extend(steps_and_peaks(summary, outcome));
     all
+}
+
+/// How the loop ended, as far as measurements show it.
+fn found(outcome: &Outcome) -> Found {
+    let ending = &outcome.ending;
+    // How many deadlines were missed only the clock knows.
+    let is_known = !ending.is_for_being_late() && *ending != Ending::Stopped(Stop::Internal);
+    Found {
+        status: ending.cause().status(),
+        cause: is_known.then(|| ending.word().to_owned()),
+    }
 }
 
 /// Differences of a test whose rows do not show its end, since nothing moved after it: the events say how it ended. Whatever they
@@ -122,7 +125,7 @@ pub(super) fn with_events(
     (required, steps): (bool, u64),
 ) -> Result<Vec<SummaryDifference>, FolderError> {
     let mut all = Vec::new();
-    let differs = status(summary, Events::of(run)?.status, required);
+    let differs = ending(summary, Events::of(run)?.ending, required);
     all.extend(differs.or_else(|| too_few(summary, outcome.steps, steps)));
     if outcome.ending == Ending::Stopped(Stop::Operator) {
         all.extend(steps_and_peaks(summary, outcome));
@@ -151,7 +154,7 @@ fn steps_of(table: &toml::Table) -> Option<u64> {
 /// # Errors
 /// The events or rows cannot be read.
 pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
-    let ended = Events::of(run)?.status;
+    let ended = Events::of(run)?.ending.map(|found| found.status);
     let ended_before = matches!(ended, Some(Status::Interrupted | Status::Failed));
     let state = run.layout().index_of("state");
     let last = run.last_row()?;
@@ -159,16 +162,34 @@ pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
     Ok(!ended_before && last.is_some_and(|state| Part::Test.has(state)))
 }
 
-/// A status that differs; none where it is not known.
-fn status(summary: &Summary, found: Option<Status>, required: bool) -> Option<SummaryDifference> {
-    let found = found.filter(|found| *found != summary.status)?;
-    (!is_stopped_for_its_record(summary, required))
-        .then(|| SummaryDifference::new("status", summary.status.word(), found.word()))
+/// An ending that the record shows.
+#[derive(Debug)]
+struct Found {
+    status: Status,
+    /// As the files spell it; none where the record does not show it.
+    cause: Option<String>,
 }
 
-/// Only the writer knows that a record is damaged which the test file requires.
+/// A status or cause that differs; none where it is not known.
+fn ending(summary: &Summary, found: Option<Found>, required: bool) -> Option<SummaryDifference> {
+    let Found { status, cause } = found?;
+    if is_stopped_for_its_record(summary, required) {
+        return None;
+    }
+    if status != summary.status {
+        let (told, found) = (summary.status.word(), status.word());
+        return Some(SummaryDifference::new("status", told, found));
+    }
+    let (told, found) = (summary.cause.as_ref()?, cause?);
+    (*told != found).then(|| SummaryDifference::new("cause", told, found))
+}
+
+/// Only the writer knows that a record is damaged which the test file requires. An older summary has no cause.
 fn is_stopped_for_its_record(summary: &Summary, required: bool) -> bool {
-    required && summary.status == Status::Stopped && summary.reason.ends_with("[record] required")
+    let cause = summary.cause.as_deref();
+    required
+        && summary.status == Status::Stopped
+        && cause.is_none_or(|cause| cause == Cause::RecordDamaged.word())
 }
 
 /// True of a test whose loop broke down: it left no steps and no peaks to its summary.
@@ -200,24 +221,6 @@ fn steps_and_peaks(summary: &Summary, outcome: &Outcome) -> Vec<SummaryDifferenc
     };
     all.extend(peaks(&summary.peak, &peak));
     all
-}
-
-/// The words of an ending that the reason must contain, as far as the loop alone determines them.
-fn words_of(outcome: &Outcome) -> Vec<String> {
-    let ends = match outcome.unfinished {
-        Some(IncompleteShutdown { stop, after }) => vec![after, Ending::Stopped(stop)],
-        None => vec![outcome.ending],
-    };
-    let words = |ending: &Ending| match ending {
-        Ending::Completed => Some(ending.to_string()),
-        // How many deadlines were missed only the clock knows.
-        _ if ending.is_for_being_late() => None,
-        Ending::Stopped(Stop::Internal) => None,
-        // A recording knows that a link was lost, and not why.
-        Ending::Stopped(Stop::Link { port, .. }) => Some(named(*port, outcome)),
-        Ending::Stopped(stop) => Some(stop_words(stop, outcome)),
-    };
-    ends.iter().filter_map(words).collect()
 }
 
 /// Peaks that differ, each by its key.
@@ -262,17 +265,20 @@ pub(super) fn with_record(
     let mut all = Vec::new();
     let events = Events::of(run)?;
     let rows = Rows::of(run, &table)?;
-    let found = events.status.or(rows.tripped.then_some(Status::Stopped));
     // A row does not say whether a limit or a link tripped the test there.
-    let may_be = events.status.is_none() && summary.status == Status::Failed;
-    let found = found.filter(|_| !may_be);
+    let is_shown = rows.tripped && summary.status != Status::Failed;
+    let found = events.ending.or_else(|| {
+        is_shown.then_some(Found {
+            status: Status::Stopped,
+            cause: None,
+        })
+    });
     // The events may tell that only the last rows are missing: that is reported elsewhere.
     let are_all = rows.are_whole && events.last_step.is_none_or(|last| last < summary.steps);
     let made = rows.steps.filter(|_| are_all).unwrap_or(summary.steps);
     let made = made.min(summary.steps);
-    let differs = status(summary, found, is_required(&table));
+    let differs = ending(summary, found, is_required(&table));
     all.extend(differs.or_else(|| too_few(summary, made, steps_of(&table)?)));
-    all.extend(another_limit(summary, &events, is_required(&table)));
     if !rows.are_whole || summary.rows_lost > 0 || has_no_outcome(summary) {
         // Missing rows are reported elsewhere.
         return Ok(all);
@@ -297,27 +303,6 @@ pub(super) fn with_record(
         all.extend(higher_peaks(&summary.peak, &rows.most));
     }
     Ok(all)
-}
-
-/// The reason of a stopped test that names none of the limits that tripped according to its events.
-fn another_limit(summary: &Summary, events: &Events, required: bool) -> Option<SummaryDifference> {
-    let is_judged =
-        summary.status == Status::Stopped && !is_stopped_for_its_record(summary, required);
-    let words: Vec<&str> = events.limits.iter().filter_map(|key| limit(key)).collect();
-    let is_named = words.iter().any(|words| summary.reason.contains(words));
-    (is_judged && !is_named).then_some(())?;
-    let found = words.first()?;
-    Some(SummaryDifference::new("reason", &summary.reason, found))
-}
-
-/// A limit in words, as a reason names it; none of another cause.
-fn limit(key: &str) -> Option<&'static str> {
-    let specimens = Limit::OF_AXIS.into_iter();
-    let specimens = specimens.map(|one| (one.key(), one.words()));
-    let tests = Limit::OF_TEST.into_iter();
-    let tests = tests.map(|one| (one.key(), one.words()));
-    let mut all = specimens.chain(tests);
-    all.find_map(|(known, words)| (known == key).then_some(words))
 }
 
 fn is_required(table: &toml::Table) -> bool {
@@ -370,39 +355,36 @@ fn differing(
 #[derive(Debug, Default)]
 struct Events {
     /// None where they do not say it: some cannot be read, or the loop did not say that it was over.
-    status: Option<Status>,
+    ending: Option<Found>,
     /// The step in which the loop said that it was over.
     last_step: Option<u64>,
-    /// Keys of the limits that tripped, as far as the events can be read.
-    limits: Vec<String>,
 }
 
 impl Events {
     fn of(run: &Run) -> Result<Self, FolderError> {
         let mut lines = run.event_lines()?;
-        let (mut status, mut last_step, mut of_link) = (None, None, Cause::Link);
-        let mut limits = Vec::new();
+        let (mut ending, mut last_step, mut of_link) = (None, None, Cause::Link);
         for event in &mut lines {
             let Some(event) = event? else {
                 continue;
             };
             match &event.event {
                 Event::Ended => last_step = event.tick,
-                Event::LimitTrip(reached)
-                    if limits.iter().all(|known: &String| *known != *reached.limit) =>
-                {
-                    limits.push(reached.limit.to_string());
-                }
                 Event::Link { fault, .. } => of_link = fault.map_or(Cause::Link, LinkFault::cause),
                 Event::Phase {
                     from, to, cause, ..
                 } => {
-                    let cause = match Cause::of_word(cause) {
+                    let of_word = match Cause::of_word(cause) {
                         Some(Cause::Link) => Some(of_link),
                         cause => cause,
                     };
-                    if let Some(cause) = cause {
-                        status = Self::next(status, [*from, *to], cause);
+                    if let Some(of_word) = of_word
+                        && Self::ends(ending.as_ref(), [*from, *to], of_word)
+                    {
+                        ending = Some(Found {
+                            status: of_word.status(),
+                            cause: Some(cause.to_string()),
+                        });
                     }
                 }
                 _ => {}
@@ -410,26 +392,24 @@ impl Events {
         }
         let is_known = last_step.is_some() && lines.unreadable == 0;
         Ok(Self {
-            status: status.filter(|_| is_known),
+            ending: ending.filter(|_| is_known),
             last_step: last_step.filter(|_| is_known),
-            limits,
         })
     }
 
-    /// The status after a change of phase: what trips after an orderly end counts, what comes after a trip does not.
-    fn next(before: Option<Status>, [from, to]: [Phase; 2], cause: Cause) -> Option<Status> {
+    /// True of a change of phase that is the ending: what trips after an orderly end counts, what comes after a trip does not.
+    fn ends(before: Option<&Found>, [from, to]: [Phase; 2], cause: Cause) -> bool {
+        let before = before.map(|found| found.status);
         let is_orderly = matches!(before, None | Some(Status::Completed | Status::Interrupted));
         let runs = [Phase::Running, Phase::Holding].contains(&from);
         let ends = [Phase::Leaving, Phase::Safe].contains(&to);
-        if !is_orderly {
-            return before;
-        }
-        match cause.kind() {
-            Kind::Internal => Some(cause.status()),
-            _ if to == Phase::Tripped => Some(cause.status()),
-            Kind::Completion if runs && ends => Some(cause.status()),
-            Kind::Operator if ends => Some(cause.status()),
-            _ => before,
-        }
+        let is_end = match cause.kind() {
+            Kind::Internal => true,
+            _ if to == Phase::Tripped => true,
+            Kind::Completion => runs && ends,
+            Kind::Operator => ends,
+            _ => false,
+        };
+        is_orderly && is_end
     }
 }

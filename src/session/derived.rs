@@ -237,11 +237,10 @@ impl<'a> Described<'a> {
             return Err(DerivedError::NoGround);
         }
         for column in self.run.layout().columns() {
-            let number = column.name.strip_prefix('a');
-            let dof = number.and_then(|number| number.parse::<usize>().ok());
-            let Some(dof) = dof.and_then(|dof| dof.checked_sub(1)) else {
+            let Some(dof) = ACCEL.dof_in(&column.name) else {
                 continue;
             };
+            let dof = dof as usize - 1;
             let mut terms = Vec::new();
             self.accel(dof, 1.0, &mut terms);
             let also = if self.has_base() {

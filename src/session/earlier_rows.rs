@@ -4,18 +4,16 @@
 //! from the row before. Nothing else in the program knows such rows.
 
 use gusset_control::engine::OperatorCommands;
+use gusset_quantity::catalog::column::{CAUSE, JUDGED, Kind, OPERATOR};
 use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED, Part, Phase};
 use gusset_record::{Column, Layout};
 
 /// Physical columns that recordings of earlier versions do not have.
-const NEWER: [&str; 2] = ["operator", "cause"];
-/// Names of columns with the values that limits judge begin so; earlier versions did not record them either.
-const JUDGED: &str = "judged_";
+const NEWER: [&Kind; 3] = [&OPERATOR, &CAUSE, &JUDGED];
 
 /// Whether a recording of an earlier version may lack this column.
 pub(super) fn may_be_absent(column: &Column) -> bool {
-    let name = column.name.as_str();
-    column.timing || NEWER.contains(&name) || name.starts_with(JUDGED)
+    column.timing || NEWER.iter().any(|kind| kind.fits(&column.name))
 }
 
 /// State of the reading of a recording without the column `operator`.

@@ -10,6 +10,7 @@ use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::falsified::Mode;
 use gusset_numerics::model::{Base, Structure};
 use gusset_proof::Analysis;
+use gusset_quantity::catalog::column::DISP;
 use gusset_record::Column;
 use gusset_setup as setup;
 
@@ -99,12 +100,7 @@ fn structure(
     columns: &[Column],
 ) -> Result<(Energetics, bool, Option<String>), Without> {
     let because = |text: String| Without::Because(text);
-    let is_disp = |c: &&Column| {
-        c.name
-            .strip_prefix('x')
-            .is_some_and(|n| n.parse::<u32>().is_ok())
-    };
-    let recorded = columns.iter().filter(is_disp).count();
+    let recorded = columns.iter().filter(|c| DISP.fits(&c.name)).count();
     if recorded == 0 {
         return Err(Without::Structure);
     }

@@ -327,6 +327,7 @@ fn carry_out(
             // A later reader takes such a record for that of a test which was killed.
             cause = Cause::RecordDamaged;
             summary.status = cause.status();
+            summary.cause = Some(cause.word().to_owned());
             summary.reason = format!("{error}, and [record] required");
         }
         unwritten.push(error.to_string());

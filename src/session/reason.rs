@@ -81,12 +81,12 @@ fn left_as(outcome: &Outcome, how: EndPosition) -> impl Iterator<Item = (usize, 
 }
 
 /// Why a test stopped, with the specimen by its name.
-pub(super) fn stop_words(stop: &Stop, outcome: &Outcome) -> String {
+fn stop_words(stop: &Stop, outcome: &Outcome) -> String {
     stop.with_name(|port| named(port, outcome))
 }
 
 /// A specimen by its name.
-pub(super) fn named(port: usize, outcome: &Outcome) -> String {
+fn named(port: usize, outcome: &Outcome) -> String {
     match outcome.ports.get(port) {
         Some((name, ..)) => format!("specimen \"{name}\""),
         None => format!("specimen {}", port + 1),

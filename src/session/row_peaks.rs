@@ -6,6 +6,7 @@
 
 use gusset_control::engine::{EarlierPeaks, Peaks};
 use gusset_control::port::Port;
+use gusset_quantity::catalog::column::{ACCEL, DISP, FORCE, Kind, STATUS, VEL};
 use gusset_quantity::catalog::phase::Part;
 use gusset_quantity::substructure::Status;
 use gusset_record::summary::Peak;
@@ -87,15 +88,15 @@ impl RowPeaks {
         let layout = run.layout();
         let at = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let forces = |number: usize| {
-            let axes = (1..).map(|axis| layout.index_of(&format!("force_{number}_{axis}")));
+            let axes = (1..).map(|axis| layout.index_of(&FORCE.of_axis(number, axis)));
             axes.map_while(|place| place).collect()
         };
         let each = 1..=specimens;
         Self {
             state: at("state"),
-            structure: ['x', 'v', 'a'].map(|letter| places(run, letter)),
+            structure: [DISP, VEL, ACCEL].map(|kind| places(run, &kind)),
             specimens: each
-                .map(|number| (at(&format!("status_{number}")), forces(number)))
+                .map(|number| (at(&STATUS.of_specimen(number)), forces(number)))
                 .collect(),
             every_row: false,
             is_in_test: false,
@@ -151,11 +152,11 @@ impl RowPeaks {
 }
 
 /// Places of the columns of one kind, each with its number from 0.
-fn places(run: &Run, letter: char) -> Vec<(usize, usize)> {
+fn places(run: &Run, kind: &Kind) -> Vec<(usize, usize)> {
     let columns = run.layout().columns().iter().enumerate();
     let each = columns.filter_map(|(place, column)| {
-        let number = column.name.strip_prefix(letter)?.parse::<usize>().ok()?;
-        Some((number.checked_sub(1)?, place))
+        let dof = kind.dof_in(&column.name)?;
+        Some((dof as usize - 1, place))
     });
     each.collect()
 }

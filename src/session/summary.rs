@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 
 use super::connect::Unconnected;
 use super::guarded::Ended;
-use super::reason::{ending, last_words};
+use super::reason::{self, last_words};
 use gusset_config::ClockChoice;
-use gusset_control::engine::{Gaps, Outcome};
+use gusset_control::engine::{Ending, Gaps, Outcome};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
@@ -81,7 +81,7 @@ pub(super) fn summarise(
                 .to_owned(),
         ),
         (Some(fault), _, _) => (Cause::Internal, format!("internal error: {fault}")),
-        (None, None, Some(outcome)) => ending(outcome),
+        (None, None, Some(outcome)) => reason::ending(outcome),
         (None, None, None) => (Cause::Internal, "internal error".to_owned()),
     };
     let (cause, reason) = match cause {
@@ -111,8 +111,11 @@ pub(super) fn summarise(
     warnings.extend(outcome.and_then(|outcome| gaps(outcome.pace.gaps)));
     let last_words = outcome.map(last_words).into_iter().flatten();
     warnings.extend(last_words.map(|(_, text)| text));
+    let ending = outcome.map(|outcome| &outcome.ending);
+    let ending = ending.filter(|ending| ending.cause() == cause);
     let summary = Summary {
         status: cause.status(),
+        cause: Some(ending.map_or(cause.word(), Ending::word).to_owned()),
         reason,
         steps: outcome.map_or(0, |outcome| outcome.steps),
         dt: facts.dt,

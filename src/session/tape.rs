@@ -14,6 +14,7 @@ use crossbeam_channel::Sender;
 use super::earlier_rows::EarlierRows;
 use super::replay_error::ReplayError;
 use gusset_control::engine::{Experiment, Operator, OperatorCommands, Phase};
+use gusset_quantity::catalog::column::SEQUENCE;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use gusset_quantity::substructure::LinkFault;
@@ -140,7 +141,7 @@ impl Tape {
             coming: Vec::new(),
             passed: Vec::new(),
             sequences: (1..=experiment.ports.len())
-                .map(|number| place(&format!("seq_{number}")))
+                .map(|number| place(&SEQUENCE.of_specimen(number)))
                 .collect(),
             row: 0,
             time: f64::NAN,

@@ -120,7 +120,10 @@ fn messages() -> Vec<(&'static str, Encoder, Control)> {
             greeting(Side::Specimen),
             Control::Refuse(Refuse {
                 code: RefuseCode::Busy,
-                versions: Versions::OURS,
+                versions: Versions {
+                    lowest: 1,
+                    highest: 1,
+                },
                 text: "busy".into(),
             }),
         ),

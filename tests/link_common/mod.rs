@@ -164,8 +164,18 @@ fn not_for_ever(child: Child) -> Output {
 
 /// Runs one test into `folder/name`; its exit code, and what it said.
 pub fn run(folder: &Path, name: &str, text: &str) -> (i32, String) {
-    let file = write(folder, &format!("{name}.toml"), text);
+    run_by(gusset(), folder, name, text)
+}
+
+/// Runs one test by a program that reads other words in place of each text of a peer.
+pub fn run_reworded(folder: &Path, name: &str, text: &str) -> (i32, String) {
     let mut command = gusset();
+    command.env("GUSSET_REWORD", "1");
+    run_by(command, folder, name, text)
+}
+
+fn run_by(mut command: Command, folder: &Path, name: &str, text: &str) -> (i32, String) {
+    let file = write(folder, &format!("{name}.toml"), text);
     command
         .arg("run")
         .arg(file)

@@ -361,3 +361,38 @@ fn resume_refuses_a_next_command_beyond_a_limit() {
     let said = go_on_with(&at("first"), &at("second"), &more);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
 }
+
+/// The words of a run folder decide nothing: a program that reads other words judges and resumes it alike.
+#[test]
+fn reworded_run_is_resumed_alike() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name).to_str().unwrap().to_owned();
+    tripped_in(home.path(), &home.path().join("first"));
+    let reworded = |args: &[&str]| -> common::Said {
+        let mut command = common::gusset();
+        command.env("GUSSET_REWORD", "1").args(args);
+        command.output().unwrap().into()
+    };
+    let (first, refused, second) = (at("first"), at("refused"), at("second"));
+    let wider = "specimen.0.limits.measured_force_n.trip=[-1e5, 1e5]";
+    let resumed = ["run", "--resume", &first, "--out"];
+    let allowed = ["--after-trip", "--set", wider, "--reason", "yields later"];
+    for (args, code) in [
+        (vec!["replay", &first], 0),
+        (vec!["report", &first], 0),
+        ([&resumed[..], &[&refused]].concat(), 2),
+        ([&resumed[..], &[&second], &allowed].concat(), 0),
+        (vec!["replay", &second], 0),
+    ] {
+        let said = reworded(&args);
+        assert_eq!(said.code, Some(code), "{args:?}: {}", said.stderr);
+        // The resume says how the test ended.
+        assert_eq!(said.stderr.contains("reworded"), args.contains(&"--resume"));
+    }
+    // The cause is judged, in any words.
+    let mut summary = common::json(home.path().join("first").as_path(), "summary.json");
+    assert_eq!(summary["cause"], "measured_force_n");
+    summary["cause"] = "command_disp_m".into();
+    std::fs::write(home.path().join("first/summary.json"), summary.to_string()).unwrap();
+    assert_eq!(reworded(&["replay", &first]).code, Some(1));
+}

@@ -29,6 +29,7 @@ pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupErro
         },
         Control::Bye(bye) => SetupError::Left {
             due: expected,
+            cause: bye.cause,
             why: parting(bye.cause, &bye.text),
         },
         other => SetupError::Wire(WireError::Order {

@@ -10,7 +10,6 @@ use super::refused::{parting, reason};
 use super::setup::NativeSetup;
 use crate::Transport;
 use crate::inbox::Inbox;
-use crate::served::LOST;
 use crate::socket::LOOK;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,
@@ -48,6 +47,8 @@ pub(super) struct Live {
     book: Book,
     coupling: Coupling,
     session: u64,
+    /// Version of the handshake that both speak.
+    version: u16,
     reply_timeout_ns: u64,
     /// Over UDP a command whose answer is owed is sent again after so long; over TCP a heartbeat is sent.
     nudge_ns: u64,
@@ -69,6 +70,8 @@ pub(super) struct Live {
     asked_to_arm: Option<Vec<u8>>,
     fault: Option<LinkFault>,
     detail: Option<Detail>,
+    /// Its goodbye says that the specimen behind it is lost, or cannot say that it is not.
+    may_be_lost: bool,
     /// Its goodbye has come; none before that was waited for.
     acknowledged: Option<bool>,
     /// What it said then, beyond that.
@@ -101,6 +104,7 @@ impl Live {
             book: Book::new(axes),
             coupling: setup.coupling,
             session: welcome.session,
+            version: welcome.version,
             reply_timeout_ns,
             nudge_ns,
             connect_limit: setup.connect_limit,
@@ -115,6 +119,7 @@ impl Live {
             asked_to_arm: None,
             fault: None,
             detail: None,
+            may_be_lost: false,
             acknowledged: None,
             last_words: None,
         }
@@ -145,9 +150,15 @@ impl Live {
         (!all.is_empty()).then(|| all.join("; "))
     }
 
-    /// True if a gateway has said that the specimen behind it is lost.
-    pub(super) fn has_lost_it(&self) -> bool {
-        matches!(&self.detail, Some(Detail::Said(text)) if text.contains(LOST))
+    /// True if only the server at the other end knows where the specimen is: it lost it, or is too old to say that it did not.
+    pub(super) const fn may_be_lost(&self) -> bool {
+        self.may_be_lost
+    }
+
+    /// Keeps what the cause of a goodbye says about who holds the specimen.
+    fn heard_goodbye(&mut self, code: u32) {
+        let cause = Cause::from_code(code);
+        self.may_be_lost |= cause.is_ok_and(|cause| cause.may_be_lost(self.version));
     }
 
     /// Real-time: yes.
@@ -425,11 +436,16 @@ impl Live {
                 self.book.flags(beat.status);
                 Ok(())
             }
-            Frame::Goodbye(notice) => Err((LinkFault::Closed, Some(Detail::Goodbye(notice.cause)))),
+            Frame::Goodbye(notice) => {
+                let cause = notice.cause;
+                self.heard_goodbye(cause.code());
+                Err((LinkFault::Closed, Some(Detail::Goodbye(cause))))
+            }
             // The answer to an Arm that was repeated.
             Frame::Control(message) if message.starts_with(&ARM) => Ok(()),
             Frame::Control(message) => Err(match handshake::decode(message).map_err(wire)? {
                 Control::Bye(bye) => {
+                    self.heard_goodbye(bye.cause);
                     let said = format!(
                         "the specimen said goodbye: {}",
                         parting(bye.cause, &bye.text)

@@ -95,7 +95,7 @@ impl Substructure for NativeLink {
 
     fn holder(&self) -> Holder {
         match &self.live {
-            Some(live) if live.has_lost_it() => Holder::Unknown,
+            Some(live) if live.may_be_lost() => Holder::Unknown,
             _ => Holder::ItsWatchdog,
         }
     }

@@ -55,7 +55,9 @@ pub enum SetupError {
     Left {
         /// The answer.
         due: &'static str,
-        /// The reason, and the specimen's words.
+        /// The code of the cause, see [`Cause`].
+        cause: u32,
+        /// The cause, and the specimen's words.
         why: String,
     },
     /// It keeps narrower limits than the test, and did not say so to the Hello.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::SocketOptions;
-use gusset_quantity::substructure::{Command, Freshness, Measurement, Status};
+use gusset_quantity::substructure::{Command, Freshness, Holder, Measurement, Status};
 use gusset_wire::Side;
 use gusset_wire::handshake::{
     self, Bye, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, Unit, Versions, Welcome,
@@ -339,6 +339,48 @@ fn what_a_specimen_says_to_its_last_words_is_kept() {
             link.retire(*how);
             assert_eq!(link.has_acknowledged(), Some(true));
             assert_eq!(link.last_words().as_deref(), *told, "{word:?}");
+        }
+    }
+}
+
+/// Version 2 says by a code that the specimen is lost. Version 1 has only a sentence, so only the server may know.
+#[test]
+fn holder_follows_the_code_of_the_goodbye() {
+    let refuse = |code| {
+        Word::Says(Box::new(Control::Refuse(Refuse {
+            code,
+            versions: Versions::OURS,
+            text: TEXT.into(),
+        })))
+    };
+    let says = |cause| Word::Says(Box::new(Control::Bye(bye(cause, TEXT))));
+    let byes = |cause| Word::Byes(bye(cause, TEXT), cause);
+    // What comes instead of the arming, what answers the retire, and whether the holder is unknown in versions 1 and 2.
+    let cases = [
+        (says(Cause::Tripped), Word::Fits, [true, false]),
+        (says(Cause::Shutdown), Word::Fits, [false, false]),
+        (says(Cause::Lost), Word::Fits, [true, true]),
+        (Word::Goodbye(Cause::Lost), Word::Fits, [true, true]),
+        (refuse(RefuseCode::NotReady), Word::Fits, [true, false]),
+        (refuse(RefuseCode::Position), Word::Fits, [false, false]),
+        (Word::Fits, byes(Cause::Tripped), [true, false]),
+        (Word::Fits, byes(Cause::Lost), [true, true]),
+        (Word::Fits, Word::Goodbye(Cause::Tripped), [false, false]),
+        (Word::Fits, Word::Fits, [false, false]),
+    ];
+    let versions: [Change; 2] = [|welcome| welcome.version = 1, |welcome| welcome.version = 2];
+    for carrier in CARRIERS {
+        for (arm, last, unknown) in &cases {
+            for (change, unknown) in versions.into_iter().zip(unknown) {
+                let words = [Word::Fits, arm.clone(), last.clone()];
+                let (mut link, _) = link(carrier, words, change);
+                link.connect().unwrap();
+                if link.arm(0, &[0.0], &mut || true).is_ok() {
+                    link.retire(Retirement::Tripped);
+                }
+                let is_unknown = link.holder() == Holder::Unknown;
+                assert_eq!(is_unknown, *unknown, "{arm:?} {last:?}");
+            }
         }
     }
 }

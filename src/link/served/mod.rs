@@ -99,9 +99,6 @@ impl Controller {
     }
 }
 
-/// How a gateway begins to say that the specimen behind it is lost; its controller knows it by these words.
-pub(crate) const LOST: &str = "the specimen is lost";
-
 /// Why a specimen is not commanded any more. It stops its session for good, and later ones as [`Latch`] says.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum Trip {
@@ -152,7 +149,7 @@ pub enum Trip {
     )]
     Holds(u64),
     /// The specimen is gone.
-    #[error("{}: {}", LOST, .0)]
+    #[error("the specimen is lost: {0}")]
     Lost(LinkFault),
 }
 

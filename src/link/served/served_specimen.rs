@@ -285,6 +285,12 @@ impl ServedSpecimen {
         self.guarded.tripped()
     }
 
+    /// True if the link to the specimen was lost: only its own server knows its position.
+    #[must_use]
+    pub(crate) const fn has_lost_it(&self) -> bool {
+        matches!(self.guarded.tripped(), Some(Trip::Lost(_)))
+    }
+
     /// The latch of the specimen's trips.
     #[must_use]
     pub const fn latch(&self) -> &Latch {
@@ -545,7 +551,7 @@ impl ServedSpecimen {
         self.dismiss(cause);
         self.stage = Stage::Closed;
         let is_regular = self.is_ready && cause == Cause::Done && !self.guarded.rests_on_the_way();
-        let is_lost = matches!(self.guarded.tripped(), Some(Trip::Lost(_)));
+        let is_lost = self.has_lost_it();
         let told = self.guarded.told.as_slice();
         let last = (told.is_empty() || !is_lost).then_some(told);
         self.guarded.latch.ends(last, is_regular);

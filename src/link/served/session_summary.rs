@@ -106,6 +106,7 @@ pub(super) fn summarise(
     let some = |values: &[f64]| values.iter().map(|value| Some(*value)).collect();
     Summary {
         status: cause.status(),
+        cause: Some(cause.word().to_owned()),
         reason: end.text.to_owned(),
         steps: end.commits,
         dt: counted.dt,

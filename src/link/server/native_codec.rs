@@ -5,12 +5,11 @@
 
 use std::ops::Range;
 
-use super::native_handshake::Greeted;
+use super::native_handshake::{self, Greeted};
 use crate::inbox::Inbox;
 use gusset_quantity::substructure::Measurement;
-use gusset_quantity::text::is_hidden;
 use gusset_wire::WireError;
-use gusset_wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
+use gusset_wire::handshake::{self, Control, Refuse};
 use gusset_wire::native::{
     Cause, Decoder, Encoder, Heartbeat, LARGEST_FRAME, Moment, Notice, Received,
 };
@@ -21,6 +20,8 @@ pub(super) struct NativeCodec {
     encoder: Encoder,
     decoder: Decoder,
     out: Vec<u8>,
+    /// Version of the handshake that the client speaks.
+    version: u16,
     /// Frames that failed a check.
     corrupt: u64,
 }
@@ -32,6 +33,7 @@ impl NativeCodec {
             encoder: greeted.encoder,
             decoder: greeted.decoder,
             out: vec![0; LARGEST_FRAME],
+            version: greeted.version,
             corrupt: 0,
         }
     }
@@ -86,7 +88,8 @@ impl NativeCodec {
         Ok(self.written(length))
     }
 
-    pub(crate) fn goodbye(&mut self, notice: Notice) -> Result<&[u8], WireError> {
+    pub(crate) fn goodbye(&mut self, mut notice: Notice) -> Result<&[u8], WireError> {
+        notice.cause = notice.cause.for_version(self.version);
         let length = self.encoder.goodbye(notice, &mut self.out)?;
         Ok(self.written(length))
     }
@@ -104,13 +107,8 @@ impl NativeCodec {
 
     /// A message for people that the session ends.
     pub(crate) fn bye(&mut self, cause: Cause, text: &str) -> Result<&[u8], WireError> {
-        let mut text = text.to_owned();
-        text.retain(|c| !is_hidden(c));
-        while text.len() > TEXT_LIMIT {
-            text.pop();
-        }
-        let cause = cause.code();
-        let message = handshake::encode(&Control::Bye(Bye { cause, text }))?;
+        let bye = native_handshake::bye(cause.for_version(self.version), text);
+        let message = handshake::encode(&Control::Bye(bye))?;
         self.control(&message)
     }
 

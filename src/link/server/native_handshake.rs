@@ -19,11 +19,11 @@ use crate::tls::is_client_hello;
 use gusset_config::WATCHDOG_MAX_S;
 use gusset_quantity::text::is_hidden;
 use gusset_wire::handshake::{
-    self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,
-    Welcome, layout_hash,
+    self, Arm, Bye, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms,
+    Versions, Welcome, layout_hash,
 };
 use gusset_wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
-use gusset_wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
+use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME};
 use gusset_wire::{Side, WireError};
 
 /// Most commands per second that are taken on.
@@ -256,6 +256,8 @@ pub(super) struct Greeted {
     pub software: String,
     session: u64,
     axes: usize,
+    /// Version of the handshake that both speak.
+    pub version: u16,
     pub rate: (u64, u64),
     pub watchdog_s: f64,
     pub sampling: Sampling,
@@ -274,16 +276,29 @@ pub(super) struct Greeted {
 }
 
 fn refuse(code: RefuseCode, text: &str) -> Refuse {
+    Refuse {
+        code,
+        versions: Versions::OURS,
+        text: short(text),
+    }
+}
+
+/// A goodbye that fits into a message.
+pub(super) fn bye(cause: Cause, text: &str) -> Bye {
+    Bye {
+        cause: cause.code(),
+        text: short(text),
+    }
+}
+
+/// A text that fits into a message, and may be empty.
+fn short(text: &str) -> String {
     let mut text = text.to_owned();
     text.retain(|c| !is_hidden(c));
     while text.len() > TEXT_LIMIT {
         text.pop();
     }
-    Refuse {
-        code,
-        versions: Versions::OURS,
-        text,
-    }
+    text
 }
 
 /// The refusal of bytes that are no frame.
@@ -304,12 +319,12 @@ fn busy() -> Refuse {
 }
 
 /// The refusal of a specimen that is not ready.
-pub(super) fn not_ready(text: &str) -> Refuse {
+fn not_ready(text: &str) -> Refuse {
     refuse(RefuseCode::NotReady, text)
 }
 
 /// A refusal as a frame; of session 0 without an encoder.
-pub(super) fn refusal(refuse: Refuse, encoder: Option<&mut Encoder>) -> Vec<u8> {
+fn refusal(refuse: Refuse, encoder: Option<&mut Encoder>) -> Vec<u8> {
     let mut greeting = Encoder::greeting(Side::Specimen);
     framed(&Control::Refuse(refuse), encoder.unwrap_or(&mut greeting)).unwrap_or_default()
 }
@@ -393,6 +408,7 @@ fn welcome(offer: &Offer, message: &[u8], hello: &Hello, version: u16) -> Result
         software: hello.software.clone(),
         session,
         axes,
+        version,
         rate: (hello.rate_numerator, hello.rate_denominator),
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
@@ -446,6 +462,17 @@ impl Greeted {
                 Err(refuse(RefuseCode::Malformed, &text))
             }
         }
+    }
+
+    /// The answer to an Arm that is not granted, as a frame of this session. A specimen that was lost meanwhile is no refusal: only its
+    /// own server knows its position.
+    pub(super) fn not_armed(&mut self, text: &str, is_lost: bool) -> Vec<u8> {
+        let answer = if is_lost && Cause::Lost.for_version(self.version) == Cause::Lost {
+            Control::Bye(bye(Cause::Lost, text))
+        } else {
+            Control::Refuse(not_ready(text))
+        };
+        framed(&answer, &mut self.encoder).unwrap_or_default()
     }
 
     /// The answer to an Arm: the same again, as a frame of this session.

@@ -5,7 +5,7 @@
 use super::ServerEvent;
 use super::channel::{Channel, said_goodbye};
 use super::hosted::Host;
-use super::native_handshake::{self, NativeOpening};
+use super::native_handshake::NativeOpening;
 use super::native_session::NativeConversation;
 use super::session::Session;
 use super::shared::Shared;
@@ -62,10 +62,8 @@ pub(super) fn open(
     let peer = channel.peer;
     let mut served = match begin(&mut channel, &mut opening, host, thread, shared) {
         Ok(served) => served,
-        Err(text) => {
-            let refuse = native_handshake::not_ready(&text);
-            let encoder = Some(&mut opening.greeted.encoder);
-            let frame = native_handshake::refusal(refuse, encoder);
+        Err((text, is_lost)) => {
+            let frame = opening.greeted.not_armed(&text, is_lost);
             // A client that does not receive it sees the connection close.
             let _ = channel.link.send(&frame);
             shared.tell(ServerEvent::Refused { peer, text });
@@ -90,21 +88,22 @@ pub(super) fn open(
     Ok(Session::new(channel, conversation))
 }
 
+/// The specimen of an armed test; or why it is not armed, and whether it was lost.
 fn begin(
     channel: &mut Channel,
     opening: &mut NativeOpening,
     host: &Host,
     thread: DataThread,
     shared: &Shared,
-) -> Result<ServedSpecimen, String> {
-    let mut served = host.specimen(false)?;
+) -> Result<ServedSpecimen, (String, bool)> {
+    let mut served = host.specimen(false).map_err(|text| (text, false))?;
     served.keep_record_away_from(thread.cpu);
     served.now_is(channel.now());
     let controller = controller(channel, opening);
     let mut heard_at = channel.now();
     let mut wanted = || is_wanted(channel, opening, &mut heard_at, shared);
     let told = served.begin(&controller, &mut wanted);
-    for text in told.map_err(|over| over.text)? {
+    for text in told.map_err(|over| (over.text, served.has_lost_it()))? {
         shared.tell(ServerEvent::Told { text });
     }
     Ok(served)

@@ -137,35 +137,52 @@ impl Kind {
     /// True if a column of this name is of this kind.
     #[must_use]
     pub fn fits(&self, name: &str) -> bool {
-        let Some(rest) = name.strip_prefix(self.stem) else {
-            return false;
+        self.numbers(name).is_some()
+    }
+
+    /// DOF of the column of this name, if it is of this kind.
+    #[must_use]
+    pub fn dof_in(&self, name: &str) -> Option<u32> {
+        let [dof, _] = self.numbers(name)?;
+        (self.each == Each::Dof).then_some(dof)
+    }
+
+    /// Specimen of the column of this name, if it is of this kind.
+    #[must_use]
+    pub fn specimen_in(&self, name: &str) -> Option<u32> {
+        let [specimen, _] = self.numbers(name)?;
+        (!matches!(self.each, Each::Test | Each::Dof)).then_some(specimen)
+    }
+
+    /// Specimen and axis, or coordinate, of the column of this name, if it is of this kind.
+    #[must_use]
+    pub fn axis_in(&self, name: &str) -> Option<(u32, u32)> {
+        let [specimen, axis] = self.numbers(name)?;
+        (axis > 0).then_some((specimen, axis))
+    }
+
+    /// Takes apart what [`Self::of_dof`] and its neighbours put together. A number that the kind does not have is 0.
+    fn numbers(&self, name: &str) -> Option<[u32; 2]> {
+        let number = |text: &str| {
+            let is_plain = !text.starts_with('0') && text.bytes().all(|b| b.is_ascii_digit());
+            is_plain.then(|| text.parse().ok()).flatten()
         };
-        let is_number = |text: &str| {
-            let is_digit = |c: char| c.is_ascii_digit();
-            !text.is_empty() && !text.starts_with('0') && text.chars().all(is_digit)
-        };
-        let numbers = || rest.strip_prefix('_').map(|rest| rest.split('_'));
-        let are = |count: usize| {
-            numbers().is_some_and(|numbers| {
-                numbers.clone().count() == count && numbers.clone().all(is_number)
-            })
-        };
-        match self.each {
-            Each::Test => rest.is_empty(),
-            Each::Dof => is_number(rest),
-            Each::Specimen => are(1),
-            Each::Axis | Each::Coordinate => are(2),
-            Each::Parameter => numbers().is_some_and(|numbers| {
-                let mut last = numbers.rev();
-                let ends = [last.next(), last.next()];
-                ends.into_iter()
-                    .flatten()
-                    .filter(|text| is_number(text))
-                    .count()
-                    == 2
-                    && last.any(|text| !text.is_empty())
-            }),
-        }
+        let rest = name.strip_prefix(self.stem)?;
+        let parts = || rest.strip_prefix('_');
+        Some(match self.each {
+            Each::Test => return rest.is_empty().then_some([0; 2]),
+            Each::Dof => [number(rest)?, 0],
+            Each::Specimen => [number(parts()?)?, 0],
+            Each::Axis | Each::Coordinate => {
+                let (specimen, axis) = parts()?.split_once('_')?;
+                [number(specimen)?, number(axis)?]
+            }
+            Each::Parameter => {
+                let (head, axis) = parts()?.rsplit_once('_')?;
+                let (_, specimen) = head.rsplit_once('_')?;
+                [number(specimen)?, number(axis)?]
+            }
+        })
     }
 
     /// Unit of a translation, or of a rotation where the kind has a second unit.
@@ -197,11 +214,11 @@ impl Kind {
 /// Page of the guide with this table.
 pub const PAGE: &str = "columns";
 
-/// The kind of a column of a test of this name; none if no kind has such a name. The columns of limits of the whole test have no kind.
+/// The kind of a column of this name, of a test or a server; none if no kind has such a name. The columns of limits of the whole test have
+/// no kind. Of kinds that share a name it is the first.
 #[must_use]
-#[cfg(test)]
-pub(crate) fn of_test(name: &str) -> Option<&'static Kind> {
-    TEST.iter().find(|kind| kind.fits(name))
+pub fn find(name: &str) -> Option<&'static Kind> {
+    TEST.iter().chain(SERVER).find(|kind| kind.fits(name))
 }
 
 macro_rules! kinds {
@@ -469,8 +486,18 @@ mod tests {
                 Each::Axis | Each::Coordinate => kind.of_axis(2, 10),
                 Each::Parameter => kind.of_parameter("gain_a", 1, 4),
             };
-            let found = of_test(&name).unwrap();
+            let found = find(&name).unwrap();
             assert_eq!((found.stem, found.each), (kind.stem, kind.each), "{name}");
+            let (dof, of) = (found.dof_in(&name), found.specimen_in(&name));
+            let read = (dof, of, found.axis_in(&name));
+            let expected = match kind.each {
+                Each::Test => (None, None, None),
+                Each::Dof => (Some(12), None, None),
+                Each::Specimen => (None, Some(3), None),
+                Each::Axis | Each::Coordinate => (None, Some(2), Some((2, 10))),
+                Each::Parameter => (None, Some(1), Some((1, 4))),
+            };
+            assert_eq!(read, expected, "{name}");
         }
         for name in [
             "",
@@ -483,7 +510,7 @@ mod tests {
             "comp_1_1",
             "steps",
         ] {
-            assert_eq!(of_test(name), None, "{name}");
+            assert_eq!(find(name), None, "{name}");
         }
     }
 

@@ -10,7 +10,7 @@ use super::sentence;
 use crate::TimedEvent;
 use crate::utc::rfc3339;
 use gusset_quantity::catalog::event::{self, EventRow, Group, Severity};
-use gusset_quantity::text::printable;
+use gusset_quantity::text::{printable, received};
 
 /// An event with the moment at which it happened.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +33,9 @@ pub struct EventLine {
 
 /// Fields that every line has.
 const HEAD: [&str; 5] = ["tick", "time", "wall", "clock_ns", "event"];
+
+/// Fields that are sentences for people.
+const WORDS: [&str; 4] = ["text", "message", "error", "why"];
 
 impl EventLine {
     /// A line that is to be written. Hidden characters of a text are spelled.
@@ -149,6 +152,11 @@ impl From<Map<String, Value>> for EventLine {
             && let Some(kind) = line.remove("kind")
         {
             line.insert("event".to_owned(), kind);
+        }
+        for key in WORDS {
+            if let Some(Value::String(text)) = line.get_mut(key) {
+                *text = received(std::mem::take(text));
+            }
         }
         let name = line.get("event").and_then(Value::as_str);
         let name = name.unwrap_or_default().to_owned();

@@ -186,12 +186,19 @@ impl Plan {
         let mut axes: BTreeMap<(u32, u32), [Option<usize>; 4]> = BTreeMap::new();
         let mut statuses: BTreeMap<u32, usize> = BTreeMap::new();
         for (place, column) in layout.columns().iter().enumerate() {
-            if let Some((kind, dof)) = dof_column(&column.name) {
-                dofs.entry(dof).or_default()[kind] = Some(place);
-            } else if let Some((kind, axis)) = axis_column(&column.name) {
-                axes.entry(axis).or_default()[kind] = Some(place);
-            } else if let Some(specimen) = status_column(&column.name) {
-                statuses.entry(specimen).or_insert(place);
+            let name = column.name.as_str();
+            for (kind, of) in DOF.iter().enumerate() {
+                if let Some(dof) = of.dof_in(name) {
+                    dofs.entry(dof).or_default()[kind] = Some(place);
+                }
+            }
+            for (kind, of) in AXIS.iter().enumerate() {
+                if let Some(axis) = of.axis_in(name) {
+                    axes.entry(axis).or_default()[kind] = Some(place);
+                }
+            }
+            if let Some(specimen) = column::STATUS.specimen_in(name) {
+                statuses.insert(specimen, place);
             }
         }
         let mut wanted = vec![("time".to_owned(), "s", Some(time))];
@@ -380,29 +387,4 @@ fn column(name: String, unit: &str, meaning: &str) -> Column {
         meaning: meaning.to_owned(),
         timing: false,
     }
-}
-
-/// `x3` → (0, 3).
-fn dof_column(name: &str) -> Option<(usize, u32)> {
-    let kind = DOF.iter().position(|kind| name.starts_with(kind.stem))?;
-    Some((kind, number(name.get(1..)?)?))
-}
-
-/// `cmd_2_1` → (1, (2, 1)).
-fn axis_column(name: &str) -> Option<(usize, (u32, u32))> {
-    let (word, rest) = name.split_once('_')?;
-    let kind = AXIS.iter().position(|kind| kind.stem == word)?;
-    let (specimen, axis) = rest.split_once('_')?;
-    Some((kind, (number(specimen)?, number(axis)?)))
-}
-
-/// `status_2` → 2.
-fn status_column(name: &str) -> Option<u32> {
-    number(name.strip_prefix("status_")?)
-}
-
-/// A number from 1 as we write it: no sign, no leading zero.
-fn number(text: &str) -> Option<u32> {
-    let plain = text.bytes().all(|b| b.is_ascii_digit()) && !text.starts_with('0');
-    plain.then(|| text.parse().ok()).flatten()
 }

@@ -36,7 +36,9 @@ pub fn compare(
     );
     let (a, b) = (first.digested(), second.digested());
     let (rows_a, rows_b) = (Rows::new(&a), Rows::new(&b));
-    body += &banner(matched, &damages(first, second), &doubts(first, second));
+    let is_unstable = [first, second].into_iter().any(is_unstable);
+    let (damages, doubts) = (damages(first, second), doubts(first, second));
+    body += &banner(matched, &damages, &doubts, is_unstable);
     body += &key_figures((first, second), (&rows_a, &rows_b), matched);
     body += "</header>\n<main>\n";
     body += HINT;
@@ -160,8 +162,20 @@ pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
     both.into_iter().map(|(_, text)| text).collect()
 }
 
-fn banner(matched: &Result<Matched, String>, damages: &[String], doubts: &[String]) -> String {
-    let is_unstable = doubts.iter().any(|text| text.contains("UNSTABLE"));
+fn is_unstable(run: &RunView) -> bool {
+    let verdict = run
+        .summary
+        .as_ref()
+        .and_then(|summary| summary.remarks.verdict.as_ref());
+    verdict.is_some_and(|verdict| verdict.unstable)
+}
+
+fn banner(
+    matched: &Result<Matched, String>,
+    damages: &[String],
+    doubts: &[String],
+    is_unstable: bool,
+) -> String {
     let (class, headline, mut more) = match matched {
         Err(why) => (
             "warning",

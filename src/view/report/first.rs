@@ -15,6 +15,7 @@ use super::table::{Table, Thinner};
 use super::worst::Worst;
 use gusset_motion::metrics::energy::{Balance, Energies, Model};
 use gusset_motion::metrics::tracking::Noise;
+use gusset_quantity::catalog::column::{self, DISP, Each};
 use gusset_quantity::catalog::phase::Phase;
 use gusset_record::Column;
 
@@ -111,13 +112,8 @@ fn combined(block: &[&[f64]], terms: &[(usize, f64)]) -> Vec<f64> {
 
 /// True of a column that is of a specimen or of the loop's own timing: it has something new at every tick.
 pub(super) fn is_of_tick(column: &Column) -> bool {
-    let number = column.name.rsplit_once('_').map(|(_, number)| number);
-    column.timing || number.is_some_and(|number| number.parse::<u32>().is_ok())
-}
-
-/// The degree of freedom whose column of this letter it is.
-pub(super) fn dof_of(name: &str, letter: char) -> Option<u32> {
-    name.strip_prefix(letter)?.parse().ok()
+    let kind = column::find(&column.name);
+    column.timing || kind.is_some_and(|kind| !matches!(kind.each, Each::Test | Each::Dof))
 }
 
 struct EnergyPass<'a> {
@@ -146,21 +142,16 @@ impl<'a> First<'a> {
             .is_some_and(|model| model.dofs() == digest.dofs.len());
         let is_kept = |column: &Column| {
             let name = column.name.as_str();
-            if let Some(dof) = ['x', 'v', 'a'].iter().find_map(|kind| dof_of(name, *kind)) {
+            let Some(kind) = column::find(name) else {
+                return true;
+            };
+            if let Some(dof) = kind.dof_in(name) {
                 let mut terms = combinations.iter().flat_map(|made| &made.terms);
                 let is_made_of = terms.any(|(of, _)| of == name);
-                return listed.contains(&dof) || is_made_of || (needs_all && name.starts_with('x'));
+                return listed.contains(&dof) || is_made_of || (needs_all && DISP.fits(name));
             }
-            match name.rsplitn(3, '_').collect::<Vec<_>>()[..] {
-                [axis, specimen, _]
-                    if axis.parse::<u32>().is_ok() && specimen.parse::<u32>().is_ok() =>
-                {
-                    drawn
-                        .iter()
-                        .any(|a| a.axis.to_string() == axis && a.specimen.to_string() == specimen)
-                }
-                _ => true,
-            }
+            let of_axis = kind.axis_in(name);
+            of_axis.is_none_or(|(specimen, axis)| drawn.contains(&SpecimenAxis { specimen, axis }))
         };
         let wanted: Vec<usize> = (0..all.len())
             .filter(|&place| is_kept(&all[place]))

@@ -4,9 +4,12 @@
 //! tick between two steps, where a test waits or slows down, to no other than such a one. What depends on wall time is never compared. Two missing values are
 //! equal, and so are no others but those of the same bits.
 
-use super::first::{dof_of, is_of_tick};
+use super::first::is_of_tick;
 use super::sieve::{BETWEEN, RUNNING, TRIPPED};
 use super::table::{Table, Thinner};
+use gusset_quantity::catalog::column::{
+    ACCEL, DISP, FORCE, GROUND, MEASURED, SEQUENCE, TARGET, VEL,
+};
 use gusset_record::Column;
 
 /// Columns that say where a row stands in the test.
@@ -142,11 +145,8 @@ impl Matcher {
             };
             is_compared.then_some(Pair {
                 places: (i, other),
-                counts: BOOKKEEPING.contains(&column.name.as_str())
-                    || column.name.starts_with("seq_"),
-                is_output: ['v', 'a']
-                    .iter()
-                    .any(|kind| dof_of(&column.name, *kind).is_some()),
+                counts: BOOKKEEPING.contains(&column.name.as_str()) || SEQUENCE.fits(&column.name),
+                is_output: [VEL, ACCEL].iter().any(|kind| kind.fits(&column.name)),
                 sum: 0.0,
                 count: 0.0,
                 apart,
@@ -159,11 +159,8 @@ impl Matcher {
         }
         let is_drawn = |pair: &Pair| {
             let name = pair.apart.column.name.as_str();
-            dof_of(name, 'x').is_some()
-                || name == "ground"
-                || ["target_", "meas_", "force_"]
-                    .iter()
-                    .any(|kind| name.starts_with(kind))
+            let kinds = [DISP, GROUND, TARGET, MEASURED, FORCE];
+            kinds.iter().any(|kind| kind.fits(name))
         };
         let drawn: Vec<usize> = (0..pairs.len())
             .filter(|&i| is_drawn(&pairs[i]))

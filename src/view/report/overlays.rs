@@ -13,6 +13,7 @@ use super::rows::Rows;
 use super::table::Table;
 use super::text::{NOTHING, count, number, quantity};
 use super::tracked;
+use gusset_quantity::catalog::column::{DISP, FORCE, MEASURED};
 
 /// DOFs and axes that are drawn.
 const MOST: usize = 4;
@@ -21,26 +22,21 @@ const MOST_LISTED: usize = 60;
 
 /// Name and words of the columns that are drawn: displacements, then measured displacements and forces.
 fn drawn(names: &[String]) -> Vec<(String, String)> {
-    let dofs: Vec<u32> = names
-        .iter()
-        .filter_map(|n| n.strip_prefix('x')?.parse().ok())
-        .collect();
+    let dofs: Vec<u32> = names.iter().filter_map(|name| DISP.dof_in(name)).collect();
     let dofs = super::columns::spread(&dofs, MOST);
     let mut out: Vec<(String, String)> = dofs
         .iter()
         .map(|dof| (format!("x{dof}"), format!("Displacement of DOF {dof}")))
         .collect();
     for (kind, words) in [
-        ("meas_", "Measured displacement, specimen"),
-        ("force_", "Force, specimen"),
+        (MEASURED, "Measured displacement, specimen"),
+        (FORCE, "Force, specimen"),
     ] {
-        let axes = names.iter().filter(|n| n.starts_with(kind)).take(MOST);
-        out.extend(axes.map(|name| {
-            (
-                name.clone(),
-                format!("{words} {}", name[kind.len()..].replace('_', ", axis ")),
-            )
-        }));
+        let axes = names.iter().filter_map(|name| {
+            let (specimen, axis) = kind.axis_in(name)?;
+            Some((name.clone(), format!("{words} {specimen}, axis {axis}")))
+        });
+        out.extend(axes.take(MOST));
     }
     out
 }
@@ -66,7 +62,7 @@ pub(super) fn overlaid(matched: &Matched) -> String {
             continue;
         };
         let time = |side: &str| table.time_of(&format!("{side}:{name}")).unwrap_or_default();
-        let words = if name.starts_with("force") {
+        let words = if FORCE.fits(&name) {
             "force"
         } else {
             "displacement"
@@ -121,7 +117,7 @@ pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
             first.line("first", Ink::Series(0), 1.6),
             second.line("second", Ink::Series(1), 1.0),
         ];
-        let words = if name.starts_with("force") {
+        let words = if FORCE.fits(&name) {
             "force"
         } else {
             "displacement"

@@ -10,6 +10,7 @@ use super::rows::Rows;
 use super::text::{NOTHING, count, micros, number, quantity};
 use super::tracked::{self, Tracked};
 use gusset_motion::metrics::Judged;
+use gusset_quantity::catalog::column::{DISP, FORCE, Kind};
 
 /// A heading and the value of each run.
 type Row = Vec<String>;
@@ -79,11 +80,8 @@ pub(super) fn key_figures(
 
 /// The largest differences of displacement and force, and the number of rows they are of.
 fn differences(matched: &Matched) -> Vec<(String, String)> {
-    let largest = |kind: &str, words: &str| {
-        let of_kind = |apart: &&Apart| {
-            let rest = apart.column.name.strip_prefix(kind);
-            rest.is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
-        };
+    let largest = |kind: &Kind, words: &str| {
+        let of_kind = |apart: &&Apart| kind.fits(&apart.column.name);
         let all = matched.apart.iter().filter(of_kind);
         let apart = all.max_by(|a, b| a.largest.total_cmp(&b.largest))?;
         let share = if apart.first.is_none() {
@@ -101,8 +99,8 @@ fn differences(matched: &Matched) -> Vec<(String, String)> {
     };
     let mut shown = Vec::new();
     if matched.rows > 0 {
-        shown.extend(largest("x", "displacement"));
-        shown.extend(largest("force_", "force"));
+        shown.extend(largest(&DISP, "displacement"));
+        shown.extend(largest(&FORCE, "force"));
     }
     let columns = matched.columns;
     shown.push((

@@ -13,7 +13,7 @@ use super::source::Source;
 use super::table::Table;
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::tracking::Noise;
-use gusset_quantity::catalog::column::{COMMAND, FORCE, JUDGED, MEASURED};
+use gusset_quantity::catalog::column::{COMMAND, DISP, FORCE, JUDGED, MEASURED};
 use gusset_record::Column;
 
 /// DOFs of which spectra are made.
@@ -24,9 +24,7 @@ const HELD: u64 = 400 << 20;
 /// DOFs with a displacement among `columns`, rising.
 fn dofs(columns: &[Column]) -> Vec<u32> {
     let names = columns.iter().map(|c| c.name.as_str());
-    let mut dofs: Vec<u32> = names
-        .filter_map(|name| name.strip_prefix('x')?.parse().ok())
-        .collect();
+    let mut dofs: Vec<u32> = names.filter_map(|name| DISP.dof_in(name)).collect();
     dofs.sort_unstable();
     dofs.dedup();
     dofs
@@ -35,11 +33,8 @@ fn dofs(columns: &[Column]) -> Vec<u32> {
 /// Axes of specimens with a force among `columns`, rising.
 fn axes(columns: &[Column]) -> Vec<SpecimenAxis> {
     let parse = |name: &str| {
-        let (specimen, axis) = name.strip_prefix("force_")?.split_once('_')?;
-        Some(SpecimenAxis {
-            specimen: specimen.parse().ok()?,
-            axis: axis.parse().ok()?,
-        })
+        let (specimen, axis) = FORCE.axis_in(name)?;
+        Some(SpecimenAxis { specimen, axis })
     };
     let mut axes: Vec<_> = columns.iter().filter_map(|c| parse(&c.name)).collect();
     axes.sort_unstable();

@@ -7,18 +7,18 @@
 use std::borrow::Cow;
 
 use super::sieve::Stretch;
-use gusset_quantity::catalog::column;
+use gusset_quantity::catalog::column::{self, Kind};
 use gusset_quantity::substructure::Status;
 use gusset_record::Column;
 
 /// Kinds of columns that are of a measurement.
-const MEASURED: [&str; 6] = [
-    column::MEASURED.stem,
-    column::FORCE.stem,
-    column::RAW_DISP.stem,
-    column::RAW_FORCE.stem,
-    column::MEASURED_POSE.stem,
-    column::POSE_FORCE.stem,
+const MEASURED: [Kind; 6] = [
+    column::MEASURED,
+    column::FORCE,
+    column::RAW_DISP,
+    column::RAW_FORCE,
+    column::MEASURED_POSE,
+    column::POSE_FORCE,
 ];
 
 /// One specimen: its number from 1, and where its status and what was measured of it stand in a block.
@@ -41,9 +41,7 @@ pub(super) fn status_of(specimen: u32) -> String {
 
 /// The specimen that a column of a measurement belongs to.
 fn measured_of(name: &str) -> Option<u32> {
-    let mut parts = name.rsplitn(3, '_');
-    let (_axis, specimen, kind) = (parts.next()?, parts.next()?, parts.next()?);
-    MEASURED.contains(&kind).then(|| specimen.parse().ok())?
+    MEASURED.iter().find_map(|kind| kind.specimen_in(name))
 }
 
 fn is_stale(status: f64) -> bool {
@@ -54,8 +52,8 @@ impl Stale {
     /// For blocks of these columns.
     pub(crate) fn new(columns: &[Column]) -> Self {
         let places = || columns.iter().enumerate();
-        let specimens = places().filter_map(|(status, column)| {
-            let specimen = column.name.strip_prefix("status_")?.parse().ok()?;
+        let specimens = places().filter_map(|(status, of)| {
+            let specimen = column::STATUS.specimen_in(&of.name)?;
             let measured = places().filter(|(_, c)| measured_of(&c.name) == Some(specimen));
             Some(Watched {
                 specimen,

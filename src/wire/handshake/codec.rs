@@ -12,7 +12,7 @@ use crate::bytes::{finite, same_length};
 use crate::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
 use crate::native::{CONTROL_LIMIT, Cause, MAX_AXES};
 use crate::{ControlFault, Side, WireError};
-use gusset_quantity::text::is_hidden;
+use gusset_quantity::text::{is_hidden, received};
 
 /// Largest control message in bytes.
 pub const LIMIT: usize = CONTROL_LIMIT;
@@ -57,8 +57,8 @@ pub fn decode(bytes: &[u8]) -> Result<Control, WireError> {
     if bytes.len() > LIMIT {
         return Err(WireError::Control(ControlFault::Limit));
     }
-    let (message, used) =
-        bincode::decode_from_slice::<Control, Config>(bytes, config()).map_err(|fault| {
+    let (mut message, used) = bincode::decode_from_slice::<Control, Config>(bytes, config())
+        .map_err(|fault| {
             WireError::Control(match fault {
                 DecodeError::UnexpectedEnd { .. } => ControlFault::Short,
                 DecodeError::LimitExceeded => ControlFault::Limit,
@@ -72,6 +72,9 @@ pub fn decode(bytes: &[u8]) -> Result<Control, WireError> {
         )));
     }
     check(&message)?;
+    if let Control::Refuse(Refuse { text, .. }) | Control::Bye(Bye { text, .. }) = &mut message {
+        *text = received(std::mem::take(text));
+    }
     Ok(message)
 }
 

@@ -6,6 +6,7 @@
 use super::layout::{NO_SEQUENCE, earlier_words};
 use crate::WireError;
 use crate::bytes::{Word, copy_words, same_length};
+use crate::handshake::SAYS_LOST;
 use gusset_quantity::catalog::ending;
 use gusset_quantity::substructure::{Measurement, Retirement, Status};
 
@@ -25,17 +26,20 @@ pub enum Cause {
     Interlock = 4,
     /// The program ends.
     Shutdown = 5,
+    /// A gateway lost the specimen behind it. Understood from version [`SAYS_LOST`] of the handshake on.
+    Lost = 6,
 }
 
 impl Cause {
     /// All causes, in the order of their codes.
-    pub const ALL: [Cause; 6] = [
+    pub const ALL: [Cause; 7] = [
         Cause::Orderly,
         Cause::Tripped,
         Cause::Operator,
         Cause::Watchdog,
         Cause::Interlock,
         Cause::Shutdown,
+        Cause::Lost,
     ];
 
     /// The code on the wire.
@@ -54,6 +58,7 @@ impl Cause {
             Cause::Watchdog => "its watchdog tripped",
             Cause::Interlock => "its interlock opened",
             Cause::Shutdown => "its program ends",
+            Cause::Lost => "it lost its link to the specimen",
         }
     }
 
@@ -66,8 +71,24 @@ impl Cause {
             Cause::Shutdown => ending::Cause::Shutdown,
             // A gateway lost its own controller.
             Cause::Watchdog => ending::Cause::ControllerVanished,
-            Cause::Tripped | Cause::Interlock => ending::Cause::ControllerTripped,
+            Cause::Tripped | Cause::Interlock | Cause::Lost => ending::Cause::ControllerTripped,
         }
+    }
+
+    /// The cause as a peer that speaks this version of the handshake understands it.
+    #[must_use]
+    pub const fn for_version(self, version: u16) -> Self {
+        match self {
+            Cause::Lost if version < SAYS_LOST => Cause::Tripped,
+            cause => cause,
+        }
+    }
+
+    /// True if a peer that speaks this version and ends a session so may not know where its specimen is. An older peer cannot say more than
+    /// that it tripped.
+    #[must_use]
+    pub fn may_be_lost(self, version: u16) -> bool {
+        self == Cause::Lost || self == Cause::Lost.for_version(version)
     }
 
     /// The cause with this code.

@@ -40,6 +40,7 @@ impl NativeConversation {
             Cause::Watchdog => "because its controller is lost",
             Cause::Shutdown => "because the program that commands it ends",
             Cause::Interlock => "because an interlock opened",
+            Cause::Lost => "because another specimen is lost",
         };
         let cause = notice.cause.ending();
         self.commits_what_ends(cause);
@@ -49,15 +50,20 @@ impl NativeConversation {
         }
         match self.served.tripped() {
             Some(trip) => {
+                let told = if self.served.has_lost_it() {
+                    Cause::Lost
+                } else {
+                    Cause::Tripped
+                };
                 // The reason of the trip, for the summary of the client.
                 let why = self.served.whole(trip);
                 // At once: a client waits for a short time only, and the goodbye of the specimen may take longer.
-                self.say(Cause::Tripped, &why, channel);
+                self.say(told, &why, channel);
                 let said = self.served.dismiss(trip.cause());
                 if said.is_some() {
-                    self.say(Cause::Tripped, &with_last_words(why, said), channel);
+                    self.say(told, &with_last_words(why, said), channel);
                 }
-                self.say_goodbye(Cause::Tripped, channel);
+                self.say_goodbye(told, channel);
             }
             None => {
                 if let Some(said) = self.served.dismiss(cause) {
@@ -144,12 +150,10 @@ impl NativeConversation {
         let begun = self
             .served
             .begin_again(arm.first_sequence, &arm.disp, &mut wanted);
-        begun.map_err(|over| {
-            if over == TestEnd::told_to_stop() {
-                self.told_to_stop(channel)
-            } else {
-                over
-            }
+        begun.map_err(|over| match self.served.tripped() {
+            _ if shared.is_stopped() => self.told_to_stop(channel),
+            Some(trip @ Trip::Lost(_)) => self.lost_specimen(trip, channel),
+            _ => over,
         })?;
         let now = channel.now();
         self.served.starts(now);
@@ -178,8 +182,8 @@ impl NativeConversation {
     /// The link to the specimen is lost: tells the client why, and that the session ends.
     pub(super) fn lost_specimen(&mut self, trip: Trip, channel: &mut Channel) -> TestEnd {
         let text = self.served.whole(trip);
-        self.say(Cause::Tripped, &text, channel);
-        self.say_goodbye(Cause::Tripped, channel);
+        self.say(Cause::Lost, &text, channel);
+        self.say_goodbye(Cause::Lost, channel);
         TestEnd::failed(text)
     }
 

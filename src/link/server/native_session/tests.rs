@@ -91,6 +91,17 @@ impl Controller {
 
     /// One that was welcomed.
     fn greeting(host: Host, axis: Axis, stream: bool, rate: (u64, u64)) -> Self {
+        Self::greeting_in(Versions::OURS, host, axis, stream, rate)
+    }
+
+    /// One that speaks these versions.
+    fn greeting_in(
+        versions: Versions,
+        host: Host,
+        axis: Axis,
+        stream: bool,
+        rate: (u64, u64),
+    ) -> Self {
         let (clock, tap) = (SimClock::new(), Tap::default());
         let mut one = Self {
             end: Simulated::new(host, clock.clone(), 0, stream).tapped(Arc::clone(&tap)),
@@ -101,7 +112,8 @@ impl Controller {
             out: vec![0; LARGEST_FRAME],
             tap,
         };
-        let hello = hello(axis, rate);
+        let mut hello = hello(axis, rate);
+        hello.versions = versions;
         let Some(Control::Welcome(welcome)) = one.ask(&Control::Hello(hello)) else {
             panic!("not welcome");
         };
@@ -253,6 +265,8 @@ struct Beyond {
     last_words: Option<&'static str>,
     /// From this displacement on its interlock is open.
     opens_at: Option<f64>,
+    /// From this displacement on the link is lost.
+    lost_at: Option<f64>,
 }
 
 impl Substructure for Beyond {
@@ -273,6 +287,9 @@ impl Substructure for Beyond {
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        if self.lost_at.is_some_and(|place| self.disp >= place) {
+            return Err(LinkFault::Closed);
+        }
         self.told
             .lock()
             .unwrap()
@@ -308,17 +325,19 @@ impl Substructure for Beyond {
 fn gateway(last_words: Option<&'static str>) -> (Host, Arc<Mutex<Vec<Told>>>) {
     let told = Arc::<Mutex<Vec<Told>>>::default();
     let heard = Arc::clone(&told);
-    let build: LinkBuild = Arc::new(move |_| {
-        Ok(Box::new(Beyond {
-            told: Arc::clone(&heard),
-            last_words,
-            opens_at: Some(0.004),
-            ..Beyond::default()
-        }))
+    let host = gateway_to(move || Beyond {
+        told: Arc::clone(&heard),
+        last_words,
+        opens_at: Some(0.004),
+        ..Beyond::default()
     });
-    let stiffness = vec![8000.0];
-    let host = Host::gateway("far".into(), vec![axis()], stiffness, build, 1_000_000_000);
     (host, told)
+}
+
+fn gateway_to(beyond: impl Fn() -> Beyond + Send + Sync + 'static) -> Host {
+    let build: LinkBuild = Arc::new(move |_| Ok(Box::new(beyond())));
+    let stiffness = vec![8000.0];
+    Host::gateway("far".into(), vec![axis()], stiffness, build, 1_000_000_000)
 }
 
 #[test]
@@ -622,17 +641,55 @@ fn why_the_specimen_tripped_is_passed_on_by_a_gateway_that_tripped_with_it() {
     }
 }
 
-#[test]
-fn why_the_specimen_tripped_while_it_was_tried_stands_in_the_refusal() {
-    let (host, _) = gateway(Some(FORCE));
-    let check = WiringCheck::Probe {
+fn check() -> WiringCheck {
+    WiringCheck::Probe {
         amplitude: vec![0.005],
         stiffness: vec![1e6],
         accepted: None,
         pace: Pace::of(0.001, 0.0001),
         units: Vec::new(),
-    };
-    let host = host.checked(check, false);
+    }
+}
+
+/// A controller that speaks version 1 alone does not know the cause of a lost specimen.
+#[test]
+fn lost_specimen_is_told_by_its_code() {
+    for (highest, told) in [(1, Cause::Tripped), (2, Cause::Lost)] {
+        let gateway = || {
+            gateway_to(|| Beyond {
+                lost_at: Some(0.004),
+                ..Beyond::default()
+            })
+        };
+        let greeting = |host| {
+            let lowest = 1;
+            let versions = Versions { lowest, highest };
+            Controller::greeting_in(versions, host, axis(), true, (1000, 1))
+        };
+        let mut controller = greeting(gateway());
+        assert!(matches!(controller.arm(0, 0.0), Some(Control::Arm(_))));
+        assert_eq!(controller.command(0, 0.0, 0.0), FINE);
+        controller.tell(1, 0.005, 0.001);
+        let said = controller.says();
+        let begins = format!("bye {}: ", told.code());
+        assert!(said[0].starts_with(&begins), "{said:?}");
+        assert_eq!(said[1], format!("goodbye {told:?}"));
+        // It is lost before the test.
+        let mut controller = greeting(gateway().checked(check(), false));
+        match controller.arm(0, 0.0) {
+            Some(Control::Refuse(refuse)) if highest == 1 => {
+                assert_eq!(refuse.code, RefuseCode::NotReady);
+            }
+            Some(Control::Bye(bye)) if highest == 2 => assert_eq!(bye.cause, told.code()),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn why_the_specimen_tripped_while_it_was_tried_stands_in_the_refusal() {
+    let (host, _) = gateway(Some(FORCE));
+    let host = host.checked(check(), false);
     let refused = Controller::greeting(host, axis(), true, (1000, 1)).arm(0, 0.0);
     let Some(Control::Refuse(refuse)) = refused else {
         panic!("{refused:?}");

@@ -24,14 +24,14 @@ use serde_json::{Value, json};
 
 use files::{copy, list};
 use readme::{CATEGORIES, readme};
-use test::{Test, is_of_dof, is_of_specimen};
+use test::Test;
 
 use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
 use super::{ExportError, Exported, Extra};
 use crate::atomic;
 use crate::run::Run;
-use gusset_quantity::catalog::column::GROUND;
+use gusset_quantity::catalog::column::{self, Each, GROUND};
 
 const READERS: [(&str, &str); 2] = [
     (
@@ -139,7 +139,9 @@ fn sheets_of<'a>(plan: &'a Plan, test: &Test) -> Vec<(String, Vec<&'a Exposed>)>
         "coordinator_output/response.csv".to_owned(),
         plan.csv_columns().iter().collect(),
     )];
-    let computed = some(&|name| is_of_dof(name) || name == GROUND.name());
+    let computed = some(&|name| {
+        column::find(name).is_some_and(|kind| kind.each == Each::Dof) || GROUND.fits(name)
+    });
     if computed.len() > 1 {
         sheets.push(("simulation_output/response.csv".to_owned(), computed));
     }
@@ -277,4 +279,8 @@ impl Project<'_> {
             }),
         )
     }
+}
+/// Whether a column belongs to this specimen.
+fn is_of_specimen(name: &str, number: u32) -> bool {
+    column::find(name).and_then(|kind| kind.specimen_in(name)) == Some(number)
 }

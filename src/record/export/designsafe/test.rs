@@ -10,7 +10,7 @@ pub(super) struct Test {
     pub title: String,
     pub table: toml::Table,
     /// One per specimen: its number, its folder, its table.
-    pub specimens: Vec<(usize, String, toml::Value)>,
+    pub specimens: Vec<(u32, String, toml::Value)>,
 }
 
 impl Test {
@@ -37,20 +37,4 @@ impl Test {
             table,
         }
     }
-}
-
-/// Whether a column belongs to this specimen: `cmd_2_1`, `seq_2`.
-pub(super) fn is_of_specimen(name: &str, number: usize) -> bool {
-    let whole = format!("_{number}");
-    let counted = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-    let of_axis = name
-        .rsplit_once('_')
-        .is_some_and(|(head, axis)| counted(axis) && head.ends_with(&whole));
-    let numbers = name.split('_').rev().take_while(|part| counted(part));
-    of_axis || (numbers.count() == 1 && name.ends_with(&whole))
-}
-
-pub(super) fn is_of_dof(name: &str) -> bool {
-    let rest = name.strip_prefix(['x', 'v', 'a']);
-    rest.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
 }

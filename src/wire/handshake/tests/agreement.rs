@@ -4,18 +4,18 @@ use super::*;
 
 #[test]
 fn a_specimen_says_on_what_the_ends_disagree() {
-    assert_eq!(agree(&hello(), &terms()), Ok(1));
+    assert_eq!(agree(&hello(), &terms()), Ok(2));
     type Change = fn(&mut Hello, &mut Terms);
     let table: [(Change, RefuseCode, &str); 14] = [
         (
             |h, _| {
                 h.versions = Versions {
-                    lowest: 2,
+                    lowest: 3,
                     highest: 4,
                 }
             },
             RefuseCode::Version,
-            "versions 1 to 1 wanted, 2 to 4 found",
+            "versions 1 to 2 wanted, 3 to 4 found",
         ),
         (|h, _| h.keyed = true, RefuseCode::Key, "no pre-shared key"),
         (|_, t| t.keyed = true, RefuseCode::Key, "is wanted"),
@@ -110,7 +110,7 @@ fn a_controller_does_not_take_a_welcome_that_changed_the_terms() {
     let hello = hello();
     assert_eq!(check_welcome(&hello, &welcome(&hello)), Ok(()));
     let table: [fn(&mut Welcome); 8] = [
-        |w| w.version = 2,
+        |w| w.version = 3,
         |w| w.keyed = true,
         |w| w.axes.truncate(1),
         |w| w.axes.swap(0, 1),
