@@ -27,6 +27,8 @@ pub struct Platform<S: Specimen> {
     trial: Placed,
 }
 
+gusset_quantity::state! { <S: Specimen> Platform<S> { specimen } keeps { geometry, gears, trial } }
+
 /// Room for the largest matrix.
 type Square = [f64; MOST * MOST];
 
@@ -184,7 +186,7 @@ mod tests {
     use crate::geometry::{Coordinate, GeometrySpec, PlanePins};
     use crate::specimen::SpecimenLaw;
     use gusset_numerics::law::LawSpec;
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     fn geometry() -> Geometry {
         let pins = [

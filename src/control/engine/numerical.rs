@@ -9,7 +9,7 @@ use gusset_motion::{Excitation, Prescribed};
 use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
 use gusset_numerics::linalg::Aligned;
 use gusset_numerics::model::{Acceleration, Base, Motion, Structure};
-use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::state::{Stateful, TestState, Visit};
 
 /// What decides where the specimens go.
 #[derive(Debug)]

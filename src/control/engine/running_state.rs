@@ -13,7 +13,7 @@ use super::test_judge::TestJudge;
 use super::tick::Tick;
 use crate::port::Port;
 use gusset_numerics::integrate::Peaks;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// The parts of a running test that have a state.
 pub(super) struct RunningState<'a> {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::operator::{Control, Operator, Requests};
 use super::phase::{Glimpse, Phase};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::substructure::LISTEN_NS;
 
 /// The operator's hold.
@@ -111,7 +111,7 @@ impl Supervision {
         let mut is_held = self.is_held();
         visit.flag(&mut is_held);
         self.hold = if is_held { Hold::Wanted } else { Hold::Off };
-        visit.short(&mut self.hold_number);
+        Stateful::visit_state(&mut self.hold_number, visit);
     }
 
     /// The operator's line.

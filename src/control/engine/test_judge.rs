@@ -9,7 +9,7 @@ use super::tick::Tick;
 use crate::port::Port;
 use crate::port::limits::Level;
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 use gusset_record::{Event, LimitReached};
 
 /// Judges the limits of the test as a whole, and remembers what was warned of.
@@ -27,7 +27,7 @@ impl TestJudge {
 
     /// Visits what was warned of. Real-time: yes.
     pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.short(&mut self.warned);
+        Stateful::visit_state(&mut self.warned, visit);
     }
 
     /// The limits.

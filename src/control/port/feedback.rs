@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::axis::Axis;
 use super::rest::Rest;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::substructure::{Freshness, LinkFault, Measurement, Status};
 
 /// The measured side of a port. All vectors have one entry per axis.

@@ -13,7 +13,7 @@
 //!
 //! No input or output, no clock. Real-time: everything but [`Interpolation::new`].
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// Targets that are remembered.
 const PAST: usize = 4;
@@ -147,7 +147,7 @@ impl Interpolation {
             visit.numbers(&mut way.past);
             visit.number(&mut way.goal);
         }
-        visit.option(&mut self.joined);
+        Stateful::visit_state(&mut self.joined, visit);
     }
 
     /// Predicts with another order from here on.

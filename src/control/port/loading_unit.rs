@@ -15,7 +15,7 @@ use super::axis::dots;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
 use gusset_actuator::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// One row of B: what a coordinate is of the structure's displacements.
 #[derive(Debug, Clone, PartialEq, Default)]

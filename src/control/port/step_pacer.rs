@@ -8,7 +8,7 @@
 //! is N increments of exactly 1. Limits: no input or output and no clock; the caller's calls count the ticks.
 
 use gusset_quantity::catalog::phase::Stage;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// Share of the step at which an unknown target slows the command down.
 pub const SLOW_FROM: f64 = 0.6;
@@ -123,7 +123,7 @@ impl StepPacer {
         visit.number(&mut self.progress);
         visit.flag(&mut self.known);
         let mut left = self.left.map(|(pace, from)| [pace, from]);
-        visit.options(&mut left);
+        Stateful::visit_state(&mut left, visit);
         self.left = left.map(|[pace, from]| (pace, from));
         visit.number(&mut self.increment);
         visit.number(&mut self.ease);

@@ -9,7 +9,7 @@
 use super::command_path::VelocityOf;
 use super::estimates::Observation;
 use gusset_proof::CriticalDelay;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// Time in which the window forgets, s of test time.
 const WINDOW_S: f64 = 2.0;
@@ -118,7 +118,7 @@ impl AxisTracking {
 
     /// Visits every value. Real-time: yes.
     fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.options(&mut self.start);
+        Stateful::visit_state(&mut self.start, visit);
         visit.number(&mut self.last_vel);
         self.sums.visit_state(visit);
         let TrackingFit {
@@ -222,7 +222,7 @@ impl Tracking {
             axis.visit_state(visit);
         }
         visit.flag(&mut self.test_runs);
-        visit.option(&mut self.passes);
+        Stateful::visit_state(&mut self.passes, visit);
     }
 
     /// Estimates delay and gain from here on: see [`super::Port::with_tracking`].

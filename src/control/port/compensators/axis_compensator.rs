@@ -3,7 +3,7 @@
 use super::gap::Gap;
 use crate::port::Axis;
 use gusset_actuator::compensation::Compensator;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// What is kept of one axis.
 #[derive(Debug)]
@@ -50,7 +50,7 @@ impl AxisCompensator {
             visit.number(disp);
             visit.number(led);
         }
-        visit.short(&mut self.heard);
+        Stateful::visit_state(&mut self.heard, visit);
         self.gap.visit_state(visit);
         self.one.visit_state(visit);
     }

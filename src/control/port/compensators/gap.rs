@@ -3,7 +3,7 @@
 //! Filters and differences count in ticks. Whoever learns of them takes part in every tick, on a straight line across those in
 //! which nothing was measured; a straight line is good for a part of what the filters let through, and not for longer.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// What is remembered over what a straight line stands for: 36 ms of the filter's 0.3 s where its corner is at 20 Hz.
 const PARTS: u32 = 8;
@@ -39,7 +39,7 @@ impl Gap {
 
     /// Visits every value. Real-time: yes.
     pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.option(&mut self.from);
+        Stateful::visit_state(&mut self.from, visit);
         visit.list(&mut self.sent, self.most);
     }
 

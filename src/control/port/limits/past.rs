@@ -6,7 +6,7 @@ use super::sawtooth::Sawtooth;
 use super::trips::{GoesOn, Trips};
 use super::{AxisLimits, Found};
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// What is remembered of one axis, SI.
 #[derive(Debug, Clone, Copy, Default)]
@@ -56,13 +56,13 @@ impl Past {
         self.speed.visit_state(visit);
         visit.number(&mut self.measured);
         visit.number(&mut self.force);
-        visit.options(&mut self.jump);
+        Stateful::visit_state(&mut self.jump, visit);
         visit.number(&mut self.stands);
-        visit.short(&mut self.stuck_ticks);
+        Stateful::visit_state(&mut self.stuck_ticks, visit);
         visit.number(&mut self.stuck_travel);
         self.sawtooth.visit_state(visit);
         visit.numbers(&mut self.ready);
-        visit.short(&mut self.warned);
+        Stateful::visit_state(&mut self.warned, visit);
         self.trips.visit_state(visit);
     }
 

@@ -1,6 +1,6 @@
 //! The sawtooth of an unstable integration, as it shows in a sequence of displacements. Pure; real-time.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// A sequence of displacements whose second differences may alternate and grow.
 #[derive(Debug, Clone, Copy, Default)]
@@ -28,7 +28,7 @@ impl Sawtooth {
         visit.numbers(&mut self.disp);
         visit.choice(&mut self.seen, &[0, 1, 2]);
         visit.number(&mut self.bend);
-        visit.short(&mut self.ticks);
+        Stateful::visit_state(&mut self.ticks, visit);
     }
 
     /// With one more. Real-time: yes.

@@ -9,7 +9,7 @@
 
 use super::{Hit, Level};
 use gusset_quantity::catalog::limit::{AXIS_LIMITS, Limit};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// It has got worse by so much of the value that tripped.
 const WORSE: f64 = 0.05;
@@ -144,7 +144,7 @@ impl Trips {
     pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
         for kept in &mut self.kept {
             let mut numbers = kept.map(|Kept { value, bound }| [value, bound]);
-            visit.options(&mut numbers);
+            Stateful::visit_state(&mut numbers, visit);
             *kept = numbers.map(|[value, bound]| Kept { value, bound });
         }
     }
