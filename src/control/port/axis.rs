@@ -3,7 +3,7 @@
 //! Invariant: both directions use the same gains, so a command that is followed exactly comes back as its own target.
 
 use super::error::PortError;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///
@@ -30,6 +30,11 @@ pub struct Axis {
     pub force_offset: f64,
 }
 
+// What zeroing has found.
+state! {
+    Axis { disp_offset, measured_offset, force_offset } keeps { row, base, disp_gain, vel_gain, force_gain }
+}
+
 impl Axis {
     /// An axis in SI units at full scale.
     #[must_use]
@@ -53,13 +58,6 @@ impl Axis {
             disp_offset: -0.0,
             ..Self::plain(Vec::new())
         }
-    }
-
-    /// Visits what zeroing has found. Real-time: yes.
-    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.number(&mut self.disp_offset);
-        visit.number(&mut self.measured_offset);
-        visit.number(&mut self.force_offset);
     }
 
     /// Refuses rows of B beyond `dofs` degrees of freedom, and gains that cannot be undone; the axis counts from 0.

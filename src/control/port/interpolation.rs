@@ -13,7 +13,7 @@
 //!
 //! No input or output, no clock. Real-time: everything but [`Interpolation::new`].
 
-use gusset_quantity::state::{Stateful, Visit};
+use gusset_quantity::state;
 
 /// Targets that are remembered.
 const PAST: usize = 4;
@@ -35,6 +35,8 @@ struct Way {
     goal: f64,
 }
 
+state! { Way { past, goal } }
+
 /// The ways of all axes of one specimen.
 #[derive(Debug, Clone)]
 pub(crate) struct Interpolation {
@@ -43,6 +45,8 @@ pub(crate) struct Interpolation {
     /// u₀, where the next target became known; none while it is not.
     joined: Option<f64>,
 }
+
+state! { Interpolation { ways, joined } keeps { order } }
 
 /// Order of the prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -139,15 +143,6 @@ impl Interpolation {
             ways: vec![Way::default(); axes],
             joined: None,
         }
-    }
-
-    /// Visits every target, and where the next became known. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for way in &mut self.ways {
-            visit.numbers(&mut way.past);
-            visit.number(&mut way.goal);
-        }
-        Stateful::visit_state(&mut self.joined, visit);
     }
 
     /// Predicts with another order from here on.

@@ -18,7 +18,8 @@ use super::axis_motion::AxisMotion;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use gusset_actuator::compensation::{Compensator, Parameter};
-use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, TestState};
 
 /// Which time a compensated delay is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +50,8 @@ enum LeadActivity {
     Awaiting,
 }
 
+state! { enum LeadActivity { Holding, Running, Awaiting } }
+
 /// How the next command was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum LeadCourse {
@@ -57,6 +60,8 @@ enum LeadCourse {
     Disturbed,
 }
 
+state! { enum LeadCourse { Undisturbed, Disturbed } }
+
 /// Kind of the velocity of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CommandVelocity {
@@ -64,6 +69,8 @@ enum CommandVelocity {
     /// With what the lead adds.
     Led,
 }
+
+state! { enum CommandVelocity { OfTarget, Led } }
 
 /// The compensators of one specimen.
 ///
@@ -93,6 +100,11 @@ pub(super) struct Compensators {
     before: Option<TestState>,
 }
 
+state! {
+    Compensators as "compensators" { activity, course, velocities, grid, axes }
+    keeps { tick, pace, delay_in, target_velocity, before }
+}
+
 /// Where on the grid of test time the compensators are.
 #[derive(Debug, Clone, Copy, Default)]
 struct LeadGrid {
@@ -103,6 +115,8 @@ struct LeadGrid {
     /// 1/N.
     spacing: f64,
 }
+
+state! { LeadGrid { point, ahead, spacing } }
 
 impl LeadGrid {
     const fn of(tick: &PacerTick) -> Self {
@@ -139,34 +153,6 @@ impl Compensators {
             velocities: [CommandVelocity::OfTarget; 2],
             grid: LeadGrid::default(),
             before: None,
-        }
-    }
-
-    /// Visits everything that later commands depend on. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("compensators");
-        let activities = [
-            LeadActivity::Holding,
-            LeadActivity::Running,
-            LeadActivity::Awaiting,
-        ];
-        visit.choice(&mut self.activity, &activities);
-        let courses = [LeadCourse::Undisturbed, LeadCourse::Disturbed];
-        visit.choice(&mut self.course, &courses);
-        for velocity in &mut self.velocities {
-            let kinds = [CommandVelocity::OfTarget, CommandVelocity::Led];
-            visit.choice(velocity, &kinds);
-        }
-        let LeadGrid {
-            point,
-            ahead,
-            spacing,
-        } = &mut self.grid;
-        for value in [point, ahead, spacing] {
-            visit.number(value);
-        }
-        for axis in &mut self.axes {
-            axis.visit_state(visit);
         }
     }
 
