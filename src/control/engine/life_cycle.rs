@@ -17,7 +17,7 @@ use super::stepping::Stepping;
 use super::tick::Tick;
 use super::{Ending, Experiment, Outcome, Resumption, Side, Stop};
 use crate::port::{Port, Poses};
-use gusset_quantity::state::{StateError, TestState};
+use gusset_quantity::state::{StateError, Stateful, TestState};
 use gusset_quantity::substructure::Retirement;
 use gusset_quantity::time::{Clock, SimClock};
 use gusset_record::rt::timing::Timing;
