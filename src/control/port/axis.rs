@@ -112,7 +112,7 @@ impl Axis {
     }
 }
 
-/// b·x and b·v, relative to the base. Real-time: yes.
+/// b·x and b·v, relative to the base; not a number if b has an entry that x or v lacks: no command of it may leave. Real-time: yes.
 #[inline]
 pub(super) fn dots(
     row: &[(usize, f64)],
@@ -122,10 +122,9 @@ pub(super) fn dots(
 ) -> (f64, f64) {
     let (mut disp, mut vel) = (0.0, 0.0);
     for &(dof, coefficient) in row {
-        if let (Some(x), Some(v)) = (x.get(dof), v.get(dof)) {
-            disp += coefficient * x;
-            vel += coefficient * v;
-        }
+        let at = |of: &[f64]| of.get(dof).copied().unwrap_or(f64::NAN);
+        disp += coefficient * at(x);
+        vel += coefficient * at(v);
     }
     (disp - base_part * base_disp, vel - base_part * base_vel)
 }

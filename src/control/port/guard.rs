@@ -116,11 +116,11 @@ impl Guard {
     }
 
     pub(super) fn metres_of(&self, axis: usize) -> f64 {
-        self.units.get(axis).map_or(1.0, |unit| unit.0)
+        self.units.get(axis).map_or(f64::NAN, |unit| unit.0)
     }
 
     pub(super) fn newtons_of(&self, axis: usize) -> f64 {
-        self.units.get(axis).map_or(1.0, |unit| unit.1)
+        self.units.get(axis).map_or(f64::NAN, |unit| unit.1)
     }
 
     /// Axis (from 0) and limit of each judged value that has a column.

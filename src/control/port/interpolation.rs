@@ -192,7 +192,10 @@ impl Interpolation {
     #[must_use]
     pub(crate) fn at(&self, axis: usize, u: f64) -> PathPoint {
         let Some(way) = self.ways.get(axis) else {
-            return PathPoint::default();
+            return PathPoint {
+                disp: f64::NAN,
+                slope: f64::NAN,
+            };
         };
         match self.joined {
             None => way.predict(u, self.order),

@@ -190,8 +190,9 @@ impl LoadingUnit {
         self.is_unknown = found.is_err();
         found?;
         let n = self.rows.len();
-        if let Some(forces) = self.force.get_mut(..n) {
-            self.geometry.pose_forces(&self.found, force, forces);
+        match self.force.get_mut(..n) {
+            Some(forces) => self.geometry.pose_forces(&self.found, force, forces),
+            None => self.force = [f64::NAN; MOST],
         }
         Ok(())
     }

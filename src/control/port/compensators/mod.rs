@@ -246,11 +246,12 @@ impl Compensators {
 
     /// Command at rest over the displacement at which the axis is to rest. Real-time: yes.
     pub(crate) fn static_gain(&self, axis: usize) -> f64 {
-        let gain = self.axes.get(axis).map_or(1.0, |axis| axis.one.stands(1.0));
-        if (gain - 1.0).abs() > ROUNDOFF {
-            gain
-        } else {
+        let gain = self.axes.get(axis);
+        let gain = gain.map_or(f64::NAN, |axis| axis.one.stands(1.0));
+        if (gain - 1.0).abs() <= ROUNDOFF {
             1.0
+        } else {
+            gain
         }
     }
 
@@ -413,7 +414,7 @@ impl Compensators {
         if self.velocities[1] == CommandVelocity::OfTarget {
             return None;
         }
-        Some(self.axes.get(axis)?.own_vel)
+        Some(self.axes.get(axis).map_or(f64::NAN, |axis| axis.own_vel))
     }
 
     /// The answer to a command is there, or an old one in place of it. `sent` and `raw` are in the specimen's units. Real-time: yes.
