@@ -151,7 +151,7 @@ impl History {
     pub(crate) fn back(&self, back: usize) -> f64 {
         let n = self.ring.len();
         let at = (self.newest + n - back.min(n - 1)) % n;
-        self.ring.get(at).copied().unwrap_or(0.0)
+        self.ring.get(at).copied().unwrap_or(f64::NAN)
     }
 
     /// The value so many pushes ago, on the straight line between two of them.

@@ -331,7 +331,7 @@ impl Placed {
         let row = self.jacobian.get(actuator);
         row.and_then(|row| row.get(coordinate))
             .copied()
-            .unwrap_or(0.0)
+            .unwrap_or(f64::NAN)
     }
 
     /// How far the Jacobian is from losing rank: what the actuators feel of the coordinate that they hold worst over what they

@@ -71,7 +71,7 @@ impl<S: Specimen> Platform<S> {
                 let mut sum = 0.0;
                 for a in 0..n {
                     for b in 0..n {
-                        let entry = inner.get(b * n + a).copied().unwrap_or(0.0);
+                        let entry = inner.get(b * n + a).copied().unwrap_or(f64::NAN);
                         sum += by_axis[low][a] * entry * by_axis[high][b];
                     }
                 }
