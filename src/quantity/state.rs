@@ -1,7 +1,8 @@
 //! The state of a test as a value: [`TestState`] is taken, digested and restored.
 //!
-//! Whatever later rows depend on has a method `visit_state`, which shows each of its values to a [`Visit`]. The same method
-//! serves every direction, so saving and restoring cannot drift apart. A value is 64 bits wide and keeps its exact bits.
+//! Whatever later rows depend on is [`Stateful`]: `visit_state` shows each of its values to a [`Visit`]. The same method serves
+//! every direction, so saving and restoring cannot drift apart. [`state!`](crate::state!) derives it from a list of all fields.
+//! A value is 64 bits wide and keeps its exact bits.
 //! A state fits only a test whose values have the same number, kinds and order, in the same version of the program.
 //! [`TestState::restore`] compares that first and otherwise changes nothing. Taking and digesting a state allocate nothing.
 //! What only the last trial of a law left is not part of a state: a state is taken when no trial is pending.
@@ -28,21 +29,6 @@ pub trait Visit {
     /// One real number.
     fn number(&mut self, value: &mut f64) {
         self.numbers(std::slice::from_mut(value));
-    }
-
-    /// A counter of 32 bits.
-    fn short(&mut self, value: &mut u32) {
-        let mut wide = u64::from(*value);
-        self.count(&mut wide);
-        *value = u32::try_from(wide).unwrap_or(u32::MAX);
-    }
-
-    /// A real number, or none.
-    fn option(&mut self, value: &mut Option<f64>) {
-        let (mut is_there, mut number) = (value.is_some(), value.unwrap_or(0.0));
-        self.flag(&mut is_there);
-        self.number(&mut number);
-        *value = is_there.then_some(number);
     }
 
     /// A list of at most `most` real numbers, which has the capacity for them. It takes as much room however long it is.
@@ -85,12 +71,195 @@ impl dyn Visit + '_ {
         *value = list.get(place).copied().unwrap_or(*value);
     }
 
-    /// Real numbers that are all there, or none.
-    pub fn options<const N: usize>(&mut self, values: &mut Option<[f64; N]>) {
-        let (mut are_there, mut numbers) = (values.is_some(), values.unwrap_or([0.0; N]));
-        self.flag(&mut are_there);
-        self.numbers(&mut numbers);
-        *values = are_there.then_some(numbers);
+    /// A part that the configuration has or lacks: a restored test has it, too.
+    pub fn configured<T: Stateful>(&mut self, part: &mut Option<T>) {
+        if let Some(part) = part {
+            part.visit_state(self);
+        }
+    }
+
+    /// A value that has its own way into a state.
+    pub fn by<T: ?Sized>(&mut self, value: &mut T, way: impl FnOnce(&mut T, &mut dyn Visit)) {
+        way(value, self);
+    }
+}
+
+/// Has a state. [`state!`](crate::state!) derives it.
+pub trait Stateful {
+    /// Visits every value that later rows depend on. Real-time: yes.
+    fn visit_state(&mut self, visit: &mut dyn Visit);
+
+    /// Visits a list. Its length belongs to the layout.
+    fn visit_all(list: &mut [Self], visit: &mut dyn Visit)
+    where
+        Self: Sized,
+    {
+        for one in list {
+            one.visit_state(visit);
+        }
+    }
+}
+
+/// Makes a type [`Stateful`](crate::state::Stateful) from a list of all of its fields.
+///
+/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and what is computed
+/// anew. The type is taken apart without `..`, so that a new field does not compile until it stands in one of the lists:
+///
+/// ```
+/// struct Sums { weight: f64, squares: [f64; 2], work: Vec<f64> }
+/// gusset_quantity::state! { Sums as "sums" { weight, squares } keeps { work } }
+/// ```
+///
+/// ```compile_fail,E0027
+/// struct Sums { weight: f64, squares: [f64; 2], work: Vec<f64> }
+/// gusset_quantity::state! { Sums as "sums" { weight } keeps { work } }
+/// ```
+///
+/// `as "sums"` names the part. A field with a method of [`Visit`](crate::state::Visit) uses it, with arguments that may read other
+/// fields: `newest: index(ring.len())`. `restored { … }` follows a restoration and computes what the state leaves out:
+///
+/// ```
+/// struct Ring { newest: usize, ring: Vec<f64>, double: f64 }
+/// gusset_quantity::state! {
+///     Ring { newest: index(ring.len()), ring } keeps { double }
+///     restored { *double = 2.0 * ring[*newest]; }
+/// }
+/// ```
+///
+/// An enum lists all of its variants. One that is missing does not compile:
+///
+/// ```compile_fail,E0004
+/// #[derive(Clone, Copy, PartialEq)]
+/// enum Energy { Off, FromNext, On }
+/// gusset_quantity::state! { enum Energy { Off, On } }
+/// ```
+#[macro_export]
+macro_rules! state {
+    (enum $type:ty { $($variant:ident),+ $(,)? }) => {
+        impl $crate::state::Stateful for $type {
+            fn visit_state(&mut self, visit: &mut dyn $crate::state::Visit) {
+                match self {
+                    $(Self::$variant)|+ => visit.choice(self, &[$(Self::$variant),+]),
+                }
+            }
+        }
+    };
+    (@[$($generics:tt)*] $type:ty $(as $name:literal)? {
+        $($field:ident $(: $method:ident($($argument:expr),*))?),* $(,)?
+    } $(keeps { $($kept:ident),* $(,)? })? $(restored $restored:block)?) => {
+        impl $($generics)* $crate::state::Stateful for $type {
+            fn visit_state(&mut self, visit: &mut dyn $crate::state::Visit) {
+                let Self { $($field,)* $($($kept,)*)? } = self;
+                $($(let _ = &$kept;)*)?
+                $(visit.part($name);)?
+                $($crate::state!(@field visit $field $($method($($argument),*))?);)*
+                $(if visit.restores() $restored)?
+            }
+        }
+    };
+    (@field $visit:ident $field:ident) => {
+        $crate::state::Stateful::visit_state($field, $visit)
+    };
+    (@field $visit:ident $field:ident $method:ident($($argument:expr),*)) => {
+        $visit.$method($field, $($argument),*)
+    };
+    (<$generic:ident: $bound:ident> $($rest:tt)+) => {
+        $crate::state!(@[<$generic: $bound>] $($rest)+);
+    };
+    ($($rest:tt)+) => {
+        $crate::state!(@[] $($rest)+);
+    };
+}
+
+impl Stateful for f64 {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.number(self);
+    }
+
+    #[inline]
+    fn visit_all(list: &mut [Self], visit: &mut dyn Visit) {
+        visit.numbers(list);
+    }
+}
+
+impl Stateful for u64 {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.count(self);
+    }
+}
+
+impl Stateful for u32 {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let mut wide = u64::from(*self);
+        visit.count(&mut wide);
+        *self = u32::try_from(wide).unwrap_or(u32::MAX);
+    }
+}
+
+impl Stateful for bool {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.flag(self);
+    }
+}
+
+/// A value that comes and goes. It takes as much room where it is missing.
+impl<T: Stateful + Copy + Default> Stateful for Option<T> {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let (mut is_there, mut value) = (self.is_some(), self.unwrap_or_default());
+        is_there.visit_state(visit);
+        value.visit_state(visit);
+        *self = is_there.then_some(value);
+    }
+}
+
+impl<T: Stateful> Stateful for [T] {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        T::visit_all(self, visit);
+    }
+}
+
+impl<T: Stateful, const N: usize> Stateful for [T; N] {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        T::visit_all(self, visit);
+    }
+
+    /// Numbers of a table are visited at once.
+    #[inline]
+    fn visit_all(list: &mut [Self], visit: &mut dyn Visit) {
+        T::visit_all(list.as_flattened_mut(), visit);
+    }
+}
+
+impl<T: Stateful> Stateful for Vec<T> {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        T::visit_all(self, visit);
+    }
+}
+
+impl<T: Stateful + ?Sized> Stateful for Box<T> {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        (**self).visit_state(visit);
+    }
+}
+
+impl<T: Stateful + ?Sized> Stateful for &mut T {
+    #[inline]
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        (**self).visit_state(visit);
+    }
+}
+
+impl<A: Stateful, B: Stateful> Stateful for (A, B) {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.0.visit_state(visit);
+        self.1.visit_state(visit);
     }
 }
 
@@ -486,14 +655,8 @@ mod tests {
         begun: bool,
     }
 
-    impl Example {
-        fn visit_state(&mut self, visit: &mut dyn Visit) {
-            visit.part("example");
-            visit.numbers(&mut self.values);
-            visit.count(&mut self.steps);
-            visit.index(&mut self.newest, self.values.len());
-            visit.flag(&mut self.begun);
-        }
+    crate::state! {
+        Example as "example" { values, steps, newest: index(values.len()), begun }
     }
 
     fn example() -> Example {
@@ -518,7 +681,7 @@ mod tests {
     fn a_choice_and_optional_numbers_take_the_same_room_and_come_back() {
         let walk = |choice: &mut char, known: &mut Option<[f64; 2]>, visit: &mut dyn Visit| {
             visit.choice(choice, &['a', 'b', 'c']);
-            visit.options(known);
+            known.visit_state(visit);
         };
         for (choice, known) in [('a', None), ('c', Some([f64::NAN, -0.0]))] {
             let (mut one, mut other) = ((choice, known), ('b', Some([1.0; 2])));
@@ -557,9 +720,9 @@ mod tests {
                     list: &mut Vec<f64>,
                     short: &mut u32,
                     visit: &mut dyn Visit| {
-            visit.option(option);
+            option.visit_state(visit);
             visit.list(list, 4);
-            visit.short(short);
+            short.visit_state(visit);
         };
         let (mut value, mut list, mut short) = (None, Vec::with_capacity(4), 0);
         let mut state =

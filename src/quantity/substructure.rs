@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::catalog::ending::Cause;
-use crate::state::Visit;
+use crate::state;
+use crate::state::{Stateful, Visit};
 use crate::time::Nanos;
 
 /// One command to a substructure. Slices have one entry per axis.
@@ -68,6 +69,12 @@ impl Status {
     }
 }
 
+impl Stateful for Status {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.0.visit_state(visit);
+    }
+}
+
 /// One measurement, filled in place. Vectors have one entry per axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement {
@@ -95,17 +102,9 @@ impl Measurement {
             force: vec![0.0; axes],
         }
     }
-
-    /// Visits every value. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("measurement");
-        visit.count(&mut self.sequence);
-        visit.number(&mut self.time);
-        visit.short(&mut self.status.0);
-        visit.numbers(&mut self.disp);
-        visit.numbers(&mut self.force);
-    }
 }
+
+state! { Measurement as "measurement" { sequence, time, status, disp, force } }
 
 /// Whether the loop waits for one reply to each command, or the specimen measures on its own clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

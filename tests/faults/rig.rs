@@ -13,7 +13,7 @@ use gusset_link::NativeSetup;
 use gusset_link::server::Host;
 use gusset_numerics::law::{LawSpec, Reach};
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 use crate::campaign::Chance;
 
@@ -305,7 +305,9 @@ impl Specimen for Witnessed {
     ) -> Result<(), usize> {
         self.law().bound(reach, stiffness, damping)
     }
+}
 
+impl Stateful for Witnessed {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.law().visit_state(visit);
     }

@@ -8,7 +8,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Operator, Phase};
 use gusset_control::port::{Axis, AxisSpec, Compensation, PortSpec, TrackingSpec};
-use gusset_quantity::state::{StateError, TestState, Visit};
+use gusset_quantity::state::{StateError, Stateful, TestState, Visit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -424,8 +424,8 @@ impl Substructure for Partner {
         visit.count(&mut self.sequence);
         visit.numbers(&mut self.known);
         visit.count(&mut self.count);
-        visit.short(&mut self.looks);
-        visit.options(&mut self.lost);
+        self.looks.visit_state(visit);
+        self.lost.visit_state(visit);
         true
     }
     fn retire(&mut self, _: Retirement) {}

@@ -3,7 +3,7 @@
 
 use super::filter::{Differences, LowPass};
 use super::{CompensationError, Parameter, inside, positive};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Names of the coefficients of a model's inverse.
 pub(super) const COEFFICIENTS: &[Parameter] = &[
@@ -37,6 +37,8 @@ pub(super) struct Bounded {
     /// Per tick.
     rates: Vec<f64>,
 }
+
+state! { Bounded { values } keeps { start, bounds, rates } }
 
 impl Bounded {
     /// Defaults for bounds and rates are those given with each coefficient.
@@ -147,10 +149,6 @@ impl Bounded {
     pub(crate) fn reset(&mut self) {
         self.values.copy_from_slice(&self.start);
     }
-
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(&mut self.values);
-    }
 }
 
 /// Filtered commands, and filtered measurements with their derivatives.
@@ -160,6 +158,8 @@ pub(super) struct Regressors {
     measured: LowPass,
     derivatives: Differences,
 }
+
+state! { Regressors { command, measured, derivatives } }
 
 impl Regressors {
     pub(crate) fn new(filter_hz: f64, dt: f64) -> Result<Self, CompensationError> {
@@ -194,12 +194,6 @@ impl Regressors {
         self.command.reset(disp);
         self.measured.reset(disp);
         self.derivatives.reset(disp);
-    }
-
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        self.command.visit_state(visit);
-        self.measured.visit_state(visit);
-        self.derivatives.visit_state(visit);
     }
 }
 

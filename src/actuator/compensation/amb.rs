@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Adaptive model-based compensation: the inverse of a model with three poles. The coefficients
 /// follow ȧ = Γ φ (u − aᵀφ)/(1 + φᵀφ). φ is the filtered measured displacement with its first three
@@ -62,6 +62,8 @@ pub(super) struct Amb {
     targets: Differences,
     regressors: Regressors,
 }
+
+state! { Amb as "amb" { a, targets, regressors } keeps { gains } }
 
 impl AmbSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Amb, CompensationError> {
@@ -154,12 +156,5 @@ impl Compensator for Amb {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.a.bounds
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("amb");
-        self.a.visit_state(visit);
-        self.targets.visit_state(visit);
-        self.regressors.visit_state(visit);
     }
 }

@@ -7,7 +7,7 @@ use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::least_squares::Window;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Adaptive time series compensation, a₀ d + a₁ ḋ + …. A least-squares fit of past commands to the
 /// measured displacement and its derivatives gives the coefficients. Source: Chae, Kazemibidokhti &
@@ -89,6 +89,8 @@ pub(super) struct Ats {
     /// Mean square of motion.
     least: f64,
 }
+
+state! { Ats as "ats" { a, targets, regressors, window } keeps { least } }
 
 impl AtsSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Ats, CompensationError> {
@@ -190,13 +192,5 @@ impl Compensator for Ats {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.a.bounds
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("ats");
-        self.a.visit_state(visit);
-        self.targets.visit_state(visit);
-        self.regressors.visit_state(visit);
-        self.window.visit_state(visit);
     }
 }

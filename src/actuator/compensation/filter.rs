@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Low pass of Butterworth's kind and order 4, as two sections by the bilinear transformation, warped so that the corner is
 /// where it is asked for.
@@ -12,6 +12,8 @@ pub(super) struct LowPass {
     sections: [Section; 2],
     memory: u32,
 }
+
+state! { LowPass { sections } keeps { memory } }
 
 /// What is forgotten to e⁻¹⁴, 1e-6, is forgotten.
 const FORGOTTEN: f64 = 14.0;
@@ -25,6 +27,8 @@ struct Section {
     x: [f64; 2],
     y: [f64; 2],
 }
+
+state! { Section { x, y } keeps { b, a1, a2 } }
 
 impl LowPass {
     /// `corner` in Hz below half the rate of ticks, `dt` in s.
@@ -73,13 +77,6 @@ impl LowPass {
             (s.x, s.y) = ([value; 2], [value; 2]);
         }
     }
-
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for section in &mut self.sections {
-            visit.numbers(&mut section.x);
-            visit.numbers(&mut section.y);
-        }
-    }
 }
 
 /// Backward differences up to the third, over Δt, Δt², Δt³.
@@ -88,6 +85,8 @@ pub(super) struct Differences {
     past: [f64; 3],
     per_dt: f64,
 }
+
+state! { Differences { past } keeps { per_dt } }
 
 impl Differences {
     pub(crate) fn new(dt: f64) -> Self {
@@ -115,10 +114,6 @@ impl Differences {
     pub(crate) fn reset(&mut self, value: f64) {
         self.past = [value; 3];
     }
-
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(&mut self.past);
-    }
 }
 
 /// The last values, newest first.
@@ -127,6 +122,8 @@ pub(super) struct History {
     ring: Vec<f64>,
     newest: usize,
 }
+
+state! { History { newest: index(ring.len()), ring } }
 
 impl History {
     pub(crate) fn new(entries: usize) -> Self {
@@ -154,7 +151,7 @@ impl History {
     pub(crate) fn back(&self, back: usize) -> f64 {
         let n = self.ring.len();
         let at = (self.newest + n - back.min(n - 1)) % n;
-        self.ring.get(at).copied().unwrap_or(0.0)
+        self.ring.get(at).copied().unwrap_or(f64::NAN)
     }
 
     /// The value so many pushes ago, on the straight line between two of them.
@@ -170,10 +167,5 @@ impl History {
 
     pub(crate) fn reset(&mut self, value: f64) {
         self.ring.fill(value);
-    }
-
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.index(&mut self.newest, self.ring.len());
-        visit.numbers(&mut self.ring);
     }
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Inverse compensation, α d\[i\] − (α − 1) d\[i−1\] with α = 1 + delay/Δt. It equals a polynomial
 /// of order 1 with `nodes = "step"`. Source: Chen, Ricles, Marullo & Mercan 2009.
@@ -22,6 +22,8 @@ pub(super) struct Inverse {
     bounds: [(f64, f64); 1],
     last: f64,
 }
+
+state! { Inverse as "inverse" { last } keeps { alpha, bounds } }
 
 impl InverseSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Inverse, CompensationError> {
@@ -64,10 +66,5 @@ impl Compensator for Inverse {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.bounds
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("inverse");
-        visit.number(&mut self.last);
     }
 }

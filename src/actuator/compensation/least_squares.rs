@@ -3,7 +3,7 @@
 //! Sums are kept by adding what comes and taking off what leaves. A second set of sums, begun anew with every window, takes
 //! the place of the first when it holds exactly the window, so that roundoff grows over one window and no longer.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Most unknowns.
 const MOST: usize = 4;
@@ -16,6 +16,8 @@ struct Sums {
     matrix: [[f64; MOST]; MOST],
     right: [f64; MOST],
 }
+
+state! { Sums { matrix, right } }
 
 impl Sums {
     fn add(&mut self, row: &[f64; MOST + 1], sign: f64) {
@@ -39,6 +41,8 @@ pub(super) struct Window {
     sums: Sums,
     fresh: Sums,
 }
+
+state! { Window { next: index(rows.len()), full, sums, fresh, rows } }
 
 impl Window {
     pub(crate) fn new(rows: usize) -> Self {
@@ -134,15 +138,5 @@ impl Window {
             *x /= size;
         }
         Some(x)
-    }
-
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.index(&mut self.next, self.rows.len());
-        visit.flag(&mut self.full);
-        for sums in [&mut self.sums, &mut self.fresh] {
-            visit.numbers(sums.matrix.as_flattened_mut());
-            visit.numbers(&mut sums.right);
-        }
-        visit.numbers(self.rows.as_flattened_mut());
     }
 }

@@ -59,7 +59,7 @@ mod tests;
 
 use thiserror::Error;
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::Stateful;
 
 pub use amb::AmbSpec;
 pub use ats::AtsSpec;
@@ -85,7 +85,7 @@ pub struct Parameter {
 }
 
 /// Makes commands of targets. All motions in m, m/s and m/s²; every method is on the real-time path.
-pub trait Compensator: Send + std::fmt::Debug {
+pub trait Compensator: Stateful + Send + std::fmt::Debug {
     /// The command for the target `disp`, a tick after the last; `vel` and `accel` are the integrator's own: vel = ∇disp/Δt
     /// belongs to t − Δt/2, and accel = ∇vel/Δt.
     fn predict(&mut self, disp: f64, vel: f64, accel: f64) -> f64 {
@@ -146,9 +146,6 @@ pub trait Compensator: Send + std::fmt::Debug {
     fn bounds(&self) -> &[(f64, f64)] {
         &[]
     }
-
-    /// Visits the whole state.
-    fn visit_state(&mut self, visit: &mut dyn Visit);
 }
 
 /// What is wrong with a compensator's description.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::COEFFICIENTS;
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside, positive};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Feed-forward of the derivatives of the target, a₀ d + a₁ ḋ + a₂ d̈ + a₃ d⃛, with backward
 /// differences. Source: Carrion & Spencer 2007.
@@ -25,6 +25,8 @@ pub(super) struct ModelInverse {
     bounds: Vec<(f64, f64)>,
     targets: Differences,
 }
+
+state! { ModelInverse as "model_inverse" { targets } keeps { a, bounds } }
 
 impl ModelInverseSpec {
     pub(super) fn build(&self, dt: f64) -> Result<ModelInverse, CompensationError> {
@@ -85,10 +87,5 @@ impl Compensator for ModelInverse {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.bounds
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("model_inverse");
-        self.targets.visit_state(visit);
     }
 }

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, Parameter, history, not_negative};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Extrapolation with the velocity and acceleration of the integrator: d + τ v + ½ τ (τ + Δt) w.
 /// Only for the method "gui".
@@ -25,6 +25,8 @@ pub(super) struct Newton {
     bounds: [(f64, f64); 1],
     curve: f64,
 }
+
+state! { Newton as "newton" {} keeps { delay, bounds, curve } }
 
 impl NewtonSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Newton, CompensationError> {
@@ -55,10 +57,5 @@ impl Compensator for Newton {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.bounds
-    }
-
-    /// Stateless.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("newton");
     }
 }

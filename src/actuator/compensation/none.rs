@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Compensator;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// No compensation.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -15,15 +15,12 @@ pub struct NoneSpec {}
 #[derive(Debug)]
 pub(super) struct Plain;
 
+state! { Plain as "none" {} }
+
 impl Compensator for Plain {
     fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         disp
     }
 
     fn reset(&mut self, _: f64) {}
-
-    /// Stateless.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("none");
-    }
 }

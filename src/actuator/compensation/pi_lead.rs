@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CompensationError, Compensator, inside, positive};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// PI control with a phase lead, K_p e + K_i ∫ e dt with e = lead(d) − x_m. The lead is (b s +
 /// c)/(s + c), discretised by Tustin's rule. The defaults are the sample controller of the virtual
@@ -53,6 +53,10 @@ pub(super) struct PiLead {
     error: f64,
     sum: f64,
     measured: f64,
+}
+
+state! {
+    PiLead as "pi_lead" { target, led, error, sum, measured } keeps { proportional, integral, lead }
 }
 
 impl PiLeadSpec {
@@ -114,20 +118,5 @@ impl Compensator for PiLead {
     fn reset(&mut self, disp: f64) {
         (self.target, self.led, self.measured) = (disp, disp, disp);
         (self.error, self.sum) = (0.0, disp);
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("pi_lead");
-        let Self {
-            target,
-            led,
-            error,
-            sum,
-            measured,
-            ..
-        } = self;
-        for value in [target, led, error, sum, measured] {
-            visit.number(value);
-        }
     }
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::History;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Polynomial extrapolation of the targets by a delay. Source: Horiuchi, Inoue, Konno & Namita
 /// 1999.
@@ -76,6 +76,10 @@ pub(super) struct Polynomial {
     bounds: [(f64, f64); 1],
 }
 
+state! {
+    Polynomial as "polynomial" { targets } keeps { weights, nodes, spacing, delay, bounds }
+}
+
 impl PolynomialSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Polynomial, CompensationError> {
         inside(
@@ -130,10 +134,5 @@ impl Compensator for Polynomial {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.bounds
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("polynomial");
-        self.targets.visit_state(visit);
     }
 }

@@ -7,7 +7,7 @@ use super::adaptive::{Bounded, GAIN};
 use super::filter::{History, LowPass};
 use super::polynomial::lagrange_weights;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 const TAPS: usize = 4;
 
@@ -82,6 +82,13 @@ pub(super) struct RecursiveFir {
     commands: LowPass,
     measurements: LowPass,
     measured: History,
+}
+
+state! {
+    RecursiveFir as "recursive_fir" {
+        theta, estimate, covariance, targets, commands, measurements, measured
+    }
+    keeps { spacing, forgetting, variance }
 }
 
 impl RecursiveFirSpec {
@@ -297,16 +304,5 @@ impl Compensator for RecursiveFir {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.theta.bounds
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("recursive_fir");
-        self.theta.visit_state(visit);
-        visit.numbers(&mut self.estimate);
-        visit.numbers(self.covariance.as_flattened_mut());
-        self.targets.visit_state(visit);
-        self.commands.visit_state(visit);
-        self.measurements.visit_state(visit);
-        self.measured.visit_state(visit);
     }
 }

@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use nalgebra::Complex;
 
 use super::*;
-use gusset_quantity::state::TestState;
+use gusset_quantity::state::{Stateful, TestState};
 
 const DT: f64 = 1.0 / 4096.0;
 

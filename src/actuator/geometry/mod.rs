@@ -51,7 +51,7 @@ use plane::PlaneArm;
 use serde::{Deserialize, Serialize};
 use space::SpaceArm;
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Largest number of actuators, and of coordinates.
 pub const MOST: usize = 6;
@@ -165,6 +165,8 @@ pub struct Placed {
     /// Of JᵀJ.
     factor: normal::Factor,
 }
+
+state! { Placed as "placed" { pose, strokes, jacobian, factor } }
 
 impl Geometry {
     /// Everything but the reference pose.
@@ -311,15 +313,6 @@ impl Geometry {
 }
 
 impl Placed {
-    /// Visits the pose and what was computed of it.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("placed");
-        visit.numbers(&mut self.pose);
-        visit.numbers(&mut self.strokes);
-        visit.numbers(self.jacobian.as_flattened_mut());
-        self.factor.visit_state(visit);
-    }
-
     /// Driven coordinates, in their order; what is beyond their number is zero.
     #[must_use]
     pub const fn pose(&self) -> &[f64; MOST] {
@@ -338,7 +331,7 @@ impl Placed {
         let row = self.jacobian.get(actuator);
         row.and_then(|row| row.get(coordinate))
             .copied()
-            .unwrap_or(0.0)
+            .unwrap_or(f64::NAN)
     }
 
     /// How far the Jacobian is from losing rank: what the actuators feel of the coordinate that they hold worst over what they

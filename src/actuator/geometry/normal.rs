@@ -5,7 +5,7 @@
 //! allows, a solution is good to eight digits: enough for Newton, whose residual is exact.
 
 use super::{MOST, Six};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// A pivot below this share of the largest diagonal is none: a condition number of about 1e4.
 const LEAST: f64 = 1e-8;
@@ -17,6 +17,8 @@ pub(super) struct Factor {
     inverse: Six,
     least: f64,
 }
+
+state! { Factor { lower, inverse, least } }
 
 impl Factor {
     /// Becomes that of the first `columns` columns of `rows`, whose squares are weighed by `weights` where they are compared;
@@ -50,12 +52,6 @@ impl Factor {
         }
         self.least = least / largest;
         self.least >= LEAST
-    }
-
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(self.lower.as_flattened_mut());
-        visit.numbers(&mut self.inverse);
-        visit.number(&mut self.least);
     }
 
     /// Smallest pivot over the largest diagonal.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Specimen;
 use gusset_numerics::law::{LawError, Reach};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Linear specimen with full matrices, one row for each axis. Each matrix is symmetric without
 /// negative eigenvalues.
@@ -115,6 +115,8 @@ pub struct Coupled {
     mass: Vec<f64>,
 }
 
+state! { Coupled as "coupled" {} keeps { axes, stiffness, damping, mass } }
+
 impl Specimen for Coupled {
     fn axes(&self) -> usize {
         self.axes
@@ -160,11 +162,6 @@ impl Specimen for Coupled {
         copy(stiffness, &self.stiffness);
         copy(damping, &self.damping);
         Ok(())
-    }
-
-    /// Stateless.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("coupled");
     }
 }
 

@@ -4,7 +4,8 @@
 //! the stored answer, whatever it says, and moves nothing: so does an acceptance that comes twice.
 
 use super::Specimen;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -27,6 +28,13 @@ pub struct InProcess<S: Specimen> {
     breaks_at: f64,
 }
 
+state! {
+    <S: Specimen> InProcess<S> as "in_process" {
+        phase, sequence, time, dt, disp, vel, measured, force, status, specimen
+    }
+    keeps { breaks_at }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// No command has come yet.
@@ -39,6 +47,29 @@ enum Phase {
     Committed,
     /// Lost for good.
     Faulted(LinkFault),
+}
+
+impl Stateful for Phase {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let mut is_committed = match self {
+            Self::Idle => false,
+            Self::Committed => true,
+            Self::Issued | Self::Answered | Self::Faulted(_) => {
+                if !visit.restores() {
+                    visit.refuse();
+                }
+                false
+            }
+        };
+        visit.flag(&mut is_committed);
+        if visit.restores() {
+            *self = if is_committed {
+                Self::Committed
+            } else {
+                Self::Idle
+            };
+        }
+    }
 }
 
 impl<S: Specimen> InProcess<S> {
@@ -182,29 +213,7 @@ impl<S: Specimen> Substructure for InProcess<S> {
 
     /// A state is taken between two exchanges: a command that was not accepted is no part of it.
     fn visit_state(&mut self, visit: &mut dyn Visit) -> bool {
-        visit.part("in_process");
-        let is_pending = !matches!(self.phase, Phase::Idle | Phase::Committed);
-        if is_pending && !visit.restores() {
-            visit.refuse();
-        }
-        let mut is_committed = self.phase == Phase::Committed;
-        visit.flag(&mut is_committed);
-        visit.count(&mut self.sequence);
-        visit.number(&mut self.time);
-        visit.number(&mut self.dt);
-        visit.numbers(&mut self.disp);
-        visit.numbers(&mut self.vel);
-        visit.numbers(&mut self.measured);
-        visit.numbers(&mut self.force);
-        visit.short(&mut self.status.0);
-        self.specimen.visit_state(visit);
-        if visit.restores() {
-            self.phase = if is_committed {
-                Phase::Committed
-            } else {
-                Phase::Idle
-            };
-        }
+        Stateful::visit_state(self, visit);
         true
     }
 
@@ -321,7 +330,7 @@ mod tests {
         let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
         let take = |port: &mut InProcess<Uniaxial>| {
             TestState::of(|visit| {
-                port.visit_state(visit);
+                Substructure::visit_state(port, visit);
             })
         };
         let mut state = take(&mut one).unwrap();
@@ -339,7 +348,7 @@ mod tests {
         other.collect(Nanos(0), &mut b).unwrap();
         state
             .restore(|visit| {
-                other.visit_state(visit);
+                Substructure::visit_state(&mut other, visit);
             })
             .unwrap();
         for k in 49..120 {
@@ -376,6 +385,8 @@ mod tests {
         commits: u32,
     }
 
+    state! { Counter {} keeps { trials, commits } }
+
     impl Specimen for Counter {
         fn axes(&self) -> usize {
             1
@@ -398,7 +409,6 @@ mod tests {
         ) -> Result<(), usize> {
             Ok(())
         }
-        fn visit_state(&mut self, _: &mut dyn Visit) {}
     }
 
     #[test]

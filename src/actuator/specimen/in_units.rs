@@ -15,6 +15,8 @@ pub struct InUnits<S: Specimen> {
     read: Vec<f64>,
 }
 
+gusset_quantity::state! { <S: Specimen> InUnits<S> { specimen } keeps { units, disp, vel, read } }
+
 impl<S: Specimen> InUnits<S> {
     /// `units` holds, for each axis, metres per displacement unit and newtons per force unit; missing axes are in SI.
     #[must_use]

@@ -25,10 +25,6 @@ macro_rules! passed_on {
         fn revert(&mut $self) {
             $inner.revert();
         }
-
-        fn visit_state(&mut $self, visit: &mut dyn gusset_quantity::state::Visit) {
-            $inner.visit_state(visit);
-        }
     };
 }
 
@@ -55,12 +51,12 @@ pub use stiffened::Stiffened;
 pub use uniaxial::Uniaxial;
 
 use gusset_numerics::law::Reach;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::Stateful;
 
 /// What can stand behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
 ///
 /// All methods are on the real-time path, except those that say otherwise.
-pub trait Specimen: Send + std::fmt::Debug {
+pub trait Specimen: Stateful + Send + std::fmt::Debug {
     /// Number of axes n.
     fn axes(&self) -> usize;
 
@@ -126,9 +122,6 @@ pub trait Specimen: Send + std::fmt::Debug {
         stiffness: &mut [f64],
         damping: &mut [f64],
     ) -> Result<(), usize>;
-
-    /// Visits the committed state. A restored specimen has no trial.
-    fn visit_state(&mut self, visit: &mut dyn Visit);
 }
 
 impl<S: Specimen + ?Sized> Specimen for Box<S> {

@@ -13,6 +13,8 @@ pub struct Mounted {
     read: Vec<f64>,
 }
 
+gusset_quantity::state! { Mounted { specimen } keeps { offsets, disp, read } }
+
 impl Mounted {
     /// `offsets` holds, for each axis, where it stands in m and what it reads in N at a deformation of zero; the specimen itself
     /// where nothing is off.

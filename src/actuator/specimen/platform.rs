@@ -27,6 +27,8 @@ pub struct Platform<S: Specimen> {
     trial: Placed,
 }
 
+gusset_quantity::state! { <S: Specimen> Platform<S> { specimen } keeps { geometry, gears, trial } }
+
 /// Room for the largest matrix.
 type Square = [f64; MOST * MOST];
 
@@ -69,7 +71,7 @@ impl<S: Specimen> Platform<S> {
                 let mut sum = 0.0;
                 for a in 0..n {
                     for b in 0..n {
-                        let entry = inner.get(b * n + a).copied().unwrap_or(0.0);
+                        let entry = inner.get(b * n + a).copied().unwrap_or(f64::NAN);
                         sum += by_axis[low][a] * entry * by_axis[high][b];
                     }
                 }
@@ -184,7 +186,7 @@ mod tests {
     use crate::geometry::{Coordinate, GeometrySpec, PlanePins};
     use crate::specimen::SpecimenLaw;
     use gusset_numerics::law::LawSpec;
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     fn geometry() -> Geometry {
         let pins = [

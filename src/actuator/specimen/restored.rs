@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::geometry::{Geometry, GeometrySpec, PlanePins};
-use gusset_quantity::state::TestState;
+use gusset_quantity::state::{Stateful, TestState};
 
 const SPECIMENS: [(&str, usize); 3] = [
     (

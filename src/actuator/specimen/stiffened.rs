@@ -13,6 +13,8 @@ pub struct Stiffened {
     vel: Vec<f64>,
 }
 
+gusset_quantity::state! { Stiffened { inner } keeps { factor, disp, vel } }
+
 impl Stiffened {
     /// `inner`, `factor` times as stiff.
     #[must_use]

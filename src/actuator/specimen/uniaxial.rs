@@ -2,13 +2,15 @@
 
 use super::Specimen;
 use gusset_numerics::law::{Law, LawError, Reach};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// A specimen with one independent law per axis. Declares no mass.
 #[derive(Debug)]
 pub struct Uniaxial {
     laws: Vec<Box<dyn Law>>,
 }
+
+state! { Uniaxial { laws } }
 
 impl Uniaxial {
     /// One axis per law, in the order given.
@@ -102,19 +104,13 @@ impl Specimen for Uniaxial {
         }
         Ok(())
     }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for law in &mut self.laws {
-            law.visit_state(visit);
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use gusset_numerics::law::LawSpec;
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     fn two() -> Uniaxial {
         let hardening = "square_root = { stiffness_n_per_m = 1e7, hardening_per_sqrt_m = 1.0 }";

@@ -8,7 +8,7 @@ use super::delay::Delay;
 use super::exact::Ramped;
 use super::servo::{DISP, FORCE, STATES, Servo, VEL};
 use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;
@@ -24,6 +24,8 @@ struct State {
     /// What the specimen's force is beyond its linear estimate.
     residual: f64,
 }
+
+state! { State { drive, residual, x } }
 
 #[derive(Debug, Clone)]
 enum Dynamics {
@@ -63,6 +65,17 @@ pub(super) struct Axis {
     pub disp: f64,
     pub vel: f64,
     pub saturated: bool,
+}
+
+// The tick is part of the state: while test time is held, a correction lasts as long as the last tick.
+state! {
+    Axis { dynamics: by(|one, visit| visit.part(one.name())), primed, dt, committed, delay }
+    keeps { between_ticks, bounds, trial, stopped, corrected, command, disp, vel, saturated }
+    restored {
+        if *dt > 0.0 {
+            dynamics.lay_out(*dt);
+        }
+    }
 }
 
 impl Axis {
@@ -324,20 +337,6 @@ impl Axis {
             self.committed.drive = self.trial.drive;
         }
         self.delay.commit(self.command, dt);
-    }
-
-    /// Visits the committed state. The tick is part of it: while test time is held, a correction lasts as long as the last tick.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part(self.dynamics.name());
-        visit.flag(&mut self.primed);
-        visit.number(&mut self.dt);
-        visit.number(&mut self.committed.drive);
-        visit.number(&mut self.committed.residual);
-        visit.numbers(&mut self.committed.x);
-        self.delay.visit_state(visit);
-        if visit.restores() && self.dt > 0.0 {
-            self.dynamics.lay_out(self.dt);
-        }
     }
 }
 

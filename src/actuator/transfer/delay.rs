@@ -5,7 +5,7 @@
 //! one tick. A step of several ticks (commands were lost on the way) fills it in; one of a part of a tick (a test that eases
 //! into motion) goes on from where the last one ended.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// Longest history in ticks.
 pub const LONGEST: usize = 8192;
@@ -203,18 +203,29 @@ impl Delay {
             self.beyond = 0.0;
         }
     }
+}
 
-    /// Visits the history and where it is read.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
+impl Stateful for Delay {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
         visit.part("delay");
         if self.is_none() {
             return;
         }
-        visit.number(&mut self.grid);
-        visit.number(&mut self.beyond);
-        visit.numbers(&mut self.head);
-        visit.index(&mut self.newest, self.ring.len());
-        visit.numbers(self.ring.as_flattened_mut());
+        let Self {
+            seconds: _,
+            grid,
+            whole: _,
+            share: _,
+            ring,
+            newest,
+            head,
+            beyond,
+        } = self;
+        grid.visit_state(visit);
+        beyond.visit_state(visit);
+        head.visit_state(visit);
+        visit.index(newest, ring.len());
+        ring.visit_state(visit);
         if visit.restores() {
             self.read_back();
         }
@@ -232,7 +243,7 @@ fn mix(a: Motion, b: Motion, share: f64) -> Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     fn run(seconds: f64, dt: f64, n: usize, command: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut delay = Delay::new(seconds, 64, None);

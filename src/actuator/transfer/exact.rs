@@ -149,7 +149,7 @@ impl<const N: usize, const M: usize> Ramped<N, M> {
     /// What a change of input `input` at the end of the tick adds to the state. Real-time: yes.
     pub fn add_to_end(&self, state: &mut [f64; N], input: usize, change: f64) {
         for (entry, row) in state.iter_mut().zip(&self.end) {
-            *entry += row.get(input).copied().unwrap_or(0.0) * change;
+            *entry += row.get(input).copied().unwrap_or(f64::NAN) * change;
         }
     }
 }

@@ -34,7 +34,7 @@ pub use spec::{
 
 use crate::specimen::Specimen;
 use gusset_numerics::law::Reach;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// What is wrong with a transfer system.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -137,6 +137,13 @@ pub struct Transfer {
     measured: Vec<f64>,
     saturated: bool,
     settled: bool,
+}
+
+state! {
+    Transfer as "transfer" { ticks, elapsed, readings, dt, axes, law }
+    keeps {
+        sensors, is_noisy, feels, limits_force, seed, tick, trial_dt, disp, vel, measured, saturated, settled
+    }
 }
 
 impl Transfer {
@@ -403,17 +410,5 @@ impl Specimen for Transfer {
     fn commanded_every(&mut self, seconds: f64) {
         self.tick = seconds;
         self.law.commanded_every(seconds);
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("transfer");
-        visit.count(&mut self.ticks);
-        visit.number(&mut self.elapsed);
-        visit.count(&mut self.readings);
-        visit.number(&mut self.dt);
-        for axis in &mut self.axes {
-            axis.visit_state(visit);
-        }
-        self.law.visit_state(visit);
     }
 }

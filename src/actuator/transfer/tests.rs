@@ -1,7 +1,7 @@
 use super::*;
 use crate::specimen::SpecimenLaw;
 use gusset_numerics::law::{LawSpec, LinearSpec};
-use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::state::{Stateful, TestState};
 use std::f64::consts::PI;
 
 mod restored;
@@ -594,8 +594,9 @@ impl Specimen for Jump {
     fn bound(&self, _: &[Reach], _: &mut [f64], _: &mut [f64]) -> Result<(), usize> {
         Ok(())
     }
-    fn visit_state(&mut self, _: &mut dyn Visit) {}
 }
+
+gusset_quantity::state! { Jump {} }
 
 #[test]
 fn an_actuator_that_does_not_come_to_terms_says_so() {

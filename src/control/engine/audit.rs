@@ -6,7 +6,7 @@
 //! with and no state was changed between two steps. It audits this program, not a specimen. Real-time after `new`.
 
 use gusset_numerics::linalg::SymMatrix;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
 const ROUNDOFF: f64 = 64.0 * f64::EPSILON;
@@ -32,6 +32,11 @@ pub struct StepAudit {
     residual: f64,
     turnover: f64,
     largest: f64,
+}
+
+state! {
+    StepAudit as "audit" { older, newer, begun, energy, forgiven, residual, turnover, largest }
+    keeps { effective_mass, roundoff }
 }
 
 impl StepAudit {
@@ -89,25 +94,6 @@ impl StepAudit {
         self.largest = self.largest.max(energy);
     }
 
-    /// Visits what the audit remembers from step to step. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("audit");
-        visit.numbers(&mut self.older);
-        visit.numbers(&mut self.newer);
-        visit.flag(&mut self.begun);
-        let Self {
-            energy,
-            forgiven,
-            residual,
-            turnover,
-            largest,
-            ..
-        } = self;
-        for value in [energy, forgiven, residual, turnover, largest] {
-            visit.number(value);
-        }
-    }
-
     /// What is left over, in parts of all energy that was turned over. Real-time: yes.
     #[inline]
     #[must_use]
@@ -129,7 +115,7 @@ impl StepAudit {
 mod tests {
     use super::*;
     use gusset_numerics::integrate::{Gui, Integrator, Lambda, Start, State};
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     const DT: f64 = 0.02;
 

@@ -16,7 +16,7 @@ use gusset_quantity::catalog::column::{
 };
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 use gusset_quantity::time::Nanos;
 use gusset_record::Column;
 use gusset_record::rt::timing::TickStamps;
@@ -67,6 +67,14 @@ pub struct Row {
     ports: Vec<PortPlace>,
     checks: Range<usize>,
     kept: Vec<Limit>,
+}
+
+// A row between two steps repeats the numbers of the last step.
+state! {
+    Row { values }
+    keeps {
+        word, stopped, cause, commands, lateness, record_before, dofs, disp, vel, accel, ports, checks, kept
+    }
 }
 
 /// Deadline misses up to the tick before, and ticks that the grid was moved past.
@@ -167,11 +175,6 @@ impl Row {
             },
             columns,
         )
-    }
-
-    /// Visits the numbers of the last row: a row between two steps repeats those of the last step. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(&mut self.values);
     }
 
     /// A quantity of the test as a whole and its value as it stands in the row, by its place among those that are kept.

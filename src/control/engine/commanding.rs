@@ -1,7 +1,7 @@
 //! Numbers and rules of the exchanges with the specimens.
 
 use crate::port::Port;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// When specimens that can take their time are commanded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +28,9 @@ pub(super) struct Exchanges {
     pub recordings: Recordings,
 }
 
+// The rules belong to the maneuver.
+state! { Exchanges { sequence } keeps { commanding, recordings } }
+
 impl Exchanges {
     /// The first exchange is number 0.
     pub(crate) const fn new() -> Self {
@@ -36,11 +39,6 @@ impl Exchanges {
             commanding: Commanding::EveryTick,
             recordings: Recordings::Reply,
         }
-    }
-
-    /// Visits the number. The rules belong to the maneuver. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.count(&mut self.sequence);
     }
 
     /// Number of the next exchange. Real-time: yes.

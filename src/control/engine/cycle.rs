@@ -95,20 +95,33 @@ impl Engine<'_> {
         &'s mut self,
         last: &'s mut Tick,
     ) -> (RunningState<'s>, &'s mut dyn Recorder) {
+        let Engine {
+            plan: _,
+            ports,
+            side,
+            settling: _,
+            peaks,
+            progress,
+            exchanges,
+            judge,
+            environment,
+            ends: _,
+        } = self;
         let Environment {
-            place,
+            pace: _,
+            deadlines: _,
             supervision,
             journal,
-            ..
-        } = &mut *self.environment;
+            place,
+        } = &mut **environment;
         let (row, recorder) = journal.row_and_recorder();
         let state = RunningState {
-            ports: self.ports,
-            side: self.side,
-            peaks: self.peaks,
-            progress: self.progress,
-            exchanges: self.exchanges,
-            judge: self.judge,
+            ports,
+            side,
+            peaks,
+            progress,
+            exchanges,
+            judge,
             place,
             supervision,
             row,

@@ -9,6 +9,7 @@ use super::cycle::Engine;
 use super::numerical::{Side, aim_along};
 use super::order::{Order, Sends};
 use super::phase::Phase;
+use super::stop::port_at;
 use super::test_judge::limit_event;
 use super::tick::Tick;
 use super::{Limits, Stop};
@@ -146,12 +147,11 @@ impl Engine<'_> {
     ) -> Result<(), Stop> {
         let mut waits = true;
         for index in 0..self.ports.len() {
-            let Some(port) = self.ports.get(index) else {
-                break;
+            let is_asked = |port: &Port| {
+                port.exchange().state().may_be_commanded()
+                    && (result.is_ok() || port.exchange().state().owes())
             };
-            if !port.exchange().state().may_be_commanded()
-                || (result.is_err() && !port.exchange().state().owes())
-            {
+            if !self.ports.get(index).is_none_or(is_asked) {
                 continue;
             }
             if let Err(stop) = self.collect_from(index, tick, stamps, waits) {
@@ -206,20 +206,12 @@ impl Engine<'_> {
         stamps: &mut TickStamps,
         waits: bool,
     ) -> Result<(), Stop> {
-        let known = self.newest_of(index);
+        let known = port_at(self.ports, index)?.feedback().raw().sequence;
         let result = self.take_from(index, tick, stamps, waits);
-        if self.newest_of(index) > known + 1 {
-            self.report_recovered(index, tick);
+        if port_at(self.ports, index)?.feedback().raw().sequence > known + 1 {
+            self.report_recovered(index, tick)?;
         }
         result
-    }
-
-    /// Number of the command whose reply came last. Real-time: yes.
-    #[inline]
-    fn newest_of(&self, index: usize) -> u64 {
-        self.ports
-            .get(index)
-            .map_or(0, |port| port.feedback().raw().sequence)
     }
 
     #[inline]
@@ -230,9 +222,7 @@ impl Engine<'_> {
         stamps: &mut TickStamps,
         waits: bool,
     ) -> Result<(), Stop> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         let broken = |fault| Stop::Link { port: index, fault };
         let pace = &self.environment.pace;
         let patience = port
@@ -245,9 +235,7 @@ impl Engine<'_> {
             }
         }
         self.wait_for(index, waits)?;
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         let pace = &self.environment.pace;
         // A lockstep specimen was waited for, a sampled one has until its share of the tick is over.
         let deadline = match port.exchange().coupling() {
@@ -269,16 +257,16 @@ impl Engine<'_> {
 
     #[inline]
     fn judge_reply(&mut self, index: usize, freshness: Freshness, tick: &Tick) -> Result<(), Stop> {
-        let Some(port) = self.ports.get(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         let (status, was_holding) = (
             port.feedback().raw().status,
             port.exchange().holding_in_a_row() > 0,
         );
         if let Some(stop) = reported_stop(index, status) {
             if freshness == Freshness::Fresh {
-                self.report_beside(index, tick);
+                // Limits that its reply passes are reported, too: a resumed test needs them. The stop that it reports counts.
+                let found = port.judge();
+                let _ = self.act_on(index, &found, tick);
             }
             return Err(stop);
         }
@@ -288,13 +276,11 @@ impl Engine<'_> {
         if freshness == Freshness::Stale {
             return self.judge_age(index, tick);
         }
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         port.exchange_mut().forget_stale();
         let found = port.judge();
         if status.has(Status::UNSETTLED) {
-            self.count_unsettled(index, tick);
+            self.count_unsettled(index, tick)?;
         }
         if found.is_something() {
             self.act_on(index, &found, tick)?;
@@ -306,9 +292,7 @@ impl Engine<'_> {
     /// judged when its reply is taken. Real-time: yes.
     #[inline]
     fn wait_for(&mut self, index: usize, waits: bool) -> Result<(), Stop> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         if !port.exchange().is_awaited() {
             return Ok(());
         }
@@ -356,9 +340,7 @@ impl Engine<'_> {
 
     #[inline]
     fn judge_command(&mut self, index: usize) -> Result<(), Stop> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         if self.exchanges.is_by_steps(port) && !port.exchange().state().is_pending() {
             return Ok(());
         }
@@ -373,27 +355,13 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// The specimen itself ends the test. Limits that its reply passes are reported, too: a resumed test needs them. Real-time: yes.
-    #[cold]
-    fn report_beside(&mut self, index: usize, tick: &Tick) {
-        if let Some(port) = self.ports.get_mut(index) {
-            let found = port.judge();
-            // The stop that the specimen reports counts.
-            let _ = self.act_on(index, &found, tick);
-        }
-    }
-
     /// Reports all warnings and trips of a specimen; a trip ends the test. Real-time: yes.
     #[cold]
     fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
         for hit in found.warning.iter().chain(&found.trip) {
             self.report_hit(index, hit, tick);
         }
-        while let Some(hit) = self
-            .ports
-            .get_mut(index)
-            .and_then(|port| port.guard_mut().next_untold())
-        {
+        while let Some(hit) = port_at(self.ports, index)?.guard_mut().next_untold() {
             self.report_hit(index, &hit, tick);
         }
         match found.trip {
@@ -419,9 +387,7 @@ impl Engine<'_> {
     /// measured. Real-time: yes.
     #[cold]
     fn judge_age(&mut self, index: usize, tick: &Tick) -> Result<(), Stop> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         let ticks = port.exchange_mut().count_stale();
         // While it stands, numbers stand, too: there the age is the count of exchanges without a measurement.
         let sequence = self.exchanges.sequence();
@@ -450,9 +416,7 @@ impl Engine<'_> {
         freshness: Freshness,
         tick: &Tick,
     ) -> Result<(), Stop> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = port_at(self.ports, index)?;
         let hold = port.note_hold(freshness);
         let (_, in_a_row) = stale_rules(port, &self.plan.limits);
         if hold.begins {
@@ -474,39 +438,34 @@ impl Engine<'_> {
 
     /// Reports replies that were lost and that a later reply repeats: the forces of their commands are recorded. Real-time: yes.
     #[cold]
-    fn report_recovered(&mut self, index: usize, tick: &Tick) {
-        while let Some(sequence) = self.ports.get_mut(index).and_then(Port::recover) {
+    fn report_recovered(&mut self, index: usize, tick: &Tick) -> Result<(), Stop> {
+        let port = port_at(self.ports, index)?;
+        while let Some(sequence) = port.recover() {
             let age = self.exchanges.sequence().saturating_sub(sequence);
-            let mut axis = 0;
-            while let Some(&force) = self
-                .ports
-                .get(index)
-                .and_then(|port| port.feedback().recovered().get(axis))
-            {
+            for (axis, force) in (0..).zip(port.feedback().recovered()) {
                 let event = Event::Recovered {
                     port: index as u32,
-                    axis: axis as u32,
+                    axis,
                     age,
-                    force,
+                    force: *force,
                 };
                 self.environment.report(tick, event);
-                axis += 1;
             }
         }
+        Ok(())
     }
 
     /// Counts an iteration of a simulated actuator that did not converge; reported more and more seldom. Real-time: yes.
     #[cold]
-    fn count_unsettled(&mut self, index: usize, tick: &Tick) {
-        let Some(port) = self.ports.get_mut(index) else {
-            return;
-        };
+    fn count_unsettled(&mut self, index: usize, tick: &Tick) -> Result<(), Stop> {
+        let port = port_at(self.ports, index)?;
         let ticks = port.exchange_mut().count_unsettled();
         if ticks.is_power_of_two() {
             let port = index as u32;
             self.environment
                 .report(tick, Event::Unsettled { port, ticks });
         }
+        Ok(())
     }
 
     /// Keeps the row of the tick that ends the test, or its shutdown, although nothing follows from it.

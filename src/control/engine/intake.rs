@@ -6,7 +6,7 @@
 //! taken in, too: the largest kinetic energy counts. Real-time after `new`.
 
 use gusset_numerics::model::Base;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// The account of one run, begun by its first step.
 #[derive(Debug, Clone)]
@@ -25,6 +25,14 @@ pub struct Intake {
     work: f64,
     most_work: f64,
     most_motion: f64,
+}
+
+// The load of a step is given before the step is noted.
+state! {
+    Intake as "intake" {
+        last_load, last_disp, begun, last_base, last_reaction, work, most_work, most_motion
+    }
+    keeps { floor, influence, load }
 }
 
 /// A step that was closed.
@@ -87,25 +95,6 @@ impl Intake {
         std::mem::swap(&mut self.load, &mut self.last_load);
     }
 
-    /// Visits what the account remembers from step to step. The load of a step is given before the step is noted. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("intake");
-        visit.numbers(&mut self.last_load);
-        visit.numbers(&mut self.last_disp);
-        visit.flag(&mut self.begun);
-        let Self {
-            last_base,
-            last_reaction,
-            work,
-            most_work,
-            most_motion,
-            ..
-        } = self;
-        for value in [last_base, last_reaction, work, most_work, most_motion] {
-            visit.number(value);
-        }
-    }
-
     /// `added` J in parts of what was taken in so far. Real-time: yes.
     #[inline]
     #[must_use]
@@ -117,7 +106,7 @@ impl Intake {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     /// An oscillator of 1 kg and 4π² N/m with a damper, in relative coordinates under −m·a_g or in absolute ones on a moving
     /// base: what is taken in is what it holds and what the damper has turned into heat.

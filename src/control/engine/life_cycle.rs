@@ -17,7 +17,7 @@ use super::stepping::Stepping;
 use super::tick::Tick;
 use super::{Ending, Experiment, Outcome, Resumption, Side, Stop};
 use crate::port::{Port, Poses};
-use gusset_quantity::state::{StateError, TestState};
+use gusset_quantity::state::{StateError, Stateful, TestState};
 use gusset_quantity::substructure::Retirement;
 use gusset_quantity::time::{Clock, SimClock};
 use gusset_record::rt::timing::Timing;
@@ -135,12 +135,8 @@ impl Connected {
         let resume = test.resume.take();
         match test.guarded(|engine, _| Startup::perform(resume, engine)) {
             Ok(Ok(())) => Ok(Ready(test)),
-            Ok(Err(stop)) => Err(Box::new(Stopped {
-                test,
-                ending: Ending::Stopped(stop),
-                fault: None,
-            })),
-            Err(fault) => Err(Box::new(Stopped::by_panic(test, fault))),
+            Ok(Err(stop)) => Err(Box::new(Stopped::by(test, Ending::Stopped(stop)))),
+            Err(fault) => Err(Box::new(Stopped::by_fault(test, fault))),
         }
     }
 
@@ -188,19 +184,29 @@ impl Ready {
     pub fn run(self) -> Stopped {
         let Self(mut test) = self;
         match test.guarded(run_steps) {
-            Ok(result) => Stopped {
-                test,
-                ending: result.into(),
-                fault: None,
-            },
-            Err(fault) => Stopped::by_panic(test, fault),
+            Ok(result) => Stopped::by(test, result.into()),
+            Err(fault) => Stopped::by_fault(test, fault),
         }
     }
 }
 
 impl Stopped {
+    /// A part of the loop that does not exist is as bad as a panic.
+    fn by(test: Test, ending: Ending) -> Self {
+        match ending {
+            Ending::Stopped(stop @ Stop::NoSuchPart { .. }) => {
+                Self::by_fault(test, stop.to_string())
+            }
+            _ => Self {
+                test,
+                ending,
+                fault: None,
+            },
+        }
+    }
+
     /// After a panic nothing more is moved.
-    fn by_panic(test: Test, fault: String) -> Self {
+    fn by_fault(test: Test, fault: String) -> Self {
         Self {
             test,
             ending: Ending::Stopped(Stop::Internal),
@@ -208,13 +214,16 @@ impl Stopped {
         }
     }
 
-    /// The shutdown: specimens are moved to where they are to be left, unless a panic has ended the test.
+    /// The shutdown: specimens are moved to where they are to be left, unless an internal fault has ended the test.
     #[must_use]
     pub fn shut_down(mut self) -> Self {
         if self.fault.is_none() {
             let ending = self.ending;
             let moved = (self.test).guarded(|engine, _| Shutdown::perform(ending, engine));
             match moved {
+                Ok(Ending::Stopped(stop @ Stop::NoSuchPart { .. })) => {
+                    self.note_panic(stop.to_string());
+                }
                 Ok(ending) => self.ending = ending,
                 Err(fault) => self.note_panic(fault),
             }
@@ -248,19 +257,18 @@ impl Stopped {
     }
 
     fn send_last_messages(&mut self) {
-        for index in 0..self.test.ports.len() {
+        let mut ports = std::mem::take(&mut self.test.ports);
+        for port in &mut ports {
             let how = if self.fault.is_some() {
                 Retirement::Tripped
             } else {
                 self.ending.cause().into()
             };
-            let Some(port) = self.test.ports.get_mut(index) else {
-                break;
-            };
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| port.exchange_mut().retire(how))) {
                 self.note_panic(panic_text(panic.as_ref()));
             }
         }
+        self.test.ports = ports;
     }
 }
 

@@ -14,6 +14,7 @@ use super::phase::Phase;
 use super::ramping::Ramp;
 use super::standing::Listening;
 use super::static_load::StaticLoad;
+use super::stop::part_at;
 use super::tick::Tick;
 use super::{Ending, Stop};
 use crate::port::{MotionCheck, Port, Rest, UNBOUNDED_RAMP_S};
@@ -149,8 +150,8 @@ impl Resting<'_> {
     fn count(&mut self, port: usize, period_s: f64) -> Result<(), Stop> {
         self.exchanges += 1;
         self.waits.waited += 1;
-        let rest = self.waits.rests.get(port);
-        if rest.is_some_and(|rest| self.exchanges > rest.patience()) {
+        let rest = part_at(&mut self.waits.rests, port, "specimen at rest")?;
+        if self.exchanges > rest.patience() {
             return Err(Stop::NotAtRest {
                 port,
                 seconds: self.exchanges as f64 * period_s,

@@ -9,7 +9,8 @@ use gusset_motion::{Excitation, Prescribed};
 use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
 use gusset_numerics::linalg::Aligned;
 use gusset_numerics::model::{Acceleration, Base, Motion, Structure};
-use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, TestState, Visit};
 
 /// What decides where the specimens go.
 #[derive(Debug)]
@@ -19,6 +20,15 @@ pub enum Side {
     /// Given deformations, no structure: the test before every hybrid test. One history per axis of all ports in
     /// order; an axis without one holds zero.
     Prescribed(Vec<Option<Prescribed>>),
+}
+
+impl Stateful for Side {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        match self {
+            Self::Structure(numerical) => numerical.visit_state(visit),
+            Self::Prescribed(_) => {}
+        }
+    }
 }
 
 /// A structure, its loads, its integrator and the state between two ticks. All buffers have one entry per DOF.
@@ -42,6 +52,14 @@ pub struct Numerical {
     pub reported_vel: Aligned,
     /// a = M⁻¹ r of the step last closed; NaN for a massless DOF.
     pub accel: Aligned,
+}
+
+state! {
+    Numerical as "numerical side" {
+        structure, state, stepper, audit: configured(), intake: configured(),
+        inertia, next_inertia, reported_vel, accel
+    }
+    keeps { excitation, acceleration }
 }
 
 /// Points every port along its prescribed histories. Real-time: yes.
@@ -265,24 +283,6 @@ impl Numerical {
     #[inline]
     pub fn output_accel(&mut self) {
         self.acceleration.accel_into(&self.inertia, &mut self.accel);
-    }
-
-    /// Visits everything that later steps and rows depend on. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("numerical side");
-        self.structure.visit_state(visit);
-        self.state.visit_state(visit);
-        self.stepper.visit_state(visit);
-        if let Some(audit) = &mut self.audit {
-            audit.visit_state(visit);
-        }
-        if let Some(intake) = &mut self.intake {
-            intake.visit_state(visit);
-        }
-        visit.numbers(&mut self.inertia);
-        visit.numbers(&mut self.next_inertia);
-        visit.numbers(&mut self.reported_vel);
-        visit.numbers(&mut self.accel);
     }
 
     /// What a rehearsal goes back to; none for an offline method, which has no deadline to be warm for.

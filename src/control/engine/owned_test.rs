@@ -22,7 +22,7 @@ use super::{
     Ending, Experiment, Outcome, PaceOutcome, Peaks, Plan, Resumption, Side, StaticLoad, Stop,
 };
 use crate::port::Port;
-use gusset_quantity::state::TestState;
+use gusset_quantity::state::{Stateful, TestState};
 use gusset_quantity::time::Clock;
 use gusset_record::rt::timing::Timing;
 use gusset_record::{Column, Event, Recorder};

@@ -1,7 +1,7 @@
 //! The place of the test in test time.
 
 use super::tick::Tick;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// The last step that was made, and the farthest tick that was exchanged.
 #[derive(Debug, Clone, Copy)]
@@ -12,6 +12,8 @@ pub(super) struct Place {
     farthest: Tick,
 }
 
+state! { Place { steps_done, farthest } keeps { dt } }
+
 impl Place {
     /// At t = 0, with steps of `dt`.
     pub(crate) const fn start(dt: f64) -> Self {
@@ -20,12 +22,6 @@ impl Place {
             steps_done: 0,
             farthest: Tick::before_start(0.0),
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.count(&mut self.steps_done);
-        self.farthest.visit_state(visit);
     }
 
     /// The last step whose row was made. Real-time: yes.

@@ -98,7 +98,7 @@ fn expected_force(
     ways: &[f64],
     reading: &Reading,
 ) -> [f64; 2] {
-    let way = ways.get(axis).copied().unwrap_or(0.0);
+    let way = ways.get(axis).copied().unwrap_or(f64::NAN);
     let expected = place.force + port.elastic_force_of(axis, way);
     let others = ways.iter().enumerate();
     let others = others.map(|(other, way)| if other == axis { 0.0 } else { *way });

@@ -13,7 +13,7 @@ use super::test_judge::TestJudge;
 use super::tick::Tick;
 use crate::port::Port;
 use gusset_numerics::integrate::Peaks;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// The parts of a running test that have a state.
 pub(super) struct RunningState<'a> {
@@ -30,23 +30,8 @@ pub(super) struct RunningState<'a> {
     pub last: &'a mut Tick,
 }
 
-impl RunningState<'_> {
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("test");
-        self.last.visit_state(visit);
-        self.place.visit_state(visit);
-        self.progress.visit_state(visit);
-        self.exchanges.visit_state(visit);
-        self.supervision.visit_state(visit);
-        self.judge.visit_state(visit);
-        self.peaks.visit_state(visit);
-        self.row.visit_state(visit);
-        if let Side::Structure(numerical) = &mut *self.side {
-            numerical.visit_state(visit);
-        }
-        for port in &mut *self.ports {
-            port.visit_state(visit);
-        }
+state! {
+    RunningState<'_> as "test" {
+        last, place, progress, exchanges, supervision, judge, peaks, row, side, ports
     }
 }

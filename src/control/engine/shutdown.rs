@@ -13,6 +13,7 @@ use super::end_positions::{EndPosition, IncompleteShutdown};
 use super::operator::OperatorCommands;
 use super::order::Order;
 use super::phase::Phase;
+use super::stop::port_at;
 use super::tick::Tick;
 use super::{Ending, Stop};
 use crate::port::{Brake, Port, ReturnMove, UnloadFailure};
@@ -296,8 +297,11 @@ impl Shutdown {
         stamps: &mut TickStamps,
     ) -> Result<(), Stop> {
         for index in 0..engine.ports.len() {
-            let port = engine.ports.get(index);
-            if !port.is_some_and(|port| port.exchange().state().owes_the_last()) {
+            if !port_at(engine.ports, index)?
+                .exchange()
+                .state()
+                .owes_the_last()
+            {
                 continue;
             }
             match engine.collect_from(index, tick, stamps, true) {

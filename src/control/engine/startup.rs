@@ -66,7 +66,8 @@ impl Startup {
         WarmUp::perform(engine)?;
         Self::report_initial_forces(engine, |port, axis| {
             let raw = port.feedback().raw();
-            [raw.disp.get(axis), raw.force.get(axis)].map(|value| value.copied().unwrap_or(0.0))
+            [raw.disp.get(axis), raw.force.get(axis)]
+                .map(|value| value.copied().unwrap_or(f64::NAN))
         });
         Ok(())
     }

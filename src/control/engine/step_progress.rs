@@ -5,7 +5,7 @@
 
 use super::tick::Tick;
 use crate::port::{PacerTick, Stage, StepPacer};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// How the integration and the ticks of the controller belong together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +40,8 @@ enum Target {
     Kept,
 }
 
+state! { enum Target { Ahead, Reached, Kept } }
+
 /// The step pacer, and the step whose target is on the way, or reached and not closed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepProgress {
@@ -57,6 +59,10 @@ pub(super) struct StepProgress {
     stage: Stage,
 }
 
+state! {
+    StepProgress as "step progress" { pacer, before, stride, step, target, sub_tick, unchecked, stage }
+}
+
 impl StepProgress {
     /// The specimens are at the first target.
     pub(crate) fn new(pacing: Pacing) -> Self {
@@ -72,20 +78,6 @@ impl StepProgress {
             unchecked: 0,
             stage: Stage::Correct,
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("step progress");
-        self.pacer.visit_state(visit);
-        self.before.visit_state(visit);
-        self.stride.visit_state(visit);
-        visit.count(&mut self.step);
-        let targets = [Target::Ahead, Target::Reached, Target::Kept];
-        visit.choice(&mut self.target, &targets);
-        visit.count(&mut self.sub_tick);
-        visit.count(&mut self.unchecked);
-        StepPacer::visit_stage(&mut self.stage, visit);
     }
 
     /// The step whose target is on the way, or reached and not closed. Real-time: yes.

@@ -14,7 +14,7 @@ use super::{Ending, Stop};
 use crate::port::{PacerTick, Port};
 use gusset_numerics::integrate::first_beyond;
 use gusset_quantity::catalog::ending::Cause;
-use gusset_quantity::state::{Digest, TestState};
+use gusset_quantity::state::{Digest, Stateful, TestState};
 use gusset_record::Event;
 use gusset_record::rt::timing::TickStamps;
 

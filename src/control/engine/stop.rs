@@ -3,8 +3,8 @@
 use thiserror::Error;
 
 use super::test_hit::TestHit;
-use crate::port::WiringFault;
 use crate::port::limits::Hit;
+use crate::port::{Port, WiringFault};
 use gusset_actuator::geometry::Fault;
 use gusset_numerics::integrate::StepError;
 use gusset_quantity::catalog::ending::Cause;
@@ -161,6 +161,14 @@ pub enum Stop {
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
     Internal,
+    /// The parts of the loop do not fit each other: it asked for one that does not exist. Nothing more is moved.
+    #[error("internal error: the loop asked for {part} {}, which does not exist", index + 1)]
+    NoSuchPart {
+        /// Which list.
+        part: &'static str,
+        /// Place in it, from 0.
+        index: usize,
+    },
     /// A method that iterates found no equilibrium.
     #[error(transparent)]
     Step(StepError),
@@ -213,6 +221,28 @@ pub enum Stop {
     },
 }
 
+/// One of the parts of the loop. Real-time: yes.
+///
+/// # Errors
+/// [`Stop::NoSuchPart`]: the loop must not go on as if there were nothing to do.
+#[inline]
+pub(super) fn part_at<'a, T>(
+    parts: &'a mut [T],
+    index: usize,
+    part: &'static str,
+) -> Result<&'a mut T, Stop> {
+    parts.get_mut(index).ok_or(Stop::NoSuchPart { part, index })
+}
+
+/// The specimen with this number, from 0. Real-time: yes.
+///
+/// # Errors
+/// [`Stop::NoSuchPart`].
+#[inline]
+pub(super) fn port_at(ports: &mut [Port], index: usize) -> Result<&mut Port, Stop> {
+    part_at(ports, index, "specimen")
+}
+
 impl Stop {
     /// Its row in the table of causes. Real-time: yes.
     #[must_use]
@@ -233,7 +263,7 @@ impl Stop {
             Self::Limit { .. } | Self::TestLimit(_) => Cause::Limit,
             Self::Moved { .. } => Cause::Moved,
             Self::ForceChanged { .. } => Cause::ForceChanged,
-            Self::Internal => Cause::Internal,
+            Self::Internal | Self::NoSuchPart { .. } => Cause::Internal,
             Self::CannotCommand => Cause::CannotCommand,
             Self::NotSettled { .. } => Cause::NotSettled,
             Self::DoesNotFollow { .. } => Cause::DoesNotFollow,
@@ -274,6 +304,7 @@ impl Stop {
             | Self::Diverged { .. }
             | Self::TestLimit(_)
             | Self::Internal
+            | Self::NoSuchPart { .. }
             | Self::Step(_)
             | Self::CannotCommand => None,
         }

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use super::operator::{Control, Operator, Requests};
 use super::phase::{Glimpse, Phase};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::substructure::LISTEN_NS;
 
 /// The operator's hold.
@@ -16,6 +17,17 @@ enum Hold {
     #[default]
     Off,
     Wanted,
+}
+
+impl Stateful for Hold {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let mut is_wanted = match self {
+            Self::Off => false,
+            Self::Wanted => true,
+        };
+        visit.flag(&mut is_wanted);
+        *self = if is_wanted { Self::Wanted } else { Self::Off };
+    }
 }
 
 /// Whether the operator must confirm the sensor readings.
@@ -61,6 +73,14 @@ pub(super) struct Supervision {
     goes_back: bool,
 }
 
+// A state is taken in the running test, where nothing is to be confirmed.
+state! {
+    Supervision { hold, hold_number }
+    keeps {
+        control, requests, hearing, phase, continues, confirmation, motion, retraces, goes_back
+    }
+}
+
 impl Supervision {
     /// A connected test without a hold.
     pub(crate) fn new(control: Control) -> Self {
@@ -104,14 +124,6 @@ impl Supervision {
     /// True if the motion was interrupted and goes back to its start. Real-time: yes.
     pub(crate) const fn goes_back(&self) -> bool {
         self.goes_back
-    }
-
-    /// Visits the hold. A state is taken in the running test, where nothing is to be confirmed. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        let mut is_held = self.is_held();
-        visit.flag(&mut is_held);
-        self.hold = if is_held { Hold::Wanted } else { Hold::Off };
-        visit.short(&mut self.hold_number);
     }
 
     /// The operator's line.

@@ -9,7 +9,7 @@ use super::tick::Tick;
 use crate::port::Port;
 use crate::port::limits::Level;
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 use gusset_record::{Event, LimitReached};
 
 /// Judges the limits of the test as a whole, and remembers what was warned of.
@@ -19,15 +19,12 @@ pub(super) struct TestJudge {
     warned: u32,
 }
 
+state! { TestJudge { warned } keeps { limits } }
+
 impl TestJudge {
     /// With these limits; nothing was warned of.
     pub(crate) const fn new(limits: TestLimits) -> Self {
         Self { limits, warned: 0 }
-    }
-
-    /// Visits what was warned of. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.short(&mut self.warned);
     }
 
     /// The limits.

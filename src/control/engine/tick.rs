@@ -1,6 +1,6 @@
 //! The place of a tick in the test.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Place of a tick in the test.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +14,8 @@ pub struct Tick {
     /// Test time since the tick before: 0 at step 0 and in a hold.
     pub dt: f64,
 }
+
+state! { Tick { step, sub_tick, time, dt } }
 
 impl Tick {
     /// A tick before t = 0, with `dt` of test time since the last.
@@ -32,14 +34,6 @@ impl Tick {
             time: step as f64 * step_s,
             dt,
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.count(&mut self.step);
-        visit.count(&mut self.sub_tick);
-        visit.number(&mut self.time);
-        visit.number(&mut self.dt);
     }
 
     /// The step as an index into series on the step grid.

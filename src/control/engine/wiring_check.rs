@@ -7,6 +7,7 @@ use super::cycle::{Engine, Maneuver};
 use super::order::Order;
 use super::phase::Phase;
 use super::ramping::HoldRamp;
+use super::stop::port_at;
 use super::tick::Tick;
 use super::{Ending, Side, Stop};
 use crate::port::{Port, Probe};
@@ -49,7 +50,7 @@ impl WiringCheck {
     }
 
     fn check(index: usize, engine: &mut Engine<'_>) -> Result<(), Stop> {
-        let Some(probe) = engine.ports.get(index).and_then(Port::probe) else {
+        let Some(probe) = port_at(engine.ports, index)?.probe() else {
             return Ok(());
         };
         let port = index as u32;
@@ -133,8 +134,8 @@ impl Maneuver for WiringCheck {
         let Some(pace) = self.hold.next(engine) else {
             return Ok(Some(engine.still(Phase::Probing)));
         };
-        let port = engine.ports.get_mut(self.port);
-        if !port.is_some_and(|port| port.aim_probe(&mut self.probe, pace)) {
+        let port = port_at(engine.ports, self.port)?;
+        if !port.aim_probe(&mut self.probe, pace) {
             return Ok(None);
         }
         engine.judge_commands()?;
@@ -150,11 +151,10 @@ impl Maneuver for WiringCheck {
     ) -> Result<(), Stop> {
         if !order.is_still() {
             let sequence = engine.exchanges.sequence();
-            if let Some(port) = engine.ports.get_mut(self.port) {
-                port.take_probe(&mut self.probe);
-                // A link that is lost shows at the next command.
-                let _ = port.accept_probe(sequence);
-            }
+            let port = port_at(engine.ports, self.port)?;
+            port.take_probe(&mut self.probe);
+            // A link that is lost shows at the next command.
+            let _ = port.accept_probe(sequence);
         }
         engine.reuse_number();
         Ok(())

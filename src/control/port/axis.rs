@@ -3,7 +3,7 @@
 //! Invariant: both directions use the same gains, so a command that is followed exactly comes back as its own target.
 
 use super::error::PortError;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///
@@ -30,6 +30,11 @@ pub struct Axis {
     pub force_offset: f64,
 }
 
+// What zeroing has found.
+state! {
+    Axis { disp_offset, measured_offset, force_offset } keeps { row, base, disp_gain, vel_gain, force_gain }
+}
+
 impl Axis {
     /// An axis in SI units at full scale.
     #[must_use]
@@ -53,13 +58,6 @@ impl Axis {
             disp_offset: -0.0,
             ..Self::plain(Vec::new())
         }
-    }
-
-    /// Visits what zeroing has found. Real-time: yes.
-    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.number(&mut self.disp_offset);
-        visit.number(&mut self.measured_offset);
-        visit.number(&mut self.force_offset);
     }
 
     /// Refuses rows of B beyond `dofs` degrees of freedom, and gains that cannot be undone; the axis counts from 0.
@@ -114,7 +112,7 @@ impl Axis {
     }
 }
 
-/// b·x and b·v, relative to the base. Real-time: yes.
+/// b·x and b·v, relative to the base; not a number if b has an entry that x or v lacks: no command of it may leave. Real-time: yes.
 #[inline]
 pub(super) fn dots(
     row: &[(usize, f64)],
@@ -124,10 +122,9 @@ pub(super) fn dots(
 ) -> (f64, f64) {
     let (mut disp, mut vel) = (0.0, 0.0);
     for &(dof, coefficient) in row {
-        if let (Some(x), Some(v)) = (x.get(dof), v.get(dof)) {
-            disp += coefficient * x;
-            vel += coefficient * v;
-        }
+        let at = |of: &[f64]| of.get(dof).copied().unwrap_or(f64::NAN);
+        disp += coefficient * at(x);
+        vel += coefficient * at(v);
     }
     (disp - base_part * base_disp, vel - base_part * base_vel)
 }

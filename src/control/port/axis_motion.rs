@@ -2,7 +2,7 @@
 
 use super::axis::Axis;
 use super::loading_unit::LoadingUnit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// One value per axis, of displacements and of their velocities.
 #[derive(Debug, Clone)]
@@ -11,6 +11,8 @@ pub(crate) struct AxisMotion {
     pub vel: Vec<f64>,
 }
 
+state! { AxisMotion { disp, vel } }
+
 impl AxisMotion {
     /// At zero, at rest.
     pub(crate) fn zeros(axes: usize) -> Self {
@@ -18,12 +20,6 @@ impl AxisMotion {
             disp: vec![0.0; axes],
             vel: vec![0.0; axes],
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(&mut self.disp);
-        visit.numbers(&mut self.vel);
     }
 
     /// Takes the values of another of as many axes. Real-time: yes.

@@ -14,7 +14,7 @@ use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use gusset_actuator::compensation::Parameter;
 use gusset_actuator::geometry::MOST;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Which moment the velocity that belongs to a target is of.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -26,6 +26,8 @@ pub(crate) enum VelocityOf {
     Path,
 }
 
+state! { enum VelocityOf { Integrator, Path } }
+
 /// Whether the next command may leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Clearance {
@@ -35,6 +37,8 @@ enum Clearance {
     Cleared,
 }
 
+state! { enum Clearance { Unjudged, Cleared } }
+
 /// Kind of the command in force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum InForce {
@@ -43,6 +47,8 @@ enum InForce {
     /// The last one once more, at rest.
     Repetition,
 }
+
+state! { enum InForce { Motion, Repetition } }
 
 /// From targets to commands, for all axes of one specimen.
 #[derive(Debug)]
@@ -70,6 +76,14 @@ pub struct CommandPath {
     resumed_from: Vec<f64>,
 }
 
+// When a step is closed no target is kept, and no ramp is under way.
+state! {
+    CommandPath as "command path" {
+        target, velocity_of, path, compensators: configured(), command, clearance, sent, in_force
+    }
+    keeps { kept_target, per_step, ramp, still, resumed_from }
+}
+
 impl CommandPath {
     /// Of axes that stand where their deformation is zero.
     pub(crate) fn new(axes: &[Axis]) -> Self {
@@ -89,24 +103,6 @@ impl CommandPath {
             still: vec![0.0; n],
             resumed_from: Vec::new(),
         }
-    }
-
-    /// Visits targets and commands. A state is taken when a step is closed: no target is kept, and no ramp is under way. Real-time:
-    /// yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("command path");
-        self.target.visit_state(visit);
-        let velocities = [VelocityOf::Integrator, VelocityOf::Path];
-        visit.choice(&mut self.velocity_of, &velocities);
-        self.path.visit_state(visit);
-        if let Some(compensators) = &mut self.compensators {
-            compensators.visit_state(visit);
-        }
-        self.command.visit_state(visit);
-        let clearances = [Clearance::Unjudged, Clearance::Cleared];
-        visit.choice(&mut self.clearance, &clearances);
-        visit.numbers(&mut self.sent);
-        visit.choice(&mut self.in_force, &[InForce::Motion, InForce::Repetition]);
     }
 
     pub(crate) fn set_pace(&mut self, per_step: bool, order: Order) {

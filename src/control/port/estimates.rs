@@ -10,7 +10,7 @@ use super::feedback::Feedback;
 use super::initial_stiffness::InitialStiffness;
 use super::limits::Estimated;
 use super::tangent::{Point, Tangent};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Noise levels that a change must exceed to count for a tangent.
 const ABOVE_NOISE: f64 = 10.0;
@@ -56,6 +56,8 @@ struct Estimate {
     force: f64,
 }
 
+state! { Estimate { tangent, added_energy, error, force } keeps { declared } }
+
 /// Whether the energy is counted that the transfer system adds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum EnergyCount {
@@ -65,6 +67,8 @@ enum EnergyCount {
     FromNext,
     On,
 }
+
+state! { enum EnergyCount { Off, FromNext, On } }
 
 /// The estimates of a specimen.
 #[derive(Debug)]
@@ -76,6 +80,8 @@ pub struct Estimates {
     /// Nothing is estimated for now.
     is_resting: bool,
 }
+
+state! { Estimates as "estimates" { axes, energy, is_resting } keeps { dt } }
 
 /// A fresh measurement of all axes at the structure, and the command that it answers.
 pub(crate) struct Observation<'a> {
@@ -103,20 +109,6 @@ impl Estimates {
         };
         estimates.begin(std::iter::repeat_n((0.0, 0.0), stiffness.len()));
         estimates
-    }
-
-    /// Visits everything but what is declared. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("estimates");
-        for axis in &mut self.axes {
-            axis.tangent.visit_state(visit);
-            visit.number(&mut axis.added_energy);
-            visit.number(&mut axis.error);
-            visit.number(&mut axis.force);
-        }
-        let counts = [EnergyCount::Off, EnergyCount::FromNext, EnergyCount::On];
-        visit.choice(&mut self.energy, &counts);
-        visit.flag(&mut self.is_resting);
     }
 
     /// Restarts with the declared values: the wiring check is not part of the test.

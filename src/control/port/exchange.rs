@@ -5,7 +5,8 @@
 
 use super::exchange_state::ExchangeState;
 use super::link_numbers::LinkNumbers;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
     Retirement, Status, Substructure, Unavailable,
@@ -28,6 +29,9 @@ pub struct LinkCount {
     /// Counts of the link itself.
     pub stats: LinkStats,
 }
+
+// What the link itself counts belongs to the link.
+state! { LinkCount { sent, received, stale, unsettled, holds } keeps { stats } }
 
 /// What answers say of a hold by the specimen's own watchdog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,17 +89,30 @@ impl std::fmt::Debug for Exchange {
     }
 }
 
-impl LinkCount {
-    /// Visits what was counted here. What the link itself counts belongs to the link. Real-time: yes.
+/// What is owed and counted, and a specimen that is computed in this process. Others keep their own state.
+impl Stateful for Exchange {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for count in [
-            &mut self.sent,
-            &mut self.received,
-            &mut self.stale,
-            &mut self.unsettled,
-            &mut self.holds,
-        ] {
-            visit.count(count);
+        let is_elsewhere = self.is_remote() || self.is_recording;
+        let Self {
+            substructure,
+            is_recording: _,
+            state,
+            numbers,
+            count,
+            wait: _,
+            has_answered,
+            stale,
+            holding,
+        } = self;
+        visit.part("exchange");
+        state.visit_state(visit);
+        numbers.visit_state(is_elsewhere, visit);
+        count.visit_state(visit);
+        has_answered.visit_state(visit);
+        stale.visit_state(visit);
+        holding.visit_state(visit);
+        if !substructure.visit_state(visit) && !is_elsewhere {
+            visit.refuse();
         }
     }
 }
@@ -112,33 +129,6 @@ impl Exchange {
             has_answered: false,
             stale: 0,
             holding: 0,
-        }
-    }
-
-    /// Visits what is owed and counted, and a specimen that is computed in this process. A state is taken when no answer is owed: a
-    /// target may be pending. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("exchange");
-        let mut is_pending = self.state.is_pending();
-        if !is_pending && self.state != ExchangeState::Idle {
-            visit.refuse();
-        }
-        visit.flag(&mut is_pending);
-        if visit.restores() {
-            self.state = if is_pending {
-                ExchangeState::Pending
-            } else {
-                ExchangeState::Idle
-            };
-        }
-        let is_elsewhere = self.is_remote() || self.is_recording;
-        self.numbers.visit_state(is_elsewhere, visit);
-        self.count.visit_state(visit);
-        visit.flag(&mut self.has_answered);
-        visit.count(&mut self.stale);
-        visit.count(&mut self.holding);
-        if !self.substructure.visit_state(visit) && !is_elsewhere {
-            visit.refuse();
         }
     }
 

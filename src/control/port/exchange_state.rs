@@ -5,6 +5,7 @@
 //! answer that is owed when the test ends is `Overdue`: the partner gets no command before the tick after it has come. A partner that
 //! is `Lost` is not commanded any more. Invariant: a lost partner becomes commanded again only when a live one takes over.
 
+use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::time::Nanos;
 
 /// Why a partner is lost.
@@ -53,6 +54,28 @@ pub(crate) enum ExchangeState {
         /// Owed at that time: a test that is resumed sends the target again.
         owed: Due,
     },
+}
+
+/// A state is taken when no answer is owed: a target may be pending.
+impl Stateful for ExchangeState {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let mut is_pending = match self {
+            Self::Idle => false,
+            Self::Pending => true,
+            Self::Awaiting { .. } | Self::Overdue { .. } | Self::Answered | Self::Lost { .. } => {
+                visit.refuse();
+                false
+            }
+        };
+        visit.flag(&mut is_pending);
+        if visit.restores() {
+            *self = if is_pending {
+                Self::Pending
+            } else {
+                Self::Idle
+            };
+        }
+    }
 }
 
 impl ExchangeState {

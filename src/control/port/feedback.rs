@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::axis::Axis;
 use super::rest::Rest;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 use gusset_quantity::substructure::{Freshness, LinkFault, Measurement, Status};
 
 /// The measured side of a port. All vectors have one entry per axis.
@@ -30,6 +30,13 @@ pub struct Feedback {
     peak_before_last: Vec<f64>,
     /// Largest |force| of the exchanges before the test.
     peak_at_startup: Vec<f64>,
+}
+
+// When a step is closed nothing is kept.
+state! {
+    Feedback as "feedback" { raw, disp, force, recovered, peak, peak_before_last, peak_at_startup }
+    keeps { incoming, kept }
+    restored { copy(raw, incoming) }
 }
 
 /// `to` ← `from`, which has as many axes. Real-time: yes.
@@ -68,25 +75,6 @@ impl Feedback {
             peak: zeros(),
             peak_before_last: zeros(),
             peak_at_startup: zeros(),
-        }
-    }
-
-    /// Visits the newest measurement, what was made of it, and the peaks. When a step is closed nothing is kept. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("feedback");
-        self.raw.visit_state(visit);
-        if visit.restores() {
-            copy(&self.raw, &mut self.incoming);
-        }
-        for values in [
-            &mut self.disp,
-            &mut self.force,
-            &mut self.recovered,
-            &mut self.peak,
-            &mut self.peak_before_last,
-            &mut self.peak_at_startup,
-        ] {
-            visit.numbers(values);
         }
     }
 

@@ -9,7 +9,7 @@ use super::brake::Brake;
 use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
 use super::startup::{SAME, Startup};
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 use gusset_quantity::substructure::Measurement;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -38,6 +38,12 @@ pub struct Guard {
     force_is_unknown: bool,
 }
 
+// Only a resumption keeps a second watch, and only the shutdown mistrusts a force.
+state! {
+    Guard { watch }
+    keeps { declared, recorded, units, last_steps, ticks, interrupted, force_is_unknown }
+}
+
 impl Guard {
     /// With these limits, metres and newtons in one unit of each axis, and ticks of `tick` s of wall time.
     #[must_use]
@@ -52,11 +58,6 @@ impl Guard {
             interrupted: None,
             force_is_unknown: false,
         }
-    }
-
-    /// Visits the watch. Only a resumption keeps a second one, and only the shutdown mistrusts a force. Real-time: yes.
-    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        self.watch.visit_state(visit);
     }
 
     /// From here on nothing trips but what is no number.
@@ -123,13 +124,13 @@ impl Guard {
     /// Metres in one unit of an axis.
     #[must_use]
     pub fn metres_of(&self, axis: usize) -> f64 {
-        self.units.get(axis).map_or(1.0, |unit| unit.0)
+        self.units.get(axis).map_or(f64::NAN, |unit| unit.0)
     }
 
     /// Newtons in one unit of force of an axis.
     #[must_use]
     pub fn newtons_of(&self, axis: usize) -> f64 {
-        self.units.get(axis).map_or(1.0, |unit| unit.1)
+        self.units.get(axis).map_or(f64::NAN, |unit| unit.1)
     }
 
     /// Axis (from 0) and limit of each judged value that has a column.

@@ -61,7 +61,9 @@ impl InitialStiffness {
     /// Change of the force of an axis whose displacement changes by `way`; both in the specimen's own units.
     pub(crate) fn elastic_force(&self, index: usize, axis: &Axis, way: f64) -> f64 {
         let own = self.own.get(index);
-        own.map_or(0.0, |own| own / (axis.force_gain * axis.disp_gain) * way)
+        own.map_or(f64::NAN, |own| {
+            own / (axis.force_gain * axis.disp_gain) * way
+        })
     }
 
     /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units: |kᵢⱼ|
@@ -73,8 +75,10 @@ impl InitialStiffness {
         let all: f64 = each
             .map(|((way, axis), root)| root * (way / axis.disp_gain).abs())
             .sum();
-        let gain = axes.get(index).map_or(1.0, |axis| axis.force_gain.abs());
-        roots.get(index).map_or(0.0, |root| root * all / gain)
+        let gain = axes
+            .get(index)
+            .map_or(f64::NAN, |axis| axis.force_gain.abs());
+        roots.get(index).map_or(f64::NAN, |root| root * all / gain)
     }
 
     /// Force of an axis that its displacement does not explain, and how far off that is where k̂ is known to a `share` and the other
@@ -93,9 +97,9 @@ impl InitialStiffness {
         let (Some(own), Some(known), Some([_, force])) =
             (ways.get_mut(index), axes.get(index), measured.get(index))
         else {
-            return (0.0, 0.0);
+            return (f64::NAN, f64::NAN);
         };
-        let stiffness = self.own.get(index).copied().unwrap_or(0.0);
+        let stiffness = self.own.get(index).copied().unwrap_or(f64::NAN);
         let explained = stiffness / (known.force_gain * known.disp_gain) * *own;
         *own *= share;
         let slack = self.most_force(index, axes, &ways);

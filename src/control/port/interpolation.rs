@@ -13,7 +13,7 @@
 //!
 //! No input or output, no clock. Real-time: everything but [`Interpolation::new`].
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Targets that are remembered.
 const PAST: usize = 4;
@@ -35,6 +35,8 @@ struct Way {
     goal: f64,
 }
 
+state! { Way { past, goal } }
+
 /// The ways of all axes of one specimen.
 #[derive(Debug, Clone)]
 pub(crate) struct Interpolation {
@@ -43,6 +45,8 @@ pub(crate) struct Interpolation {
     /// u₀, where the next target became known; none while it is not.
     joined: Option<f64>,
 }
+
+state! { Interpolation { ways, joined } keeps { order } }
 
 /// Order of the prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -141,15 +145,6 @@ impl Interpolation {
         }
     }
 
-    /// Visits every target, and where the next became known. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for way in &mut self.ways {
-            visit.numbers(&mut way.past);
-            visit.number(&mut way.goal);
-        }
-        visit.option(&mut self.joined);
-    }
-
     /// Predicts with another order from here on.
     pub(crate) fn set_order(&mut self, order: Order) {
         self.order = order;
@@ -197,7 +192,10 @@ impl Interpolation {
     #[must_use]
     pub(crate) fn at(&self, axis: usize, u: f64) -> PathPoint {
         let Some(way) = self.ways.get(axis) else {
-            return PathPoint::default();
+            return PathPoint {
+                disp: f64::NAN,
+                slope: f64::NAN,
+            };
         };
         match self.joined {
             None => way.predict(u, self.order),

@@ -3,7 +3,8 @@
 //! An exchange that is no part of the test puts the link ahead of the test. A tick without a command puts it behind. Invariant:
 //! an answer is counted back with the offsets of the command that left last, not with those of the command to come.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// Offset between the numbers on a link and the numbers of the test.
 #[derive(Debug, Clone, Copy, Default)]
@@ -14,13 +15,9 @@ struct Offset {
     behind: u64,
 }
 
-impl Offset {
-    /// Visits both counts. Real-time: yes.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.count(&mut self.ahead);
-        visit.count(&mut self.behind);
-    }
+state! { Offset { ahead, behind } }
 
+impl Offset {
     #[inline]
     const fn on_link(self, sequence: u64) -> u64 {
         sequence
@@ -51,13 +48,11 @@ impl LinkNumbers {
     /// Visits the number of the last command. Offsets that belong to a connection are not visited: a resumed test has another one.
     /// Real-time: yes.
     pub(crate) fn visit_state(&mut self, are_of_connection: bool, visit: &mut dyn Visit) {
-        let (mut has_sent, mut sent) = (self.sent.is_some(), self.sent());
-        visit.flag(&mut has_sent);
-        visit.count(&mut sent);
-        self.sent = has_sent.then_some(sent);
+        let Self { next, last, sent } = self;
+        sent.visit_state(visit);
         if !are_of_connection {
-            self.next.visit_state(visit);
-            self.last.visit_state(visit);
+            next.visit_state(visit);
+            last.visit_state(visit);
         }
     }
 

@@ -15,7 +15,7 @@ use super::axis::dots;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
 use gusset_actuator::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// One row of B: what a coordinate is of the structure's displacements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -59,6 +59,12 @@ pub struct LoadingUnit {
     bend: Bend,
 }
 
+// A pose that cannot be ends the test before a state is taken.
+state! {
+    LoadingUnit as "loading unit" { aim, rates, found, force, is_unknown, range, worst }
+    keeps { geometry, rows, law_at, fault, bend }
+}
+
 impl LoadingUnit {
     /// At its reference pose; `rows` are those of B, one per coordinate.
     pub(crate) fn new(geometry: Geometry, rows: Vec<PoseRow>, law_at: LawPlace) -> Self {
@@ -77,18 +83,6 @@ impl LoadingUnit {
             worst: reference,
             bend: Bend::new(reference),
         }
-    }
-
-    /// Visits poses and forces. A pose that cannot be ends the test before a state is taken. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("loading unit");
-        self.aim.visit_state(visit);
-        visit.numbers(&mut self.rates);
-        self.found.visit_state(visit);
-        visit.numbers(&mut self.force);
-        visit.flag(&mut self.is_unknown);
-        visit.numbers(self.range.as_flattened_mut());
-        self.worst.visit_state(visit);
     }
 
     /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.
@@ -196,8 +190,9 @@ impl LoadingUnit {
         self.is_unknown = found.is_err();
         found?;
         let n = self.rows.len();
-        if let Some(forces) = self.force.get_mut(..n) {
-            self.geometry.pose_forces(&self.found, force, forces);
+        match self.force.get_mut(..n) {
+            Some(forces) => self.geometry.pose_forces(&self.found, force, forces),
+            None => self.force = [f64::NAN; MOST],
         }
         Ok(())
     }

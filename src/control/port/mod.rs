@@ -84,8 +84,9 @@ use estimates::{Estimates, Observation};
 use exchange::Exchange;
 use exchange_state::Loss;
 use feedback::Feedback;
-use gusset_actuator::geometry::{Coordinate, Fault, Geometry};
-use gusset_quantity::state::{TestState, Visit};
+use gusset_actuator::geometry::{Fault, Geometry};
+use gusset_quantity::state;
+use gusset_quantity::state::TestState;
 use gusset_quantity::substructure::{
     Freshness, Holder, Introduction, LinkFault, Measurement, Substructure, Unavailable,
 };
@@ -114,6 +115,14 @@ pub struct Port {
     exits: Exits,
     /// The motion that is retraced when it is interrupted.
     retrace: Option<Retrace>,
+}
+
+// When a step is closed.
+state! {
+    Port as "port" {
+        axes, loading_unit: configured(), path, exchange, guard, feedback, estimates, tracking, startup
+    }
+    keeps { name, stiffness, exits, retrace }
 }
 
 impl std::fmt::Debug for Port {
@@ -236,24 +245,6 @@ impl Port {
 
 // Targets and commands.
 impl Port {
-    /// Visits every value that later rows of a running test depend on, when a step is closed. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("port");
-        for axis in &mut self.axes {
-            axis.visit_state(visit);
-        }
-        if let Some(unit) = &mut self.loading_unit {
-            unit.visit_state(visit);
-        }
-        self.path.visit_state(visit);
-        self.exchange.visit_state(visit);
-        self.guard.visit_state(visit);
-        self.feedback.visit_state(visit);
-        self.estimates.visit_state(visit);
-        self.tracking.visit_state(visit);
-        self.startup.visit_state(visit);
-    }
-
     /// Makes the next command from the structure's state. Real-time: yes.
     pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
         let target = self.path.target_mut();

@@ -250,6 +250,8 @@ impl Probe {
         if let (Some(disp), Some(vel)) = (disp.get_mut(self.axis), vel.get_mut(self.axis)) {
             *disp += way;
             *vel = speed;
+        } else {
+            disp.fill(f64::NAN);
         }
         true
     }

@@ -6,7 +6,7 @@ pub(super) fn product(row: &[f64], vector: impl Iterator<Item = f64>) -> f64 {
     row.iter().zip(vector).map(|(a, b)| a * b).sum()
 }
 
-/// A row of a matrix of `n` columns, in rows one behind the other, times a vector.
+/// A row of a matrix of `n` columns, in rows one behind the other, times a vector; not a number if there is no such row.
 #[inline]
 pub(super) fn row_times(
     matrix: &[f64],
@@ -14,6 +14,6 @@ pub(super) fn row_times(
     n: usize,
     vector: impl Iterator<Item = f64>,
 ) -> f64 {
-    let row = matrix.get(row * n..(row + 1) * n).unwrap_or_default();
-    product(row, vector)
+    let row = matrix.get(row * n..(row + 1) * n);
+    row.map_or(f64::NAN, |row| product(row, vector))
 }

@@ -1,6 +1,6 @@
 //! Readings of an axis at rest, and the zero that is taken of them.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Whether a channel keeps its declared zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,6 +67,8 @@ pub(super) struct ReadingSums {
     squares: [f64; 2],
 }
 
+state! { ReadingSums { count, first, sum, squares } }
+
 impl ReadingSums {
     /// Takes displacement and force.
     pub(crate) fn take(&mut self, values: [f64; 2]) {
@@ -79,14 +81,6 @@ impl ReadingSums {
             let value = value - first;
             *sum += value;
             *squares += value * value;
-        }
-    }
-
-    /// Visits every sum. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.number(&mut self.count);
-        for sums in [&mut self.first, &mut self.sum, &mut self.squares] {
-            visit.numbers(sums);
         }
     }
 

@@ -6,7 +6,7 @@
 use super::axis::Axis;
 use super::sensor_zero::{DispZero, Reading, ReadingSums, Reference, Zero};
 use super::wiring_check::WiringCheck;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 use gusset_quantity::substructure::Measurement;
 
 /// Displacements whose relative difference is smaller are the same place.
@@ -37,6 +37,12 @@ pub struct Startup {
     needs_measured_disp: NeedsMeasuredDisp,
 }
 
+// Where the specimen stands is known when it is connected.
+state! {
+    Startup as "startup" { sums, zero_is_taken }
+    keeps { references, standing, stated, wiring, is_computed, needs_measured_disp }
+}
+
 impl Startup {
     /// One reference for each axis.
     pub(crate) fn new(
@@ -55,15 +61,6 @@ impl Startup {
             is_computed,
             needs_measured_disp,
         }
-    }
-
-    /// Visits what was read. Where the specimen stands is known when it is connected. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("startup");
-        for sums in &mut self.sums {
-            sums.visit_state(visit);
-        }
-        visit.flag(&mut self.zero_is_taken);
     }
 
     /// How the wiring is checked.

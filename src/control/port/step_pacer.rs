@@ -8,7 +8,7 @@
 //! is N increments of exactly 1. Limits: no input or output and no clock; the caller's calls count the ticks.
 
 use gusset_quantity::catalog::phase::Stage;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Share of the step at which an unknown target slows the command down.
 pub const SLOW_FROM: f64 = 0.6;
@@ -43,24 +43,9 @@ pub struct PacerTick {
     pub spacing: f64,
 }
 
-impl PacerTick {
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        let Self {
-            share,
-            length,
-            stage,
-            pace,
-            point,
-            ahead,
-            spacing,
-        } = self;
-        StepPacer::visit_stage(stage, visit);
-        for value in [share, length, pace, point, ahead, spacing] {
-            visit.number(value);
-        }
-    }
+state! { PacerTick { stage, share, length, pace, point, ahead, spacing } }
 
+impl PacerTick {
     /// At the first target.
     #[must_use]
     pub(crate) const fn none() -> Self {
@@ -102,7 +87,7 @@ pub struct StepPacer {
     progress: f64,
     known: bool,
     /// (d_sd, i_sd) while a slow-down is recovered from.
-    left: Option<(f64, f64)>,
+    left: Option<[f64; 2]>,
     /// Increment of the chart at the last tick, without ρ.
     increment: f64,
     /// ρ, and its change in one tick.
@@ -112,24 +97,9 @@ pub struct StepPacer {
     pace: f64,
 }
 
+state! { StepPacer { progress, known, left, increment, ease, pace } keeps { ticks, ease_per_tick } }
+
 impl StepPacer {
-    /// Visits a stage. Real-time: yes.
-    pub(crate) fn visit_stage(stage: &mut Stage, visit: &mut dyn Visit) {
-        visit.choice(stage, &[Stage::Correct, Stage::Predict, Stage::SlowDown]);
-    }
-
-    /// Visits every value that changes from tick to tick. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.number(&mut self.progress);
-        visit.flag(&mut self.known);
-        let mut left = self.left.map(|(pace, from)| [pace, from]);
-        visit.options(&mut left);
-        self.left = left.map(|[pace, from]| (pace, from));
-        visit.number(&mut self.increment);
-        visit.number(&mut self.ease);
-        visit.number(&mut self.pace);
-    }
-
     /// N ticks a step, and `ease_ticks` ticks from full pace to a hold: 0 stops at once.
     #[must_use]
     pub(crate) fn new(ticks: u32, ease_ticks: u32) -> Self {
@@ -185,7 +155,7 @@ impl StepPacer {
     /// The target was reached: a new step begins, whose target is not known yet. Real-time: yes.
     #[inline]
     pub(crate) fn begin(&mut self) {
-        self.left = self.left.map(|_| (self.increment, 0.0));
+        self.left = self.left.map(|_| [self.increment, 0.0]);
         self.progress = 0.0;
         self.known = false;
     }
@@ -194,7 +164,7 @@ impl StepPacer {
     #[inline]
     pub(crate) fn know(&mut self) {
         if !self.known && self.increment < 1.0 {
-            self.left = Some((self.increment, self.progress));
+            self.left = Some([self.increment, self.progress]);
         }
         self.known = true;
     }
@@ -220,7 +190,7 @@ impl StepPacer {
         self.ease = self.eased(self.ease, hold);
         self.increment = if self.known {
             match self.left {
-                Some((pace, from)) => {
+                Some([pace, from]) => {
                     (pace + (self.progress - from) / (OVER * n)).clamp(CREEP, 1.0)
                 }
                 None => 1.0,

@@ -5,7 +5,7 @@
 //! the corner of a hysteresis loop is not taken for a tangent. Until there is one, and while nothing moves, the last
 //! value stands. Pure: no clock, no bounds. Real-time after `new`.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Share of the past that the next sample leaves: a memory of eight samples, of 32 where two slopes are told apart, because
 /// displacement and velocity are in proportion over shorter stretches.
@@ -27,6 +27,8 @@ pub struct Point {
     pub force: f64,
 }
 
+state! { Point { disp, vel, force } }
+
 /// The estimate of one axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Tangent {
@@ -45,6 +47,10 @@ pub struct Tangent {
     sums: [f64; 5],
 }
 
+state! {
+    Tangent { stiffness, damping, step, largest, begun, from, furthest, sums } keeps { with_damping }
+}
+
 impl Tangent {
     /// Begins with the declared values; damping is estimated only if it is declared.
     #[must_use]
@@ -60,25 +66,6 @@ impl Tangent {
             furthest: Point::default(),
             sums: [0.0; 5],
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for value in [
-            &mut self.stiffness,
-            &mut self.damping,
-            &mut self.step,
-            &mut self.largest,
-        ] {
-            visit.number(value);
-        }
-        visit.flag(&mut self.begun);
-        for Point { disp, vel, force } in [&mut self.from, &mut self.furthest] {
-            for value in [disp, vel, force] {
-                visit.number(value);
-            }
-        }
-        visit.numbers(&mut self.sums);
     }
 
     /// Forgets the samples but not the values, and counts changes of at least `step` m from now on.

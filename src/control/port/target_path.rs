@@ -2,7 +2,7 @@
 
 use super::axis_motion::AxisMotion;
 use super::interpolation::{Interpolation, Order, PathPoint};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Where the target goes.
 #[derive(Debug)]
@@ -11,18 +11,14 @@ pub(crate) struct TargetPath {
     interpolation: Interpolation,
 }
 
+state! { TargetPath { goal, interpolation } }
+
 impl TargetPath {
     pub(crate) fn new(axes: usize) -> Self {
         Self {
             goal: AxisMotion::zeros(axes),
             interpolation: Interpolation::new(axes, Order::default()),
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        self.goal.visit_state(visit);
-        self.interpolation.visit_state(visit);
     }
 
     /// Predicts with this order while the goal is unknown.

@@ -10,7 +10,7 @@ use super::command_path::VelocityOf;
 use super::estimates::Observation;
 use super::spec::TrackingSpec;
 use gusset_proof::CriticalDelay;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Time in which the window forgets, s of test time.
 const WINDOW_S: f64 = 2.0;
@@ -36,24 +36,9 @@ struct FitSums {
     vf: f64,
 }
 
-impl FitSums {
-    /// Visits every sum. Real-time: yes.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        let Self {
-            weight,
-            xx,
-            xv,
-            vv,
-            xm,
-            vm,
-            xf,
-            vf,
-        } = self;
-        for sum in [weight, xx, xv, vv, xm, vm, xf, vf] {
-            visit.number(sum);
-        }
-    }
+state! { FitSums { weight, xx, xv, vv, xm, vm, xf, vf } }
 
+impl FitSums {
     #[inline]
     fn add(&mut self, keep: f64, [x, v]: [f64; 2], [m, f]: [f64; 2]) {
         self.weight = keep * self.weight + 1.0;
@@ -74,6 +59,8 @@ struct TrackingFit {
     gain: f64,
     stiffness: f64,
 }
+
+state! { TrackingFit { lag, gain, stiffness } }
 
 impl TrackingFit {
     const UNKNOWN: Self = Self {
@@ -97,6 +84,8 @@ struct AxisTracking {
     least: f64,
 }
 
+state! { AxisTracking { start, last_vel, sums, fit, fitted_for, least, settled } }
+
 impl AxisTracking {
     const NONE: Self = Self {
         start: None,
@@ -116,22 +105,6 @@ impl AxisTracking {
         settled: false,
         least: LEAST_M,
     };
-
-    /// Visits every value. Real-time: yes.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.options(&mut self.start);
-        visit.number(&mut self.last_vel);
-        self.sums.visit_state(visit);
-        let TrackingFit {
-            lag,
-            gain,
-            stiffness,
-        } = &mut self.fit;
-        for value in [lag, gain, stiffness, &mut self.fitted_for, &mut self.least] {
-            visit.number(value);
-        }
-        visit.flag(&mut self.settled);
-    }
 
     /// One tick of `dt` s in which `passed` s of test time pass, less where its pace eases: target, its velocity of `age` ticks ago,
     /// measured displacement and force. Real-time: yes.
@@ -203,6 +176,8 @@ pub struct Tracking {
     passes: Option<f64>,
 }
 
+state! { Tracking as "tracking" { axes, test_runs, passes } keeps { dt, age, critical, is_on } }
+
 impl Tracking {
     pub(crate) fn new(axes: usize) -> Self {
         Self {
@@ -214,16 +189,6 @@ impl Tracking {
             test_runs: false,
             passes: None,
         }
-    }
-
-    /// Visits everything but what is declared. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("tracking");
-        for axis in &mut self.axes {
-            axis.visit_state(visit);
-        }
-        visit.flag(&mut self.test_runs);
-        visit.option(&mut self.passes);
     }
 
     /// Estimates delay and gain from here on.

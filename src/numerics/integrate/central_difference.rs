@@ -7,7 +7,7 @@ use super::State;
 use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
 use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
 use crate::linalg::SymMatrix;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Central differences, ready to step.
 #[derive(Debug)]
@@ -17,6 +17,10 @@ pub struct CentralDifference {
     equilibrium: Equilibrium,
     accel: Vec<f64>,
     before: Vec<f64>,
+}
+
+state! {
+    CentralDifference as "central_difference" { accel, before, equilibrium } keeps { dt, mass }
 }
 
 impl CentralDifference {
@@ -55,13 +59,6 @@ impl Offline for CentralDifference {
         for (before, ((x, v), a)) in self.before.iter_mut().zip(rows) {
             *before = x - dt * v + dt * dt / 2.0 * a;
         }
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("central_difference");
-        visit.numbers(&mut self.accel);
-        visit.numbers(&mut self.before);
-        self.equilibrium.visit_state(visit);
     }
 
     fn step(

@@ -11,7 +11,7 @@ use super::State;
 use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
 use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
 use crate::linalg::{Spd, SymMatrix};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// The method, ready to step.
 #[derive(Debug)]
@@ -25,6 +25,10 @@ pub struct Chang2002 {
     equilibrium: Equilibrium,
     accel: Vec<f64>,
     gained: Vec<f64>,
+}
+
+state! {
+    Chang2002 as "chang_2002" { accel, equilibrium } keeps { dt, mass, damped_mass, factor, gained }
 }
 
 impl Chang2002 {
@@ -66,12 +70,6 @@ impl Offline for Chang2002 {
 
     fn begin(&mut self, _state: &State, residual: &[f64]) {
         initial_accel(&self.mass, residual, &mut self.accel);
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("chang_2002");
-        visit.numbers(&mut self.accel);
-        self.equilibrium.visit_state(visit);
     }
 
     fn step(

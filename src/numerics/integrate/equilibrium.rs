@@ -7,7 +7,7 @@
 
 use super::offline::{Forces, MethodError, Moment, StepError, Tangents};
 use crate::linalg::{Spd, SymMatrix};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Bounds of Newton's iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +44,12 @@ pub(super) struct Equilibrium {
     largest: f64,
     residual: Vec<f64>,
     inertia: Vec<f64>,
+}
+
+// The factor at hand follows from the tangents of the moment.
+state! {
+    Equilibrium { largest }
+    keeps { mass, initial, initial_factor, current, disp_share, vel_share, settings, residual, inertia }
 }
 
 impl Equilibrium {
@@ -139,11 +145,6 @@ impl Equilibrium {
             }
         }
         Err(self.failed(step, self.settings.iterations, self.worst()))
-    }
-
-    /// Visits what it remembers from step to step. The factor at hand follows from the tangents of the moment.
-    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.number(&mut self.largest);
     }
 
     /// residual ← (M + θ_v C_t + θ_x K_t)⁻¹ residual.

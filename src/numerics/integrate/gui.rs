@@ -159,6 +159,8 @@ impl Integrator for Gui {
                     weighted_accel,
                     pace,
                 });
+            } else {
+                disp.fill(f64::NAN);
             }
         };
         // Rows are moved while the solve still has them at hand.
@@ -255,6 +257,8 @@ impl Rows for Moving<'_> {
                 weighted_accel,
                 pace: self.pace,
             });
+        } else {
+            self.disp.fill(f64::NAN);
         }
     }
 

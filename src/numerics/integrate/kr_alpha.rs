@@ -23,7 +23,7 @@
 use super::offline::{Forces, MethodError, Moment, Offline, StepError, check};
 use super::{Integrator, State};
 use crate::linalg::{Spd, SymMatrix};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// α_m, α_f, γ, β of one method.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -247,6 +247,8 @@ pub struct KrAlphaAtState {
     vel: Vec<f64>,
 }
 
+state! { KrAlphaAtState as "kr_alpha_at_state" { accel } keeps { operators, disp, vel } }
+
 impl KrAlphaAtState {
     /// `damping` and `stiffness` are C0 and K0.
     ///
@@ -281,11 +283,6 @@ impl Offline for KrAlphaAtState {
     fn begin(&mut self, _state: &State, residual: &[f64]) {
         self.accel.copy_from_slice(residual);
         self.operators.start.solve_in_place(&mut self.accel);
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("kr_alpha_at_state");
-        visit.numbers(&mut self.accel);
     }
 
     fn step(

@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::linalg::Aligned;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 pub use central_difference::CentralDifference;
 pub use chang_2002::Chang2002;
@@ -60,6 +60,9 @@ pub struct State {
     pub memory: Vec<f64>,
 }
 
+// The length of the memory was fixed by [`Integrator::prepare`].
+state! { State as "integration" { disp, vel, weighted_accel, begun, memory } }
+
 impl State {
     /// The state at t = 0; both vectors have one entry per degree of freedom.
     #[must_use]
@@ -78,16 +81,6 @@ impl State {
     #[must_use]
     pub fn at_rest(dofs: usize) -> Self {
         Self::new(vec![0.0; dofs], vec![0.0; dofs])
-    }
-
-    /// Visits every value. The length of the memory was fixed by [`Integrator::prepare`]. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("integration");
-        visit.numbers(&mut self.disp);
-        visit.numbers(&mut self.vel);
-        visit.numbers(&mut self.weighted_accel);
-        visit.flag(&mut self.begun);
-        visit.numbers(&mut self.memory);
     }
 
     /// Takes over another state of the same size. Real-time: yes.

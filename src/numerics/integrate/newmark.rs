@@ -11,7 +11,7 @@ use super::State;
 use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
 use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
 use crate::linalg::SymMatrix;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Which member of the family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,6 +45,8 @@ pub struct Newmark {
     equilibrium: Equilibrium,
     accel: Vec<f64>,
 }
+
+state! { Newmark as "newmark" { accel, equilibrium } keeps { dt, beta, mass } }
 
 impl Newmark {
     /// `damping` and `stiffness` are the tangents of the start; the current ones are asked for as it goes.
@@ -82,12 +84,6 @@ impl Offline for Newmark {
 
     fn begin(&mut self, _state: &State, residual: &[f64]) {
         initial_accel(&self.mass, residual, &mut self.accel);
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("newmark");
-        visit.numbers(&mut self.accel);
-        self.equilibrium.visit_state(visit);
     }
 
     fn step(

@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::{Integrator, LambdaError, State};
 use crate::linalg::{NotPositiveDefinite, SymMatrix};
 use crate::model::{Base, Structure};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// A place in time: step n, moved back by a share of a step. Loads and base motion between steps are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,8 +57,8 @@ pub trait Forces {
     fn commit(&mut self);
 }
 
-/// A method for structures that are computed altogether.
-pub trait Offline: Send + fmt::Debug {
+/// A method for structures that are computed altogether. Its state is what it remembers from step to step besides the [`State`].
+pub trait Offline: Stateful + Send + fmt::Debug {
     /// Δt in s.
     fn dt(&self) -> f64;
 
@@ -69,9 +69,6 @@ pub trait Offline: Send + fmt::Debug {
 
     /// Takes r\[0\] = F − R_d − R_s at x\[0\], v\[0\], from which a\[0\] follows.
     fn begin(&mut self, state: &State, residual: &[f64]);
-
-    /// Visits what the method remembers from step to step besides the [`State`].
-    fn visit_state(&mut self, visit: &mut dyn Visit);
 
     /// From step `to` − 1, which `state` holds and which is committed, to step `to`; commits it. `inertia` becomes M a
     /// there, in N, one entry per degree of freedom.
@@ -198,9 +195,8 @@ pub enum Stepper {
     Offline(Box<dyn Offline>),
 }
 
-impl Stepper {
-    /// Visits what the method remembers from step to step besides the [`State`].
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
+impl Stateful for Stepper {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
         match self {
             Self::Explicit(_) => {}
             Self::Offline(method) => method.visit_state(visit),

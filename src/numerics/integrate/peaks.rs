@@ -1,6 +1,6 @@
 //! Peaks over all degrees of freedom, recorded or not.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel};
@@ -15,6 +15,8 @@ pub struct Peaks {
     /// m/s²; NaN for a massless DOF, which has none.
     pub accel: Vec<f64>,
 }
+
+state! { Peaks as "peaks" { disp, vel, accel } }
 
 impl Peaks {
     /// Peaks of nothing, for `dofs` degrees of freedom.
@@ -44,14 +46,6 @@ impl Peaks {
         for (peaks, values) in pairs {
             Lanes::best_for(values.len()).run(Highest { peaks, values });
         }
-    }
-
-    /// Visits every peak. Real-time: yes.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("peaks");
-        visit.numbers(&mut self.disp);
-        visit.numbers(&mut self.vel);
-        visit.numbers(&mut self.accel);
     }
 
     /// Notes displacements. Real-time: yes.
@@ -155,7 +149,7 @@ impl Kernel for HighestOrNone<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     #[test]
     fn the_first_displacement_out_of_bounds_is_named() {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{non_negative, positive};
 use super::{Law, LawError, Reach, Tangent};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Side on which a gap can close.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -60,6 +60,8 @@ pub struct Gap {
     closed: bool,
 }
 
+state! { Gap as "gap" {} keeps { stiffness, gap, side, closed } }
+
 impl Law for Gap {
     fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
         let tension = matches!(self.side, Side::Tension | Side::Both) && disp > self.gap;
@@ -91,11 +93,6 @@ impl Law for Gap {
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(self.stiffness), Some(0.0))
-    }
-
-    /// Stateless: the force follows from the moment alone.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("gap");
     }
 }
 

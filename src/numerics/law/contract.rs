@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::{Law, LawSpec, Reach};
-use gusset_quantity::state::TestState;
+use gusset_quantity::state::{Stateful, TestState};
 
 /// One or more of each kind, every variant of the description present.
 const LAWS: &str = r#"

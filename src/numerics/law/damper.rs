@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, non_negative, positive, reference, require};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Biviscous damper, f = c₀ v for |v| ≤ v_y and f = sgn(v) (c₀ v_y + c_y (|v| − v_y)) beyond.
 /// Source: Gui et al. 2014, example 4.3.
@@ -49,6 +49,8 @@ pub struct Biviscous {
     yielding: bool,
 }
 
+state! { Biviscous as "biviscous" {} keeps { damping, post_yield, yield_vel, yielding } }
+
 impl Law for Biviscous {
     fn trial(&mut self, _disp: f64, vel: f64, _dt: f64) -> f64 {
         let speed = vel.abs();
@@ -89,11 +91,6 @@ impl Law for Biviscous {
             post_yield: self.post_yield,
             yield_vel: self.yield_vel,
         })
-    }
-
-    /// Stateless: the force follows from the moment alone.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("biviscous");
     }
 }
 
@@ -173,6 +170,11 @@ pub struct PowerDamper {
     speed: f64,
 }
 
+state! {
+    PowerDamper as "power_damper" {}
+    keeps { coefficient, exponent, linear_below, at_rest, reference, speed }
+}
+
 impl PowerDamper {
     fn slope(&self, speed: f64) -> f64 {
         self.coefficient * self.exponent * libm::pow(speed, self.exponent - 1.0)
@@ -221,11 +223,6 @@ impl Law for PowerDamper {
         };
         (Some(0.0), damping)
     }
-
-    /// Stateless: the force follows from the moment alone.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("power_damper");
-    }
 }
 
 /// Smoothed friction, f = F tanh(v/v_r). It creeps under a constant force. Use `bilinear`
@@ -273,6 +270,8 @@ pub struct SmoothFriction {
     share: f64,
 }
 
+state! { SmoothFriction as "smooth_friction" {} keeps { force, vel, slope, share } }
+
 impl Law for SmoothFriction {
     fn trial(&mut self, _disp: f64, vel: f64, _dt: f64) -> f64 {
         self.share = libm::tanh(vel / self.vel);
@@ -299,11 +298,6 @@ impl Law for SmoothFriction {
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(0.0), Some(self.slope))
-    }
-
-    /// Stateless: the force follows from the moment alone.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("smooth_friction");
     }
 }
 

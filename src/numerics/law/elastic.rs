@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, finite, non_negative, positive, reference};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Linear spring and dashpot in parallel, f = k d + c v. With k = 0 it is a viscous damper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,6 +39,8 @@ pub struct Linear {
     damping: f64,
 }
 
+state! { Linear as "linear" {} keeps { stiffness, damping } }
+
 impl Law for Linear {
     fn trial(&mut self, disp: f64, vel: f64, _dt: f64) -> f64 {
         self.stiffness * disp + self.damping * vel
@@ -64,11 +66,6 @@ impl Law for Linear {
             stiffness: self.stiffness,
             damping: self.damping,
         })
-    }
-
-    /// Stateless: the force follows from the moment alone.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("linear");
     }
 }
 
@@ -109,6 +106,8 @@ pub struct SquareRoot {
     root: f64,
 }
 
+state! { SquareRoot as "square_root" {} keeps { stiffness, hardening, root } }
+
 impl Law for SquareRoot {
     fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
         self.root = disp.abs().sqrt();
@@ -144,11 +143,6 @@ impl Law for SquareRoot {
             stiffness: self.stiffness,
             hardening: self.hardening,
         })
-    }
-
-    /// Stateless: the force follows from the moment alone.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("square_root");
     }
 }
 
@@ -198,6 +192,8 @@ pub struct Cubic {
     square: f64,
 }
 
+state! { Cubic as "cubic" {} keeps { stiffness, cubic, reference, square } }
+
 impl Law for Cubic {
     fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
         self.square = disp * disp;
@@ -232,11 +228,6 @@ impl Law for Cubic {
             stiffness: self.stiffness,
             cubic: self.cubic,
         })
-    }
-
-    /// Stateless: the force follows from the moment alone.
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("cubic");
     }
 }
 

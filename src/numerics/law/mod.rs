@@ -24,7 +24,7 @@ mod contract;
 
 use thiserror::Error;
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::Stateful;
 
 pub use bouc_wen::{BoucWen, BoucWenSpec, DegradationSpec, PinchingSpec};
 pub use contact::{Gap, GapSpec, Side};
@@ -161,8 +161,9 @@ impl LawError {
 
 /// A uniaxial force law with memory.
 ///
-/// Every method is on the real-time path: no allocation, no panic, bounded time.
-pub trait Law: Send + std::fmt::Debug {
+/// Every method is on the real-time path: no allocation, no panic, bounded time. Its state is the committed one: a restored law has
+/// no trial, its last trial is the committed state.
+pub trait Law: Stateful + Send + std::fmt::Debug {
     /// Force in N at displacement `disp` (m) and velocity `vel` (m/s), reached from the committed state along
     /// a straight path in `dt` seconds. `dt` = 0 is a repeated or first reading: rate effects other than those of
     /// `vel` do not progress.
@@ -233,7 +234,4 @@ pub trait Law: Send + std::fmt::Debug {
     fn bouc_wen(&mut self) -> Option<&mut BoucWen> {
         None
     }
-
-    /// Visits the committed state. A restored law has no trial: its last trial is the committed state.
-    fn visit_state(&mut self, visit: &mut dyn Visit);
 }

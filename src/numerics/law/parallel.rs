@@ -1,13 +1,15 @@
 //! Several laws side by side: same displacement and velocity, forces added in the order of the list.
 
 use super::{Law, LawError, Reach, Tangent};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// A sum of laws, e.g. a bilinear isolator and a viscous damper.
 #[derive(Debug)]
 pub struct Parallel {
     parts: Vec<Box<dyn Law>>,
 }
+
+state! { Parallel as "parallel" { parts } }
 
 impl Parallel {
     /// The sum of `parts`.
@@ -86,13 +88,6 @@ impl Law for Parallel {
             total.1 = total.1.zip(damping).map(|(sum, one)| sum + one);
         }
         total
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("parallel");
-        for part in &mut self.parts {
-            part.visit_state(visit);
-        }
     }
 }
 

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::{fraction, positive, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// Bilinear spring with kinematic hardening. The stiffness is k up to the yield force and b k
 /// beyond it. Unloading has stiffness k over twice the yield force. With b = 0 it is perfectly plastic.
@@ -54,6 +55,11 @@ pub struct Bilinear {
     ratio: f64,
     committed: Slider,
     trial: Slider,
+}
+
+state! {
+    Bilinear as "bilinear" { committed } keeps { stiffness, yield_force, yield_disp, ratio, trial }
+    restored { *trial = *committed; }
 }
 
 /// A bilinear law as plain numbers, for loops over many.
@@ -141,6 +147,15 @@ impl Slider {
     }
 }
 
+impl Stateful for Slider {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let mut motion = self.to_number();
+        visit.number(&mut self.disp);
+        visit.number(&mut motion);
+        *self = Self::from_numbers(self.disp, motion);
+    }
+}
+
 impl Law for Bilinear {
     fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
         let (slider, force) = self.at(disp);
@@ -192,23 +207,12 @@ impl Law for Bilinear {
     fn bilinear(&mut self) -> Option<&mut Bilinear> {
         Some(self)
     }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("bilinear");
-        let mut motion = self.committed.to_number();
-        visit.number(&mut self.committed.disp);
-        visit.number(&mut motion);
-        if visit.restores() {
-            self.committed = Slider::from_numbers(self.committed.disp, motion);
-            self.trial = self.committed;
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_quantity::state::TestState;
+    use gusset_quantity::state::{Stateful, TestState};
 
     /// ∮ f du over one closed cycle 0 → U → −U → U, after the first quarter, in `n` steps a leg; exact for a path of
     /// straight pieces up to the two pieces in which the law has its kink.

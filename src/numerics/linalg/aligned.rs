@@ -7,6 +7,8 @@
 use std::fmt;
 use std::ops::{Deref, DerefMut};
 
+use gusset_quantity::state::{Stateful, Visit};
+
 /// Bytes of a line.
 const LINE: usize = 64;
 
@@ -43,6 +45,12 @@ impl DerefMut for Aligned {
     #[inline]
     fn deref_mut(&mut self) -> &mut [f64] {
         self.store.get_mut(self.start..).unwrap_or_default()
+    }
+}
+
+impl Stateful for Aligned {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        visit.numbers(self);
     }
 }
 

@@ -99,6 +99,8 @@ impl ByRows {
                 let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
                 let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
                 *force = law.step(deformation, rate, dt);
+            } else {
+                self.forces.fill(f64::NAN);
             }
         }
         let left = self.entered.get(self.next_entered..);
@@ -110,6 +112,8 @@ impl ByRows {
             let force = self.forces.get(end as usize / 2);
             if let (Some(r), Some(force)) = (residual.get_mut(row as usize), force) {
                 *r += if end % 2 == 0 { -force } else { *force };
+            } else {
+                residual.fill(f64::NAN);
             }
         }
     }

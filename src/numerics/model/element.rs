@@ -2,6 +2,7 @@
 
 use super::{Element, End, ModelError};
 use crate::law::{Law, Reach};
+use gusset_quantity::state;
 
 /// The hot half of an element.
 #[derive(Debug)]
@@ -10,6 +11,8 @@ pub(super) struct Connection {
     pub(super) from: u32,
     pub(super) to: u32,
 }
+
+state! { Connection { law } keeps { from, to } }
 
 /// The cold half.
 #[derive(Debug)]

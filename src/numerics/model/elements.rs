@@ -17,7 +17,7 @@ use super::strip::Strip;
 use super::{Element, End, ModelError, Motion};
 use crate::law::{Law, Memoryless, Tangent};
 use crate::linalg::Lanes;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// Shortest run that is formed.
 const SHORTEST: usize = 16;
@@ -212,13 +212,6 @@ impl Elements {
             .for_each(|connection| connection.law.revert());
     }
 
-    /// Elements in runs have no memory.
-    pub(super) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for connection in self.connections_mut(visit.restores()) {
-            connection.law.visit_state(visit);
-        }
-    }
-
     /// The elements that are kept one by one: all that have a memory. `change`: they may change.
     fn connections_mut(&mut self, change: bool) -> impl Iterator<Item = &mut Connection> {
         self.groups.iter_mut().flat_map(move |group| match group {
@@ -361,6 +354,15 @@ impl Elements {
                     ..
                 } => by_rows.subtract(connections, rows.clone(), motion, residual, lanes),
             }
+        }
+    }
+}
+
+/// Elements in runs have no memory.
+impl Stateful for Elements {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        for connection in self.connections_mut(visit.restores()) {
+            connection.visit_state(visit);
         }
     }
 }

@@ -218,12 +218,15 @@ impl Run {
     ) {
         let base = self.base(motion.base);
         let rows = rows.start.max(self.to)..rows.end.min(self.to + self.len);
+        if rows.is_empty() {
+            return;
+        }
         let (Some(disp), Some(vel), Some(residual)) = (
             motion.disp.get(rows.clone()),
             motion.vel.get(rows.clone()),
             residual.get_mut(rows.clone()),
         ) else {
-            return;
+            return residual.fill(f64::NAN);
         };
         if keep {
             self.last.resize(self.len, (0.0, 0.0));

@@ -9,7 +9,7 @@ use super::rows::{Alone, EvenChain};
 use super::{Base, Element, ModelError, Motion, Part, sound};
 use crate::law::Tangent;
 use crate::linalg::{Lanes, SymMatrix};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// The numerical substructure.
 #[derive(Debug)]
@@ -24,6 +24,11 @@ pub struct Structure {
     lanes: Lanes,
     /// What they are called, and each of them.
     storeys: (&'static str, Vec<Storey>),
+}
+
+state! {
+    Structure { elements }
+    keeps { mass, damping, stiffness, influence, tied_to_base, lanes, storeys }
 }
 
 impl Structure {
@@ -429,11 +434,6 @@ impl Structure {
         let skipped = usize::from(joined);
         self.elements.subtract_rows(skipped, rows, motion, residual);
         true
-    }
-
-    /// Visits the committed state of every element that has one.
-    pub fn visit_state(&mut self, visit: &mut dyn Visit) {
-        self.elements.visit_state(visit);
     }
 
     fn bounds(&self) -> Result<Vec<Tangent>, ModelError> {

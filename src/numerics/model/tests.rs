@@ -11,7 +11,6 @@ use proptest::prelude::*;
 use super::*;
 use crate::law::Tangent;
 use crate::linalg::{SymMatrix, modes};
-use gusset_quantity::state::Visit;
 
 /// f = k d + h d |d| + c v plus a plastic slider that remembers its set: enough memory to see commits.
 #[derive(Debug, Clone, Default)]
@@ -57,11 +56,9 @@ impl Law for Probe {
         let stiffness = reach.disp.map(|d| self.k + 2.0 * self.h * d);
         (stiffness, Some(self.c))
     }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.number(&mut self.committed);
-    }
 }
+
+gusset_quantity::state! { Probe { committed } keeps { k, h, c, trial, at } }
 
 fn element(from: End, to: End, k: f64, h: f64, c: f64) -> Element {
     Element {

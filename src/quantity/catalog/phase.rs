@@ -54,6 +54,8 @@ pub enum Stage {
     SlowDown = 13,
 }
 
+crate::state! { enum Stage { Correct, Predict, SlowDown } }
+
 /// State of the row that ended a test for missed deadlines. Only the clock knows the cause, so the row must say it.
 pub const GIVEN_UP: f64 = 14.0;
 /// State of the row in which the operator ended the test while a reply was awaited.

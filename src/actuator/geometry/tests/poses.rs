@@ -1,7 +1,7 @@
 //! Poses that are sought: found, singular, out of reach, at random.
 
 use super::*;
-use gusset_quantity::state::TestState;
+use gusset_quantity::state::{Stateful, TestState};
 
 /// From anywhere near, the strokes of the pose that is found are those that were measured, to roundoff of a length: also where
 /// the last step was just small enough to be the last.

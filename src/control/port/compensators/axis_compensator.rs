@@ -3,7 +3,7 @@
 use super::gap::Gap;
 use crate::port::Axis;
 use gusset_actuator::compensation::Compensator;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// What is kept of one axis.
 #[derive(Debug)]
@@ -25,6 +25,10 @@ pub(super) struct AxisCompensator {
     gap: Gap,
 }
 
+state! {
+    AxisCompensator { disp, vel, own_vel, points, heard, gap, one } keeps { metres, memory }
+}
+
 impl AxisCompensator {
     pub(crate) fn new(one: Box<dyn Compensator>, metres: f64) -> Self {
         let memory = one.memory();
@@ -39,20 +43,6 @@ impl AxisCompensator {
             points: [(0.0, 0.0); 2],
             heard: u32::MAX,
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.number(&mut self.disp);
-        visit.number(&mut self.vel);
-        visit.number(&mut self.own_vel);
-        for (disp, led) in &mut self.points {
-            visit.number(disp);
-            visit.number(led);
-        }
-        visit.short(&mut self.heard);
-        self.gap.visit_state(visit);
-        self.one.visit_state(visit);
     }
 
     /// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.

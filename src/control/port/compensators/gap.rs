@@ -3,7 +3,7 @@
 //! Filters and differences count in ticks. Whoever learns of them takes part in every tick, on a straight line across those in
 //! which nothing was measured; a straight line is good for a part of what the filters let through, and not for longer.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// What is remembered over what a straight line stands for: 36 ms of the filter's 0.3 s where its corner is at 20 Hz.
 const PARTS: u32 = 8;
@@ -21,6 +21,8 @@ pub(super) struct Gap {
     most: usize,
 }
 
+state! { Gap { from, sent: list(*most) } keeps { most } }
+
 impl Gap {
     /// For a compensator that remembers measurements for so many ticks.
     pub(crate) fn new(memory: u32) -> Self {
@@ -35,12 +37,6 @@ impl Gap {
     /// Most commands without a measurement that are filled in. Real-time: yes.
     pub(crate) const fn most(&self) -> u32 {
         self.most as u32
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.option(&mut self.from);
-        visit.list(&mut self.sent, self.most);
     }
 
     /// The specimen was measured last, or has always stood, at `measured`. Real-time: yes.

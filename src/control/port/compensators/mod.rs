@@ -19,7 +19,8 @@ use super::spec::Compensation;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use gusset_actuator::compensation::Parameter;
-use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, TestState};
 
 /// Which time a compensated delay is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +51,8 @@ enum LeadActivity {
     Awaiting,
 }
 
+state! { enum LeadActivity { Holding, Running, Awaiting } }
+
 /// How the next command was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum LeadCourse {
@@ -58,6 +61,8 @@ enum LeadCourse {
     Disturbed,
 }
 
+state! { enum LeadCourse { Undisturbed, Disturbed } }
+
 /// Kind of the velocity of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CommandVelocity {
@@ -65,6 +70,8 @@ enum CommandVelocity {
     /// With what the lead adds.
     Led,
 }
+
+state! { enum CommandVelocity { OfTarget, Led } }
 
 /// The compensators of one specimen.
 ///
@@ -94,6 +101,11 @@ pub(crate) struct Compensators {
     before: Option<TestState>,
 }
 
+state! {
+    Compensators as "compensators" { activity, course, velocities, grid, axes }
+    keeps { tick, pace, delay_in, target_velocity, before }
+}
+
 /// Where on the grid of test time the compensators are.
 #[derive(Debug, Clone, Copy, Default)]
 struct LeadGrid {
@@ -104,6 +116,8 @@ struct LeadGrid {
     /// 1/N.
     spacing: f64,
 }
+
+state! { LeadGrid { point, ahead, spacing } }
 
 impl LeadGrid {
     const fn of(tick: &PacerTick) -> Self {
@@ -142,34 +156,6 @@ impl Compensators {
             velocities: [CommandVelocity::OfTarget; 2],
             grid: LeadGrid::default(),
             before: None,
-        }
-    }
-
-    /// Visits everything that later commands depend on. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("compensators");
-        let activities = [
-            LeadActivity::Holding,
-            LeadActivity::Running,
-            LeadActivity::Awaiting,
-        ];
-        visit.choice(&mut self.activity, &activities);
-        let courses = [LeadCourse::Undisturbed, LeadCourse::Disturbed];
-        visit.choice(&mut self.course, &courses);
-        for velocity in &mut self.velocities {
-            let kinds = [CommandVelocity::OfTarget, CommandVelocity::Led];
-            visit.choice(velocity, &kinds);
-        }
-        let LeadGrid {
-            point,
-            ahead,
-            spacing,
-        } = &mut self.grid;
-        for value in [point, ahead, spacing] {
-            visit.number(value);
-        }
-        for axis in &mut self.axes {
-            axis.visit_state(visit);
         }
     }
 
@@ -253,11 +239,12 @@ impl Compensators {
 
     /// Command at rest over the displacement at which the axis is to rest. Real-time: yes.
     pub(crate) fn static_gain(&self, axis: usize) -> f64 {
-        let gain = self.axes.get(axis).map_or(1.0, |axis| axis.one.stands(1.0));
-        if (gain - 1.0).abs() > ROUNDOFF {
-            gain
-        } else {
+        let gain = self.axes.get(axis);
+        let gain = gain.map_or(f64::NAN, |axis| axis.one.stands(1.0));
+        if (gain - 1.0).abs() <= ROUNDOFF {
             1.0
+        } else {
+            gain
         }
     }
 
@@ -420,7 +407,7 @@ impl Compensators {
         if self.velocities[1] == CommandVelocity::OfTarget {
             return None;
         }
-        Some(self.axes.get(axis)?.own_vel)
+        Some(self.axes.get(axis).map_or(f64::NAN, |axis| axis.own_vel))
     }
 
     /// The answer to a command is there, or an old one in place of it. `sent` and `raw` are in the specimen's units. Real-time: yes.

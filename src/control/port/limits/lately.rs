@@ -1,6 +1,6 @@
 //! The largest value of the last while, in two numbers. Pure; real-time.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// Largest of the values of a while, which is kept for that long at least and for twice as long at most.
 #[derive(Debug, Clone, Copy, Default)]
@@ -10,6 +10,8 @@ pub(super) struct Lately {
     /// Time in s since that first one.
     time: f64,
 }
+
+state! { Lately { largest, time } }
 
 impl Lately {
     /// One more value, `tick` seconds after the last; it counts for `time` seconds. Real-time: yes.
@@ -24,12 +26,6 @@ impl Lately {
         // Of those so far the last is one tick old.
         self.largest = [value, if tick < time { largest } else { 0.0 }];
         self.time = 0.0;
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(&mut self.largest);
-        visit.number(&mut self.time);
     }
 
     /// Real-time: yes.

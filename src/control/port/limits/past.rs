@@ -6,7 +6,7 @@ use super::sawtooth::Sawtooth;
 use super::trips::{GoesOn, Trips};
 use super::{AxisLimits, Found};
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// What is remembered of one axis, SI.
 #[derive(Debug, Clone, Copy, Default)]
@@ -33,6 +33,14 @@ pub(super) struct Past {
     pub trips: Trips,
 }
 
+// The values judged in this tick are no state: it is over.
+state! {
+    Past {
+        command, speed, measured, force, jump, stands, stuck_ticks, stuck_travel, sawtooth, ready, warned, trips
+    }
+    keeps { judged }
+}
+
 /// Wall time in s to the next command, and that to the last; 0: no other.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
@@ -48,22 +56,6 @@ impl Past {
             judged: [f64::NAN; RECORDED.len()],
             ..Self::default()
         }
-    }
-
-    /// Visits every value but those judged in this tick, which is over. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(&mut self.command);
-        self.speed.visit_state(visit);
-        visit.number(&mut self.measured);
-        visit.number(&mut self.force);
-        visit.options(&mut self.jump);
-        visit.number(&mut self.stands);
-        visit.short(&mut self.stuck_ticks);
-        visit.number(&mut self.stuck_travel);
-        self.sawtooth.visit_state(visit);
-        visit.numbers(&mut self.ready);
-        visit.short(&mut self.warned);
-        self.trips.visit_state(visit);
     }
 
     /// Keeps the commands and forgets measurements, warnings and trips, for a new session.

@@ -1,6 +1,6 @@
 //! The sawtooth of an unstable integration, as it shows in a sequence of displacements. Pure; real-time.
 
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// A sequence of displacements whose second differences may alternate and grow.
 #[derive(Debug, Clone, Copy, Default)]
@@ -13,6 +13,8 @@ pub(super) struct Sawtooth {
     pub ticks: u32,
 }
 
+state! { Sawtooth { disp, seen: choice(&[0, 1, 2]), bend, ticks } }
+
 impl Sawtooth {
     pub(crate) const fn at_rest(disp: f64) -> Self {
         Self {
@@ -21,14 +23,6 @@ impl Sawtooth {
             bend: 0.0,
             ticks: 0,
         }
-    }
-
-    /// Visits every value. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.numbers(&mut self.disp);
-        visit.choice(&mut self.seen, &[0, 1, 2]);
-        visit.number(&mut self.bend);
-        visit.short(&mut self.ticks);
     }
 
     /// With one more. Real-time: yes.

@@ -9,7 +9,8 @@
 
 use super::{Hit, Level};
 use gusset_quantity::catalog::limit::{AXIS_LIMITS, Limit};
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
+use gusset_quantity::state::{Stateful, Visit};
 
 /// It has got worse by so much of the value that tripped.
 const WORSE: f64 = 0.05;
@@ -19,10 +20,19 @@ const NOISE: f64 = 8.0;
 const FARTHER_IN_S: f64 = 0.05;
 
 /// A value that tripped or was warned of, and what it is beyond.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Kept {
     value: f64,
     bound: f64,
+}
+
+impl Stateful for Kept {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        let mut numbers = [self.value, self.bound];
+        numbers.visit_state(visit);
+        let [value, bound] = numbers;
+        *self = Self { value, bound };
+    }
 }
 
 impl Kept {
@@ -128,6 +138,9 @@ pub(super) struct Trips {
     left: Option<Left>,
 }
 
+// Between two ticks nothing is untold, and only the shutdown leads an axis away.
+state! { Trips { kept } keeps { untold, warnings, left } }
+
 /// What becomes of a value beyond its trip level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
@@ -140,15 +153,6 @@ pub(super) enum Verdict {
 }
 
 impl Trips {
-    /// Visits what has tripped. Between two ticks nothing is untold, and only the shutdown leads an axis away. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        for kept in &mut self.kept {
-            let mut numbers = kept.map(|Kept { value, bound }| [value, bound]);
-            visit.options(&mut numbers);
-            *kept = numbers.map(|[value, bound]| Kept { value, bound });
-        }
-    }
-
     /// From here on they are excused, of an axis that stands at `stands`, as far as the `noise` of its sensor tells, and was sent
     /// to `sent`.
     pub(crate) fn excuse(&mut self, stands: f64, sent: f64, noise: f64) {

@@ -6,7 +6,7 @@ use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
 use super::{AxisLimits, Found, Hit};
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 
 /// One axis: its limits, the bounds within which no value is beyond a level, and its past values.
 #[derive(Debug, Clone)]
@@ -16,6 +16,8 @@ struct Axis {
     past: Past,
 }
 
+state! { Axis { past } keeps { limits, inner } }
+
 /// Where a sawtooth is looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Targets {
@@ -24,6 +26,8 @@ enum Targets {
     /// Targets of steps are known beside the commands, which may go on a smooth path between them.
     AreTold,
 }
+
+state! { enum Targets { AreCommands, AreTold } }
 
 /// Watches the limits of one specimen. Real-time after `new`.
 #[derive(Debug, Clone)]
@@ -39,6 +43,11 @@ pub struct Watch {
     targets: Targets,
     /// On the way out after a trip.
     leaves: bool,
+}
+
+// A running test does not leave.
+state! {
+    Watch as "watch" { tick, tick_before, sent: choice(&[0, 1, 2]), measured, targets, axes } keeps { leaves }
 }
 
 impl Watch {
@@ -58,19 +67,6 @@ impl Watch {
             measured: false,
             targets: Targets::AreCommands,
             leaves: false,
-        }
-    }
-
-    /// Visits everything that the judgement of later ticks depends on, in a test that runs. Real-time: yes.
-    pub(crate) fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("watch");
-        visit.number(&mut self.tick);
-        visit.number(&mut self.tick_before);
-        visit.choice(&mut self.sent, &[0, 1, 2]);
-        visit.flag(&mut self.measured);
-        visit.choice(&mut self.targets, &[Targets::AreCommands, Targets::AreTold]);
-        for Axis { past, .. } in &mut self.axes {
-            past.visit_state(visit);
         }
     }
 

@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use super::domain::{fraction, positive, require, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
 use branch::Branch;
-use gusset_quantity::state::Visit;
+use gusset_quantity::state;
 pub use wear::{DegradationSpec, PinchingSpec};
 use wear::{Point, Wear};
 
@@ -203,6 +203,8 @@ struct State {
     direction: f64,
 }
 
+state! { State { disp, zeta, energy, direction } }
+
 impl State {
     const VIRGIN: State = State {
         disp: 0.0,
@@ -218,6 +220,11 @@ pub struct BoucWen {
     constants: Arc<Constants>,
     committed: State,
     trial: State,
+}
+
+state! {
+    BoucWen as "bouc_wen" { committed } keeps { constants, trial }
+    restored { *trial = *committed; }
 }
 
 /// What does not change in a test.
@@ -369,22 +376,6 @@ impl Law for BoucWen {
 
     fn bouc_wen(&mut self) -> Option<&mut BoucWen> {
         Some(self)
-    }
-
-    fn visit_state(&mut self, visit: &mut dyn Visit) {
-        visit.part("bouc_wen");
-        let State {
-            disp,
-            zeta,
-            energy,
-            direction,
-        } = &mut self.committed;
-        for value in [disp, zeta, energy, direction] {
-            visit.number(value);
-        }
-        if visit.restores() {
-            self.trial = self.committed;
-        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Matrices, elements and what acts between them.
 
 use super::*;
-use gusset_quantity::state::TestState;
+use gusset_quantity::state::{Stateful, TestState};
 
 #[test]
 fn a_shear_building_has_the_matrices_of_the_textbook() {

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::super::*;
 use crate::law::{Law, LawSpec, Memoryless, Tangent};
 use crate::linalg::{Lanes, SymMatrix};
-use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::state::{Stateful, TestState, Visit};
 
 /// A law that does not say what it is: it cannot stand in a run.
 #[derive(Debug)]
@@ -39,7 +39,9 @@ impl Law for Hidden {
     fn memoryless(&self) -> Option<Memoryless> {
         None
     }
+}
 
+impl Stateful for Hidden {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.0.visit_state(visit);
     }

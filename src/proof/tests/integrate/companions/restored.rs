@@ -2,7 +2,7 @@
 
 use super::nonlinear::nonlinear;
 use super::*;
-use gusset_quantity::state::{TestState, Visit};
+use gusset_quantity::state::{Stateful, TestState, Visit};
 
 const DT: f64 = 0.01;
 
