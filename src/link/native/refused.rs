@@ -51,14 +51,14 @@ pub enum SetupError {
         text: String,
     },
     /// The specimen leaves instead of answering.
-    #[error("it said goodbye where {due} was due: {why}")]
+    #[error("it said goodbye where {due} was due: {}", parting(*cause, text))]
     Left {
         /// The answer.
         due: &'static str,
         /// The code of the cause, see [`Cause`].
         cause: u32,
-        /// The cause, and the specimen's words.
-        why: String,
+        /// In the specimen's words; empty if it has none.
+        text: String,
     },
     /// It keeps narrower limits than the test, and did not say so to the Hello.
     #[error(
