@@ -94,11 +94,8 @@ pub(super) fn reason(code: RefuseCode, text: &str) -> &str {
 
 /// Why a specimen leaves, and its own words.
 pub(super) fn parting(cause: u32, text: &str) -> String {
-    let why = Cause::from_code(cause).map_or_else(
-        |_| format!("for an unknown reason (code {cause})"),
-        |cause| cause.why().to_owned(),
-    );
-    with_words(why, text)
+    let why = Cause::from_code(cause).map_or("for an unknown reason", Cause::why);
+    with_words(why.to_owned(), text)
 }
 
 /// A reason, and the words of its own that somebody has for it, if any.
@@ -156,6 +153,17 @@ impl SetupError {
                 RefuseCode::Key => LinkFault::Auth,
                 _ => LinkFault::Refused,
             },
+        }
+    }
+
+    /// Cause and text, if it may say that the specimen is lost. A gateway of version 1 refuses in that case.
+    pub(super) fn goodbye(&self) -> Option<(u32, &str)> {
+        match self {
+            Self::Left { cause, text, .. } => Some((*cause, text)),
+            Self::Refused { code, text } if *code == RefuseCode::NotReady => {
+                Some((Cause::Tripped.code(), text))
+            }
+            _ => None,
         }
     }
 

@@ -5,7 +5,7 @@ use crate::native::ask::{ask, explained, not_welcome};
 use crate::native::refused::SetupError;
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::Nanos;
-use gusset_wire::handshake::{self, Arm, Bye, Control, RefuseCode};
+use gusset_wire::handshake::{self, Arm, Bye, Control};
 use gusset_wire::native::{Cause, Frame, Notice};
 
 /// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
@@ -101,14 +101,8 @@ impl Live {
             Err(SetupError::Unwanted) => Ok(false),
             Err(error) => {
                 let error = explained(error, self.transport.as_ref());
-                match &error {
-                    SetupError::Left { cause, text, .. } => self.heard_goodbye(*cause, text),
-                    // An older gateway that lost its specimen refuses so.
-                    SetupError::Refused {
-                        code: RefuseCode::NotReady,
-                        text,
-                    } => self.heard_goodbye(Cause::Tripped.code(), text),
-                    _ => {}
+                if let Some((code, text)) = error.goodbye() {
+                    self.heard_goodbye(code, text);
                 }
                 Err(self.fail(error.fault(), Detail::Said(error.to_string())))
             }
