@@ -74,7 +74,7 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         assert_eq!(ours.cause.as_deref(), Some("link"));
         assert_eq!(ours.left["column"], "lost");
         let reason = ours.reason;
-        let is_reworded = is_reworded || as_read("") != "";
+        let is_reworded = is_reworded || !as_read("").is_empty();
         assert_eq!(reason.contains("reworded"), is_reworded, "{reason}");
         // The watchdog that was agreed on is the gateway's, which says that it has nothing to hold any more.
         let stands = "; only the server of specimen \"column\" knows its position";
