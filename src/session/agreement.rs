@@ -96,10 +96,8 @@ pub(super) fn with_loop(
     outcome: &Outcome,
     required: bool,
 ) -> Vec<SummaryDifference> {
-    let mut all = Vec::new();
-    all.extend(ending(summary, Some(found(outcome)), required));
-    all.extend(steps_and_peaks(summary, outcome));
-    all
+    let differs = ending(summary, Some(found(outcome)), required).into_iter();
+    differs.chain(steps_and_peaks(summary, outcome)).collect()
 }
 
 /// How the loop ended, as far as measurements show it.
@@ -107,10 +105,8 @@ fn found(outcome: &Outcome) -> Found {
     let ending = &outcome.ending;
     // How many deadlines were missed only the clock knows.
     let is_known = !ending.is_for_being_late() && *ending != Ending::Stopped(Stop::Internal);
-    Found {
-        status: ending.cause().status(),
-        cause: is_known.then(|| ending.word().to_owned()),
-    }
+    let word = is_known.then(|| ending.word().to_owned());
+    (ending.cause().status(), word)
 }
 
 /// Differences of a test whose rows do not show its end, since nothing moved after it: the events say how it ended. Whatever they
@@ -154,25 +150,20 @@ fn steps_of(table: &toml::Table) -> Option<u64> {
 /// # Errors
 /// The events or rows cannot be read.
 pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
-    let ended = Events::of(run)?.ending.map(|found| found.status);
-    let ended_before = matches!(ended, Some(Status::Interrupted | Status::Failed));
+    let ended = Events::of(run)?.ending;
+    let ended_before = matches!(ended, Some((Status::Interrupted | Status::Failed, _)));
     let state = run.layout().index_of("state");
     let last = run.last_row()?;
     let last = last.and_then(|(_, row)| row.get(state?).copied());
     Ok(!ended_before && last.is_some_and(|state| Part::Test.has(state)))
 }
 
-/// An ending that the record shows.
-#[derive(Debug)]
-struct Found {
-    status: Status,
-    /// As the files spell it; none where the record does not show it.
-    cause: Option<String>,
-}
+/// Status and cause of an ending; no cause where the record does not show it.
+type Found = (Status, Option<String>);
 
 /// A status or cause that differs; none where it is not known.
 fn ending(summary: &Summary, found: Option<Found>, required: bool) -> Option<SummaryDifference> {
-    let Found { status, cause } = found?;
+    let (status, cause) = found?;
     if is_stopped_for_its_record(summary, required) {
         return None;
     }
@@ -267,12 +258,9 @@ pub(super) fn with_record(
     let rows = Rows::of(run, &table)?;
     // A row does not say whether a limit or a link tripped the test there.
     let is_shown = rows.tripped && summary.status != Status::Failed;
-    let found = events.ending.or_else(|| {
-        is_shown.then_some(Found {
-            status: Status::Stopped,
-            cause: None,
-        })
-    });
+    let found = events
+        .ending
+        .or(is_shown.then_some((Status::Stopped, None)));
     // The events may tell that only the last rows are missing: that is reported elsewhere.
     let are_all = rows.are_whole && events.last_step.is_none_or(|last| last < summary.steps);
     let made = rows.steps.filter(|_| are_all).unwrap_or(summary.steps);
@@ -381,10 +369,7 @@ impl Events {
                     if let Some(of_word) = of_word
                         && Self::ends(ending.as_ref(), [*from, *to], of_word)
                     {
-                        ending = Some(Found {
-                            status: of_word.status(),
-                            cause: Some(cause.to_string()),
-                        });
+                        ending = Some((of_word.status(), Some(cause.to_string())));
                     }
                 }
                 _ => {}
@@ -399,8 +384,10 @@ impl Events {
 
     /// True of a change of phase that is the ending: what trips after an orderly end counts, what comes after a trip does not.
     fn ends(before: Option<&Found>, [from, to]: [Phase; 2], cause: Cause) -> bool {
-        let before = before.map(|found| found.status);
-        let is_orderly = matches!(before, None | Some(Status::Completed | Status::Interrupted));
+        let is_orderly = matches!(
+            before,
+            None | Some((Status::Completed | Status::Interrupted, _))
+        );
         let runs = [Phase::Running, Phase::Holding].contains(&from);
         let ends = [Phase::Leaving, Phase::Safe].contains(&to);
         let is_end = match cause.kind() {

@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use crate::link_common::{
-    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
-    gusset, run, summary, test_file,
+    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, as_read, finish,
+    gateway, gusset, run, summary, test_file,
 };
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::LimitsSpec;
@@ -388,7 +388,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let (code, said) = run(folder, "outside", &cyclic("0.06"));
     assert_eq!(code, 1, "{said}");
     let reason = summary(folder, "outside").reason;
-    assert!(reason.contains("command_disp_m"), "{reason}");
+    assert!(reason.contains(as_read("command_disp_m")), "{reason}");
     let states = column(&out.join("test-0002"), "state");
     assert_eq!((states[0], *states.last().unwrap()), (2.0, 8.0));
     let largest = column(&out.join("test-0002"), "target_1_1");

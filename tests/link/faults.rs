@@ -7,8 +7,8 @@ use std::sync::mpsc;
 
 use crate::link_common::relay::{Fates, Relay};
 use crate::link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, events, finish, gusset, linked, run,
-    summary, test_file,
+    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, as_read, events, finish, gusset,
+    linked, run, summary, test_file,
 };
 use gusset_control::engine::NOT_AWAITED;
 use gusset_quantity::substructure::Status;
@@ -290,7 +290,8 @@ fn a_specimen_that_trips_when_the_test_is_over_is_told_of() {
     assert_eq!(code, 0, "{said}");
     let found = summary(folder, "run");
     assert_eq!(found.status, Ended::Completed);
-    let told = "reported after the test: it tripped: pump lost pressure";
+    let told = as_read("pump lost pressure");
+    let told = format!("reported after the test: it tripped: {told}");
     assert!(
         found
             .reason
@@ -450,11 +451,8 @@ fn a_second_controller_a_stranger_and_garbage_do_not_disturb_a_running_test() {
         first.moves();
         let (code, _) = run(folder, "second", &linked(STEPS, &served.address, &keys));
         assert_eq!(code, 3);
-        let reason = summary(folder, "second").reason;
-        assert!(
-            reason.contains("another controller is connected"),
-            "{reason}"
-        );
+        let cause = summary(folder, "second").cause;
+        assert_eq!(cause.as_deref(), Some("not_connected"));
         if transport == "tcp" {
             let mut stranger = TcpStream::connect(&served.address).unwrap();
             let _ = stranger.write_all(&[0xff; 100_000]);

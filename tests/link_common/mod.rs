@@ -111,6 +111,10 @@ pub fn linked(steps: u32, address: &str, keys: &str) -> String {
 pub fn gusset() -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
     command.env("GUSSET_STATE", state_folder());
+    // To run all tests with other words in place of received texts. The test itself reads the true ones.
+    if std::env::var_os("GUSSET_TEST_REWORD").is_some() {
+        command.env("GUSSET_REWORD", "1");
+    }
     command
 }
 
@@ -120,6 +124,14 @@ pub fn state_folder() -> PathBuf {
     let number = MADE.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     let name = format!("gusset-state-{}-{number}", std::process::id());
     std::env::temp_dir().join(name)
+}
+
+/// Words of a peer as a program reads them: with `GUSSET_TEST_REWORD` others.
+pub fn as_read(words: &str) -> &str {
+    match std::env::var_os("GUSSET_TEST_REWORD") {
+        Some(_) => "reworded",
+        None => words,
+    }
 }
 
 pub fn write(folder: &Path, name: &str, text: &str) -> PathBuf {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::refused::{SetupError, parting};
+use super::refused::SetupError;
 use crate::Transport;
 use crate::inbox::Inbox;
 use gusset_quantity::substructure::LISTEN_NS;
@@ -30,7 +30,7 @@ pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupErro
         Control::Bye(bye) => SetupError::Left {
             due: expected,
             cause: bye.cause,
-            why: parting(bye.cause, &bye.text),
+            text: bye.text,
         },
         other => SetupError::Wire(WireError::Order {
             expected,

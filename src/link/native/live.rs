@@ -16,7 +16,7 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 use gusset_wire::WireError;
-use gusset_wire::handshake::{self, Control, Welcome};
+use gusset_wire::handshake::{self, Control, SAYS_LOST, Welcome};
 use gusset_wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
 
 /// How often a stop is said over UDP before the way out begins.
@@ -155,10 +155,13 @@ impl Live {
         self.may_be_lost
     }
 
-    /// Keeps what the cause of a goodbye says about who holds the specimen.
-    fn heard_goodbye(&mut self, code: u32) {
-        let cause = Cause::from_code(code);
-        self.may_be_lost |= cause.is_ok_and(|cause| cause.may_be_lost(self.version));
+    /// Keeps what a goodbye says about who holds the specimen. An older peer has only a text for that, which may say anything.
+    fn heard_goodbye(&mut self, code: u32, text: &str) {
+        let says_only = self.version < SAYS_LOST && !text.is_empty();
+        self.may_be_lost |= match Cause::from_code(code) {
+            Ok(Cause::Tripped) => says_only,
+            cause => cause == Ok(Cause::Lost),
+        };
     }
 
     /// Real-time: yes.
@@ -438,14 +441,14 @@ impl Live {
             }
             Frame::Goodbye(notice) => {
                 let cause = notice.cause;
-                self.heard_goodbye(cause.code());
+                self.heard_goodbye(cause.code(), "");
                 Err((LinkFault::Closed, Some(Detail::Goodbye(cause))))
             }
             // The answer to an Arm that was repeated.
             Frame::Control(message) if message.starts_with(&ARM) => Ok(()),
             Frame::Control(message) => Err(match handshake::decode(message).map_err(wire)? {
                 Control::Bye(bye) => {
-                    self.heard_goodbye(bye.cause);
+                    self.heard_goodbye(bye.cause, &bye.text);
                     let said = format!(
                         "the specimen said goodbye: {}",
                         parting(bye.cause, &bye.text)

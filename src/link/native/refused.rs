@@ -51,14 +51,14 @@ pub enum SetupError {
         text: String,
     },
     /// The specimen leaves instead of answering.
-    #[error("it said goodbye where {due} was due: {why}")]
+    #[error("it said goodbye where {due} was due: {}", parting(*cause, text))]
     Left {
         /// The answer.
         due: &'static str,
         /// The code of the cause, see [`Cause`].
         cause: u32,
-        /// The cause, and the specimen's words.
-        why: String,
+        /// In the specimen's words; empty if it has none.
+        text: String,
     },
     /// It keeps narrower limits than the test, and did not say so to the Hello.
     #[error(
@@ -94,11 +94,8 @@ pub(super) fn reason(code: RefuseCode, text: &str) -> &str {
 
 /// Why a specimen leaves, and its own words.
 pub(super) fn parting(cause: u32, text: &str) -> String {
-    let why = Cause::from_code(cause).map_or_else(
-        |_| format!("for an unknown reason (code {cause})"),
-        |cause| cause.why().to_owned(),
-    );
-    with_words(why, text)
+    let why = Cause::from_code(cause).map_or("for an unknown reason", Cause::why);
+    with_words(why.to_owned(), text)
 }
 
 /// A reason, and the words of its own that somebody has for it, if any.
@@ -156,6 +153,17 @@ impl SetupError {
                 RefuseCode::Key => LinkFault::Auth,
                 _ => LinkFault::Refused,
             },
+        }
+    }
+
+    /// Cause and text, if it may say that the specimen is lost. A gateway of version 1 refuses in that case.
+    pub(super) fn goodbye(&self) -> Option<(u32, &str)> {
+        match self {
+            Self::Left { cause, text, .. } => Some((*cause, text)),
+            Self::Refused { code, text } if *code == RefuseCode::NotReady => {
+                Some((Cause::Tripped.code(), text))
+            }
+            _ => None,
         }
     }
 

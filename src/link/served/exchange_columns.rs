@@ -3,7 +3,9 @@
 use super::Trip;
 use gusset_actuator::geometry::Coordinate;
 use gusset_control::port::{LoadingUnit, ReceivedPort};
-use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
+use gusset_quantity::catalog::column::{
+    Each, Kind, Origin, SERVER, SERVER_COMPENSATION, SERVER_RAW_DISP, SERVER_RAW_FORCE,
+};
 use gusset_quantity::catalog::phase::Phase;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
@@ -181,8 +183,8 @@ pub(super) fn columns(
         for kind in kinds(Each::Axis) {
             // A rotation stays one, and a moment too: there is nothing to bring into metres.
             let unit = match kind.unit {
-                "unit of the axis" => units.disp,
-                "unit of force of the axis" => units.force,
+                unit if unit == SERVER_RAW_DISP.unit => units.disp,
+                unit if unit == SERVER_RAW_FORCE.unit => units.force,
                 _ => kind.unit_of(units.disp == "rad"),
             };
             let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);

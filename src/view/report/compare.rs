@@ -13,6 +13,7 @@ use super::paired::{key_figures, timing, tracking};
 use super::rows::Rows;
 use super::tested::clock_word;
 use super::text::{NOTHING, count, escape, exact, number, plural, quantity, shortened};
+use gusset_proof::RecordedVerdict;
 
 /// A smaller number is shown without a prefix.
 const SMALLEST_PREFIXED: f64 = 1e-12;
@@ -36,7 +37,8 @@ pub fn compare(
     );
     let (a, b) = (first.digested(), second.digested());
     let (rows_a, rows_b) = (Rows::new(&a), Rows::new(&b));
-    let is_unstable = [first, second].into_iter().any(is_unstable);
+    let verdicts = [first, second].into_iter().filter_map(verdict_of);
+    let is_unstable = { verdicts }.any(|verdict| verdict.unstable);
     let (damages, doubts) = (damages(first, second), doubts(first, second));
     body += &banner(matched, &damages, &doubts, is_unstable);
     body += &key_figures((first, second), (&rows_a, &rows_b), matched);
@@ -146,8 +148,7 @@ pub fn damages(first: &RunView, second: &RunView) -> Vec<String> {
 #[must_use]
 pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
     let of = |run: &RunView, which: &str| {
-        let summary = run.summary.as_ref();
-        let judged = summary.and_then(|summary| summary.remarks.verdict.as_ref())?;
+        let judged = verdict_of(run)?;
         let found = plural(judged.findings.len() as u64, "finding", "findings");
         let found = match (judged.headline(), judged.findings.is_empty()) {
             (Some(unstable), _) => unstable,
@@ -162,12 +163,8 @@ pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
     both.into_iter().map(|(_, text)| text).collect()
 }
 
-fn is_unstable(run: &RunView) -> bool {
-    let verdict = run
-        .summary
-        .as_ref()
-        .and_then(|summary| summary.remarks.verdict.as_ref());
-    verdict.is_some_and(|verdict| verdict.unstable)
+fn verdict_of(run: &RunView) -> Option<&RecordedVerdict> {
+    run.summary.as_ref()?.remarks.verdict.as_ref()
 }
 
 fn banner(

@@ -5,7 +5,7 @@ use crate::native::ask::{ask, explained, not_welcome};
 use crate::native::refused::SetupError;
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::Nanos;
-use gusset_wire::handshake::{self, Arm, Bye, Control, RefuseCode, SAYS_LOST};
+use gusset_wire::handshake::{self, Arm, Bye, Control};
 use gusset_wire::native::{Cause, Frame, Notice};
 
 /// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
@@ -87,7 +87,7 @@ impl Live {
                 Frame::Goodbye(notice) => Err(SetupError::Left {
                     due: "the arming",
                     cause: notice.cause.code(),
-                    why: notice.cause.why().to_owned(),
+                    text: String::new(),
                 }),
                 _ => Ok(None),
             },
@@ -101,14 +101,8 @@ impl Live {
             Err(SetupError::Unwanted) => Ok(false),
             Err(error) => {
                 let error = explained(error, self.transport.as_ref());
-                match &error {
-                    SetupError::Left { cause, .. } => self.heard_goodbye(*cause),
-                    // An older gateway that lost its specimen cannot say more.
-                    SetupError::Refused { code, .. } => {
-                        self.may_be_lost |=
-                            *code == RefuseCode::NotReady && self.version < SAYS_LOST;
-                    }
-                    _ => {}
+                if let Some((code, text)) = error.goodbye() {
+                    self.heard_goodbye(code, text);
                 }
                 Err(self.fail(error.fault(), Detail::Said(error.to_string())))
             }
@@ -183,10 +177,7 @@ impl Live {
                 match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
                     Ok(Frame::Goodbye(answer)) => {
                         self.acknowledged = Some(true);
-                        // The cause of the retire again says nothing.
-                        if answer.cause != notice.cause {
-                            self.heard_goodbye(answer.cause.code());
-                        }
+                        self.heard_goodbye(answer.cause.code(), "");
                         said.cause = Some(answer.cause);
                         return said;
                     }
@@ -195,7 +186,7 @@ impl Live {
                     // Why it tripped, if it did.
                     Ok(Frame::Control(message)) => {
                         if let Ok(Control::Bye(bye)) = handshake::decode(message) {
-                            self.heard_goodbye(bye.cause);
+                            self.heard_goodbye(bye.cause, &bye.text);
                             if !bye.text.is_empty() && !is_explained {
                                 self.detail = Some(Detail::Said(bye.text.clone()));
                             }
