@@ -171,6 +171,17 @@ pub fn attach(
     log: &Log,
     act: impl FnMut(Phase, u64) -> Act + Send + 'static,
 ) {
+    attach_of(experiment, (axis, 2), coupling, log, act);
+}
+
+/// Adds the next rig behind an axis of a structure with so many degrees of freedom.
+pub fn attach_of(
+    experiment: &mut Experiment,
+    (axis, dofs): (Axis, usize),
+    coupling: Coupling,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) {
     let number = experiment.ports.len();
     let rig = Rig {
         number,
@@ -181,6 +192,6 @@ pub fn attach(
         sequence: 0,
     };
     let name = format!("rig-{}", number + 1);
-    let port = Port::new(name, vec![axis], Box::new(rig), 2, vec![STIFFNESS]);
+    let port = Port::new(name, vec![axis], Box::new(rig), dofs, vec![STIFFNESS]);
     experiment.ports.push(port.unwrap());
 }
