@@ -71,7 +71,7 @@ impl dyn Visit + '_ {
         *value = list.get(place).copied().unwrap_or(*value);
     }
 
-    /// A part that the configuration has or lacks: a restored test has it, too.
+    /// A part that depends on the configuration. A saved state fits only a test with the same parts.
     pub fn configured<T: Stateful>(&mut self, part: &mut Option<T>) {
         if let Some(part) = part {
             part.visit_state(self);
@@ -102,8 +102,8 @@ pub trait Stateful {
 
 /// Makes a type [`Stateful`](crate::state::Stateful) from a list of all of its fields.
 ///
-/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and what is computed
-/// anew. The type is taken apart without `..`, so that a new field does not compile until it stands in one of the lists:
+/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and values that
+/// are recomputed. The macro takes the type apart without `..`. So a new field does not compile until one of the lists names it:
 ///
 /// ```
 /// struct Sums { weight: f64, squares: [f64; 2], work: Vec<f64> }
@@ -755,7 +755,7 @@ mod tests {
         state.restore(|visit| other.visit_state(visit)).unwrap();
         assert_eq!((other.table, other.ends), (one.table, one.ends));
         assert_eq!((other.energy, other.jump), (Energy::On, None));
-        // The kept value was computed anew.
+        // The kept value was recomputed.
         assert_eq!(other.last, 4.0);
         // A part that is not configured has no values.
         one.part = None;

@@ -174,7 +174,7 @@ pub fn attach(
     attach_of(experiment, (axis, 2), coupling, log, act);
 }
 
-/// Adds the next rig behind an axis of a structure with so many degrees of freedom.
+/// Adds the next rig behind an axis of a structure with `dofs` degrees of freedom.
 pub fn attach_of(
     experiment: &mut Experiment,
     (axis, dofs): (Axis, usize),
