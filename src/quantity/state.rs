@@ -71,7 +71,7 @@ impl dyn Visit + '_ {
         *value = list.get(place).copied().unwrap_or(*value);
     }
 
-    /// A part that the configuration has or lacks: a restored test has it, too.
+    /// A part that depends on the configuration. A saved state fits only a test with the same parts.
     pub fn configured<T: Stateful>(&mut self, part: &mut Option<T>) {
         if let Some(part) = part {
             part.visit_state(self);
@@ -102,8 +102,8 @@ pub trait Stateful {
 
 /// Makes a type [`Stateful`](crate::state::Stateful) from a list of all of its fields.
 ///
-/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and what is computed
-/// anew. The type is taken apart without `..`, so that a new field does not compile until it stands in one of the lists:
+/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and values that
+/// are recomputed. The macro takes the type apart without `..`. So a new field does not compile until one of the lists names it:
 ///
 /// ```
 /// struct Sums { weight: f64, squares: [f64; 2], work: Vec<f64> }
@@ -692,6 +692,75 @@ mod tests {
             let bits = |known: Option<[f64; 2]>| known.map(|two| two.map(f64::to_bits));
             assert_eq!((other.0, bits(other.1)), (choice, bits(known)));
         }
+    }
+
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    enum Energy {
+        Off,
+        FromNext,
+        On,
+    }
+
+    crate::state! { enum Energy { Off, FromNext, On } }
+
+    #[derive(Debug, Clone, PartialEq)]
+    struct Derived<T> {
+        table: [[f64; 2]; 2],
+        ends: [(f64, u32); 2],
+        energy: Energy,
+        jump: Option<[f64; 2]>,
+        part: Option<T>,
+        last: f64,
+    }
+
+    crate::state! {
+        <T: Stateful> Derived<T> as "derived" { energy, table, ends, jump, part: configured() }
+        keeps { last }
+        restored { *last = table[1][1]; }
+    }
+
+    #[test]
+    fn a_derived_state_is_that_of_its_list() {
+        let mut one = Derived {
+            table: [[1.0, 2.0], [3.0, 4.0]],
+            ends: [(5.0, 6), (7.0, 8)],
+            energy: Energy::On,
+            jump: None,
+            part: Some(example()),
+            last: 0.0,
+        };
+        let derived = Layout::of(|visit| one.visit_state(visit));
+        let by_hand = Layout::of(|visit| {
+            visit.part("derived");
+            visit.index(&mut 0, 3);
+            visit.numbers(&mut [0.0; 4]);
+            for _ in 0..2 {
+                visit.number(&mut 0.0);
+                visit.count(&mut 0);
+            }
+            visit.flag(&mut false);
+            visit.numbers(&mut [0.0; 2]);
+            example().visit_state(visit);
+        });
+        assert_eq!(derived, by_hand);
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        let mut other = Derived {
+            table: [[0.0; 2]; 2],
+            ends: [(0.0, 0); 2],
+            energy: Energy::FromNext,
+            jump: Some([9.0; 2]),
+            part: Some(blank(3)),
+            last: 0.0,
+        };
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        assert_eq!((other.table, other.ends), (one.table, one.ends));
+        assert_eq!((other.energy, other.jump), (Energy::On, None));
+        // The kept value was recomputed.
+        assert_eq!(other.last, 4.0);
+        // A part that is not configured has no values.
+        one.part = None;
+        let without = Layout::of(|visit| one.visit_state(visit));
+        assert_eq!(without.words + 6, derived.words);
     }
 
     #[test]

@@ -171,8 +171,20 @@ pub fn attach(
     log: &Log,
     act: impl FnMut(Phase, u64) -> Act + Send + 'static,
 ) {
+    attach_of(experiment, (axis, 2), coupling, log, act);
+}
+
+/// Adds the next rig behind an axis of a structure with `dofs` degrees of freedom.
+pub fn attach_of(
+    experiment: &mut Experiment,
+    (axis, dofs): (Axis, usize),
+    coupling: Coupling,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) {
     let number = experiment.ports.len();
-    let spec = spec(number, axis, coupling, log, act);
+    let mut spec = spec(number, axis, coupling, log, act);
+    spec.dofs = dofs;
     experiment.ports.push(spec.build().unwrap());
 }
 

@@ -2,7 +2,7 @@
 //! is that of the hinge: issue to all, collect from all, accept.
 
 use crate::common::engine::{Run, prepare, run_on, run_under};
-use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
+use crate::common::rig::{Act, Call, Log, Phase, attach, attach_of, storey, two_floors};
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset_control::port::{Axis, Exit};
 use gusset_quantity::catalog::ending::Cause;
@@ -440,4 +440,31 @@ fn a_panic_in_the_loop_retires_all() {
         );
         assert_retired(&log.lock().unwrap(), Retirement::Tripped);
     }
+}
+
+#[test]
+fn a_row_beyond_the_structure_commands_nothing() {
+    let log = Log::default();
+    let mut experiment = floors();
+    for number in 0..2 {
+        let act = |_, _| Act::Serve;
+        let axis = storey(number);
+        attach(&mut experiment, axis, Coupling::Lockstep, &log, act);
+    }
+    // A specimen of another structure: it hangs on the eighth of two degrees of freedom.
+    let axis = Axis::plain(vec![(0, 1.0), (7, 1.0)]);
+    let coupling = Coupling::Lockstep;
+    attach_of(&mut experiment, (axis, 8), coupling, &log, |_, _| {
+        Act::Serve
+    });
+    let run = run_on(experiment, SimClock::new());
+    let not_finite = Ending::Stopped(Stop::NotFinite { port: 2 });
+    assert_eq!(run.outcome.ending, not_finite);
+    let calls = log.lock().unwrap().clone();
+    assert_retired(&calls, Retirement::Tripped);
+    let issued = calls.iter().filter(|(rig, call)| {
+        let is_issue = matches!(call, Call::Issue { .. });
+        *rig == 2 && is_issue
+    });
+    assert_eq!(issued.count(), 0);
 }
