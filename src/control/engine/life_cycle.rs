@@ -331,7 +331,7 @@ fn retraced(test: Test, ending: Ending) -> Retraced {
 mod tests {
     use super::*;
     use crate::engine::{Limits, OnMiss, Pacing, StartupSettings, TestLimits};
-    use crate::port::Axis;
+    use crate::port::{Axis, AxisSpec, PortSpec};
     use gusset_quantity::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Substructure,
     };
@@ -365,7 +365,7 @@ mod tests {
     }
 
     fn experiment(log: &Log) -> Experiment {
-        let axes = vec![Axis::plain(vec![(0, 1.0)])];
+        let axes = vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 1e5)];
         let rig = Box::new(Rig(Arc::clone(log)));
         Experiment {
             dt: 0.01,
@@ -374,7 +374,7 @@ mod tests {
             side: Side::Prescribed(vec![None]),
             opening: StartupSettings::default(),
             settling: None,
-            ports: vec![Port::new("rig", axes, rig, 1, vec![1e5]).unwrap()],
+            ports: vec![PortSpec::new("rig", rig, 1, axes).build().unwrap()],
             record_dofs: Vec::new(),
             rotations: Vec::new(),
             limits: Limits {
