@@ -1,4 +1,4 @@
-//! What a transfer system and a compensator cost in a tick at 4096 Hz.
+//! Cost of a transfer system and a compensator in a tick at 4096 Hz.
 //!
 //! Run with `cargo bench --bench transfer`. One tick is `observe` and `predict` of the compensator and `trial` and `commit` of
 //! the benchmark's plant with its noisy sensors, as in a test in process; the median over batches of 64 ticks, so that the

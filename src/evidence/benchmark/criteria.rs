@@ -2,7 +2,7 @@
 
 use gusset_motion::metrics::tracking::delay;
 
-/// What a run left behind, tick by tick: m.
+/// Results of a run, one value per tick, in m.
 #[derive(Debug, Clone, Default)]
 pub struct Histories {
     /// Measured displacement of the interface.

@@ -241,8 +241,8 @@ fn quantisation_and_noise_are_switched_apart() {
     assert_eq!(is_whole(0.0, Some(1)), (false, false));
 }
 
-/// What a force that comes a tick late makes of the third floor, in per cent of its deviation, to first order in the lateness:
-/// the whole frame, linear and without any loop, under the difference of its own specimen's force of now and a tick ago.
+/// Error of the third floor, in per cent of its deviation, due to a force that comes one tick late, to first order in the
+/// delay. The whole frame, linear and without a loop, is excited by the specimen's force now less that of a tick ago.
 fn cost_of_a_tick(frame: &Frame, ground: &[f64], linear: &[f64]) -> f64 {
     let whole = frame.whole();
     let (m, c, k) = SPECIMEN;
@@ -268,10 +268,10 @@ fn deviation(values: &[f64]) -> f64 {
     (squares / (n - 1.0)).sqrt()
 }
 
-/// d(n) is how far the third floor of a run n ticks late is from the same run in time, per tick. It is d + d' n + …, for the
-/// delay acts on a response that it has already changed, by 1.3 % to 2.2 % a tick here: 2 d(1) − d(2) is d but for the square of
-/// that, 5e-4. And it acts on the response that the tracker leaves, which is off by J7 of the run in time: that is the tolerance,
-/// 0.7 %. J7 itself is a norm, so that it is n d(n) up to what it is in time.
+/// d(n) is the distance of the third floor of a run n ticks late from the run without delay, per tick. It is d + d' n + …,
+/// because the delay acts on a response that it has already changed, by 1.3 % to 2.2 % a tick here. So 2 d(1) − d(2) is d up to
+/// the square of that, 5e-4. The delay also acts on the response that the tracker produces. That response differs by J7 of the
+/// run without delay: this is the tolerance, 0.7 %. J7 itself is a norm, so it is n d(n) up to its value without delay.
 #[test]
 fn with_the_same_tracker_a_tick_of_latency_costs_what_the_delayed_frame_says() {
     let ground = ground(20.0);

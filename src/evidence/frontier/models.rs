@@ -226,7 +226,7 @@ fn member(
         [0.0, -across, -lever, 0.0, across, -lever],
         [0.0, lever, far, 0.0, -lever, near],
     ];
-    // Of an upright member, along is upwards and across is against the floor's direction.
+    // For an upright member, "along" points upwards and "across" against the floor's direction.
     let place = |k: usize| {
         let (end, axis) = (if k < 3 { a } else { b }, k % 3);
         let (axis, sign) = match (upright, axis) {

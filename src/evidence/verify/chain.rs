@@ -26,7 +26,7 @@ pub(super) const METHODS: [Method; 6] = [
     Method::Family(11.5),
 ];
 
-/// The same for a dense implementation.
+/// The same variants in a dense implementation.
 pub(super) const WAYS: [Way; 6] = [
     Way::Average,
     Way::Chang,
@@ -114,7 +114,7 @@ pub(super) fn limits() -> Vec<Check> {
     ]
 }
 
-/// The damper of Fig. 15, as the program's law has it.
+/// The damper of Fig. 15, by the program's law.
 pub(super) fn damper() -> Vec<Check> {
     let Ok(mut law) = DAMPER.build() else {
         return vec![Check::near(

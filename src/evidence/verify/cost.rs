@@ -165,7 +165,7 @@ fn as_published(effort: Effort, clock: &dyn Clock) -> Vec<AsPublished> {
     each.collect()
 }
 
-/// What the paper says of Table 2, judged by counts and not by the clock.
+/// The paper's statements about Table 2, judged by counts and not by the clock.
 fn claims(rows: &[AsPublished]) -> Vec<Check> {
     let [first, .., last] = rows else {
         return Vec::new();
@@ -271,7 +271,7 @@ fn published_axes(dense: &[(usize, [f64; 6])]) -> Figure {
     }
 }
 
-/// The same with the sparse methods, which the paper does not have.
+/// The comparison with the sparse methods, which the paper does not contain.
 fn beside(dense: &[(usize, [f64; 6])], measured: &[(usize, [f64; 6])]) -> Figure {
     let mut series = Vec::new();
     for k in [0, 4] {

@@ -20,7 +20,7 @@ pub(super) fn circle() -> Series {
     )
 }
 
-/// Invariants of one step of the program with Δt = 1, m = 1; NaN if there is none.
+/// Invariants of one step of the program with Δt = 1, m = 1; NaN if they do not exist.
 fn stepped(omega: f64, ratio: f64, lambda: f64) -> (f64, f64) {
     let own = (2.0 * ratio * omega, omega * omega);
     let found = transition(own, own, 1.0, lambda);
