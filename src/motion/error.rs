@@ -33,7 +33,7 @@ pub enum MotionError {
     Unreadable {
         /// Name of the file, as the test file spells it.
         file: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// No bytes, or no numbers among them.
@@ -359,7 +359,7 @@ pub enum MotionError {
     Parameter {
         /// The key, as the test file spells it.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: f64,
         /// The domain, in words.
         allowed: &'static str,

@@ -50,7 +50,7 @@ pub struct StabilityProof {
     pub stiffness_bound: SymMatrix,
     /// Δt in s.
     pub dt: f64,
-    /// Mass whose inertia is inside the measured forces: not in M, and a step late. Nothing if there is none.
+    /// Mass whose inertia is inside the measured forces: not in M, and a step late. `None` without such mass.
     pub late_mass: Option<SymMatrix>,
 }
 
@@ -250,8 +250,8 @@ impl StabilityProof {
         Ok(Some(1.0 / high))
     }
 
-    /// λ by `request`, or by the rule λ = min(11.5, λ_g) if there is none, with its limit and what governs it.
-    /// `parts` name the elements, storeys and specimens that make up K_max and C_max.
+    /// λ by `request`, or by the rule λ = min(11.5, λ_g) without one, with its limit and what governs it. `parts`
+    /// name the elements, storeys and specimens that make up K_max and C_max.
     ///
     /// # Errors
     /// See [`StabilityError`].

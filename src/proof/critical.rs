@@ -27,7 +27,7 @@ impl CriticalDelay {
         })
     }
 
-    /// The critical delay in s at a stiffness in N/m; infinite if every delay is stable, not a number for what is none.
+    /// The critical delay in s at a stiffness in N/m; infinite if every delay is stable, NaN for a stiffness of NaN.
     /// Real-time: yes.
     #[must_use]
     pub fn at(&self, stiffness: f64) -> f64 {

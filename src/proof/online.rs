@@ -8,12 +8,12 @@ use super::criterion::StabilityProof;
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Part;
 
-/// What the answer follows from.
+/// Inputs of the online limit.
 #[derive(Debug, Clone)]
 pub struct OnlineLimit {
     proof: StabilityProof,
     axes: Vec<Part>,
-    /// How much of the damping of each axis counts in a sawtooth; as it is where there is none.
+    /// Share of each axis's damping that counts in a sawtooth; 1 for axes beyond the list.
     sawtooths: Vec<f64>,
 }
 
@@ -51,8 +51,8 @@ impl OnlineLimit {
         }
     }
 
-    /// The same where so much of the damping of each axis counts in a sawtooth, as in the bounds: its velocity is then not
-    /// that of the integrator.
+    /// Sets the share of each axis's damping that counts in a sawtooth, as in the bounds: its velocity is then not that of
+    /// the integrator.
     #[must_use]
     pub(crate) fn with_sawtooths(self, sawtooths: Vec<f64>) -> Self {
         Self { sawtooths, ..self }

@@ -1,5 +1,5 @@
-//! One state of a loop with its actuator, at rest or as K0 and C0 have it: what delay it bears, and how many roots it has on the
-//! right.
+//! One state of a loop with its actuator, at rest or at K0 and C0: the delay it tolerates, and its number of roots in the right
+//! half-plane.
 
 use super::actuator::Follows;
 use super::bound::{DelayBound, INERTIA, growing};
@@ -53,7 +53,7 @@ impl Bears {
     }
 }
 
-/// What is known of the loop in one state.
+/// Findings about the loop in one state.
 #[derive(Debug, Clone)]
 pub struct State {
     pub bears: Bears,
@@ -64,7 +64,7 @@ pub struct State {
 }
 
 impl State {
-    /// Of a system of one axis.
+    /// State of a system of one axis.
     pub(crate) fn of(system: &Delayed, follows: Follows<'_>) -> Self {
         let bears = Bears::of(system, |omega| follows.lag(omega, system, 0));
         let left = match bears {

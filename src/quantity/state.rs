@@ -71,7 +71,7 @@ impl dyn Visit + '_ {
         *value = list.get(place).copied().unwrap_or(*value);
     }
 
-    /// A part that the configuration has or lacks: a restored test has it, too.
+    /// A part that the configuration has or lacks: a restored test has or lacks it, too.
     pub fn configured<T: Stateful>(&mut self, part: &mut Option<T>) {
         if let Some(part) = part {
             part.visit_state(self);
@@ -102,8 +102,8 @@ pub trait Stateful {
 
 /// Makes a type [`Stateful`](crate::state::Stateful) from a list of all of its fields.
 ///
-/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and what is computed
-/// anew. The type is taken apart without `..`, so that a new field does not compile until it stands in one of the lists:
+/// `{ … }` lists the fields of the state in the order of their values. `keeps { … }` lists all others: settings and recomputed
+/// values. The type is destructured without `..`, so that a new field does not compile until one of the lists contains it:
 ///
 /// ```
 /// struct Sums { weight: f64, squares: [f64; 2], work: Vec<f64> }

@@ -250,7 +250,7 @@ impl Schedule {
     }
 }
 
-/// What the loop knows of time. One clock everywhere: the loop, its links and its tests agree on it.
+/// Clock of the loop. There is one clock everywhere: the loop, its links and its tests agree on it.
 pub trait Clock: Send {
     /// The present. Real-time: yes.
     fn now(&self) -> Nanos;
@@ -264,7 +264,7 @@ pub trait Clock: Send {
     }
 }
 
-/// A clock that stands still until it is slept on. Clones share one time.
+/// A clock that advances only when a caller sleeps on it. Clones share one time.
 #[derive(Debug, Clone, Default)]
 pub struct SimClock {
     now_ns: Arc<AtomicU64>,

@@ -75,7 +75,7 @@ pub enum FolderError {
     Layout {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: LayoutError,
     },
     /// A JSON file is damaged.
@@ -83,7 +83,7 @@ pub enum FolderError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: serde_json::Error,
     },
     /// A name that cannot be a file's.
@@ -97,7 +97,7 @@ pub enum FolderError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
 }

@@ -128,7 +128,7 @@ pub enum WireError {
         field: &'static str,
         /// Bits that may be set.
         allowed: u32,
-        /// What was found.
+        /// The value found.
         found: u32,
     },
     /// A client of OpenFresco's protocols reads another number of forces than it commands displacements.
@@ -146,7 +146,7 @@ pub enum WireError {
     /// A number of things differs from what was agreed.
     #[error("{field}: {expected} wanted, {found} found")]
     Count {
-        /// What is counted.
+        /// Name of the counted quantity.
         field: &'static str,
         /// As agreed.
         expected: usize,
@@ -229,7 +229,7 @@ pub enum WireError {
         field: &'static str,
         /// Which entry of it, from 0.
         index: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
     /// A text is too long, empty, or not text.
@@ -262,7 +262,7 @@ pub enum WireError {
     /// An action that is not even a plausible number.
     #[error("the action is {found}; there are 1 to 15, 98 and 99, all whole, and 4.1, 4.2 and 4.3")]
     Action {
-        /// What was found.
+        /// The value found.
         found: f64,
     },
     /// Forces are commanded, as in force control.

@@ -118,7 +118,7 @@ pub enum IdentifyError {
         column: &'static str,
         /// Which sample, from 1.
         index: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
     /// The command stood still.

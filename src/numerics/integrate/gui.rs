@@ -27,7 +27,7 @@ pub enum GuiError {
     /// Δt is not a positive number.
     #[error("the step is {found} s, but must be finite and greater than 0")]
     Step {
-        /// What was given.
+        /// The value given.
         found: f64,
     },
     /// λ is not a positive number.

@@ -283,7 +283,7 @@ fn a_lost_number_shows_in_the_force() {
     }
 }
 
-/// Every number in the description replaced, one at a time, by what it cannot be.
+/// Replaces every number in the description, one at a time, by a value outside its domain.
 #[test]
 fn numbers_outside_their_domain_are_refused_by_the_name_of_their_key() {
     fn places(value: &serde_json::Value, path: &str, out: &mut Vec<String>) {

@@ -100,7 +100,7 @@ mod tests {
                 let entries = [(0, 0, p * p), (0, 1, -c * p * q), (1, 1, q * q)];
                 let found = reciprocal(&SymMatrix::from_triplets(2, entries));
                 let exact = (1.0 - c) / (1.0 + c);
-                // 1 − c itself has lost so many digits.
+                // 1 − c itself has lost this number of digits.
                 let roundoff = 10.0 * f64::EPSILON * libm::pow(10.0, lost);
                 assert!(
                     (found / exact - 1.0).abs() < roundoff,

@@ -141,7 +141,7 @@ impl Graph<'_> {
         Some(cut)
     }
 
-    /// What the search from the first node has reached, and the rest, if there is one.
+    /// Splits the nodes into those that the search from the first node has reached and the rest, if there is a rest.
     fn parted(&self, nodes: &[u32]) -> Option<Cut> {
         let (one, other): (Vec<u32>, Vec<u32>) = nodes
             .iter()

@@ -22,7 +22,7 @@ pub struct SymMatrix {
     shape: Shape,
 }
 
-/// What the product may rely on.
+/// Structure that the product may exploit.
 #[derive(Debug, Clone, PartialEq)]
 enum Shape {
     Zero,
@@ -295,7 +295,8 @@ impl SymMatrix {
         self.subtract_rows(0..self.n, x, out, Lanes::Portable);
     }
 
-    /// The same for some rows only; the slices are whole. The bits do not depend on the lanes. Real-time: yes.
+    /// Subtracts the product for some rows only; the slices are whole. The bits do not depend on the lanes.
+    /// Real-time: yes.
     pub(crate) fn subtract_rows(
         &self,
         rows: Range<usize>,

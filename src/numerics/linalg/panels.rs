@@ -18,7 +18,7 @@ pub(super) struct Columns<'a> {
     pub(super) values: &'a [f64],
 }
 
-/// Eight rows of one column, on a cache line of their own.
+/// Eight rows of one column, on one cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 struct Line([f64; 8]);
@@ -71,7 +71,7 @@ impl Joined {
 
     /// This panel and the one right behind it as one, if that is worth its zeros.
     fn with(&self, next: &Joined) -> Option<Joined> {
-        // Elimination theory: what stands below this panel stands in the columns or below the columns of its parent.
+        // Elimination theory: rows below this panel are among the columns or below the columns of its parent.
         let parent = *self.rows.first()? as usize;
         let (width, height) = (self.width + next.width, next.rows.len());
         if parent >= next.first + next.width || width > WIDEST {

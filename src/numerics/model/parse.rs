@@ -62,9 +62,9 @@ pub enum ParseError {
         file: String,
         /// Line.
         line: usize,
-        /// What was found.
+        /// The value found.
         found: String,
-        /// What is understood.
+        /// What the reader accepts.
         expected: &'static str,
     },
     /// A claimed size beyond the limit.
@@ -110,7 +110,7 @@ pub enum ParseError {
     Npy {
         /// Name of the file.
         file: String,
-        /// What is wrong.
+        /// The error.
         source: NpyError,
     },
 }

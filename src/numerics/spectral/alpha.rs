@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 
 use super::Weights;
 
-/// What is stepped: matrices n × n in SI units.
+/// The system that is stepped: matrices n × n in SI units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlphaStep {
     /// α_m, α_f, γ, β.

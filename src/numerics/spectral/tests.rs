@@ -197,7 +197,7 @@ fn the_root_locus_leaves_the_circle_at_minus_one_at_the_crossing_stiffness() {
     assert!(away(Pole::new(-1.0, 0.0), &locus.roots(crossing)) < 1e-13);
     assert!(locus.roots(0.999 * crossing)[0].norm() <= 1.0);
     assert!(locus.roots(1.001 * crossing)[0].norm() > 1.0);
-    // The same as (41): λ_limit at Ω_t of the crossing is λ.
+    // Equivalent to (41): λ_limit at Ω_t of the crossing is λ.
     let limit = lambda_limit_changed(omega, omega * ratio.sqrt(), 0.0);
     assert!((limit - 1.0).abs() < 1e-13);
 }

@@ -8,7 +8,7 @@
 const COLUMNS: usize = 8;
 /// Largest difference of the last two columns, of 1 + |state|. The accepted column is orders better.
 const TOLERANCE: f64 = 1e-13;
-/// The same of the two columns before them: one small difference may be a coincidence.
+/// Largest difference of the two columns before them: one small difference may be a coincidence.
 const ON_THE_WAY: f64 = 1e-6;
 /// Inner steps, refused ones included: at most 73 slopes each.
 const BUDGET: u32 = 2048;

@@ -117,7 +117,7 @@ fn farthest(a: &[f64], b: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// What the fine Runge–Kutta rule itself may err by, in N, at h = 1/4000 of the yield displacement: (n h)⁴ on the
+/// Error bound of the fine Runge–Kutta rule itself, in N, at h = 1/4000 of the yield displacement: (n h)⁴ on the
 /// smooth stretches, and at each of the 4 sign changes of ζ, where β |ζ|ⁿ has a kink, one step's β hⁿ⁺¹/(n + 1).
 fn doubt(spec: &BoucWenSpec) -> f64 {
     let (n, h) = (spec.exponent, 1.0 / FINE);

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! where f is the fill between row i and the interface before the segment. Sixteen segments make a **tile**, one segment
-//! per lane. The interfaces are left with a tridiagonal system of their own.
+//! per lane. A separate tridiagonal system remains for the interfaces.
 //!
 //! The fill decays geometrically as far as the matrix is diagonally dominant. Rows where it has fallen below 2⁻⁶⁴ of
 //! its row and of its interface are left out, which no sum in doubles can see. Where that happens within a segment, the
@@ -78,7 +78,7 @@ pub(super) struct Partitioned {
     lanes: Lanes,
 }
 
-/// LDLᵀ of what is left for the interfaces.
+/// LDLᵀ of the remaining system of the interfaces.
 #[derive(Debug)]
 struct Interfaces {
     /// Between an interface and the one before; empty if they do not see each other.

@@ -127,7 +127,7 @@ fn damping_by_rule_counts_elements_at_rest_and_specimens() {
     );
     assert_eq!(parted.element_names().collect::<Vec<_>>(), ["element 1"]);
 
-    // Mass whose inertia is in the measured force moves as well: the ratios that are asked for are those of the whole.
+    // Mass whose inertia is in the measured force moves as well: the requested ratios are those of the whole.
     let heavy = SpecimenShare {
         mass: &SymMatrix::zeros(3),
         mass_in_force: &SymMatrix::from_triplets(3, [(1, 1, 0.25)]),

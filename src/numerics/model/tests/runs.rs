@@ -7,7 +7,7 @@ use crate::law::{Law, LawSpec, Memoryless, Tangent};
 use crate::linalg::{Lanes, SymMatrix};
 use gusset_quantity::state::{Stateful, TestState, Visit};
 
-/// A law that does not say what it is: it cannot stand in a run.
+/// A law that does not reveal its form: it cannot be part of a run.
 #[derive(Debug)]
 struct Hidden(Box<dyn Law>);
 
@@ -169,7 +169,7 @@ fn names_matrices_and_tangents_of_a_run_are_those_of_its_elements() {
     assert_eq!(all(&runs), all(&singles));
     assert_eq!(forces(&mut runs, 2), forces(&mut singles, 2));
     assert_eq!(all(&runs), all(&singles), "after the forces");
-    // Nobody asks any more: the tangents at rest.
+    // After `forget_tangents`: the tangents at rest.
     let rest = structure(3000, &PARTS, false).tangent_damping();
     let mut forgets = structure(3000, &PARTS, false);
     forgets.forget_tangents();

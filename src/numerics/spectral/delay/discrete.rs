@@ -80,7 +80,7 @@ pub fn recursion(
         .copy_from(&(&system.damping * -dt));
     let of_specimen = |matrix: &DMatrix<f64>, by: f64| system.rows.transpose() * matrix * -by;
     let inertia = DMatrix::identity(axes, axes) * system.specimen_mass;
-    // Kind of the history, steps back, and the force by what was commanded then.
+    // Kind of the history, steps back, and the force due to the command then.
     let mut parts = Vec::new();
     // The velocity is of the targets, or of those of the integrator.
     let (of_velocity, velocity) = match &late.slope {
@@ -155,8 +155,8 @@ struct Circle<'a> {
 const SMALLEST: f64 = 1e-6;
 
 impl<'a> Circle<'a> {
-    /// `poles` are those of the recursion without delay. A mode of the structure stands at ω Δt in continuous time only: the
-    /// farther apart the two are, the surer a mark of the one misses the turn about the other.
+    /// `poles` are those of the recursion without delay. A mode of the structure has the angle ω Δt in continuous time only.
+    /// The more its pole differs from that, the more likely a mark at ω Δt misses the turn about the pole.
     fn new(system: &'a Delayed, dt: f64, lambda: f64, poles: &[Complex<f64>]) -> Self {
         // Upon the positive real axis the grid itself is fine enough; at zero there is but the history.
         let marked = |pole: &&Complex<f64>| pole.im > 0.0 || (pole.im == 0.0 && pole.re < 0.0);
@@ -226,7 +226,7 @@ impl<'a> Circle<'a> {
         let half = libm::sin(0.5 * theta);
         let difference = Complex::new(2.0 * half * half, libm::sin(theta));
         let back = Complex::new(1.0, 0.0) - difference;
-        // Of a long delay all but the last weights are zero.
+        // With a long delay all but the last weights are zero.
         let sum = |weights: &[f64]| {
             let none = weights.iter().take_while(|weight| **weight == 0.0).count();
             let weights = weights.get(none..).unwrap_or_default();

@@ -40,8 +40,8 @@ pub struct Delayed {
     pub specimen_mass: f64,
     /// K̃ of M_eff = M + (Δt/2) C0 + Δt² K̃, n × n, where it is not K0/λ.
     pub weighted: Option<DMatrix<f64>>,
-    /// What the commands of the ticks of a step are made of, from the one at the target back; empty where the specimen is commanded
-    /// once a step.
+    /// Weights of the commands of the ticks of a step, from the one at the target back; empty where the specimen is commanded once
+    /// a step.
     pub ticks: Vec<Weights>,
 }
 
@@ -121,7 +121,7 @@ pub enum DelayError {
     Parameter {
         /// Which.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: f64,
     },
 }

@@ -89,7 +89,7 @@ fn both_ways_have_trace_and_determinant_and_agree() {
             stuck[kind] += 1;
             continue;
         };
-        // What is one pole k times is off by the k-th root of it: 0.1 for 14 times.
+        // A pole of multiplicity k is off by the k-th root of the tolerance: 0.1 for k = 14.
         let within = if kind == 0 { 1e-8 } else { 0.5 };
         assert!(distance(&by_itself, &always) < within, "{case}");
     }

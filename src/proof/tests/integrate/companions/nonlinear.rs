@@ -263,7 +263,7 @@ fn an_alpha_step_allocates_nothing_and_does_not_depend_on_who_stepped_before() {
         }
     });
     assert_eq!(counted.count_total, 0);
-    // The memory is the state's: another instance goes on with the same bits.
+    // The memory belongs to the state: another instance continues with identical bits.
     let mut other = make();
     let mut copy = state.clone();
     method.advance(&mut state, &r, &mut reported);
