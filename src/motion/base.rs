@@ -1,4 +1,5 @@
-//! A base that is moved: displacement and velocity at every step, and a look for what no table can follow.
+//! Motion of the base: displacement and velocity at every step, and a check for motion that no shake table can
+//! follow.
 
 use super::error::MotionError;
 use super::process::Motion;

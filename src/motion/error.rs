@@ -138,9 +138,9 @@ pub enum MotionError {
         file: String,
         /// Line, from 1.
         line: usize,
-        /// What was looked for.
+        /// The text expected.
         wanted: &'static str,
-        /// The line, or the part of it that disappoints.
+        /// The line, or the part of it that is wrong.
         found: String,
     },
     /// A header that announces another number of values than follow.
@@ -155,7 +155,7 @@ pub enum MotionError {
     Count {
         /// Name of the file.
         file: String,
-        /// What the header says.
+        /// The number that the header announces.
         announced: usize,
         /// How many there are.
         found: usize,
@@ -225,7 +225,7 @@ pub enum MotionError {
         /// Name of the file.
         file: String,
     },
-    /// Times that fall or stand still.
+    /// Times that fall or repeat.
     #[error("{file}:{line}: times must rise from row to row, found {} s after {} s", Short(*found), Short(*before))]
     NotRising {
         /// Name of the file.
@@ -259,9 +259,9 @@ pub enum MotionError {
         file: String,
         /// Line, from 1.
         line: usize,
-        /// As the first row has it.
+        /// Columns of the first row.
         wanted: usize,
-        /// As this row has it.
+        /// Columns of this row.
         found: usize,
     },
     /// Times in a unit that is not known, or not clearly theirs.
@@ -287,7 +287,7 @@ pub enum MotionError {
         /// The columns that exist.
         available: String,
     },
-    /// Two columns have the name that is asked for.
+    /// Two columns have the requested name.
     #[error(
         "{file}: columns {} and {} are both called {column:?}: choose one by column = {{ number = {} }}",
         numbers[0], numbers[1], numbers[0]
@@ -297,10 +297,10 @@ pub enum MotionError {
         file: String,
         /// The name asked for.
         column: String,
-        /// The first two that have it, from 1.
+        /// The first two columns with this name, from 1.
         numbers: [usize; 2],
     },
-    /// The column of times is asked for as that of values, too.
+    /// One column is chosen for the times and for the values.
     #[error("{file}: column {number} is chosen for the times and for the values")]
     ColumnForBoth {
         /// Name of the file.
@@ -339,11 +339,11 @@ pub enum MotionError {
     /// A unit of something else.
     #[error("unit {unit} does not measure {quantity}")]
     UnitMismatch {
-        /// The key whose unit it is, where the signal itself is none.
+        /// The key whose unit it is, where it is not the signal's own unit.
         key: Option<&'static str>,
         /// The unit found.
         unit: Unit,
-        /// What was to be measured.
+        /// The quantity to be measured.
         quantity: Quantity,
     },
     /// A signal or a processing step that has no meaning here.
@@ -351,7 +351,7 @@ pub enum MotionError {
     NotApplicable {
         /// The key, as the test file spells it.
         key: &'static str,
-        /// What it was applied to.
+        /// The signal or processing step that it was applied to.
         what: &'static str,
     },
     /// A number outside its domain.
@@ -427,7 +427,7 @@ pub enum MotionError {
         what: &'static str,
         /// Entry, from 1.
         index: usize,
-        /// What stands there.
+        /// The value found.
         found: f64,
     },
 }
@@ -462,7 +462,7 @@ impl MotionError {
         }
     }
 
-    /// The key of the test file that is wrong, as far as it is one key.
+    /// The key of the test file that is wrong, if the error concerns one key.
     #[must_use]
     pub const fn key(&self) -> Option<&'static str> {
         match self {

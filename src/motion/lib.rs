@@ -362,7 +362,7 @@ impl Excitation {
     }
 
     /// Displacement (m) and velocity (m/s) of the base at `step`; a base that does not move is at (0, 0). Beyond the
-    /// test the last displacement stands still: a base does not jump home. Real-time: yes.
+    /// test the base keeps its last displacement: it does not jump home. Real-time: yes.
     #[inline]
     #[must_use]
     pub fn base(&self, step: usize) -> (f64, f64) {
@@ -375,7 +375,7 @@ impl Excitation {
         }
     }
 
-    /// Ground acceleration in m/s² at `step`, 0 if there is none and beyond the test. Real-time: yes.
+    /// Ground acceleration in m/s² at `step`, 0 without ground motion and beyond the test. Real-time: yes.
     #[inline]
     #[must_use]
     pub fn ground(&self, step: usize) -> f64 {

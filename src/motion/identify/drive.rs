@@ -29,7 +29,7 @@ pub enum Shape {
 /// A motion that cannot be.
 #[derive(Debug, Error)]
 pub enum CourseError {
-    /// The band is none.
+    /// The band is empty.
     #[error(
         "the band goes from {from_hz} Hz to {to_hz} Hz, but must begin above 0 and end above its beginning"
     )]
@@ -54,7 +54,7 @@ pub enum CourseError {
     /// No length at all.
     #[error("the duration is {found} s, but must be finite and greater than 0")]
     Duration {
-        /// What was asked for.
+        /// The requested duration.
         found: f64,
     },
     /// Too short for its band.
@@ -76,7 +76,7 @@ pub enum CourseError {
     Motion(#[from] MotionError),
 }
 
-/// What a motion asks of an actuator, per metre of its amplitude.
+/// Velocity and acceleration that a motion demands of an actuator, per metre of its amplitude.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Demand {
     /// Greatest velocity in 1/s.
@@ -92,7 +92,7 @@ pub struct Course {
     band: Band,
     duration: f64,
     seed: u64,
-    /// Of the signal's own amplitude, per metre of the largest displacement.
+    /// The signal's own amplitude, per metre of the largest displacement.
     own: f64,
     demand: Demand,
 }
@@ -175,7 +175,7 @@ impl Course {
         Ok(course)
     }
 
-    /// What it asks of an actuator.
+    /// Demand on an actuator.
     #[must_use]
     pub const fn demand(&self) -> Demand {
         self.demand

@@ -1,9 +1,8 @@
 //! The energy balance of a structure and its specimens, step by step, from recorded displacements and forces.
 //!
 //! With x of three steps, the work of a force r in the middle one is `½ (x[i+1] − x[i−1])ᵀ r[i]`: the sum in which the
-//! equation of motion of the integrator closes. Kinetic energy is taken of the velocity (x[i+1] − x[i−1])/(2Δt) and of M
-//! alone, so that what is left over is of order Δt²: a picture. The exact audit is the program's own (column
-//! `step_audit`).
+//! equation of motion of the integrator closes. Kinetic energy uses the velocity (x[i+1] − x[i−1])/(2Δt) and M alone, so
+//! the remainder is of order Δt²: an approximation for plots. The exact audit is the column `step_audit`.
 
 use super::falsified::Scale;
 
@@ -39,7 +38,7 @@ pub struct Energies {
 }
 
 impl Energies {
-    /// What the sum leaves over.
+    /// Energy that the sum leaves unexplained.
     #[must_use]
     pub fn remainder(&self) -> f64 {
         self.input - self.kinetic - self.damping - self.springs - self.specimens
@@ -293,7 +292,7 @@ mod tests {
             .fold(0.0, |most: f64, row| most.max(row.0.abs()));
         let scale = balance.scale();
         assert!((scale.strain_energy_j / (2.5e3 * most * most) - 1.0).abs() < 1e-12);
-        // Input starts at nothing here, and what is left over of it is what the damping took and what still moves.
+        // Input starts at zero here. It went into the damping and into the energy still stored or in motion.
         let input = last.damping + last.kinetic + last.springs + last.specimens;
         assert!(scale.input_energy_j >= last.input && last.input > 0.99 * input);
     }

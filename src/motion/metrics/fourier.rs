@@ -1,8 +1,8 @@
 //! Spectra of whole records: Fourier amplitudes, and the frequency evaluation index of two of them.
 //!
-//! The transform is taken over all of a record at once, without a window: a test begins and ends at rest, or says so in
-//! its spectrum. A length with large prime factors is cut by a few samples, so that the transform stays fast. Missing
-//! samples are held at the last value.
+//! The transform is taken over all of a record at once, without a window: a test begins and ends at rest, or its
+//! spectrum shows the jump. A length with large prime factors is cut by a few samples, so that the transform stays
+//! fast. Missing samples are held at the last value.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;

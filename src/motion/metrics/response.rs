@@ -115,7 +115,7 @@ const ALIKE: f64 = 1e-10;
 
 /// Points through which a command is drawn between its samples.
 const POINTS: usize = 8;
-/// Improvements at most, and the size of one that is none.
+/// Most improvements, and the size of one that counts as zero.
 const ROUNDS: usize = 12;
 const SETTLED: f64 = 1e-10;
 
@@ -174,7 +174,7 @@ fn fraction(command: &[f64], measured: &[f64], whole: isize) -> Option<f64> {
             break;
         }
     }
-    // What is left is roundoff.
+    // The remainder is roundoff.
     Some(if fraction.abs() < SETTLED {
         0.0
     } else {
@@ -205,8 +205,8 @@ fn filled(values: &[f64]) -> Option<Vec<f64>> {
     Some(out.collect())
 }
 
-/// `measured` with what is missing of it put as far off `command` as a straight line from the sample before to the one behind is:
-/// for what needs samples at even times. As it is where nothing is missing, or everything.
+/// Fills the gaps of `measured` for methods that need evenly spaced samples: the error to `command` is interpolated linearly from
+/// the sample before the gap to the one behind. Unchanged where nothing is missing, or everything.
 #[must_use]
 pub fn bridged<'a>(command: &[f64], measured: &'a [f64]) -> Cow<'a, [f64]> {
     if measured.iter().all(|m| m.is_finite()) {
@@ -239,7 +239,7 @@ pub fn bridged<'a>(command: &[f64], measured: &'a [f64]) -> Cow<'a, [f64]> {
     Cow::Owned(out)
 }
 
-/// What the root mean square of the error is divided by.
+/// Divisor of the root mean square of the error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Denominator {
     /// Root mean square of the command: √(Σ(m−c)² / Σc²).

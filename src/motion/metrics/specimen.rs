@@ -1,4 +1,4 @@
-//! What a prescribed displacement shows of a specimen: stiffness and damping, each with its standard error.
+//! Identification of a specimen from a prescribed displacement: stiffness and damping, each with its standard error.
 //!
 //! Force against measured displacement and its velocity. The noise of the displacement sensor is in both of these, and in the
 //! velocity the more the shorter the ticks: least squares would lean towards zero with the one and make up for it with the
@@ -21,12 +21,12 @@ const SLIGHT: f64 = 0.01;
 pub struct Estimate {
     /// The number.
     pub value: f64,
-    /// Its standard error; infinite where there is too little to tell.
+    /// Its standard error; infinite where the data are too few.
     pub std: f64,
     /// What would be a hundredth of the force.
     slight: f64,
-    /// What the line misses is no noise: neighbours miss the same. Then the number is that of this motion only, a secant or an
-    /// equivalent, and no error of it is standard.
+    /// True if the residual is not noise: neighbouring samples have similar residuals. Then the number belongs to this motion
+    /// only, as a secant or an equivalent, and its standard error has no meaning.
     pub is_of_this_motion: bool,
 }
 
@@ -37,19 +37,19 @@ impl Estimate {
         self.std <= (SURE * self.value.abs()).max(self.slight)
     }
 
-    /// True if the standard error is one to be told: more than roundoff.
+    /// True if the standard error is worth reporting: more than roundoff.
     #[must_use]
     pub fn is_scattered(&self) -> bool {
         self.std > 1e-4 * self.value.abs().max(self.slight)
     }
 }
 
-/// What a prescribed displacement shows of a specimen: f ≈ k̂·d + ĉ·ḋ + f₀.
+/// Linear fit of a specimen under a prescribed displacement: f ≈ k̂·d + ĉ·ḋ + f₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Identified {
     /// k̂ in N/m.
     pub stiffness: Estimate,
-    /// ĉ in N s/m; none where displacement and velocity cannot be told apart.
+    /// ĉ in N s/m; `None` where the data cannot separate displacement and velocity.
     pub damping: Option<Estimate>,
     /// f₀ in N.
     pub offset: f64,
@@ -126,7 +126,7 @@ pub fn identify(target: &[f64], disp: &[f64], force: &[f64], dt: f64) -> Option<
     let scatter = 1e-13 * (mean[0].abs() + (tt / n).sqrt()) / dt;
     let is_moving_freely = ss > n * scatter * scatter && tt * ss - ts * ts > 1e-6 * tt * ss;
     let determinant = td * sv - tv * sd;
-    // What a unit of either moment with the instruments adds to k̂ and to ĉ.
+    // Change of k̂ and of ĉ per unit of either moment with the instruments.
     let [by_stiffness, by_damping] = if is_moving_freely {
         [
             [sv / determinant, -tv / determinant],
@@ -198,7 +198,7 @@ fn averaged(
     })
 }
 
-/// `target` as it was so many samples ago; before the first of them, and behind the last, it stands.
+/// `target` delayed by `samples`; before its first sample and behind its last one it is constant.
 #[must_use]
 pub fn delayed(target: &[f64], samples: f64) -> Vec<f64> {
     let last = target.len().saturating_sub(1) as f64;

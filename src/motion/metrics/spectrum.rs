@@ -152,7 +152,7 @@ impl Bank {
         }
     }
 
-    /// Keeps the largest of what was passed in a step.
+    /// Keeps the largest displacement within a step.
     fn note(&self, before: &Motion, now: &Motion, top: &mut Lane) {
         let mut turns = false;
         for (i, top) in top.iter_mut().enumerate() {
@@ -173,7 +173,7 @@ impl Bank {
         }
     }
 
-    /// Where the free vibration of oscillator `i` from here first stands still: no later swing is larger.
+    /// Displacement where the free vibration of oscillator `i` from here first turns: no later swing is larger.
     fn first_turn(&self, i: usize, disp: f64, vel: f64) -> f64 {
         let (omega, ratio) = (self.omega[i], self.ratio);
         let damped = omega * (1.0 - ratio * ratio).sqrt();
@@ -190,8 +190,8 @@ impl Bank {
     }
 }
 
-/// Displacement where the cubic through these displacements and velocities at both ends of a step stands still; the
-/// velocities differ in sign.
+/// Displacement at the turning point of the cubic through these displacements and velocities at both ends of a step;
+/// the velocities differ in sign.
 fn turning_point([u0, u1]: [f64; 2], [v0, v1]: [f64; 2], step: f64) -> f64 {
     let (rise, fall, way) = (step * v0, step * v1, u1 - u0);
     // Its derivative a s² + b s + c, s from 0 to 1: of different signs at 0 and 1, so that one root lies between.
@@ -322,8 +322,8 @@ mod tests {
 
     #[test]
     fn tiny_steps_lose_no_digits() {
-        // The same straight-line ground at steps 1 and 1/4096 of it: Nigam and Jennings' own coefficients lose
-        // (ω dt)³ of the digits here, (1.5e-4)³ = 4e-12.
+        // One straight-line ground at steps 1 and 1/4096: Nigam and Jennings' own coefficients lose (ω dt)³ of the
+        // digits here, (1.5e-4)³ = 4e-12.
         let coarse = [0.0, 1.0, -0.5, 2.0, 0.0, -1.0, 0.3, 0.0];
         let ends = |count: usize| {
             let bank = Bank::new(&[0.6; LANES], 0.05, 1.0 / count as f64);

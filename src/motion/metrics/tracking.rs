@@ -1,9 +1,9 @@
 //! How well a measured displacement follows its target, in the numbers of the literature, each with its noise floor.
 //!
-//! The floor is what the number would come to if the specimen followed perfectly and only the sensors' noise were added,
-//! noise that is white and as large as it was while the specimen stood still. Numbers that noise makes larger have its
-//! share taken off; numbers that it only scatters are kept where they exceed twice their scatter, and are what a perfect
-//! specimen shows (0, or 1 for a ratio) where they do not.
+//! The floor is the value for a specimen that follows perfectly with only the sensors' noise added. That noise is white
+//! and as large as at rest. Numbers that noise makes larger are corrected by its share. Numbers that noise only scatters
+//! are kept where they exceed twice their scatter. Otherwise they take the value of a perfect specimen (0, or 1 for a
+//! ratio).
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ const LAG_S: f64 = 0.1;
 const LAG_LEAST: usize = 25;
 const LAG_MOST: usize = 800;
 
-/// What the sensors of an axis read while it stood still.
+/// Sensor readings of an axis at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Number of readings.
@@ -81,7 +81,7 @@ pub struct Tracking {
     pub samples: u64,
     /// Root mean square of measured − target over root mean square of the target.
     pub nrmse: Judged,
-    /// The same root mean square over the range of the target, largest − smallest.
+    /// Root mean square of measured − target over the range of the target, largest − smallest.
     pub nrmse_of_range: Judged,
     /// Largest |measured − target|.
     pub peak_error_m: Judged,
@@ -100,12 +100,12 @@ pub struct Tracking {
     /// Energy error of Mosqueda, Stojadinović and Mahin, ∫ f d(measured − target); positive: the
     /// transfer system has added energy to the test, as a lag does.
     pub energy_error_j: Judged,
-    /// The same over the input energy and the largest elastic strain energy of the test ([`super::falsified::Scale`]); null
-    /// where there is no energy balance.
+    /// The energy error over the input energy and the largest elastic strain energy of the test
+    /// ([`super::falsified::Scale`]); null where there is no energy balance.
     pub energy_error_share: Option<Judged>,
     /// Phase and amplitude errors in moving windows (PAEI and FDB); null of a test that is too short.
     pub windows: Option<Windows>,
-    /// What the floors come from; null if the test did not zero its sensors.
+    /// Readings at rest, from which the floors follow; null if the test did not zero its sensors.
     pub noise: Option<Noise>,
 }
 
@@ -189,7 +189,7 @@ impl Tracking {
         Self::with_index(target, measured, force, dt, noise, index)
     }
 
-    /// The same with an index that is known already.
+    /// Tracking with an index that is known already.
     #[must_use]
     pub fn with_index(
         target: &[f64],
@@ -209,7 +209,7 @@ impl Tracking {
         }
         let noise_m = noise.map(|noise| noise.disp_std_m);
         let noise_n = noise.map(|noise| noise.force_std_n);
-        // Of a perfect specimen: an error of σ in every sample.
+        // For a perfect specimen: an error of σ in every sample.
         let of_rms = noise_m.map(|sigma| sigma / (s.square / s.n).sqrt());
         let of_range = noise_m.map(|sigma| sigma / (s.hi - s.lo));
         // The largest of n normal deviates.

@@ -74,12 +74,12 @@ pub struct Histories {
     pub frequency_hz: Vec<f64>,
 }
 
-/// What one window says: (amplitude, phase), each with the scatter that noise of unit size gives it.
+/// Result of one window: (amplitude, phase), each with the scatter due to noise of unit size.
 #[derive(Debug, Clone, Copy)]
 struct Look {
     values: [f64; 2],
     scatter: [f64; 2],
-    /// Of the amplitude, per noise squared: noise adds to its moments.
+    /// Bias of the amplitude, per noise squared: noise adds to its moments.
     bias: f64,
 }
 
@@ -129,7 +129,7 @@ impl Taper {
         let (mut swept, mut before, mut square) = (0.0, 0.0, 0.0);
         for (i, w) in self.steps.iter().enumerate() {
             swept += w * (x[i] * y[i + 1] - x[i + 1] * y[i]);
-            // Where y[i] stands in the sum: from the step before, and from this one.
+            // Factor of y[i] in the sum: from the step before, and from this one.
             let place: f64 = before - w * x[i + 1];
             square += place * place;
             before = w * x[i];

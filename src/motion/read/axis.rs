@@ -679,7 +679,7 @@ mod tests {
         };
         let given = parse_record("a.txt", text.as_bytes(), &options).unwrap();
         assert!(given.warnings.iter().all(|w| !w.contains("inferred")));
-        // Equal in print, or many: nothing to tell.
+        // Equal in print, or many: nothing to report.
         assert!(
             read("a.txt", "0 1\n0.1 2\n0.2 3\n")
                 .unwrap()

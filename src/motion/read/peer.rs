@@ -168,7 +168,7 @@ pub(super) fn chosen_step(
     }
 }
 
-/// What the last line of the header says.
+/// Number of points and interval from the last line of the header.
 struct Counts {
     points: Option<usize>,
     dt: Option<f64>,
