@@ -32,7 +32,7 @@ pub type Proof = [u8; PROOF_LEN];
 pub struct PreSharedKey([u8; 32]);
 
 impl PreSharedKey {
-    /// From the bytes of a key file, taken as they are: the caller decides about a line end.
+    /// Key from the bytes of a key file, unchanged: the caller decides about a line end.
     ///
     /// # Errors
     /// [`WireError::Bounds`] if the key is too short or too long.

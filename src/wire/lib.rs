@@ -26,13 +26,13 @@ use thiserror::Error;
 
 use gusset_quantity::substructure::LinkFault;
 
-/// What a look at the bytes received so far gave.
+/// State of the bytes received so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use]
 pub enum Progress {
     /// No whole frame yet: keep the bytes and read on.
     NeedMore,
-    /// One whole frame stands at the beginning.
+    /// One whole frame is at the beginning.
     Frame {
         /// Its length; the next frame begins behind it.
         consumed: usize,
@@ -162,7 +162,7 @@ pub enum WireError {
         lowest: i64,
         /// Largest value allowed.
         highest: i64,
-        /// What was found: any number that a field can hold.
+        /// The value found: any number that a field can hold.
         found: i128,
     },
     /// The checksum does not match: the frame was damaged.
@@ -206,7 +206,7 @@ pub enum WireError {
         /// The frame's counter.
         counter: u64,
     },
-    /// A frame too far behind the newest one to tell whether it is a replay.
+    /// A frame too far behind the newest one to decide whether it is a replay.
     #[error("frame {counter} is too old: {newest} has been received")]
     TooOld {
         /// The frame's counter.
@@ -306,7 +306,7 @@ pub enum WireError {
     /// The version numbers of an OpenFresco shadow and its actor differ.
     #[error("the peer is OpenFresco version {found}, {expected} wanted")]
     SiteVersion {
-        /// The version that this end was told to be.
+        /// The version set for this end.
         expected: f64,
         /// The peer's.
         found: f64,
@@ -316,7 +316,7 @@ pub enum WireError {
     Failed,
 }
 
-/// What is wrong with the encoding of a control message.
+/// Fault in the encoding of a control message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum ControlFault {
     /// It ends too early.
@@ -372,7 +372,7 @@ impl WireError {
     }
 }
 
-/// Who is known to begin like this, where a protocol has no mark of its own to be recognised by.
+/// Names the known protocol that begins with these bytes, where the expected protocol has no magic number.
 ///
 /// # Errors
 /// [`WireError::Foreign`].

@@ -1,8 +1,8 @@
 //! Which counters have been seen: duplicates, replays and late datagrams, as pure arithmetic.
 //!
-//! The window keeps the newest counter and one bit for each of the 64 counters up to it, as the anti-replay
-//! window of RFC 4303 (IPsec ESP), section 3.4.3, does. Invariant: a counter is accepted at most once, and
-//! never when it is so old that this cannot be told. Counters begin at 1; 0 is always refused.
+//! The window keeps the newest counter and one bit for each of the 64 counters up to it, as the anti-replay window of
+//! RFC 4303 (IPsec ESP), section 3.4.3, does. Invariant: a counter is accepted at most once, and never when it is too
+//! old to decide this. Counters begin at 1; 0 is always refused.
 
 use super::WireError;
 

@@ -5,7 +5,7 @@ use super::{
 };
 use crate::{Side, WireError};
 
-/// What a specimen's end offers; the controller's wish must fit into it.
+/// Terms that a server offers; the controller's Hello must fit them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terms {
     /// Versions spoken.
@@ -104,8 +104,8 @@ pub fn agree(hello: &Hello, terms: &Terms) -> Result<u16, Refuse> {
     Ok(version)
 }
 
-/// The controller's check of a Welcome against its own Hello: the specimen must have taken it as it was. Its limits are
-/// compared apart, by [`wider`]. The proof is checked apart, by [`super::verify_welcome`].
+/// The controller's check of a Welcome against its own Hello: the server must have accepted it unchanged. [`wider`]
+/// compares the limits, and [`super::verify_welcome`] checks the proof.
 ///
 /// # Errors
 /// What differs.
@@ -214,7 +214,7 @@ pub struct Wider {
     pub unit: &'static str,
 }
 
-/// Limits that differ by this share of the larger are the same, reckoned in different units.
+/// Limits that differ by this share of the larger are equal, converted from different units.
 const ROUNDING: f64 = 1e-9;
 
 /// The controller promises limits, which must lie within those of the specimen: the first that does not. What it does not

@@ -110,7 +110,7 @@ pub fn prove_welcome(hello: &[u8], welcome: &mut [u8], key: &SessionKey) -> Resu
     write_proof(welcome, proof)
 }
 
-/// Checks the specimen's proof in an encoded Welcome, against the Hello as it was sent.
+/// Checks the server's proof in an encoded Welcome, against the Hello that was sent.
 ///
 /// # Errors
 /// [`WireError::Proof`].

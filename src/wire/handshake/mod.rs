@@ -78,7 +78,7 @@ impl Control {
     }
 }
 
-/// What the controller wants.
+/// Opening message of the controller.
 #[derive(Debug, Clone, PartialEq, Encode, Decode)]
 pub struct Hello {
     /// Proof that the controller has the key; zeros without one. Filled by [`prove_hello`].
@@ -95,7 +95,7 @@ pub struct Hello {
     pub rate_numerator: u64,
     /// Denominator of the rate.
     pub rate_denominator: u64,
-    /// The specimen must hold when no command has come for so long, s.
+    /// The specimen must hold when no command has come for this time, s.
     pub watchdog_s: f64,
     /// When the force is to be sampled.
     pub sampling: Sampling,
@@ -107,7 +107,7 @@ pub struct Hello {
     pub axes: Vec<Axis>,
 }
 
-/// What the specimen is.
+/// The server's answer to a Hello.
 #[derive(Debug, Clone, PartialEq, Encode, Decode)]
 pub struct Welcome {
     /// Proof that the specimen has the key; zeros without one. Filled by [`prove_welcome`].
@@ -116,15 +116,15 @@ pub struct Welcome {
     pub nonce: Nonce,
     /// Hash of the axes' layout, see [`layout_hash`].
     pub layout: [u8; 32],
-    /// Number of the session, random, not zero: it stands in every frame from now on.
+    /// Number of the session, random, not zero: every frame carries it from now on.
     pub session: u64,
     /// The version that both speak.
     pub version: u16,
     /// True if every frame is to be signed.
     pub keyed: bool,
-    /// What the specimen can do.
+    /// Capabilities of the server.
     pub capabilities: Capabilities,
-    /// It will hold when no command has come for so long, s.
+    /// It will hold when no command has come for this time, s.
     pub watchdog_s: f64,
     /// When it will sample the force.
     pub sampling: Sampling,
@@ -207,11 +207,11 @@ pub struct Axis {
     pub disp_unit: Unit,
     /// Unit of force.
     pub force_unit: Unit,
-    /// Limits, in these units. Infinite where there is none.
+    /// Limits, in these units. Infinite where none is set.
     pub limits: Limits,
 }
 
-/// Limits of one axis. Infinite where there is none; never NaN.
+/// Limits of one axis. Infinite where none is set; never NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Encode, Decode)]
 pub struct Limits {
     /// Smallest displacement.
@@ -254,7 +254,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// As it stands in the layout text.
+    /// Symbol of the unit in the layout text.
     #[must_use]
     pub const fn symbol(self) -> &'static str {
         match self {
@@ -281,7 +281,7 @@ impl Unit {
     }
 }
 
-/// What a specimen can do, as bits.
+/// Capabilities of a server, as bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Encode, Decode)]
 pub struct Capabilities(pub u32);
 
@@ -343,7 +343,7 @@ pub enum RefuseCode {
 }
 
 impl RefuseCode {
-    /// The reason in words, for a refusal that has none of its own.
+    /// Default reason in words, for a refusal without a text.
     #[must_use]
     pub const fn why(self) -> &'static str {
         match self {

@@ -35,7 +35,7 @@ pub fn split(bytes: &[u8]) -> Result<Progress, WireError> {
 /// A frame, and how it came.
 #[derive(Debug, Clone, Copy)]
 pub struct Received<'a> {
-    /// What it says.
+    /// Its content.
     pub frame: Frame<'a>,
     /// The sender's counter.
     pub counter: u64,

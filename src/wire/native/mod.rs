@@ -40,7 +40,7 @@
 //! | 60 | 4 | u32 | commands missed so far: sequence numbers that never arrived |
 //! | 64 | 8n | f64 | measured displacement |
 //! | 64+8n | 8n | f64 | measured force |
-//! | 64+16n | 4·(8+8n) | | the four previous measurements, newest first: each u64 sequence, then n forces; sequence 2^64−1 and zeros where there is none |
+//! | 64+16n | 4·(8+8n) | | the four previous measurements, newest first: each u64 sequence, then n forces; sequence 2^64−1 and zeros in an empty place |
 //!
 //! Heartbeat (kind 3, either): 32 u64 newest sequence sent or in force; 40 f64 the sender's time, s; 48 u32
 //! status; 52 u32 reserved, zero. Hold (4, controller), retire (5, controller), goodbye (6, either): 32 u64

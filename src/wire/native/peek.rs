@@ -1,4 +1,4 @@
-//! A look at a frame on its way, and frames that lie: for what stands between the two ends and plays a bad network or a
+//! Reads a frame in transit and builds false ones: for test tools between the two ends that imitate a bad network or a
 //! broken peer.
 //!
 //! Nothing is checked here but the length; a frame of a keyed session that was changed fails its MAC. The two ends use
@@ -8,7 +8,7 @@ use super::kind::Kind;
 use super::layout::{COMMAND_WORDS, CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
 use crate::bytes::{Word, halves, put};
 
-/// What a frame says of itself.
+/// Header fields of a frame in transit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Peek {
     /// Its kind.

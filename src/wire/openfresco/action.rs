@@ -32,7 +32,7 @@ pub enum Matrix {
     Mass,
 }
 
-/// What a client wants.
+/// Request of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// 1: greeting of dialect B.
@@ -110,8 +110,8 @@ impl Action {
             .map(|(_, action)| *action))
     }
 
-    /// As all other servers have it, an integer. They cut off what stands behind the point; here nothing moves for half a
-    /// number that nobody meant. Real-time: yes.
+    /// Reads the code as an integer, as all other servers do. They truncate fractions; here a fractional code is an
+    /// error, so that nothing moves for a number that no client meant. Real-time: yes.
     ///
     /// # Errors
     /// [`WireError::Action`] for what cannot be a code at all.

@@ -10,7 +10,7 @@ pub(super) const HELLO_ANSWER: u8 = b'b';
 /// Both directions of the 1-byte endian exchange.
 pub(super) const ENDIAN: u8 = 1;
 
-/// What a client must send before the first message, over UDP.
+/// Greeting of a client before the first message, over UDP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct UdpGreeting {
     /// One datagram `61`, answered by one datagram `62`.

@@ -285,7 +285,7 @@ fn any_changed_bit_of_a_greeting_breaks_its_proof() {
 fn a_replayed_hello_gives_no_key_for_the_frames_that_follow() {
     let key = secret(1);
     let (hello, _, first) = keyed_greeting(&key);
-    // The specimen answers the recorded Hello with a nonce of its own: the old key signs nothing of the new session.
+    // The server answers the recorded Hello with its own nonce: the old key signs nothing of the new session.
     verify_hello(&hello, &key).unwrap();
     let second = key.session(&[3; 32], &[5; 32], 100);
     let mut encoder = Encoder::new(Side::Controller, 1, 100, Some(first)).unwrap();

@@ -1,4 +1,4 @@
-//! Every byte where the table has it.
+//! Checks every byte against the table.
 
 use super::*;
 

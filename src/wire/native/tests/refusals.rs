@@ -1,4 +1,4 @@
-//! What is refused, and by which word.
+//! Refused frames and the error of each.
 
 use super::*;
 
