@@ -18,7 +18,7 @@ pub(crate) type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
 
 /// Something that takes bytes at its end and can be cut back.
 pub trait Store: Write + Send {
-    /// Cuts what is stored to its first `length` bytes and goes on from there.
+    /// Cuts the store to its first `length` bytes and continues from there.
     ///
     /// # Errors
     /// The store refuses.
@@ -27,12 +27,12 @@ pub trait Store: Write + Send {
     /// A call for another thread that syncs the store to disk; by default there is nothing to sync.
     ///
     /// # Errors
-    /// No second handle can be had.
+    /// The store refuses a second handle.
     fn syncer(&self) -> io::Result<Syncer> {
         Ok(Box::new(|| Ok(())))
     }
 
-    /// The store as it is, if `written` bytes were; none if it is no file.
+    /// Length and identity of the store, given that `written` bytes were written; `None` if it is no file.
     fn extent(&self, written: u64) -> Option<Extent> {
         let _no_file = written;
         None
@@ -76,10 +76,10 @@ impl Store for Vec<u8> {
     }
 }
 
-/// What a unit is.
+/// Kind of unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// So many bytes, at least one.
+    /// This number of bytes, at least one.
     Stride(usize),
     /// Bytes up to and with a line feed.
     Line,
@@ -180,7 +180,8 @@ impl<S: Store> Appender<S> {
         self.torn
     }
 
-    /// The file as it is, and what was written; none if it is no file, or holds a torn tail of our own.
+    /// Identity and length of the file, beside the bytes written; `None` if it is no file, or holds an incomplete
+    /// unit.
     #[must_use]
     pub(crate) fn extent(&self) -> Option<Extent> {
         let whole = (!self.torn).then_some(&self.store);

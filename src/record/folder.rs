@@ -46,10 +46,10 @@ pub enum FolderError {
         /// Names of its first files.
         holds: String,
     },
-    /// The folder is empty, and yet that of a test.
+    /// The folder is empty, but a running test has claimed it.
     #[error("a test runs into {}, though it is empty: a run is never written over another", .0.display())]
     Claimed(PathBuf),
-    /// A file of a run whose folder was deleted, whatever stands in its place.
+    /// The folder of the run was moved or deleted, even if another has its name.
     #[error("{}: the folder of this run is not there any more", .0.display())]
     Lost(PathBuf),
     /// There is nothing of this name.
@@ -183,7 +183,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes the folder, and those above it. An empty folder is taken as it is.
+    /// Makes the folder, and those above it. An empty folder is used.
     ///
     /// # Errors
     /// [`FolderError::Occupied`] if it holds anything, [`FolderError::Claimed`] if it held what others deleted,
@@ -210,7 +210,7 @@ impl RunFolder {
         })
     }
 
-    /// For a test that runs into it: who asks is told so until its end ([`super::is_claimed`]).
+    /// Claims the folder for a running test: [`super::is_claimed`] reports it until the test ends.
     pub fn claim(&self) {
         self.hold.claim();
     }
@@ -220,13 +220,13 @@ impl RunFolder {
         self.hold.release();
     }
 
-    /// False if it was moved or deleted, whatever stands in its place. Then nothing is written there.
+    /// False if the folder was moved or deleted, even if another has its name. Then nothing is written there.
     #[must_use]
     pub fn is_there(&self) -> bool {
         self.hold.is_at(&self.path)
     }
 
-    /// What became of it since it was made. What is written from now on goes to where it was moved.
+    /// State of the folder since it was made. Later writes go to the place where it was moved.
     pub fn find_again(&mut self) -> Whereabouts {
         let found = self.hold.find(&self.path);
         if let Whereabouts::Moved(place) = &found {
@@ -306,7 +306,7 @@ impl RunFolder {
         self.write("resolved.toml", text.as_bytes())
     }
 
-    /// A file of this name, for whoever runs the test.
+    /// Writes a file of this name for the program that runs the test.
     ///
     /// # Errors
     /// The system refuses.
@@ -314,7 +314,7 @@ impl RunFolder {
         self.write(name, bytes)
     }
 
-    /// A folder of this name in it, for whoever runs the test.
+    /// Makes a folder of this name in it for the program that runs the test.
     ///
     /// # Errors
     /// [`FolderError::Lost`], or the system refuses.
@@ -665,7 +665,7 @@ pub(super) mod tests {
         fs::write(path.join("samples.json"), "{").unwrap();
         assert!(matches!(open(&path), FolderError::Layout { .. }));
         fs::write(path.join("samples.json"), named(&["x1"]).to_json()).unwrap();
-        // Nobody writes to a pipe: who opened it would wait for ever.
+        // No process writes to this pipe: a reader that opened it would wait for ever.
         for name in FILES.into_iter().chain(AFTER) {
             let file = path.join(name);
             let kept = fs::read(&file).ok();

@@ -1,8 +1,8 @@
 //! `samples.bin`: one record per row, appended by [`JournalWriter`], read by [`Journal`].
 //!
-//! The layout stands in [`super::layout`]. The reader gives every row up to the first one that is not whole and
-//! sound, and says why it stopped: after a kill −9 or a power cut that is the last whole row. It does not look
-//! for sound rows behind a damaged one. Rows that were lost before they reached the file are gaps in the
+//! [`super::layout`] describes the layout. The reader gives every row up to the first one that is incomplete or
+//! damaged, and reports why it stopped. After a kill −9 or a power cut it stops behind the last whole row. It does
+//! not look for sound rows behind a damaged one. Rows that were lost before they reached the file are gaps in the
 //! sequence numbers: counted, not an error.
 
 use std::io::{self, Read};
@@ -83,7 +83,7 @@ impl<S: Store> JournalWriter<S> {
         self.appender.length()
     }
 
-    /// The file as it is, and what was written: see [`Appender::extent`].
+    /// Identity and length of the file, and the bytes written: see [`Appender::extent`].
     #[must_use]
     pub(crate) fn extent(&self) -> Option<Extent> {
         self.appender.extent()
@@ -107,7 +107,7 @@ impl<S: Store> JournalWriter<S> {
 pub enum End {
     /// The file ends with a whole row.
     Clean,
-    /// The file ends in the middle of a row: so many bytes are there.
+    /// The file ends in the middle of a row.
     Torn {
         /// Bytes behind the last whole row.
         bytes: usize,

@@ -1,4 +1,4 @@
-//! The layout of `samples.bin`, as it stands in `samples.json`.
+//! The layout of `samples.bin`, as `samples.json` describes it.
 //!
 //! A record, little-endian, of `stride = 16 + 8 n` bytes for n columns:
 //!
@@ -96,7 +96,7 @@ pub enum LayoutError {
     ByteOrder(String),
 }
 
-/// The columns of a run and where they stand in a record. A `Layout` that exists is valid.
+/// The columns of a run and their places in a record. A `Layout` that exists is valid.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     columns: Vec<Column>,
@@ -106,7 +106,7 @@ impl Layout {
     /// A layout of these columns, in this order.
     ///
     /// # Errors
-    /// [`LayoutError`] if there are none or a name is unfit or repeated.
+    /// [`LayoutError`] if there is no column, or a name is unfit or repeated.
     pub fn new(columns: Vec<Column>) -> Result<Self, LayoutError> {
         if columns.is_empty() {
             return Err(LayoutError::Empty);

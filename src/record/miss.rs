@@ -125,7 +125,7 @@ impl SampleWindow {
             .is_some_and(|last| last.clock_ns >= clock_ns)
     }
 
-    /// Growth from the last sample at or before `from_ns` to the first at or after `to_ns`; where there is none,
+    /// Growth from the last sample at or before `from_ns` to the first at or after `to_ns`; without such a sample,
     /// from the oldest or to the newest. `None` without two different samples.
     #[must_use]
     pub(crate) fn evidence(&self, from_ns: u64, to_ns: u64) -> Option<Evidence> {

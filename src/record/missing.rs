@@ -1,7 +1,7 @@
-//! What a record lacks at its end: rows that are whole may be too few.
+//! Rows missing at the end of a record: all rows may be whole, but too few.
 //!
-//! The summary tells how far the test went. Where there is none, the events do: the writer brings a row to its file before the
-//! events of its tick, so that a kill leaves no event that is more than one step ahead of the last row.
+//! The summary states how far the test went. Without a summary, the events do: the writer brings a row to its file before the
+//! events of its tick. So a kill leaves no event that is more than one step ahead of the last row.
 
 use super::events::{Event, EventLine};
 use super::run::Run;
@@ -10,7 +10,7 @@ use super::summary::Summary;
 /// The rows end before the test did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MissingEnd {
-    /// Who tells that the test went further.
+    /// Source that shows that the test went further.
     pub told_by: ToldBy,
     /// How far it went at least: test time, s.
     pub until_s: f64,
@@ -20,20 +20,20 @@ pub struct MissingEnd {
     pub missing: u64,
 }
 
-/// Who tells that a test went further than its rows.
+/// Source that shows that a test went further than its rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ToldBy {
-    /// The summary, of so many steps.
+    /// The summary, with this number of steps.
     Summary(u64),
     /// Without one, an event of a later step.
     Events,
-    /// Without one, and where test time stood still: the writer, which had taken rows that its file did not.
+    /// Without a summary, while test time was held: the writer, which had taken rows that the file lacks.
     Writer,
 }
 
 impl MissingEnd {
-    /// Of a run whose last row is of this test time; none if nothing is missing, or if that cannot be known: a served specimen
-    /// counts commands and no steps. Without a summary it is the last row of the file that counts.
+    /// The missing end of a run whose last row has this test time. `None` if nothing is missing, or if that cannot be known: a
+    /// served specimen counts commands and no steps. Without a summary the last row of the file counts.
     #[must_use]
     pub fn of(run: &Run, ends_s: Option<f64>) -> Option<Self> {
         if run.layout().is_served() {
@@ -68,7 +68,7 @@ impl MissingEnd {
         }
         let last = run.last_row().ok()?;
         if last.is_none() && run.rows_made().ok()? > 0 {
-            // Whoever reads the rows tells of the damage.
+            // The reader of the rows reports the damage.
             return None;
         }
         let place = run.layout().index_of("time")?;

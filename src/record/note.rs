@@ -3,10 +3,10 @@
 use super::events::Event;
 use gusset_quantity::catalog::event::Severity;
 
-/// Where a test stands.
+/// Position of a test in its steps.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Position {
-    /// Step of the test, as the column `step` of a row has it and the loop's own events do.
+    /// Step of the test, as in the column `step` of a row and in the loop's own events.
     pub tick: Option<u64>,
     /// Its test time in s.
     pub time: Option<f64>,

@@ -146,8 +146,8 @@ impl Run {
         Ok(Journal::new(file, self.layout.columns().len()).watched(work))
     }
 
-    /// The last whole row of its file with its number, if it is sound; `None` if there is no such row there. What stands before
-    /// it is not looked at.
+    /// The last whole row of its file with its number, if it is sound; `None` if there is no such row. Earlier rows are not
+    /// examined.
     ///
     /// # Errors
     /// The system refuses, or there is no `samples.bin`.
@@ -160,7 +160,7 @@ impl Run {
         };
         file.seek(SeekFrom::Start(last * stride))
             .map_err(at(&path))?;
-        // Its number stands by itself here: what was lost before it is counted by whoever reads from the first.
+        // Its number suffices here: a reader of all rows counts the losses before it.
         let mut journal = Journal::new(file, self.layout.columns().len());
         let row = journal.next_row().map_err(at(&path))?;
         Ok(row.map(|row| (row.sequence, row.values.to_vec())))
@@ -362,15 +362,14 @@ impl Iterator for EventLines {
     }
 }
 
-/// True of a pipe or a device: who opened it might wait for ever. A folder keeps no reader waiting, and is told of where it is
-/// read.
+/// True for a pipe or a device, which might block its reader for ever. False for a folder: reading it fails at once.
 #[must_use]
 pub fn keeps_waiting(path: &Path) -> bool {
     path.metadata()
         .is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
 
-/// What was read; none if there is no such file.
+/// The content read; `None` if there is no such file.
 fn if_there<T>(path: &Path, read: io::Result<T>) -> Result<Option<T>, FolderError> {
     match read {
         Ok(found) => Ok(Some(found)),

@@ -1,5 +1,5 @@
-//! Records of one size, one behind the other, read from a source as they come. The caller decides what a record says, and
-//! whether it is sound.
+//! Records of one size, one behind the other, read from a source as they come. The caller decides what a record means,
+//! and whether it is valid.
 
 use std::io::{self, Read};
 
@@ -11,7 +11,7 @@ pub(super) const BUFFER: usize = 256 << 10;
 pub(super) enum Next<'a> {
     /// A whole record.
     Record(&'a [u8]),
-    /// The source has ended, with so many bytes behind the last whole record.
+    /// The source has ended, with this number of bytes behind the last whole record.
     End(usize),
 }
 

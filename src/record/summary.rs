@@ -47,8 +47,8 @@ impl<'de> Deserialize<'de> for Lambda {
     }
 }
 
-/// Largest magnitudes over the run, all DOFs whether recorded or not; of a run that went on with another one over the whole test,
-/// the steps in the other folder too. What does not exist or is not finite is null.
+/// Largest magnitudes over the run, all DOFs whether recorded or not. For a resumed run they cover the whole test, the steps in
+/// the other folder too. A value that does not exist or is not finite is null.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Peak {
@@ -81,7 +81,7 @@ pub struct LinkCounts {
     /// Messages that came more than once.
     #[serde(default)]
     pub duplicates: u64,
-    /// Lost answers that stood in the history of a later one.
+    /// Lost answers that were recovered from the history of a later one.
     #[serde(default)]
     pub recovered: u64,
     /// Commands that never arrived, as the far end counts them.
@@ -103,7 +103,7 @@ pub struct InputFile {
     pub bytes: u64,
 }
 
-/// What stands in `summary.json`.
+/// Content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// How the run ended.
@@ -131,7 +131,7 @@ pub struct Summary {
     pub peak: Peak,
     /// Per timing quantity: count, min, p50, p90, p99, p99_9, max in µs.
     pub timing: Value,
-    /// What was asked of the system and what it granted.
+    /// Requests to the system and its answers.
     pub realtime: Value,
     /// Traffic per specimen by name.
     pub link: BTreeMap<String, LinkCounts>,
@@ -146,7 +146,7 @@ pub struct Summary {
     /// Deadline misses by class.
     #[serde(default)]
     pub miss_classes: MissClasses,
-    /// What a person should know.
+    /// Warnings for the user.
     #[serde(default)]
     pub warnings: Vec<String>,
     /// Which limits there were, who checked them, and what a trip would have done.
@@ -155,22 +155,21 @@ pub struct Summary {
     /// The machine that the test ran on: what its own files say.
     #[serde(default)]
     pub machine: Value,
-    /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known. Of the rows in this
-    /// folder, as `falsified` is: no steps that are in another one.
+    /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known. They cover the rows
+    /// in this folder, as the whole-test errors do: no steps that are in another one.
     #[serde(default)]
     pub metrics: Value,
-    /// Why metrics are null though an axis may have moved, in words: rows were lost. Empty where all that there is to be known is
-    /// known.
+    /// Why metrics are null though an axis may have moved, in words: rows were lost. Empty where nothing is missing.
     #[serde(default)]
     pub metrics_missing: Vec<String>,
-    /// What the transfer systems falsified of the test as a whole, each number with its noise floor: energy error in J and as a
-    /// share, and per mode its frequency, damping ratio and the damping that the delays added; null in a test
+    /// Errors that the transfer systems introduced into the test as a whole, each number with its noise floor: energy error in
+    /// J and as a share, and per mode its frequency, damping ratio and the damping that the delays added. Null in a test
     /// without a structure.
     #[serde(default)]
     pub falsified: Value,
-    /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, `stayed` (at its last
-    /// command: nothing else is asked for, or its direction, zero or place was not known yet), or `lost` (its link is gone:
-    /// wherever its own end holds or leaves it).
+    /// Final position of each specimen, by name. `reached`: where the test file wants it. `not_reached`. `stayed`: at its
+    /// last command, because the file requests no other, or because its direction, zero or position was not known yet.
+    /// `lost`: its link is gone, and its position depends on its own end.
     #[serde(default)]
     pub left: BTreeMap<String, String>,
     /// Largest |force| before t = 0, zeroing, ramp, static load and warm-up included, whose rows are kept only where they

@@ -1,4 +1,4 @@
-//! Calendar text of a UTC instant given in nanoseconds since 1970. Pure: whoever knows the time says it.
+//! Calendar text of a UTC instant given in nanoseconds since 1970. Pure: the caller passes the time.
 
 /// Year, month, day, hour, minute, second and nanosecond of a UTC instant.
 fn civil(utc_ns: u64) -> (u64, u64, u64, u64, u64, u64, u64) {
@@ -42,7 +42,7 @@ pub fn instant(text: &str) -> Option<u64> {
         return None;
     }
     let ns: u64 = format!("{decimals:0<9}").get(..9)?.parse().ok()?;
-    // The way back of `civil`, from the same source.
+    // The inverse of `civil`, from its source.
     let (year, march_month) = if month > 2 {
         (year, month - 3)
     } else {

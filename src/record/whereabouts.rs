@@ -1,5 +1,6 @@
-//! Where a run folder is when its test is over: somebody may have moved or deleted it meanwhile, and another may stand where
-//! it was. And whether it is over: a test claims its folder by a lock, which goes with the process however that ends.
+//! Location of a run folder when its test is over: somebody may have moved or deleted it meanwhile, and another folder may
+//! have its name. Also whether the test is over: a test claims its folder by a lock, which ends with the process in any
+//! case.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -30,7 +31,7 @@ impl Hold {
         File::open(folder).map(Self)
     }
 
-    /// Tells who asks with [`is_claimed`] until this is released or dropped, and keeps nobody out.
+    /// Makes [`is_claimed`] true until this is released or dropped; it denies no access.
     pub(crate) fn claim(&self) {
         // A file system without locks tells less, and is no reason not to record there.
         let _who_asks_is_not_told = self.0.try_lock();

@@ -1,16 +1,16 @@
-//! The writer thread: rows from the ring to `samples.bin`, events to `events.jsonl` and the log, progress to whoever looks.
+//! The writer thread: rows from the ring to `samples.bin`, events to `events.jsonl` and the log, progress to the observer.
 //!
-//! * It polls the ring every 2 ms; nobody wakes it but [`Writer::finish`].
+//! * It polls the ring every 2 ms; only [`Writer::finish`] wakes it.
 //! * What it has goes to the system at least every 20 ms, so a kill −9 costs the rows of the last 25 ms or so.
-//! * Rows go before the events that came with them: an event that is ahead of the last row tells of rows that are lost
+//! * Rows go before the events that came with them: an event that is ahead of the last row shows that rows are lost
 //!   ([`super::MissingEnd`]).
 //! * A second thread brings the files to the disk every 0.9 s, so that a sync that takes long holds up nothing but the
 //!   next sync; with the time of flush and sync a power cut costs about the last second. A write may still be held up
 //!   by the file system while it syncs; the ring covers that with four seconds ([`super::RingSize::for_rate`]).
 //! * The state of a checkpoint gets its SHA-256 here. A third thread writes it (`state.bin`), because a sync may take long.
-//! * What others do to its files while it writes them is told once of each, as often as it has them synced.
-//! * A file that refuses (disk full) ends nothing: rows wait in bounded memory, are offered again every 100 ms, and
-//!   what finds no room is counted and shouted. The file holds whole rows at all times.
+//! * Changes that others make to its files while it writes them are reported once for each file, at a sync.
+//! * A file that refuses (disk full) does not end the test: rows wait in bounded memory and are offered again every
+//!   100 ms. Rows without room are counted and reported. The file holds whole rows at all times.
 //!
 //! It does not pin itself: a thread inherits the processors of the one that spawns it. It reads no clock but the
 //! two that it is given, and none of its decisions touches the loop.
@@ -103,7 +103,7 @@ impl Default for WriterSettings {
     }
 }
 
-/// What a run's recording came to.
+/// Outcome of a run's recording.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Recorded {
     /// Rows in the file.
@@ -135,7 +135,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// So many rows that were in the file are lost, too.
+    /// Counts `rows` rows that were in the file as lost, too.
     pub fn lose(&mut self, rows: u64, why: &str) {
         self.rows_written -= rows.min(self.rows_written);
         self.rows_lost_file += rows;
@@ -246,7 +246,7 @@ impl Writer {
                 }
             }
         };
-        // Whoever listens where this is called hears the writer too.
+        // The log subscriber of the caller receives the writer's messages too.
         let listener = tracing::dispatcher::get_default(Clone::clone);
         let thread = std::thread::Builder::new()
             .name("gusset-writer".to_owned())

@@ -32,7 +32,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Counts the rows; a run that goes on has more later, and those that were counted are taken.
+    /// Counts the rows. A running test adds rows later; the export takes only those counted.
     pub(crate) fn new(
         run: &Run,
         choice: &Choice,
@@ -41,7 +41,7 @@ impl Columns {
         Self::within(run, choice, sums, MEMORY)
     }
 
-    /// The same with another bound of memory.
+    /// The columns within another bound of memory.
     pub(crate) fn within(
         run: &Run,
         choice: &Choice,
@@ -80,7 +80,7 @@ impl Columns {
         self.rows
     }
 
-    /// A text file of the run folder; empty if there is none or it is not text.
+    /// A text file of the run folder; empty if it does not exist or is not text.
     pub(crate) fn text(&self, name: &str) -> String {
         std::fs::read_to_string(self.run.path().join(name)).unwrap_or_default()
     }
@@ -153,7 +153,7 @@ struct Block {
 }
 
 impl Block {
-    /// Of about so many bytes, but at least 16 rows deep and not deeper than `rows`.
+    /// A block of about `size` bytes, but at least 16 rows deep and not deeper than `rows`.
     fn new(columns: &[Exposed], size: usize, rows: u64) -> Self {
         let sources: Vec<Source> = columns.iter().map(|c| c.source.clone()).collect();
         let fitting = (size / (8 * sources.len().max(1))).max(16);

@@ -101,7 +101,7 @@ fn text(text: &str) -> AttrValue {
     AttrValue::VarLenString(text.to_owned())
 }
 
-/// What the system said, or else the library.
+/// Error of the operating system, or else of the library.
 pub(super) fn system(error: Error) -> io::Error {
     match error {
         Error::Io(error) => error,

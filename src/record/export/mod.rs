@@ -110,7 +110,7 @@ pub enum ExportError {
     /// There is something where the folder is to be.
     #[error("{} exists already", .0.display())]
     Occupied(PathBuf),
-    /// The window of time is none.
+    /// The window of time is empty.
     #[error(
         "the window from {from} s to {to} s is empty: the second time must not be below the first"
     )]
@@ -163,7 +163,7 @@ impl ExportError {
     }
 }
 
-/// What a reader of the export should know.
+/// Notice for a reader of the export.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
     /// Number of events that the trace lacks, because there are too many of their kind.
@@ -172,7 +172,7 @@ pub enum Notice {
     Unfinished,
     /// The run has a summary that cannot be read.
     SummaryDamaged,
-    /// So many rows never reached the file.
+    /// This number of rows never reached the file.
     RowsLost(u64),
     /// The samples end in the middle of a row or in damage.
     Ended(End),
@@ -185,7 +185,7 @@ pub enum Notice {
 }
 
 impl Notice {
-    /// What is to be said of a run without a summary; none if it has one.
+    /// The notice about a missing summary; `None` if the run has one.
     #[must_use]
     pub fn without_summary(run: &Run) -> Option<Self> {
         let missing = match run.summary_fault() {
@@ -225,12 +225,12 @@ impl std::fmt::Display for Notice {
     }
 }
 
-/// What an export came to.
+/// Outcome of an export.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exported {
     /// Rows written, the header not counted.
     pub rows: u64,
-    /// What a reader should know.
+    /// Notices for a reader.
     pub notices: Vec<Notice>,
 }
 
@@ -262,7 +262,7 @@ impl Exported {
         }
     }
 
-    /// The same of a table.
+    /// Adds the notices about a table.
     fn of_table(mut self, plan: &Plan) -> Self {
         if self.rows == 0 {
             self.notices.push(Notice::Empty);
@@ -279,7 +279,7 @@ impl Exported {
 /// ticks of the window, whatever rows are chosen.
 ///
 /// # Errors
-/// [`ExportError`]; `out` is then as it was.
+/// [`ExportError`]; `out` is then unchanged.
 pub fn export(
     run: &Run,
     format: Format,

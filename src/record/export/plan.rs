@@ -81,7 +81,7 @@ impl Choice {
     }
 }
 
-/// What a time in s that is made of a count of ticks may be off by.
+/// Roundoff of a time in s that was computed from a count of ticks.
 fn roundoff(time: f64) -> f64 {
     1e-12 * time.abs().min(f64::MAX)
 }
@@ -128,14 +128,14 @@ impl Source {
     }
 }
 
-/// A column as it is exported.
+/// A column in the export.
 #[derive(Debug, Clone)]
 pub(super) struct Exposed {
     pub column: Column,
     pub source: Source,
 }
 
-/// What an export takes of a row.
+/// The parts of a row that an export takes.
 #[derive(Debug)]
 pub(super) struct Plan {
     step: usize,

@@ -1,4 +1,4 @@
-//! What the CSV is, row by row.
+//! Tests of the CSV, row by row.
 
 use std::io::{self, Write};
 use std::path::Path;

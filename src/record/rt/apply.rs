@@ -1,8 +1,8 @@
-//! Asks the operating system for real-time conditions, one by one, and says what came of each.
+//! Asks the operating system for real-time conditions, one by one, and reports the outcome of each.
 //!
-//! Order: affinity → signals → policy → timers → processors awake → memory → stack. Memory is locked after the
-//! thread sits on its processor, and the stack is touched last, so that its pages are locked where they are used.
-//! Everything the kernel is asked goes through [`System`], so that refusals can be tested without being refused.
+//! Order: affinity → signals → policy → timers → processors awake → memory → stack. Memory is locked after the thread
+//! sits on its processor, and the stack is touched last, so that its pages are locked where they are used. Every
+//! request to the kernel goes through [`System`], so that tests can simulate refusals.
 
 use std::fs::File;
 use std::num::NonZeroU64;
@@ -19,7 +19,7 @@ const PREFAULT_STACK_KB: u32 = 256;
 pub trait System {
     /// Processors the process may use, in rising order.
     fn cpus(&self) -> Vec<usize>;
-    /// What the process may do without further asking.
+    /// Privileges that the process has without further requests.
     fn privileges(&self) -> Privileges;
     /// The budget of real-time threads; none if unknown.
     fn throttle(&self) -> Option<Throttle>;

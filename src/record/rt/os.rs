@@ -1,8 +1,8 @@
-//! The operating system's door: thin, safe functions over the calls that real-time work needs.
+//! Thin, safe functions over the system calls that real-time work needs.
 //!
-//! Invariant: the only file of the crate with `unsafe`; every function here is safe to call with any
-//! argument and reports a refusal as the error number that the kernel gave. Nothing here decides
-//! anything: what is asked for, in which order, and what a refusal means is [`mod@super::apply`]'s business.
+//! Invariant: the only file of the crate with `unsafe`; every function here is safe to call with any argument and
+//! reports a refusal as the error number that the kernel gave. Nothing here decides anything: [`mod@super::apply`]
+//! chooses the requests and their order, and interprets a refusal.
 #![expect(
     unsafe_code,
     reason = "scheduling policy and signal masks have no safe wrapper in our dependencies"
@@ -117,7 +117,7 @@ pub(crate) fn set_fifo(priority: u8) -> Result<(), Errno> {
 /// The kernel's, in theory; leaving a real-time policy needs no privilege.
 #[cfg(test)]
 pub(crate) fn set_ordinary() -> Result<(), Errno> {
-    // The flag that set_fifo set stays: taking it off is a privilege of its own.
+    // The flag that set_fifo set stays: clearing it needs a separate privilege.
     set_policy(libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, 0)
 }
 
@@ -152,7 +152,7 @@ pub(crate) fn is_fifo() -> bool {
     policy & !i64::from(libc::SCHED_RESET_ON_FORK) == i64::from(libc::SCHED_FIFO)
 }
 
-/// Keeps every signal that is sent to the process away from the calling thread; faults of its own still arrive.
+/// Keeps every signal that is sent to the process away from the calling thread; its own faults still arrive.
 ///
 /// # Errors
 /// The kernel's, in theory.
@@ -171,14 +171,14 @@ pub fn block_signals() -> Result<(), Errno> {
         // SAFETY: `set` is initialised, `fault` is a valid signal number.
         unsafe { libc::sigdelset(&raw mut set, fault) };
     }
-    // SAFETY: `set` is initialised and only read; no old mask is asked for.
+    // SAFETY: `set` is initialised and only read; the null pointer requests no old mask.
     match unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) } {
         0 => Ok(()),
         number => Err(Errno::from_raw_os_error(number)),
     }
 }
 
-/// True if a signal, by its number, is ignored, as whoever started the process may have asked for (nohup(1)).
+/// True if a signal, by its number, is ignored, as the parent process may have requested (nohup(1)).
 #[must_use]
 pub fn is_ignored(signal: libc::c_int) -> bool {
     // SAFETY: sigaction is plain integers and a handler's address, for which all bits zero is a value.
@@ -214,8 +214,8 @@ pub fn ignore_file_size_signal() {
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
 
-/// The terminal stops nobody who holds a specimen: neither Ctrl-Z (SIGTSTP), nor reading (SIGTTIN) or, after `stty tostop`,
-/// writing (SIGTTOU) from the background. SIGSTOP still does.
+/// The terminal stops no process that holds a specimen: neither Ctrl-Z (SIGTSTP), nor reading (SIGTTIN) or, after `stty
+/// tostop`, writing (SIGTTOU) from the background. SIGSTOP still does.
 pub fn ignore_stops_of_the_terminal() {
     for signal in [libc::SIGTSTP, libc::SIGTTIN, libc::SIGTTOU] {
         // SAFETY: SIG_IGN is a valid disposition of these; no handler of ours runs and no memory is passed.
@@ -313,7 +313,7 @@ pub(crate) fn set_timer_slack(ns: NonZeroU64) -> Result<(), Errno> {
     rustix::thread::set_current_timer_slack(Some(ns))
 }
 
-/// What the process may do without further asking.
+/// Privileges that the process has without further requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Privileges {
     /// CAP_SYS_NICE is effective.

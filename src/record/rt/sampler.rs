@@ -1,9 +1,9 @@
 //! Watches the loop's thread from another processor: context switches, page faults, steal.
 //!
 //! The loop itself makes no such call. About a hundred times a second the sampler reads four files of the kernel into
-//! fixed buffers and sends a [`SchedSample`]; whoever receives them joins them to the misses by time. /proc/stat
-//! counts in 10 ms units, so steal is evidence over a window and not proof for one miss. A full queue drops the
-//! sample and counts it; nothing waits.
+//! fixed buffers and sends a [`SchedSample`]; the receiver joins them to the misses by time. /proc/stat counts in 10
+//! ms units, so steal is evidence over a window and not proof for one miss. A full queue drops the sample and counts
+//! it; nothing waits.
 
 use std::fs::File;
 use std::io;
@@ -16,8 +16,8 @@ use crossbeam_channel::Sender;
 
 use super::{apply, os, proc};
 
-/// What the kernel's counters of the loop's thread read at one instant. All counts are since the thread (steal:
-/// the machine) was started.
+/// Readings of the kernel's counters of the loop's thread at one instant. All counts are since the thread (steal: the
+/// machine) was started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SchedSample {
     /// CLOCK_MONOTONIC.
@@ -173,7 +173,7 @@ impl Source {
     }
 }
 
-/// The kernel makes these files anew for every read from their start.
+/// The kernel regenerates these files for every read from their start.
 fn read_into<'a>(file: &File, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let mut filled = 0;
     loop {

@@ -156,7 +156,7 @@ mod tests {
         let cut = Spin::plan(60_000, 50_000, Some(Throttle::USUAL));
         assert_eq!((cut.used_ns(), cut.is_shortened()), (32_500, true));
         assert!(cut.note.contains("shortened to 32.5 µs"), "{}", cut.note);
-        // A kernel without a limit has threads of its own, too.
+        // A kernel without a limit has its own threads, too.
         let free = Throttle {
             runtime_us: None,
             ..Throttle::USUAL

@@ -24,7 +24,7 @@ impl Wall {
         }))
     }
 
-    /// The same instant for libraries that want the standard type.
+    /// This instant for libraries that want the standard type.
     #[must_use]
     pub fn system_time(self) -> SystemTime {
         UNIX_EPOCH + Duration::from_nanos(self.0)

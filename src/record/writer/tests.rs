@@ -437,7 +437,7 @@ fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_s
     assert_eq!(kinds, ["connected", "ended"]);
 }
 
-/// Keeps what it is shown; panics at one row if it is told to.
+/// Keeps the rows it is shown; panics at one row if requested.
 struct Keeper {
     seen: Arc<Mutex<Vec<u64>>>,
     panics_at: Option<u64>,

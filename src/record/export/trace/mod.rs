@@ -1,4 +1,4 @@
-//! What a run did when, in the trace-event format of Chrome: opens in ui.perfetto.dev and chrome://tracing.
+//! Timeline of a run in the trace-event format of Chrome: opens in ui.perfetto.dev and chrome://tracing.
 //!
 //! Lines of the picture, in µs of wall time from the first edge. *Grid*: the edges, one slice per tick as long as a period.
 //! *Loop*: the phases of each tick: wake up, send, wait for the replies, compute, record, wait for the edge; what is behind a
@@ -112,7 +112,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
             continue;
         }
         left -= 1;
-        // The row that ends a test may stand in for a tick that was not made.
+        // The row that ends a test may belong to no tick.
         if !tick.is_stamped() || shown.is_behind(&tick) {
             continue;
         }

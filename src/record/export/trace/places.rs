@@ -63,7 +63,7 @@ impl Places {
         }
     }
 
-    /// As the summary has it; of an unfinished run the shortest way between two edges.
+    /// Period by the summary; for an unfinished run the shortest time between two edges.
     pub(crate) fn period_us(&self, run: &Run) -> f64 {
         let rate = run.summary().map(|summary| summary.rate_hz);
         rate.filter(|rate| *rate > 0.0 && rate.is_finite())

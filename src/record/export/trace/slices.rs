@@ -1,7 +1,7 @@
 //! The slices of the loop: the phases of tick after tick, without a gap and without an overlap.
 //!
-//! How long the recording of a tick took stands in the row behind it, and how long the loop then waited follows from the next
-//! edge: a tick is shown when the one behind it is known.
+//! The recording time of a tick is in the row behind it, and the loop's wait follows from the next edge. So a tick is shown
+//! when the next one is known.
 
 use std::io::Write;
 

@@ -178,7 +178,7 @@ fn every_phase_of_a_tick_is_a_slice_and_together_they_cover_it() {
         ("send", 5_000),
         ("wait for replies", 200_000),
         ("compute", 100_000),
-        // It stands in the row behind: 4 µs and one more with every tick.
+        // It is in the row behind: 4 µs and one more with every tick.
         ("record", 6_000),
         ("wait for the edge", 679_000),
     ];

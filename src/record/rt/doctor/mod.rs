@@ -1,8 +1,8 @@
-//! What this machine gives and lacks for real-time work, and what to do about it.
+//! Real-time abilities and shortcomings of this machine, and what to do about them.
 //!
-//! Every topic becomes one [`Finding`]. What the kernel says in files is read from a directory tree, so that
-//! other machines can be examined in tests; what can only be known by asking is asked for on a scratch thread and
-//! given back. Nothing is changed for good and nothing is printed.
+//! Every topic becomes one [`Finding`]. The kernel's files are read from a directory tree, so that tests can examine
+//! other machines. Abilities that only a request shows are requested on a scratch thread and given back. Nothing is
+//! changed for good and nothing is printed.
 
 use serde::Serialize;
 

@@ -103,8 +103,8 @@ pub(crate) fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
 impl Timing {
     /// One object per quantity under its key, each with `count, min, p50, p90, p99, p99_9, max` in µs.
     ///
-    /// `wakeup_lateness` also tells `early` (wake-ups before the edge) and `swallowed` (ticks that stalls
-    /// swallowed, counted in it); `round_trip` has the same object for each specimen under `specimens`.
+    /// `wakeup_lateness` also has `early` (wake-ups before the edge) and `swallowed` (ticks skipped in stalls,
+    /// counted in it); `round_trip` has the same object for each specimen under `specimens`.
     #[must_use]
     pub fn to_json(&self) -> Value {
         self.json(false)
@@ -385,7 +385,7 @@ mod tests {
         assert_eq!(tags.len(), Quantity::ALL.len());
     }
 
-    /// A reader of its own, so that the test does not lean on the writer's encoder.
+    /// A separate decoder, so that the test does not depend on the writer's encoder.
     fn base64(text: &str) -> Vec<u8> {
         let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
         let (mut out, mut bits, mut held) = (Vec::new(), 0u32, 0);

@@ -5,11 +5,11 @@
 //! is never negative: an early wake-up counts as zero and is counted apart.
 //!
 //! **Stalls are not hidden.** When the loop is stalled for several periods and the grid is moved on by n ticks, those
-//! n ticks never happened, and a plain histogram would show one bad tick where n were due (coordinated
-//! omission). [`Timing::swallowed`] counts them: on the grid as it was before it was moved, tick k + j would
-//! have started j periods after tick k, so it was late by (late − j·T), and that is recorded in `wakeup_lateness` and
-//! `command_lateness` for every j from 1 to n. When missed ticks run back to back instead, each records its own
-//! lateness and nothing is to be added. `miss` holds one value per miss that really happened.
+//! n ticks never happened, and a plain histogram would show one bad tick where n were due (coordinated omission).
+//! [`Timing::swallowed`] counts them. On the grid before it was moved, tick k + j would have started j periods after
+//! tick k, so it was late by (late − j·T). That lateness is recorded in `wakeup_lateness` and `command_lateness` for
+//! every j from 1 to n. When missed ticks run back to back instead, each records its own lateness and nothing is
+//! added. `miss` holds one value per miss that really happened.
 //!
 //! Values are kept in nanoseconds with 3 significant digits, up to 10 s, and reported in microseconds.
 
@@ -102,7 +102,7 @@ pub struct TickStamps {
 pub struct Miss {
     /// By how much, in nanoseconds.
     pub late_ns: u64,
-    /// What the stamps alone say about the cause.
+    /// Cause by the stamps alone.
     pub suspect: Suspect,
 }
 
@@ -133,7 +133,7 @@ pub struct Counts {
     pub misses: u64,
     /// Wake-ups before the edge, counted as lateness zero.
     pub early_wakeups: u64,
-    /// Ticks that a stall swallowed: they were due and never happened.
+    /// Ticks skipped in a stall: they were due and never happened.
     pub swallowed: u64,
 }
 
@@ -147,8 +147,7 @@ impl Timing {
         Self::with(specimens, awaits_peer, warmup_ticks, Tally::touched)
     }
 
-    /// The same for simulated time, in which nothing is late for a page of memory that is met for the first time: a short
-    /// test costs little.
+    /// Histograms for simulated time, whose memory pages need not be touched beforehand: a short test costs little.
     #[must_use]
     pub fn untouched(specimens: &[&str], awaits_peer: bool, warmup_ticks: u64) -> Self {
         Self::with(specimens, awaits_peer, warmup_ticks, Tally::new)
@@ -203,7 +202,7 @@ impl Timing {
         }
     }
 
-    /// Records one tick; tells of a missed deadline. Real-time: yes.
+    /// Records one tick; returns a missed deadline. Real-time: yes.
     #[inline]
     pub fn tick(&mut self, stamps: &TickStamps) -> Option<Miss> {
         let late_ns = stamps.pushed.since(stamps.deadline);
@@ -237,9 +236,9 @@ impl Timing {
     /// Counts `ticks` ticks that were due while the loop was stalled and that the grid was moved past.
     ///
     /// `late_ns` is the lateness, against the edge before it was moved, of the tick at which the stall showed: its
-    /// wake-up lateness, or its miss plus one period when the stall came after the wake-up. Tick j of the swallowed
-    /// ones (from 1) is recorded as late by `late_ns` − j·`period_ns`, not below zero. All are counted; beyond 1024
-    /// neighbours share one value, so that the work is bounded. Real-time: yes.
+    /// wake-up lateness, or its miss plus one period when the stall came after the wake-up. Skipped tick j (from 1)
+    /// is recorded as late by `late_ns` − j·`period_ns`, not below zero. All are counted; beyond 1024 neighbours
+    /// share one value, so that the work is bounded. Real-time: yes.
     pub fn swallowed(&mut self, late_ns: u64, period_ns: u64, ticks: u64) {
         const MOST_VALUES: u64 = 1024;
         if self.is_warming_up() {
@@ -412,8 +411,8 @@ mod tests {
                 "{j}"
             );
         }
-        // 11 of 101 ticks were late by 0.5 ms or more: the 95th percentile must show it. Without the ten
-        // swallowed ticks (1 bad in 91) it would read 0.
+        // 11 of 101 ticks were late by 0.5 ms or more: the 95th percentile must show it. Without the ten skipped
+        // ticks (1 bad in 91) it would read 0.
         assert!(histogram.value_at_quantile(0.95) >= 5 * T);
     }
 

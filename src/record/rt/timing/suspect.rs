@@ -1,4 +1,4 @@
-//! Who is to blame for a miss, as far as the stamps of the tick can tell.
+//! First guess at the cause of a miss, from the stamps of the tick.
 //!
 //! A first guess, made at once in the loop from nothing but durations: no system call. Whether the thread
 //! was switched away is known to the sampler on another processor; the writer refines the guess with its evidence.
@@ -11,7 +11,8 @@
 //! * in any other part: taken away if the part took more than ten times as long as it typically does, else ours;
 //! * time lost by the tick before, which ended after this edge: what that tick was blamed on.
 //!
-//! Work that is longer than a tick is not excused by what came before it. If no single excess explains the miss, it is a late reply if the peer's reply came after the deadline, else ours.
+//! Work that is longer than a tick is not excused by earlier delays. If no single excess explains the miss, it is a late reply if
+//! the peer's reply came after the deadline, else ours.
 
 use super::TickStamps;
 
