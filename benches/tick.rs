@@ -214,7 +214,7 @@ fn audit_ns() -> f64 {
     times[times.len() / 2]
 }
 
-/// The same steps by hand, without the specimen's force.
+/// Those steps by hand, without the specimen's force.
 fn bare_steps(steps: usize) -> Vec<u64> {
     let loaded = config::load(Path::new("config/frame-bouc-wen.toml"), &[]).expect("a valid study");
     let test = setup::build(&loaded).expect("a study that can be built");

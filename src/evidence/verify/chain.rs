@@ -26,7 +26,7 @@ pub(super) const METHODS: [Method; 6] = [
     Method::Family(11.5),
 ];
 
-/// The same variants in a dense implementation.
+/// These variants in a dense implementation.
 pub(super) const WAYS: [Way; 6] = [
     Way::Average,
     Way::Chang,

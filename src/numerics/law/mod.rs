@@ -100,7 +100,7 @@ pub enum LawError {
     Size {
         /// Name of the parameter, as the configuration spells it.
         name: &'static str,
-        /// What is counted: "entries", "rows", "columns in a row".
+        /// The counted items: "entries", "rows", "columns in a row".
         what: &'static str,
         /// The number counted.
         found: usize,

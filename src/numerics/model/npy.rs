@@ -39,7 +39,7 @@ pub enum NpyError {
         key: &'static str,
         /// Its value as found.
         found: String,
-        /// What the reader accepts.
+        /// The accepted values.
         expected: &'static str,
     },
     /// An entry that is not finite; row and column count from 1.

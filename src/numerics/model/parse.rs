@@ -64,7 +64,7 @@ pub enum ParseError {
         line: usize,
         /// The value found.
         found: String,
-        /// What the reader accepts.
+        /// The accepted values.
         expected: &'static str,
     },
     /// A claimed size beyond the limit.
