@@ -16,7 +16,7 @@ const RETRY_NS: u64 = 100_000_000;
 /// A call that brings what was written to the disk itself.
 pub(crate) type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
 
-/// Something that takes bytes at its end and can be cut back.
+/// A store that takes bytes at its end and can be cut back.
 pub trait Store: Write + Send {
     /// Cuts the store to its first `length` bytes and continues from there.
     ///
@@ -98,7 +98,7 @@ impl Unit {
     }
 }
 
-/// What came of a flush.
+/// Outcome of a flush.
 #[derive(Debug)]
 pub(crate) enum Flushed {
     /// Nothing was waiting, or everything was written.

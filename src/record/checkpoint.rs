@@ -320,7 +320,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(&old).unwrap().count(), 0);
     }
 
-    /// An interrupted attempt, or somebody's link, stands where the next state is written.
+    /// An interrupted attempt, or somebody's link, occupies the place of the next state.
     #[test]
     fn what_stands_in_the_place_of_an_unfinished_state_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
@@ -379,7 +379,7 @@ mod tests {
         assert!(matches!(fault, CheckpointFault::Io(_)));
     }
 
-    /// A run folder with `rows` rows, these states in their order of time, and an event for each of those that are `told`.
+    /// A run folder with `rows` rows, these states in their order of time, and an event for each state in `told`.
     fn run_with(folder: &Path, rows: u64, states: &[Checkpoint], told: &[u64]) -> Run {
         let column = Column {
             name: "step".to_owned(),

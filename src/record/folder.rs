@@ -270,7 +270,7 @@ impl RunFolder {
         result
     }
 
-    /// Where it is.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -37,7 +37,7 @@ const RESERVED: [&str; 3] = ["sequence", "crc32", "marker"];
 /// Why a list of columns cannot be a layout, or a `samples.json` cannot be read.
 #[derive(Debug, Error)]
 pub enum LayoutError {
-    /// No columns at all.
+    /// Without columns.
     #[error("a row must have at least one column")]
     Empty,
     /// A name that is empty, reserved, or contains what a header line or a script could not take.
@@ -81,12 +81,12 @@ pub enum LayoutError {
         /// Bytes that the file states.
         found: usize,
     },
-    /// A column that does not stand where the layout puts it, or bytes in another order.
+    /// A column with an offset other than that of the layout, or bytes in another order.
     #[error("column {name:?} is at offset {found}, the layout puts it at {expected}")]
     Offset {
         /// Column.
         name: String,
-        /// Where it must be.
+        /// The correct offset.
         expected: usize,
         /// Where the file says it is.
         found: usize,
@@ -168,7 +168,7 @@ impl Layout {
     /// Reads the text of a `samples.json`.
     ///
     /// # Errors
-    /// [`LayoutError`] with what does not fit.
+    /// [`LayoutError`] that names the mismatch.
     pub fn from_json(text: &str) -> Result<Self, LayoutError> {
         let described: Described = serde_json::from_str(text)?;
         if described.format != FORMAT || described.version != VERSION {

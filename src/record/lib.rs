@@ -20,7 +20,7 @@
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
 //!
 //! [`rt`] asks the operating system for what a real-time thread needs, holds the real clock, and has the only `unsafe` code. This
-//! member knows no specimen and no test file. Begin reading with [`layout`].
+//! member does not know specimens or test files. Begin reading with [`layout`].
 //!
 //! No clock is read here: the caller that starts the writer passes the clocks ([`writer::Clocks`]).
 
@@ -171,7 +171,7 @@ pub enum WarmUpRows {
     IfTheyMatter,
     /// Tick by tick: they are compared with recorded ones.
     AsTheyCome,
-    /// Not at all: they are compared with a recording in which they did not matter.
+    /// Never: they are compared with a recording in which they did not matter.
     Never,
 }
 

@@ -47,7 +47,7 @@ pub enum Peak {
     Displacement {
         /// Size, m.
         metres: f64,
-        /// Which degree of freedom, from 1.
+        /// The degree of freedom, from 1.
         dof: usize,
     },
     /// Force in N of a specimen: for tests without a structure.

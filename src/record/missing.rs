@@ -248,7 +248,7 @@ mod tests {
         let words = "there are events up to 1.01 s, but the rows end at 0.9 s";
         assert_eq!(found.to_string(), words);
         assert_eq!(missing(&told, None).unwrap().missing, 101);
-        // Lines without a time or a tick of a test tell nothing.
+        // Lines without a time or a tick of a test prove nothing.
         let mute = [
             line(Value::Null, Value::Null, "files"),
             line(json!(0), json!(0.0), "grid"),

@@ -51,7 +51,7 @@ impl Note {
         self.severity
     }
 
-    /// Where the test stood when it was made, and the time then; none if that is when it is taken down.
+    /// Position and time at which the note was made; `None` for a note that takes those of its writing.
     pub(super) const fn made(&self) -> Option<(Position, u64)> {
         self.made
     }

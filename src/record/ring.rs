@@ -65,11 +65,11 @@ pub enum RingError {
         "ring of {rows} rows of {columns} columns and {events} events: each must be at least 1 and fit in memory"
     )]
     Size {
-        /// Rows asked for.
+        /// Rows requested.
         rows: usize,
         /// Columns per row.
         columns: usize,
-        /// Events asked for.
+        /// Events requested.
         events: usize,
     },
 }

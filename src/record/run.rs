@@ -111,7 +111,7 @@ impl Run {
         })
     }
 
-    /// Where it is.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -166,8 +166,8 @@ impl Run {
         Ok(row.map(|row| (row.sequence, row.values.to_vec())))
     }
 
-    /// Rows that were made as far as its file tells, lost ones included: by the number of its last row, or, where that is
-    /// damaged, by its length.
+    /// Rows made according to the file, lost ones included: by the number of its last row, or, where that is damaged, by
+    /// its length.
     ///
     /// # Errors
     /// The system refuses, or there is no `samples.bin`.
@@ -239,7 +239,7 @@ impl Run {
         Ok(confirmed)
     }
 
-    /// Whole columns by name, in the order asked for.
+    /// Whole columns by name, in the requested order.
     ///
     /// # Errors
     /// [`FolderError::NoColumn`], or the system refuses.

@@ -26,7 +26,7 @@ pub(super) struct Strides<R> {
 }
 
 impl<R: Read> Strides<R> {
-    /// Of records of `stride` bytes, at least one. No need to buffer `source`.
+    /// Reads records of `stride` bytes, at least one. No need to buffer `source`.
     pub(crate) fn new(source: R, stride: usize) -> Self {
         let stride = stride.max(1);
         Self {
@@ -38,7 +38,7 @@ impl<R: Read> Strides<R> {
         }
     }
 
-    /// The next record, or the end; asked again, the source may have more.
+    /// The next record, or the end; at a later call the source may have more.
     pub(crate) fn next(&mut self) -> io::Result<Next<'_>> {
         if self.filled - self.start < self.stride {
             self.refill()?;

@@ -10,7 +10,7 @@ use super::MissClasses;
 pub use gusset_proof::RecordedVerdict;
 pub use gusset_quantity::catalog::ending::Status;
 
-/// Which clock a run used.
+/// Clock of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockKind {
@@ -84,7 +84,7 @@ pub struct LinkCounts {
     /// Lost answers that were recovered from the history of a later one.
     #[serde(default)]
     pub recovered: u64,
-    /// Commands that never arrived, as the far end counts them.
+    /// Commands that never arrived, as the server counts them.
     #[serde(default)]
     pub missed: u64,
     /// ICMP errors in a signed session over datagrams.
@@ -117,11 +117,11 @@ pub struct Summary {
     pub dt: f64,
     /// λ as used; null in a test without a structure.
     pub lambda: Option<Lambda>,
-    /// Which clock.
+    /// The clock.
     pub clock: ClockKind,
     /// Wall time of the loop in s.
     pub wall_seconds: f64,
-    /// Ticks per second of wall time that were asked for.
+    /// Requested ticks per second of wall time.
     pub rate_hz: f64,
     /// Deadline misses, warm-up not counted.
     pub deadline_misses: u64,
@@ -149,7 +149,7 @@ pub struct Summary {
     /// Warnings for the user.
     #[serde(default)]
     pub warnings: Vec<String>,
-    /// Which limits there were, who checked them, and what a trip would have done.
+    /// The limits, who checked them, and the effect of a trip.
     #[serde(default)]
     pub limits: Value,
     /// The machine that the test ran on: what its own files say.

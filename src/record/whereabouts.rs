@@ -33,7 +33,7 @@ impl Hold {
 
     /// Makes [`is_claimed`] true until this is released or dropped; it denies no access.
     pub(crate) fn claim(&self) {
-        // A file system without locks tells less, and is no reason not to record there.
+        // Without locks in the file system, claims are not visible, but recording there is allowed.
         let _who_asks_is_not_told = self.0.try_lock();
     }
 

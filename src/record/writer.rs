@@ -130,7 +130,7 @@ pub struct Recorded {
     pub first_error: Option<String>,
     /// Its files as it left them.
     pub files: Vec<(&'static str, Extent)>,
-    /// What others did to the record while it was written, in sentences, as far as that was looked for.
+    /// Changes that others made to the record while it was written, in sentences, as far as they were found.
     pub damaged: Vec<String>,
 }
 
@@ -151,7 +151,7 @@ impl Recorded {
     }
 }
 
-/// Why there is no writer, or no longer.
+/// Reason why the writer is not running.
 #[derive(Debug, Error)]
 pub enum WriterError {
     /// The system gives no thread.
@@ -235,7 +235,7 @@ impl Writer {
         drain.keep(snapshots);
         let work = move || {
             loop {
-                // Read before the turn: what the loop left before the stop is then surely seen.
+                // Read before the turn: the rows that the loop left before the stop are then surely taken.
                 let last = stop_seen.load(Ordering::Acquire);
                 let busy = drain.turn(clocks.now());
                 if last {
@@ -268,12 +268,12 @@ impl Writer {
         }
     }
 
-    /// Copies where the run stands. The loop has no part in this lock.
+    /// Copies the progress. The loop has no part in this lock.
     pub fn progress(&self, into: &mut Progress) {
         into.clone_from(&lock(&self.progress));
     }
 
-    /// Call after the loop has ended: writes and syncs everything and says what came of it.
+    /// Call after the loop has ended: writes and syncs everything and returns the outcome.
     ///
     /// # Errors
     /// [`WriterError::Died`] if the thread panicked.

@@ -118,7 +118,7 @@ fn keyed_hash(key: &[u8; 32], parts: &[&[u8]]) -> Proof {
     *hasher.finalize().as_bytes()
 }
 
-/// Equality without an early exit, so that time does not tell how many bytes were right.
+/// Equality without an early exit, so that the duration does not reveal how many bytes were right.
 pub(crate) fn same<const N: usize>(a: &[u8; N], b: &[u8; N]) -> bool {
     let difference = a
         .iter()

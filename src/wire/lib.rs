@@ -10,10 +10,10 @@
 //!
 //! This member knows values and bytes, and the hinge. Begin reading with [`native`].
 //!
-//! Invariants: every size, count and length that comes from a peer is checked before it is used, and bounded
-//! by a constant of this module; a frame either decodes as a whole or names the field that is wrong; nothing
-//! on the data path allocates; arbitrary bytes never panic. What is not here: when to give up waiting, what to
-//! do with a stale value, whom to listen to. That is the link's business.
+//! Invariants: every size, count and length that comes from a peer is checked before it is used, and bounded by a
+//! constant of this module; a frame either decodes as a whole or names the field that is wrong; nothing on the data
+//! path allocates; arbitrary bytes never panic. The link decides when to give up waiting, what to do with a stale
+//! value, and whom to listen to.
 
 pub(crate) mod bytes;
 pub mod handshake;
@@ -39,7 +39,7 @@ pub enum Progress {
     },
 }
 
-/// Who wrote a frame.
+/// Author of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Side {
     /// The end that commands: the hybrid test.
@@ -94,13 +94,13 @@ pub enum WireError {
     Magic {
         /// The bytes that start every frame.
         expected: [u8; 4],
-        /// What came; zeros stand where nothing has come yet.
+        /// The bytes received, filled up with zeros.
         found: [u8; 4],
     },
     /// The first bytes are known from elsewhere.
     #[error("the first bytes are those of {found}: the peer speaks another protocol")]
     Foreign {
-        /// Who begins so.
+        /// The protocol that begins with these bytes.
         found: &'static str,
     },
     /// No protocol version in common.
@@ -116,7 +116,7 @@ pub enum WireError {
     /// A code that the table does not have.
     #[error("{field} is {found}, which the protocol does not have")]
     Code {
-        /// Which field.
+        /// The field.
         field: &'static str,
         /// Its value.
         found: u64,
@@ -124,7 +124,7 @@ pub enum WireError {
     /// A reserved field is not zero.
     #[error("{field} is {found:#x}, bits outside {allowed:#x} must be zero")]
     Reserved {
-        /// Which field.
+        /// The field.
         field: &'static str,
         /// Bits that may be set.
         allowed: u32,
@@ -156,7 +156,7 @@ pub enum WireError {
     /// A number from the wire is outside its bounds.
     #[error("{field} is {found}, {lowest} to {highest} allowed")]
     Bounds {
-        /// Which number.
+        /// The number.
         field: &'static str,
         /// Smallest value allowed.
         lowest: i64,
@@ -197,7 +197,7 @@ pub enum WireError {
     Direction {
         /// The kind of the frame.
         field: &'static str,
-        /// Who is marked as its writer.
+        /// The end that is marked as its writer.
         found: Side,
     },
     /// A frame that was here before: a duplicate of the network, or a replay.
@@ -217,17 +217,17 @@ pub enum WireError {
     /// Infinite or not a number.
     #[error("{field}[{index}] is not a finite number")]
     NotFinite {
-        /// Which vector or number.
+        /// The vector or number.
         field: &'static str,
-        /// Which entry of it, from 0.
+        /// Its entry, from 0.
         index: usize,
     },
     /// A number that is outside its range, or not a number.
     #[error("{field}[{index}] is {found}, outside its range")]
     Range {
-        /// Which vector or number.
+        /// The vector or number.
         field: &'static str,
-        /// Which entry of it, from 0.
+        /// Its entry, from 0.
         index: usize,
         /// The value found.
         found: f64,
@@ -237,7 +237,7 @@ pub enum WireError {
         "{field} is not a text of 1 to {limit} bytes without control or other hidden characters"
     )]
     Text {
-        /// Which text.
+        /// The text.
         field: &'static str,
         /// Longest length in bytes.
         limit: usize,
@@ -248,7 +248,7 @@ pub enum WireError {
     /// The peer could not prove that it has the key.
     #[error("the {found} could not prove that it has the pre-shared key")]
     Proof {
-        /// Which end failed.
+        /// The end that failed.
         found: Side,
     },
     /// A message that may not come now.
@@ -322,7 +322,7 @@ pub enum ControlFault {
     /// It ends too early.
     #[error("it ends too early")]
     Short,
-    /// Bytes stand behind it.
+    /// Bytes follow it.
     #[error("{0} bytes stand behind its end")]
     Trailing(usize),
     /// It claims more than a control message may hold.

@@ -25,7 +25,7 @@ pub(super) struct Columns {
     choice: Choice,
     rows: u64,
     memory: u64,
-    /// Of which columns the values are held.
+    /// Columns whose values are held.
     held: Range<usize>,
     /// Their values; those that were taken are empty.
     values: Vec<Vec<u8>>,
@@ -91,7 +91,7 @@ impl Columns {
         index + 1 >= self.held.end
     }
 
-    /// The values of a column. Each is given once; asked for in order, the log is read least often.
+    /// The values of a column. Each is given once; requests in order read the log least often.
     pub(crate) fn take(&mut self, index: usize) -> Result<Vec<u8>, ExportError> {
         if !self.held.contains(&index) {
             self.read(index)?;
@@ -144,7 +144,7 @@ impl Columns {
     }
 }
 
-/// Some rows, turned: the values of a column stand together, little-endian.
+/// Some rows, transposed: the values of a column lie together, little-endian.
 struct Block {
     sources: Vec<Source>,
     bytes: Vec<u8>,

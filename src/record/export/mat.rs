@@ -123,7 +123,7 @@ impl DataProducer for OfColumn {
         }
         let from = usize::try_from(8 * block.first_element).unwrap_or(usize::MAX);
         let values = feed.values.get(from..).unwrap_or_default();
-        // Fewer than were asked for are refused by the library.
+        // The library refuses fewer values than it requested.
         out.extend_from_slice(values.get(..block.len()).unwrap_or(values));
         Ok(())
     }

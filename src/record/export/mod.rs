@@ -7,11 +7,10 @@
 //! | [`Format::Trace`] | all ticks | those of the timing | what the loop did when |
 //! | [`Format::DesignSafe`] | the same, and a copy of the log | those of a CSV, and all | a folder in the shape of a hybrid-simulation project |
 //!
-//! `plan` chooses the rows and columns; each format is one small writer. An export appears
-//! whole or not at all, takes of an unfinished or damaged run what is sound, and memory that does not grow with the run
-//! (but for one column of it, where a format has columns). The last two of the second line are written by a library and need the
-//! feature `hdf5`. What a reader should know beside it comes back as [`Notice`]s for the caller to say. The log
-//! itself is never touched.
+//! `plan` chooses the rows and columns; each format is one small writer. An export appears whole or not at all. From an
+//! unfinished or damaged run it takes the sound part. Its memory does not grow with the run (but for one column of it, where a
+//! format has columns). A library writes the last two formats of the second line; they need the feature `hdf5`. [`Notice`]s hold
+//! what the caller should report beside it. The log itself is never touched.
 
 mod columns;
 mod csv;
@@ -72,7 +71,7 @@ impl Default for Extra {
     }
 }
 
-/// Why there is no export.
+/// Reason why an export failed.
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// The samples have no such column.

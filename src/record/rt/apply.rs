@@ -271,7 +271,7 @@ fn awake_advice() -> String {
 mod tests {
     use super::*;
 
-    /// A kernel that grants or refuses as told and writes down what it was asked.
+    /// A simulated kernel: it grants or refuses as configured and records the requests.
     struct Told {
         privileges: Privileges,
         refusal: Option<Errno>,
@@ -403,7 +403,7 @@ mod tests {
                 .unwrap()
                 .contains("memlock unlimited")
         );
-        // Locking under a limit would end the process later: it must not even be tried.
+        // Locking under a limit would end the process later: no request may be made.
         assert!(!system.asked.contains(&"memory"));
         let awake = of(&granted, Want::CpuAwake);
         assert!(awake.advice.as_deref().unwrap().contains("udev"));

@@ -179,7 +179,7 @@ mod tests {
         let address = SocketAddrUnix::new(&path).unwrap();
         let other = std::thread::spawn(move || {
             let nobody = Uid::from_raw(65534);
-            // Of this thread only, which ends after the call.
+            // Only for this thread, which ends after the call.
             rustix::thread::set_thread_res_uid(nobody, nobody, nobody).unwrap();
             let other = new_socket(SocketFlags::CLOEXEC).unwrap();
             rustix::net::connect(&other, &address).unwrap();

@@ -59,7 +59,7 @@ pub struct RtPlan {
     pub spin_ns: u64,
     /// Length of a tick in nanoseconds: bounds the spin.
     pub period_ns: u64,
-    /// Refuse to start when anything asked for is refused.
+    /// Refuse to start when the system refuses any request.
     pub require: bool,
 }
 
@@ -129,7 +129,7 @@ impl Granted {
         self.required && !self.complete
     }
 
-    /// True if `want` was asked for and granted.
+    /// True if `want` was requested and granted.
     #[must_use]
     pub(crate) fn has(&self, want: Want) -> bool {
         self.features.iter().any(|f| f.want == want && f.granted)

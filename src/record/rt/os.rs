@@ -272,7 +272,7 @@ const PAGE: usize = 4096;
 
 /// Touches the next `kb` kilobytes of the calling thread's stack, so that the loop finds them mapped.
 ///
-/// The caller answers for the stack being that large: beyond its end waits the guard page.
+/// The caller guarantees that the stack is that large: beyond its end lies the guard page.
 pub(crate) fn touch_stack(kb: u32) {
     let _ = touch_pages(kb as usize * 1024 / PAGE);
 }
@@ -348,7 +348,7 @@ mod tests {
         assert_eq!(pin_to(&[CpuSet::MAX_CPU - 1]), Err(Errno::INVAL));
         assert_eq!(pin_to(&[CpuSet::MAX_CPU + 1]), Err(Errno::INVAL));
         let refused = std::thread::spawn(|| set_fifo(100)).join().unwrap();
-        // EINVAL for the number; EPERM where the privilege is looked at first.
+        // EINVAL for the number; EPERM where the kernel checks the privilege first.
         assert!(matches!(refused, Err(Errno::INVAL | Errno::PERM)));
     }
 

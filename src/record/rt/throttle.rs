@@ -66,10 +66,10 @@ impl Throttle {
     }
 }
 
-/// What became of the spin that was asked for.
+/// The spin in use, beside the one requested.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Spin {
-    /// Asked for, in µs.
+    /// Requested, in µs.
     pub asked_us: f64,
     /// In use, in µs.
     pub used_us: f64,
@@ -120,7 +120,7 @@ impl Spin {
         (self.used_us * 1e3).round() as u64
     }
 
-    /// True if the spin is shorter than asked for.
+    /// True if the spin is shorter than requested.
     #[must_use]
     #[cfg(test)]
     pub(crate) fn is_shortened(&self) -> bool {
@@ -181,7 +181,7 @@ mod tests {
             let throttle = Throttle { runtime_us: Some(runtime), period_us: 1_000_000 };
             let spin = throttle.fit_spin(asked, period);
             prop_assert!(spin <= asked);
-            // Either no spin at all or spin + a quarter of work fits the share.
+            // Either no spin, or spin + a quarter of work fits the share.
             let busy = 1000 * spin + WORK * period;
             prop_assert!(spin == 0 || busy <= throttle.permille() * period);
         }

@@ -93,12 +93,12 @@ impl<S: Store, E: Store> Drain<S, E> {
         (self.sync, self.progress) = (Some(sync), progress);
     }
 
-    /// Gives it who looks at the rows.
+    /// Sets the observer of the rows.
     pub(super) fn watch(&mut self, onlooker: Option<Box<dyn Onlooker>>) {
         self.onlooker = Watched::by(onlooker);
     }
 
-    /// Gives it the way of the states to the disk.
+    /// Sets the thread that writes states to the disk.
     pub(super) fn keep(&mut self, snapshots: Option<Snapshots>) {
         self.snapshots = snapshots;
     }
@@ -135,7 +135,8 @@ impl<S: Store, E: Store> Drain<S, E> {
             }
         }
         let since = now.monotonic_ns.saturating_sub(self.flushed_ns);
-        // No event is in its file before the rows that it stands behind: one without them tells that they are lost.
+        // An event reaches its file only after the rows that precede it. An event without them shows that they are
+        // lost.
         let is_behind = self.events.is_waiting() && self.journal.waiting() > 0;
         if since >= nanos(self.settings.flush_every) || is_behind {
             self.flush_rows(now);

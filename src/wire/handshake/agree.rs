@@ -204,7 +204,7 @@ fn same_axes(hello: &Hello, terms: &Terms) -> Result<(), (RefuseCode, String)> {
 pub struct Wider {
     /// Axis, from 0.
     pub axis: usize,
-    /// Which limit, in words.
+    /// The limit, in words.
     pub what: &'static str,
     /// The controller's.
     pub promised: f64,
@@ -217,8 +217,8 @@ pub struct Wider {
 /// Limits that differ by this share of the larger are equal, converted from different units.
 const ROUNDING: f64 = 1e-9;
 
-/// The controller promises limits, which must lie within those of the specimen: the first that does not. What it does not
-/// promise at all, an infinite one, the specimen keeps alone.
+/// Compares the limits that the controller promises with those of the specimen, and returns the first that is wider. A
+/// limit that the controller does not promise (infinite) is kept by the specimen alone.
 #[must_use]
 pub fn wider(specimen: &[Axis], controller: &[Axis]) -> Option<Wider> {
     let mut axes = specimen.iter().zip(controller).enumerate();

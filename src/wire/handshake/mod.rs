@@ -131,7 +131,7 @@ pub struct Welcome {
     /// Estimate k̂ of the initial stiffness, n×n, column by column, agreed force unit per displacement unit.
     /// Empty if it has none.
     pub stiffness: Vec<f64>,
-    /// Where it stands: the command that would not move it, one entry per axis, agreed unit. Empty if it cannot tell.
+    /// Its position: the command that would not move it, one entry per axis, agreed unit. Empty if it is not known.
     pub standing: Vec<f64>,
     /// The program and its version.
     pub software: String,
@@ -159,7 +159,7 @@ pub struct Arm {
     pub session: u64,
     /// Number of the first command that will come.
     pub first_sequence: u64,
-    /// Where the first command will be, one entry per axis: the specimen refuses if it stands elsewhere.
+    /// Position of the first command, one entry per axis: the specimen refuses if its own differs.
     pub disp: Vec<f64>,
 }
 
@@ -225,7 +225,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// No limit at all: a specimen that is a formula.
+    /// No limits: for a simulated specimen.
     pub const NONE: Limits = Limits {
         disp_min: f64::NEG_INFINITY,
         disp_max: f64::INFINITY,
@@ -286,7 +286,7 @@ impl Unit {
 pub struct Capabilities(pub u32);
 
 impl Capabilities {
-    /// It is a formula: nothing breaks.
+    /// It is simulated: nothing breaks.
     pub const SIMULATED: Capabilities = Capabilities(1);
     /// It has an interlock or emergency stop and reports it.
     pub const INTERLOCK: Capabilities = Capabilities(2);
@@ -294,8 +294,9 @@ impl Capabilities {
     pub const MEASURES_DISP: Capabilities = Capabilities(4);
     /// It makes use of the commanded velocity.
     pub const USES_VEL: Capabilities = Capabilities(8);
-    /// It stands as an earlier test of this process left it, so that an interrupted test can be resumed. In the first test of its
-    /// process no specimen has this capability. A machine does not need it: only a computation can be restarted.
+    /// It is in the state in which an earlier test of this process left it, so that an interrupted test can be resumed. In the
+    /// first test of its process no specimen has this capability. A machine does not need it: only a computation can be
+    /// restarted.
     pub const KEEPS_STATE: Capabilities = Capabilities(16);
 
     /// True if every bit of `flag` is set.
@@ -336,7 +337,7 @@ pub enum RefuseCode {
     Key,
     /// It is not ready: interlock open, pumps off.
     NotReady,
-    /// It stands elsewhere than the first command.
+    /// Its position differs from the first command.
     Position,
     /// The message made no sense.
     Malformed,

@@ -264,7 +264,7 @@ impl Encoder {
     }
 }
 
-/// Who may write what.
+/// Whether this end may write this kind of frame.
 pub(super) const fn may_write(side: Side, kind: Kind) -> bool {
     match kind {
         Kind::Command | Kind::Hold | Kind::Retire => matches!(side, Side::Controller),

@@ -1,9 +1,9 @@
 //! Our own data frames: fixed layout, little-endian, readable by anyone with this table.
 //!
-//! Every frame is a 32-byte header, a body whose size follows from its kind and the number of axes n, an
-//! optional MAC and a CRC. Integers are unsigned, numbers IEEE 754 doubles. There is no padding and there are
-//! no variable parts: a frame of one kind has the same length for the whole session. `tools/PROTOCOL.md` is
-//! the same table for programmers of the far end, with a worked example that a test compares with this code.
+//! Every frame is a 32-byte header, a body whose size follows from its kind and the number of axes n, an optional MAC
+//! and a CRC. Integers are unsigned, numbers IEEE 754 doubles. There is no padding and there are no variable parts: a
+//! frame of one kind has the same length for the whole session. `tools/PROTOCOL.md` repeats this table for
+//! programmers of the other end, with a worked example that a test compares with this code.
 //!
 //! Header, all kinds:
 //!
@@ -51,8 +51,8 @@
 //! zlib and Ethernet) over everything before it.
 //!
 //! **Nothing is repeated that moves a specimen.** A command with a sequence number that is already in force is
-//! answered again and moves nothing. The counter, the session number and the mark of the writer stand inside
-//! the signed bytes, so a frame cannot be replayed, sent back or carried into another session.
+//! answered again and moves nothing. The counter, the session number and the mark of the writer are signed, so a
+//! frame cannot be replayed, sent back or carried into another session.
 //!
 //! Guarantee: [`split`] bounds every length before it is used; [`Decoder::open`] checks everything, so the
 //! frames it returns have getters that cannot fail. NaN and infinity are refused in both directions.

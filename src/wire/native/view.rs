@@ -14,11 +14,11 @@ use gusset_quantity::substructure::{Measurement, Retirement, Status};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum Cause {
-    /// It ran to its end.
+    /// The test ran to its end.
     Orderly = 0,
     /// A limit or a fault tripped it.
     Tripped = 1,
-    /// An operator asked for it.
+    /// An operator requested it.
     Operator = 2,
     /// Commands stopped coming.
     Watchdog = 3,

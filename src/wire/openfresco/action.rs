@@ -1,4 +1,4 @@
-//! The action codes: double 0 of what a client sends.
+//! The action codes: double 0 of a client's message.
 
 use crate::WireError;
 
@@ -94,11 +94,11 @@ impl Action {
             .map_or(f64::NAN, |(code, _)| *code)
     }
 
-    /// As the Simulink server reads it: compared as a double. `None` for a plausible code that is not in the
+    /// Compares the code as a double, as the Simulink server does. `None` for a plausible code that is not in the
     /// table: the real servers warn and read on. Real-time: yes.
     ///
     /// # Errors
-    /// [`WireError::Action`] for what cannot be a code at all.
+    /// [`WireError::Action`] for a number that is no possible code.
     pub fn exact(code: f64) -> Result<Option<Self>, WireError> {
         // "is inside", so that NaN fails; 100 is no code, 99.9 would be cut to one.
         if !(1.0..100.0).contains(&code) {
@@ -114,7 +114,7 @@ impl Action {
     /// error, so that nothing moves for a number that no client meant. Real-time: yes.
     ///
     /// # Errors
-    /// [`WireError::Action`] for what cannot be a code at all.
+    /// [`WireError::Action`] for a number that is no possible code.
     pub fn whole(code: f64) -> Result<Option<Self>, WireError> {
         match Self::exact(code)? {
             None if code.fract() != 0.0 => Err(WireError::Action { found: code }),

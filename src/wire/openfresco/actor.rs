@@ -38,7 +38,7 @@ pub enum ActorEvent {
     },
     /// The sizes are known and fit. Comes again after a later setup.
     Ready(Sizes),
-    /// A command: [`Actor::trial`] holds it. The specimen is evaluated now, not when asked.
+    /// A command: [`Actor::trial`] holds it. The specimen is evaluated now, not at the request.
     Trial(Course),
     /// The last command is accepted.
     Commit {

@@ -99,7 +99,7 @@ impl Tracker {
         let course = self.compare(new, last, home);
         let back = match course {
             Course::TakenBack | Course::Reversed => true,
-            // Nothing but a look ahead from where it stands has been given up.
+            // The client has only given up a look ahead from its present position.
             _ => self.trials > 0 && home && self.turns_back(new, last),
         };
         if back {
@@ -160,9 +160,9 @@ impl Tracker {
         }
     }
 
-    /// True if `new`, not judged yet, goes back to the start of the client's analysis after a commit: OpenSees sends
-    /// zeros at time 0 then. A step that is taken back to there does not count, nor does a client whose commits never left that
-    /// start. Real-time: yes.
+    /// True if `new`, before it is classified, goes back to the start of the client's analysis after a commit: OpenSees sends
+    /// zeros at time 0 then. A step that is taken back to that start does not count, nor does a client whose commits never left
+    /// it. Real-time: yes.
     pub(super) fn is_reset(&self, new: &Signals) -> bool {
         let is_start = new.time().is_some() && new.values().iter().all(|value| *value == 0.0);
         let has_time_passed = !self.has_restarted && self.base.is_some_and(|base| base > 0.0);

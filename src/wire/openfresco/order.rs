@@ -13,7 +13,7 @@ pub enum SignalOrder {
     /// d1 v1 d2 v2: the displacement, velocity, acceleration and force of an axis, then those of the next axis. There is no time:
     /// nothing says which control point holds it.
     ByAxis,
-    /// d1 d2 v1 v2: the displacements of all axes, then the velocities, accelerations and forces. The time stands last.
+    /// d1 d2 v1 v2: the displacements of all axes, then the velocities, accelerations and forces. The time is last.
     ByQuantity,
 }
 
@@ -38,7 +38,7 @@ impl SignalOrder {
         }
     }
 
-    /// Where each signal stands on the wire, counted from the first one; the signals are taken by quantity.
+    /// Place of each signal on the wire, counted from the first one; the signals are taken by quantity.
     pub(super) fn places(self, counts: &Counts) -> Vec<usize> {
         let kinds = [counts.disp, counts.vel, counts.accel, counts.force];
         let present = kinds.iter().filter(|count| **count > 0).count();
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn the_places_are_those_of_the_named_order() {
         let timeless = Counts::new(2, 2, 0, 2, 0);
-        // d1 d2 v1 v2 f1 f2 stand as d1 v1 f1 d2 v2 f2.
+        // d1 d2 v1 v2 f1 f2 become d1 v1 f1 d2 v2 f2.
         assert_eq!(SignalOrder::ByAxis.places(&timeless), [0, 3, 1, 4, 2, 5]);
         let counts = Counts::new(2, 2, 0, 2, 1);
         assert_eq!(

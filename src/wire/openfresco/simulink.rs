@@ -57,7 +57,7 @@ pub struct Simulink {
     outbox: Vec<u8>,
     followed: Followed,
     order: Option<SignalOrder>,
-    /// Where the signals of a command and of an answer stand on the wire.
+    /// Places of the signals of a command and of an answer on the wire.
     ctrl_places: Vec<usize>,
     daq_places: Vec<usize>,
     /// OpenFresco up to 2.7 sends these signals in this order.

@@ -57,7 +57,7 @@ impl Counts {
         self.before_time() + self.time
     }
 
-    /// Where the time stands, counted from the first signal.
+    /// Place of the time, counted from the first signal.
     #[must_use]
     pub const fn before_time(&self) -> usize {
         self.disp + self.vel + self.accel + self.force
@@ -182,7 +182,7 @@ impl Sizes {
     /// Reads the 44 bytes.
     ///
     /// # Errors
-    /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for what cannot be.
+    /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for impossible sizes.
     pub fn parse(bytes: &[u8]) -> Result<Self, WireError> {
         crate::not_foreign(bytes)?;
         let ctrl = Counts::parse(bytes, 0)?;

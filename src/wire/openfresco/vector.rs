@@ -124,7 +124,7 @@ pub fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireEr
     Ok(())
 }
 
-/// Reads an n×n matrix, which stands column by column, row by row. Real-time: yes.
+/// Reads an n×n matrix, column by column on the wire, into row order. Real-time: yes.
 ///
 /// # Errors
 /// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Truncated`].

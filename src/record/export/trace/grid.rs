@@ -13,7 +13,7 @@ pub(super) struct Grid {
     /// The edge that is zero: the first of the grid of the first row.
     zero_ns: Option<u64>,
     begun: bool,
-    /// Without edges: where the row before stood, the shortest way between two, and how far rows are moved.
+    /// Without edges: position of the row before, the shortest time between two rows, and the shift of the rows.
     before: f64,
     shortest: f64,
     moved: f64,

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::{Event, EventLine};
 
-/// A miss as its event tells it; µs from zero.
+/// A miss by its event; µs from zero.
 #[derive(Debug, Clone)]
 pub(super) struct Missed {
     pub deadline: f64,

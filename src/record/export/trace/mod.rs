@@ -33,7 +33,7 @@ use super::{ExportError, Exported, Notice};
 use crate::atomic::AtomicFile;
 use crate::run::Run;
 
-/// Ticks that are taken without being asked for: about 160 MB of text, which a browser still opens.
+/// Ticks of a trace without a window: about 160 MB of text, which a browser still opens.
 const MOST: u64 = 200_000;
 
 /// Lines of the picture. One would be taken for the process itself.
@@ -103,7 +103,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         if tick.state == WARMING_UP {
             continue;
         }
-        // Also behind the window: the row tells how long the recording of the one before took.
+        // Also behind the window: the row holds the recording time of the one before.
         shown.told(row.sequence, tick.record_before);
         if left == 0 {
             break;

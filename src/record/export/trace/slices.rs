@@ -23,7 +23,7 @@ pub(super) struct Tick {
 /// A tick whose end is not known yet.
 struct Open {
     tick: Tick,
-    /// Where its first phase begins: at its edge, or where the tick before was done.
+    /// Begin of its first phase: its edge, or the end of the tick before.
     begin: f64,
     /// When its row was handed over.
     pushed: Option<f64>,
@@ -42,7 +42,7 @@ impl Open {
 struct Next {
     /// Its edge.
     release: f64,
-    /// Where its first phase begins.
+    /// Begin of its first phase.
     begin: f64,
     /// False if rows are missing between the two.
     follows: bool,

@@ -224,7 +224,7 @@ fn a_miss_lies_over_what_is_behind_the_deadline_and_names_its_cause() {
         (&miss["args"]["late_us"], &miss["args"]["steal_ms"]),
         (&120.0.into(), &10.into())
     );
-    // Its event stands where the row was handed over.
+    // Its event lies where the row was handed over.
     let instant = events
         .iter()
         .find(|e| e["name"] == "deadline missed")
@@ -305,7 +305,7 @@ fn a_folder_of_an_earlier_version_gives_the_picture_that_it_can() {
         (named("record"), named("record, then wait for the edge")),
         (1, 10)
     );
-    // The miss knows its own end, and ties the events to the rows.
+    // The miss knows when it ended, and ties the events to the rows.
     assert!(line.contains(&("miss: taken away".to_owned(), 6_000_000, 6_120_000)));
 }
 

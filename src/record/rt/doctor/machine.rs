@@ -1,4 +1,4 @@
-//! Findings that the kernel's files give: read, judged, nothing asked for.
+//! Findings from the kernel's files: read and assessed, without requests.
 
 use std::path::PathBuf;
 
@@ -50,8 +50,8 @@ impl Tree {
 
 const CPU: &str = "sys/devices/system/cpu";
 
-/// All findings of this file, in the order of a report; `allowed`: the processors that the process may run on, where that is to
-/// be judged.
+/// All findings of this file, in the order of a report; `allowed`: the processors that the process may run on, if they are to
+/// be assessed.
 #[must_use]
 pub(crate) fn findings(tree: &Tree, allowed: Option<&[usize]>) -> Vec<Finding> {
     vec![
@@ -206,7 +206,7 @@ fn tickless(tree: &Tree) -> Finding {
     const TOPIC: &str = "tickless processors";
     let advice = "for rates above 10 kHz boot a kernel with NO_HZ_FULL and nohz_full=N rcu_nocbs=N";
     match tree.cpus(&format!("{CPU}/nohz_full")).as_deref() {
-        // "(null)" where the kernel could but was not told to.
+        // "(null)" where the kernel supports it but has no list.
         None | Some([]) => Finding::new(
             TOPIC,
             "none: the kernel's tick interrupts the loop",

@@ -19,7 +19,7 @@ pub use machine::Tree;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// As it should be.
+    /// Suitable for a real-time test.
     Good,
     /// Tests run; single ticks may be late.
     Fair,
@@ -62,7 +62,7 @@ impl Finding {
 #[must_use]
 pub fn examine(plan: RtPlan) -> Vec<Finding> {
     let tree = Tree::of_this_machine();
-    // Before anything is tried: that binds the threads it is tried on.
+    // Before the trial, which binds its threads.
     let mut findings = machine::findings(&tree, Some(&process_cpus()));
     findings.extend(trial::findings(plan));
     findings

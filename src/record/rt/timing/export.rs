@@ -233,7 +233,7 @@ pub fn write_hgrm(histogram: &Histogram<u64>, out: &mut impl Write) -> io::Resul
     )
 }
 
-/// Cells of the finest range: the power of two that tells 2·10^digits values apart.
+/// Cells of the finest range: the power of two that resolves 2·10^digits values.
 const fn sub_buckets() -> u64 {
     (2 * 10u64.pow(BOUNDS.2 as u32)).next_power_of_two()
 }

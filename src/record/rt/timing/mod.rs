@@ -81,7 +81,7 @@ impl Quantity {
 pub struct TickStamps {
     /// The loop was done with the tick before and began to wait.
     pub idle: Nanos,
-    /// Edge t_k, as it stood before any stretch that this tick causes.
+    /// Edge t_k, before any stretch that this tick causes.
     pub release: Nanos,
     /// First instruction after the wait.
     pub woke: Nanos,
@@ -100,7 +100,7 @@ pub struct TickStamps {
 /// A deadline miss.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Miss {
-    /// By how much, in nanoseconds.
+    /// Lateness, in nanoseconds.
     pub late_ns: u64,
     /// Cause by the stamps alone.
     pub suspect: Suspect,
@@ -153,7 +153,7 @@ impl Timing {
         Self::with(specimens, awaits_peer, warmup_ticks, Tally::new)
     }
 
-    /// Counts ticks and misses and keeps no histogram: for a loop whose clock tells nothing of any machine.
+    /// Counts ticks and misses and keeps no histogram: for a loop whose clock measures no machine.
     #[must_use]
     pub fn counting() -> Self {
         Self::with(&[], false, u64::MAX, Tally::none)

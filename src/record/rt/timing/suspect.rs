@@ -60,7 +60,7 @@ impl Median {
     /// The first samples are cold and moves are large; then they are small.
     const COLD: u32 = 64;
 
-    /// One more, after `seen`.
+    /// Adds one sample, after `seen` others.
     #[inline]
     fn learn(&mut self, ns: u64, seen: u32) {
         if ns == self.ns {
@@ -225,7 +225,7 @@ mod tests {
         let mut typical = warmed(false);
         let stalled = tick(1000, [5 * T, 4_000, 30_000, 300_000, 2_000]);
         assert_eq!(typical.judge(&stalled, true), Suspect::TakenAway);
-        // Each tick begins late by what the one before took too long.
+        // Each tick begins late by the excess of the one before.
         let late = |took: u64| TickStamps {
             idle: Nanos(1001 * T + 400_000),
             woke: Nanos(1001 * T + 400_060),
@@ -269,7 +269,7 @@ mod tests {
         parts[2] = 2 * T - 400_000;
         let first = tick(1000, parts);
         assert_eq!(typical.judge(&first, true), Suspect::LateReply);
-        // The next edge stood: the loop reached its wait 0.94 T after the edge, and compute makes it a miss.
+        // The next edge stayed: the loop reached its wait 0.94 T after the edge, and compute makes it a miss.
         let next = TickStamps {
             idle: first.pushed,
             ..tick(

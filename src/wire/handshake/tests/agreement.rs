@@ -251,7 +251,7 @@ fn who_has_another_secret_is_refused_by_both_ends() {
             found: Side::Specimen
         })
     );
-    // Who has no key sends zeros.
+    // A controller without a key sends zeros.
     let mut unproven = hello.clone();
     unproven[4..36].fill(0);
     assert!(verify_hello(&unproven, &secret(1)).is_err());

@@ -1,4 +1,4 @@
-//! What commands mean, told by the commands of real analyses: displacements, velocities and times are those of OpenSees
+//! Meaning of commands, tested with those of real analyses: displacements, velocities and times are those of OpenSees
 //! 3.7.1, rounded.
 
 use super::*;

@@ -38,7 +38,7 @@ fn a_request_may_come_before_the_first_command_and_any_number_of_times() {
             message(&mut server, &[10.0, 9.9]),
             Event::Read(Reading::Force)
         );
-        // The stale doubles of a request are not looked at.
+        // The stale doubles of a request are ignored.
         assert_eq!(server.trial().unwrap().disp, [0.5]);
         server.answer(&response).unwrap();
     }
@@ -135,7 +135,7 @@ fn a_client_without_times_and_commits_may_go_through_zero() {
     let path = [0.0, 0.005, 0.01, 0.005, 0.0, -0.005, 0.0];
     let courses = path.map(|disp| server.feed(&vector(2, &[3.0, disp])).unwrap().1);
     assert!(!courses.contains(&Event::Trial(Course::TakenBack)));
-    // From its first commit on it is judged as every other.
+    // From its first commit on it is classified like every other.
     server.feed(&vector(2, &[5.0])).unwrap();
     for (disp, course) in [(0.005, Course::Step), (0.0, Course::TakenBack)] {
         let (_, event) = server.feed(&vector(2, &[3.0, disp])).unwrap();
@@ -236,7 +236,7 @@ fn an_answer_holds_the_complete_layout_whatever_was_asked() {
         let answer = doubles(server.answer(&response).unwrap());
         assert_eq!(answer, [0.1, 0.2, 0.3, 0.4, 0.5, 0.0]);
     }
-    // One request, one answer; and only of the kind that was asked for.
+    // One request, one answer; and only of the requested kind.
     assert!(matches!(
         server.answer(&response),
         Err(WireError::Order { .. })
