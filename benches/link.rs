@@ -5,8 +5,8 @@
 //! writer shares the server's, as in a run. Every round measures all three in turn, so that a machine that slows down
 //! slows all of them. The result is the median of the rounds' ratios.
 //!
-//! *raw*: plain non-blocking sockets, nothing looked at. *moved*: the same bytes through our transports. *ours*: commands
-//! out and measurements in, encoded, checked and decoded at both ends, with a spring at the far one.
+//! *raw*: plain non-blocking sockets without any check. *moved*: the same bytes through our transports. *ours*: commands
+//! out and measurements in, encoded, checked and decoded at both ends, with a spring at the server.
 #![allow(clippy::disallowed_macros, reason = "a measurement is printed")]
 
 use std::io::{ErrorKind, Read, Write};
@@ -297,7 +297,7 @@ fn udp_pair() -> (UdpSocket, UdpSocket) {
     (a, b)
 }
 
-/// As many bytes as a command one way, as a measurement the other; nothing is looked at.
+/// As many bytes as a command one way, as a measurement the other; nothing is checked.
 fn raw(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
     let (near, far): (Box<dyn Bare>, Box<dyn Bare>) = match carrier {
         Carrier::Tcp | Carrier::Tls => {

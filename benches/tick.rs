@@ -137,7 +137,7 @@ fn main() {
     watching();
 }
 
-/// Exchanges in one measurement of what watching costs.
+/// Exchanges in one measurement of the cost of watching.
 const EXCHANGES: u32 = 200_000;
 
 /// What judging and estimating cost in all, apart from the tick: exchanges with and without them, in turns.

@@ -32,7 +32,7 @@ impl Chain {
 
     pub fn of(mut structure: Structure) -> Self {
         let n = structure.dofs();
-        // As the engine does for a method that is explicit.
+        // The engine does this, too, for an explicit method.
         structure.forget_tangents();
         let gui = Gui::new(
             structure.mass(),

@@ -15,7 +15,7 @@ pub struct BaseMotion {
     pub vel: Vec<f64>,
     /// Warnings in plain words.
     pub warnings: Vec<String>,
-    /// The record that it was made of, if it comes from a file.
+    /// Facts of the record, if the motion comes from a file.
     pub record: Option<RecordFacts>,
 }
 

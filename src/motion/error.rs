@@ -64,7 +64,7 @@ pub enum MotionError {
         /// Line, from 1.
         line: usize,
     },
-    /// A word where a number must stand.
+    /// A word in place of a number.
     #[error("{file}:{line}:{column}: wanted a number, found {}", word(found))]
     NotANumber {
         /// Name of the file.
@@ -282,7 +282,7 @@ pub enum MotionError {
     ColumnUnknown {
         /// Name of the file.
         file: String,
-        /// The name or number asked for.
+        /// The name or number requested.
         wanted: String,
         /// The columns that exist.
         available: String,
@@ -295,7 +295,7 @@ pub enum MotionError {
     ColumnTwice {
         /// Name of the file.
         file: String,
-        /// The name asked for.
+        /// The name requested.
         column: String,
         /// The first two columns with this name, from 1.
         numbers: [usize; 2],
@@ -397,13 +397,13 @@ pub enum MotionError {
     /// A motion that is zero throughout cannot be scaled to a peak.
     #[error("the motion is zero throughout and cannot be scaled to {}", Short(*wanted))]
     ZeroMotion {
-        /// The peak asked for, in SI units.
+        /// The peak requested, in SI units.
         wanted: f64,
     },
     /// A vector of the wrong length.
     #[error("{what}: wanted {wanted} entries, found {found}")]
     Length {
-        /// Which vector.
+        /// The vector.
         what: &'static str,
         /// Entries needed.
         wanted: usize,
@@ -413,7 +413,7 @@ pub enum MotionError {
     /// A degree of freedom that does not exist (from 1, as users count).
     #[error("{what}: degree of freedom {found} does not exist: there are {dofs}")]
     NoSuchDof {
-        /// Where it was named.
+        /// Key that names it.
         what: &'static str,
         /// The number named.
         found: usize,
@@ -423,7 +423,7 @@ pub enum MotionError {
     /// An entry that is NaN or infinite.
     #[error("{what}: entry {index} is {found}, but must be finite")]
     EntryNotFinite {
-        /// Which vector.
+        /// The vector.
         what: &'static str,
         /// Entry, from 1.
         index: usize,

@@ -107,7 +107,7 @@ pub struct Series {
     pub values: Vec<f64>,
     /// Warnings in plain words, each naming what it is about.
     pub warnings: Vec<String>,
-    /// The record that they were made of, if they come from a file.
+    /// Facts of the record, if the values come from a file.
     pub record: Option<RecordFacts>,
 }
 
@@ -156,7 +156,7 @@ enum Pattern {
 }
 
 impl Excitation {
-    /// No load at all on `dofs` degrees of freedom during `steps` steps.
+    /// Zero load on `dofs` degrees of freedom during `steps` steps.
     #[must_use]
     pub const fn none(dofs: usize, steps: usize) -> Self {
         Self {

@@ -364,9 +364,9 @@ impl KanaiTajimi {
     }
 }
 
-/// Largest absolute value of the motion that the kernel makes of samples, from the one behind the margin to position `last`:
-/// between them, too. The motion holds nothing above half the Nyquist frequency, so that a peak is at most 1/cos(π/4) times the
-/// nearer sample beside it, and no two turns lie between neighbours.
+/// Largest absolute value of the motion that the kernel reconstructs from samples, from the one behind the margin to position
+/// `last`, also between samples. The motion holds nothing above half the Nyquist frequency. So a peak is at most 1/cos(π/4)
+/// times the nearer sample beside it, and neighbours have at most one turn between them.
 fn peak_between(values: &[f64], last: f64) -> f64 {
     let kernel = Kernel::without_filter();
     let at = |place: f64| kernel.value_and_slope(values, place);

@@ -220,14 +220,14 @@ impl Prescribed {
         &self.warnings
     }
 
-    /// The records that it was made of.
+    /// Facts of the records in the motion.
     #[must_use]
     pub fn records(&self) -> &[RecordFacts] {
         &self.records
     }
 
-    /// Displacements in m and velocities in m/s of all axes at `step`; beyond the test the last displacement stands
-    /// still. Real-time: yes.
+    /// Displacements in m and velocities in m/s of all axes at `step`; beyond the test the last displacement remains.
+    /// Real-time: yes.
     #[must_use]
     pub fn at(&self, step: usize) -> (&[f64], &[f64]) {
         let start = step.min(self.steps + 1) * self.axes;

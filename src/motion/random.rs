@@ -37,7 +37,7 @@ impl Random {
 }
 
 /// `Σ_k cos[k] cos(2πkj/n) + sin[k] sin(2πkj/n)` for j = 0 … n − 1, where n is a power of two and line k of `lines` is
-/// (cos, sin). Lines beyond n are not looked at.
+/// (cos, sin). Lines beyond n are ignored.
 pub(super) fn sum_of_lines(lines: &[(f64, f64)], n: usize) -> Vec<f64> {
     let mut z: Vec<(f64, f64)> = lines.iter().copied().take(n).collect();
     // Re Σ (c − is) e^{+iθ} = Σ c cos θ + s sin θ.

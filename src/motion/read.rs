@@ -211,7 +211,7 @@ pub fn parse_record(
     }
     let format = match options.format {
         Some(format) => format,
-        // Who skips lines knows that a table follows them.
+        // A user who skips lines expects a table behind them.
         None if options.skip_rows > 0 => RecordFormat::Table,
         None => detect(name, bytes),
     };
@@ -325,7 +325,7 @@ fn has_ending(name: &str, endings: &[&str]) -> bool {
         .is_some_and(|(_, e)| endings.iter().any(|w| e.eq_ignore_ascii_case(w)))
 }
 
-/// The format that the name and the first lines tell.
+/// The format according to the name and the first lines.
 fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
     if bytes.starts_with(npy::MAGIC) || has_ending(name, &["npy"]) {
         return RecordFormat::Npy;
@@ -343,7 +343,7 @@ fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
     RecordFormat::Table
 }
 
-/// A table as read, with what error messages need.
+/// A table as read, with the places that error messages need.
 #[derive(Debug, Default)]
 pub(super) struct RawTable {
     /// The format that its layout turned out to be.

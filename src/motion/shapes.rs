@@ -479,8 +479,8 @@ pub(super) mod tests {
 
     #[test]
     fn the_frequency_of_a_sweep_moves_as_it_should() {
-        // Zeros of sin 2πφ are where φ is a multiple of ½: they tell the phase without its formula. φ is the integral
-        // of the frequency, done here by Simpson's rule on the frequency's own definition.
+        // Zeros of sin 2πφ are where φ is a multiple of ½: they give the phase without its formula. φ is the integral
+        // of the frequency, computed here by Simpson's rule from the frequency's own definition.
         for (kind, hz) in [
             (
                 SweepKind::Linear,

@@ -88,7 +88,7 @@ pub struct DelayedMode {
     /// Damping ratio φᵀ C0 φ/(2 ω) without delay.
     pub ratio: f64,
     /// Change of the damping ratio per second of delay of each axis of each specimen, −φ_a Σ (k̂ − ω² m)_ab φ_b/(2 ω), to the
-    /// first order: m is mass whose inertia is in the specimen's force and as late as the rest of it.
+    /// first order: m is mass whose inertia is in the specimen's force and as late as that force.
     pub per_second: Vec<Vec<f64>>,
 }
 
@@ -400,8 +400,8 @@ impl Analysis {
         0.5 * self.at_rest.stiffness.quadratic(disp)
     }
 
-    /// Modes of the whole at rest, ascending, with what delays of its specimens add to their damping. All of
-    /// a small structure, the lowest of a large one; empty if there are no real modes.
+    /// Modes of the whole at rest, ascending, with the damping that delays of its specimens add. All modes of a small
+    /// structure, the lowest of a large one; empty if there are no real modes.
     #[must_use]
     pub fn delayed_modes(&self) -> Vec<DelayedMode> {
         let mass = self.moved_mass();

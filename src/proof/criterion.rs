@@ -32,7 +32,7 @@ pub const GAIN_HYBRID: f64 = 2.0;
 /// Default bound on the gain of force errors of a purely numerical run.
 pub const GAIN_NUMERICAL: f64 = 10.0;
 
-/// Hands every part to a visitor, in order; may be asked more than once.
+/// Hands every part to a visitor, in order; may be called more than once.
 pub type Parts<'a> = &'a dyn Fn(&mut dyn FnMut(&Part));
 
 /// What stability rests on: matrices in SI units, all n × n.
@@ -66,7 +66,7 @@ pub enum Governing {
         /// Frequency of the critical shape at the bounds, rad/s; infinite if it moves no mass.
         frequency: f64,
     },
-    /// No part stands out (a structure given by matrices): the degree of freedom that moves most energy.
+    /// No single part dominates (a structure given by matrices): the degree of freedom that moves most energy.
     Dof {
         /// From 0.
         dof: usize,
@@ -363,7 +363,7 @@ impl StabilityProof {
 }
 
 /// Unit vector of the eigenvalue of S nearest to zero from below or above: inverse iteration on S + s I, with s just
-/// large enough to make it definite. None where there is no such vector, or none that numbers can tell.
+/// large enough to make it definite. `None` where no such vector exists, or roundoff hides it.
 fn near_null(matrix: &SymMatrix) -> Option<Vec<f64>> {
     let n = matrix.n();
     let norm = (0..n)

@@ -12,8 +12,9 @@ pub struct CriticalDelay {
 }
 
 impl CriticalDelay {
-    /// Of stiffnesses in N/m, which rise from 0, and the delay in s at each; infinite where every delay is stable. None of fewer
-    /// than two, of a delay that is not a positive number, or where the stiffness does not rise.
+    /// A table of stiffnesses in N/m, which rise from 0, and the critical delay in s at each; infinite where every delay is
+    /// stable. `None` with fewer than two entries, with a delay that is not a positive number, or where the stiffness does not
+    /// rise.
     #[must_use]
     pub(crate) fn new(delays: &[(f64, f64)]) -> Option<Self> {
         let rises = delays.windows(2).all(|pair| pair[0].0 < pair[1].0);

@@ -20,7 +20,7 @@ use gusset_quantity::units::duration;
 /// Findings about one specimen behind a declared actuator.
 #[derive(Debug, Clone)]
 pub struct Following {
-    /// Key of what decides how it follows.
+    /// Key of the actuator or compensation that decides how it follows.
     place: KeyPath,
     specimen: String,
     at_rest: State,

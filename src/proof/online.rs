@@ -59,7 +59,7 @@ impl OnlineLimit {
     }
 
     /// The limit with tangent stiffness in N/m and tangent damping in N s/m of every axis, in order; where there is no
-    /// finite number the declared bound stands.
+    /// finite number the declared bound applies.
     #[must_use]
     pub fn limit(&self, tangents: impl IntoIterator<Item = (f64, Option<f64>)>) -> LambdaLimit {
         let n = self.proof.mass.n();

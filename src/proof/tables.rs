@@ -1,7 +1,7 @@
 //! The critical delay of every axis over its stiffness, for the margin that is watched while the test runs.
 //!
-//! One axis is late at a time; all others, and what the axes of one specimen do to each other, are on time and as stiff as at
-//! rest. In continuous time, and less where the steps are so coarse that the recursion bears less.
+//! One axis is late at a time. All others, and the coupling of the axes of one specimen, are on time and as stiff as at rest.
+//! The delay is that of continuous time, or less where the steps are so coarse that the recursion tolerates less.
 
 use nalgebra::DMatrix;
 
@@ -94,8 +94,8 @@ impl Analysis {
         tables.collect()
     }
 
-    /// How much of the critical delay in continuous time the recursion bears, 1 at most: with several ticks a step the way between
-    /// targets lags, too.
+    /// Share of the critical delay in continuous time that the recursion tolerates, 1 at most: with several ticks a step the path
+    /// between targets lags, too.
     fn share_of_recursion(&self, system: &Delayed) -> f64 {
         let (Some((dt, lambda)), Ok(Some(found))) = (self.step, continuous(system)) else {
             return 1.0;

@@ -306,7 +306,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of what `walk` visits. It changes no value.
+    /// The layout of the values that `walk` visits. It changes no value.
     pub(crate) fn of(mut walk: impl FnMut(&mut dyn Visit)) -> Self {
         let mut measure = Measure::default();
         walk(&mut measure);
@@ -325,7 +325,7 @@ pub struct TestState {
 }
 
 impl TestState {
-    /// An empty state with room for what `walk` visits. All memory is allocated and touched here.
+    /// An empty state with room for the values that `walk` visits. All memory is allocated and touched here.
     pub fn with_room(walk: impl FnMut(&mut dyn Visit)) -> Self {
         Self::empty(Layout::of(walk))
     }
@@ -337,7 +337,7 @@ impl TestState {
         Self { layout, words }
     }
 
-    /// The present state of what `walk` visits.
+    /// The present state of the values that `walk` visits.
     ///
     /// # Errors
     /// `walk` does not visit the same values each time.
@@ -368,7 +368,7 @@ impl TestState {
         }
     }
 
-    /// Replaces this state by the present one of what `walk` visits. On an error the state is empty. Real-time: yes.
+    /// Replaces this state by the present values that `walk` visits. On an error the state is empty. Real-time: yes.
     ///
     /// # Errors
     /// [`StateError::Room`] if `walk` visits another number of values than at [`TestState::with_room`], [`StateError::Pending`] if a

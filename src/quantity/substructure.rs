@@ -1,8 +1,8 @@
-//! The hinge: what the loop commands and measures, whatever stands behind it.
+//! The interface between the loop and every specimen: commands out, measurements in.
 //!
-//! A [`Substructure`] may be a formula in this process, a server across a socket or a recorded test.
-//! The loop issues command `k` to all of them, then collects from all of them, so that two remote
-//! specimens cost one round trip and not two.
+//! A [`Substructure`] may be a simulated specimen in this process, a server across a socket or a recorded test. The
+//! loop issues command `k` to all of them, then collects from all of them, so that two remote specimens cost one
+//! round trip and not two.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -82,7 +82,7 @@ pub struct Measurement {
     pub sequence: u64,
     /// The specimen's own time of sampling in s, 0 where it has none.
     pub time: f64,
-    /// Flags of the far end.
+    /// Flags of the server.
     pub status: Status,
     /// Measured displacement in m.
     pub disp: Vec<f64>,
@@ -111,7 +111,7 @@ state! { Measurement as "measurement" { sequence, time, status, disp, force } }
 pub enum Coupling {
     /// One reply is owed for each command; no command leaves while one is owed; stale data never occur.
     Lockstep,
-    /// Replies carry sequence numbers; a missing one is stale data, which a policy judges.
+    /// Replies carry sequence numbers; a missing one is stale data, for which a policy decides.
     Sampled,
 }
 
@@ -143,7 +143,7 @@ pub enum LinkFault {
     Auth,
     /// The peer does not take our bytes.
     Backpressure,
-    /// What came of a specimen is no finite number.
+    /// A number in the specimen's answer is not finite.
     NotFinite,
     /// The law of a specimen that is computed in this process gave no finite number. Nothing was lost but the computation.
     Diverged,
@@ -178,7 +178,7 @@ impl LinkFault {
         }
     }
 
-    /// What somebody who reads of it in the morning should look at.
+    /// Advice on the fault, for someone who reads of it the next day.
     #[must_use]
     pub const fn advice(self) -> &'static str {
         match self {
@@ -242,7 +242,7 @@ pub struct LinkStats {
     pub corrupt: u64,
     /// Messages that came more than once.
     pub duplicates: u64,
-    /// Commands that never arrived, as the far end counts them.
+    /// Commands that never arrived, as the server counts them.
     pub missed: u64,
     /// ICMP errors in a signed session over datagrams.
     pub unreachable: u64,
@@ -255,33 +255,33 @@ pub struct Introduction {
     pub peer: String,
     /// Its own estimate of its initial stiffness in its own units, n × n by columns; empty if it has none.
     pub stiffness: Vec<f64>,
-    /// Where it stands: the command that would not move it, in its own units; empty if it cannot tell.
+    /// Its position: the command that would not move it, in its own units; empty if it is not known.
     pub standing: Vec<f64>,
-    /// That was measured: it is near the command that would not move it, not that command itself.
+    /// That position was measured: it is near the command that would not move it, not that command itself.
     pub measured: bool,
     /// Its force there, in its own units; empty if it does not say.
     pub force: Vec<f64>,
     /// Warnings for the user; the test may still run.
     pub warnings: Vec<String>,
-    /// It says that it is a formula: nothing breaks.
+    /// It reports that it is simulated: nothing breaks.
     pub simulated: bool,
-    /// It says that an earlier test of the same process left its state. Other computations make a new specimen for each test.
+    /// It reports that an earlier test of its process left its state. Other computations make a new specimen for each test.
     pub keeps_state: bool,
-    /// It does not say that it measures displacement, although its protocol has a word for that: what it sends as such may be the
+    /// It does not report that it measures displacement, although its protocol has a flag for that: its displacement may be the
     /// command.
     pub repeats_the_command: bool,
 }
 
-/// Who holds a specimen to which no command comes any more.
+/// The end that holds a specimen when commands cease.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holder {
-    /// It is computed in this process, and is over with the test.
+    /// None is needed: it is computed in this process, and ends with the test.
     Needless,
     /// The watchdog at its server, which was agreed on.
     ItsWatchdog,
     /// The watchdog at its server, but it was never armed: no command was sent.
     NeverArmed,
-    /// The gateway between lost it, or cannot say that it did not: only the server of the specimen knows its position.
+    /// A gateway lost it, or cannot rule that out: only the server of the specimen knows its position.
     Unknown,
     /// No end: the protocol has no message for it.
     Nobody,
@@ -317,7 +317,7 @@ pub trait Substructure: Send {
         false
     }
 
-    /// Who holds the specimen if commands stay away.
+    /// The end that holds the specimen if commands stay away.
     fn holder(&self) -> Holder {
         if self.is_remote() {
             Holder::Nobody
@@ -350,7 +350,7 @@ pub trait Substructure: Send {
     /// simulated specimens. False if it was not wanted any more before the specimen was ready.
     ///
     /// # Errors
-    /// The specimen is not ready, stands elsewhere, or is gone.
+    /// The specimen is not ready, is in another position, or is gone.
     fn arm(
         &mut self,
         sequence: u64,

@@ -1,8 +1,8 @@
 //! Time as a value: nanoseconds, exact rates, the tick grid, and the clock the loop sees.
 //!
-//! The grid never adds up sleeps. The release time of tick `k` is computed from the start and the
-//! integer `k` in rationals, so 1024 Hz (976 562.5 ns) does not drift, however long the test.
-//! The real clock lives in `gusset_record::rt`; here stands its simulated twin, [`SimClock`].
+//! The grid never adds up sleeps. The release time of tick `k` is computed from the start and the integer `k` in
+//! rationals, so 1024 Hz (976 562.5 ns) does not drift, however long the test. The real clock is in
+//! `gusset_record::rt`; its simulated counterpart is [`SimClock`].
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

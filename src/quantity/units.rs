@@ -206,7 +206,7 @@ fn with_digits(value: f64, unit: &str, prefix: (f64, &str), digits: usize) -> St
     }
 }
 
-/// The unit of a key of the test file: that of its limit, or the one at its end. Empty for a key without one.
+/// The unit of a key of the test file: that of its limit, or the unit at its end. Empty for a key without a unit.
 #[must_use]
 pub fn unit_of_key(key: &str) -> &'static str {
     if let Some(limit) = Limit::of_key(key) {

@@ -208,7 +208,7 @@ fn a_held_command_in_this_programs_loop_leads_a_ramp_by_half_a_tick() {
     };
     let lead = delay(BetweenTicks::Ramped) - delay(BetweenTicks::Held);
     let half = 0.5e3 * DT;
-    // The two responses differ by what the delay makes of them, to which the metric gives other weights: 2 %.
+    // The two responses differ by the effect of the delay, which the metric weights differently: 2 %.
     assert!((lead / half - 1.0).abs() < 0.02, "{lead} {half}");
 }
 

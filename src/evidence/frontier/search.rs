@@ -1,29 +1,30 @@
 //! The search for the largest model: double or halve until it is enclosed, halve the rest, then prove it in a long trial.
 
-/// How long a trial is.
+/// Length of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Length {
-    /// To find out about where the end is.
+    /// Short, to find the approximate limit.
     Short,
-    /// Long enough to judge the share of kept deadlines.
+    /// Long enough to determine the share of kept deadlines.
     Long,
 }
 
-/// What one trial showed.
+/// Outcome of one trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {
     /// Ticks of it.
     pub ticks: u64,
     /// Deadlines missed because the step took too long, or another thread had the processor.
     pub missed: u64,
-    /// Deadlines that the machine below took away: stalls of a hypervisor. No smaller model would have kept them.
+    /// Deadlines lost to stalls of a hypervisor. No smaller model would have kept them.
     pub taken_away: u64,
     /// Time of a step in µs, median and 99.9th percentile.
     pub compute_us: [f64; 2],
 }
 
 impl Trial {
-    /// Share of the deadlines that a smaller model would not have kept either, left out: what judges a model.
+    /// Share of kept deadlines, apart from those that a smaller model would not have kept either: the criterion for a
+    /// model.
     #[must_use]
     pub fn kept(&self) -> f64 {
         1.0 - self.missed as f64 / self.ticks.max(1) as f64

@@ -36,7 +36,7 @@ pub use page::files;
 
 use gusset_quantity::time::Clock;
 
-/// What came of one check.
+/// Outcome of one check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -57,9 +57,9 @@ pub struct Check {
     pub paper: String,
     /// The value obtained.
     pub obtained: String,
-    /// How far they may be apart, or how it is judged.
+    /// Allowed difference, or criterion.
     pub tolerance: String,
-    /// What came of it.
+    /// Outcome.
     pub verdict: Verdict,
 }
 
@@ -100,7 +100,7 @@ impl Check {
         }
     }
 
-    /// Something to be said and not judged.
+    /// A note without a verdict.
     #[must_use]
     pub(crate) fn note(what: &str, paper: &str, obtained: String, remark: &str) -> Self {
         Self {
@@ -155,7 +155,7 @@ pub struct Tabulation {
     pub rows: Vec<Vec<String>>,
 }
 
-/// What came of one piece of the paper.
+/// Outcome of one piece of the paper.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Part {
     /// Name of its topic.

@@ -1,8 +1,8 @@
 //! The motion that a specimen is driven with, and how far it may go.
 //!
 //! Rest, motion, rest. Every motion is proportional to its amplitude, so that a limit of displacement, velocity or
-//! acceleration is a limit of the amplitude: velocity and acceleration are differences of the commands as they leave,
-//! which is what the loop's own limits judge.
+//! acceleration is a limit of the amplitude: velocity and acceleration are differences of the commands sent, like the
+//! values that the loop's own limits check.
 
 use serde::Serialize;
 use thiserror::Error;
@@ -51,7 +51,7 @@ pub enum CourseError {
         /// Half of them.
         largest: f64,
     },
-    /// No length at all.
+    /// The duration is not positive.
     #[error("the duration is {found} s, but must be finite and greater than 0")]
     Duration {
         /// The requested duration.
@@ -62,7 +62,7 @@ pub enum CourseError {
         "{duration_s} s is too short for a band from {from_hz} Hz to {to_hz} Hz: at least {shortest:.3} s are needed"
     )]
     TooShort {
-        /// Duration that was asked for.
+        /// Duration requested.
         duration_s: f64,
         /// Lower edge.
         from_hz: f64,

@@ -27,7 +27,7 @@ const LEAST_DELAY: f64 = 0.0;
 /// One fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fit {
-    /// Which.
+    /// The model.
     pub model: Model,
     /// Its parameters, in the order of [`Model::parameters`].
     pub parameters: Vec<Found>,

@@ -15,7 +15,7 @@ const LINES: usize = 8;
 const BINS: usize = 48;
 /// Bins on either side that the noise of one is averaged over.
 const NEIGHBOURS: usize = 3;
-/// Longest lead and lag that are looked for, in s.
+/// Longest lead and lag in the search, in s.
 const LEAD_S: f64 = 0.1;
 const LAG_S: f64 = 1.0;
 /// Noise of a line never counts as less than this part of the measured signal: roundoff is no proof.
@@ -36,7 +36,7 @@ pub struct Point {
     pub delay_std_s: f64,
     /// Share of the measured power that the command explains, from 0 to 1.
     pub coherence: f64,
-    /// Whether the coherence is high enough to go by.
+    /// Whether the coherence is high enough to use the point.
     pub trusted: bool,
 }
 

@@ -114,9 +114,9 @@ pub enum IdentifyError {
     /// A number that is not finite.
     #[error("sample {index} of the {column} is {found}")]
     NotFinite {
-        /// Which column.
+        /// The column.
         column: &'static str,
-        /// Which sample, from 1.
+        /// The sample, from 1.
         index: usize,
         /// The value found.
         found: f64,

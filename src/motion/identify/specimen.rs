@@ -30,7 +30,7 @@ pub struct SpecimenFit {
     pub stiffness: Estimate,
     /// c in N s/m.
     pub damping: Estimate,
-    /// m in kg that the load cell feels, where there is one to be seen.
+    /// m in kg that the load cell feels, if it is detectable.
     pub mass: Option<Estimate>,
     /// Root mean square of the force over the whole record that this does not explain, as a share of all.
     pub residual: f64,

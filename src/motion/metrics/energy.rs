@@ -88,7 +88,7 @@ impl std::fmt::Debug for Balance<'_> {
 }
 
 impl<'a> Balance<'a> {
-    /// Of `model`, with steps of `dt` s and `axes` axes of specimens.
+    /// The balance of `model`, with steps of `dt` s and `axes` axes of specimens.
     #[must_use]
     pub fn new(model: &'a mut dyn Model, dt: f64, axes: usize) -> Self {
         let n = model.dofs();
@@ -195,7 +195,7 @@ impl<'a> Balance<'a> {
         if self.begun {
             self.so_far = self.so_far.plus(&self.pending).plus(&now);
         } else {
-            // The first step that is seen is where the count begins.
+            // The count begins at the first step received.
             self.begun = true;
             self.so_far.input = if kinetic.is_finite() { kinetic } else { 0.0 };
         }

@@ -151,14 +151,14 @@ mod tests {
             (1, 1, judged(1e-3, Some(1e-5))),
             (1, 2, judged(2e-3, Some(0.0))),
             (2, 1, judged(-2e-3, Some(1e-5))),
-            // Of no such axis.
+            // An axis that does not exist.
             (3, 1, judged(1.0, None)),
         ];
         let found = mode.falsified(&delays).unwrap().damping_error;
         assert!((found.value - (-3e-3 + 1e-3 + 8e-3)).abs() < 1e-15);
         assert!((found.floor.unwrap() - 5e-5).abs() < 1e-15);
         assert_eq!(found.corrected, Some(found.value));
-        // Within twice its scatter it is not seen.
+        // Within twice its scatter it counts as zero.
         let small = [(2, 1, judged(1.9e-5, Some(1e-5)))];
         let found = mode.falsified(&small).unwrap().damping_error;
         assert_eq!(found.corrected, Some(0.0));

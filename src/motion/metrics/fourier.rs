@@ -31,7 +31,8 @@ fn quick_length(most: usize) -> usize {
 }
 
 impl Spectrum {
-    /// Of `values` sampled every `dt` s, their mean taken off; none of fewer than eight samples or without a finite one.
+    /// Transform of `values` sampled every `dt` s, without their mean. `None` with fewer than eight samples or without a
+    /// finite one.
     #[must_use]
     pub fn of(values: &[f64], dt: f64) -> Option<Self> {
         let length = quick_length(values.len());

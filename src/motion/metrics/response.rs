@@ -60,12 +60,11 @@ pub fn absorbed_energy(disp: &[f64], force: &[f64]) -> Option<f64> {
 
 /// Delay of `measured` behind `command` in samples, with a fraction.
 ///
-/// Positive means that the measured displacement comes later: measured(t) ≈ command(t − lag·dt). The place of the
-/// largest correlation coefficient over whole lags −`most` … `most` (at most a quarter of the data) is where the command, moved by
-/// a fraction of a sample too, is fitted to the measured displacement with a gain and an offset: of a signal that is well below half
-/// the sampling rate it is the delay itself, however much of a cycle the data holds. Exactly 0 of what does not differ. None without
-/// motion, or when the largest correlation lies at the end of the range, where it says nothing; nor of a straight ramp, of which
-/// every lag is as good as any other.
+/// Positive means that the measured displacement comes later: measured(t) ≈ command(t − lag·dt). The search takes the largest
+/// correlation coefficient over whole lags −`most` … `most` (at most a quarter of the data). There it fits the command, moved by a
+/// fraction of a sample too, to the measured displacement with a gain and an offset. For a signal well below half the sampling rate
+/// the result is the delay itself, however much of a cycle the data holds. Exactly 0 if the two do not differ. `None` without
+/// motion, for a straight ramp (every lag fits equally well), or when the largest correlation lies at the end of the range.
 #[must_use]
 pub fn lag(command: &[f64], measured: &[f64], most: usize) -> Option<f64> {
     let n = command.len().min(measured.len());
@@ -363,7 +362,7 @@ mod tests {
             let measured = sampled(520, |t| 0.02 * (t - delay * DT) + 1e-3);
             assert_eq!(lag(&command, &measured, 50), None);
         }
-        // Where it turns it has one.
+        // At its turning point it has one.
         let command = sampled(520, |t| 0.02 * (t - 0.3).abs());
         let measured = sampled(520, |t| 0.02 * (t - 0.3 - 4.0 * DT).abs());
         assert!((lag(&command, &measured, 50).unwrap() - 4.0).abs() < 0.1);

@@ -14,7 +14,7 @@ use super::windows::Windows;
 
 /// Samples that are correlated at most: a longer test is correlated around its largest target.
 const LAG_WINDOW: usize = 100_000;
-/// Largest delay that is looked for in s of test time, and in samples at least and at most.
+/// Largest delay in the search, in s of test time, and in samples at least and at most.
 const LAG_S: f64 = 0.1;
 const LAG_LEAST: usize = 25;
 const LAG_MOST: usize = 800;
@@ -35,7 +35,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Of readings at rest; none of fewer than two. The standard deviation is that of a sample.
+    /// Noise of readings at rest; `None` with fewer than two. The standard deviation is that of a sample.
     #[must_use]
     pub fn of(disp: &[f64], force: &[f64]) -> Option<Self> {
         let both = disp.iter().zip(force);
@@ -172,8 +172,8 @@ fn sums(target: &[f64], measured: &[f64], force: &[f64]) -> Sums {
 }
 
 impl Tracking {
-    /// Of `measured` (m) against `target` (m) and the `force` (N), sampled every `dt` s; `noise` was read at rest. None without
-    /// motion of the target.
+    /// Tracking of `measured` (m) against `target` (m) with the `force` (N), sampled every `dt` s; `noise` was read at rest.
+    /// `None` without motion of the target.
     #[must_use]
     pub fn of(
         target: &[f64],
@@ -382,7 +382,7 @@ mod tests {
                 (judged.value - perfect).abs() < 3.5 * floor,
                 "{name}: {judged:?}"
             );
-            // Noise that is not there at all would leave far less than its scatter.
+            // Without noise the remainder would be far below its scatter.
             assert!(
                 (judged.value - perfect).abs() > 1e-3 * floor,
                 "{name}: {judged:?}"

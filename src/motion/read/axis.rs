@@ -14,7 +14,7 @@ pub(super) fn record(
     mut table: RawTable,
     options: &ReadOptions,
 ) -> Result<Record, MotionError> {
-    // Who asks for a column by its name says that the words are names.
+    // A column selected by name means that the words of the header are names.
     let is_name = |column: &Option<Column>| matches!(column, Some(Column::Name(_)));
     table.header.may_be_title &= !(is_name(&options.column) || is_name(&options.time_column));
     let chosen = Chosen::of(name, &table, options)?;
@@ -151,7 +151,7 @@ fn stated_count(table: &RawTable) -> Option<usize> {
 /// Indices of the columns.
 struct Chosen {
     time: Option<usize>,
-    /// Neither the options nor a name tell the column of times.
+    /// True if neither the options nor a name identify the column of times.
     is_assumed: bool,
     /// An error if the options and the names leave it open.
     value: Result<usize, MotionError>,
@@ -191,7 +191,8 @@ impl Chosen {
     }
 }
 
-/// The first column, where no name tells: it is the time unless the step is given and the column does not rise.
+/// The first column, if no name identifies the times: it is the time unless the step is given and the column does not
+/// rise.
 fn assumed_time(
     name: &str,
     table: &RawTable,

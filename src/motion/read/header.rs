@@ -198,7 +198,7 @@ impl Names {
             });
         }
         let is_named = columns == 1 || (named && between != ' ') || labels[0].is_index();
-        // Of two columns either may be the times; the last of more words is more likely the end of a title.
+        // Either of two columns may be the times; in a longer line the last word is more likely the end of a title.
         let has_time = columns == 2 && !line.is_comment() && labels.iter().any(Label::is_time);
         Some(Self {
             is_certain: !is_title
@@ -268,7 +268,7 @@ fn is_row_of_units(cells: &[&str]) -> bool {
             .all(|cell| is_unit(cell) || is_bracket(cell) || is_empty(cell))
 }
 
-/// The line in as many cells as there are columns, by the first way of parting it that gives them.
+/// Splits the line into as many cells as there are columns, by the first separator that gives them.
 pub(super) fn cells<'a>(line: &'a str, columns: usize, between: char) -> Option<Vec<&'a str>> {
     if columns == 1 {
         return Some(vec![line.trim().trim_matches('"')]);

@@ -1,8 +1,8 @@
 //! The one model of a table in text: lines of a header, then rows of numbers with something between them.
 //!
-//! The first line that is all numbers begins the table, and decides the separator of its fields: a semicolon, a
-//! comma, a tab, or blanks. Every later line must be a row of as many numbers. A line above the table that begins like a
-//! row must stand above the names: else it may be a row with a slip. Knows nothing of time.
+//! The first line that is all numbers begins the table, and decides the separator of its fields: a semicolon, a comma, a
+//! tab, or blanks. Every later line must be a row of as many numbers. A line above the table that begins like a row must
+//! be above the names: otherwise it may be a row with a typing error. Times have no special role here.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -13,7 +13,7 @@ use super::rows::{Delimiter, Rows, Settings, pointed};
 use super::text::{decode, finite_number, is_comment, lines, number};
 use crate::error::MotionError;
 
-/// Lines of a header that are looked at: the last before the table.
+/// Most lines of a header that are read: the last before the table.
 const MOST_HEADER_LINES: usize = 100;
 
 /// Reads the whole of a text as a table.
@@ -133,7 +133,7 @@ impl<'t> Head<'t> {
         first.map_or(Ok(()), |line| Err(slip(rows, line)))
     }
 
-    /// Why there is no table: the first line that begins like a row has something else in it.
+    /// Reason for the missing table: the first line that begins like a row has something else in it.
     fn without_rows(&self, name: &str, settings: &Settings) -> MotionError {
         let empty = MotionError::Empty { file: name.into() };
         let Some(line) = self.last_slip.or(self.first_slip) else {

@@ -12,9 +12,9 @@
 //! 3930 0.00500                     the fourth line, after a line that states `UNITS OF`
 //! ```
 //!
-//! `DT` may also stand on the line below `NPTS`. Then come numbers in reading order, five to the line as `.1297983E-02` or eight as Fortran's `8F10.5`, where a full
-//! field leaves no gap. A file with another count than it announces is damaged and refused, and so is one with decimal commas:
-//! read as gaps, they would make whole numbers of its digits.
+//! `DT` may also be on the line below `NPTS`. Then come numbers in reading order, five to the line as `.1297983E-02` or eight as
+//! Fortran's `8F10.5`, where a full field leaves no gap. A file with another count than it announces is damaged and refused, and so
+//! is one with decimal commas: read as gaps, they would make whole numbers of its digits.
 
 use std::ops::Range;
 
@@ -233,7 +233,7 @@ impl Counts {
     }
 }
 
-/// Where the text after `key` and an equals sign stands, up to the next blank; empty if they are not there.
+/// Range of the text after `key` and an equals sign, up to the next blank; empty if they are missing.
 fn value_of(line: &str, key: &str) -> Range<usize> {
     let value = line.split_once(key).and_then(|(before, rest)| {
         let (blank, rest) = rest.split_once('=')?;
@@ -369,7 +369,7 @@ fn stated_unit(line: &str) -> Option<String> {
     (!word.is_empty()).then(|| word.to_owned())
 }
 
-/// The line that tells the event and the station: the second, as a rule.
+/// The line with the event and the station: usually the second.
 fn title(head: &[&str]) -> String {
     let line = head
         .get(1)
@@ -459,12 +459,12 @@ mod tests {
     #[test]
     fn numbers_that_touch_are_told_apart() {
         let header = "NPTS= 4, DT= .01 SEC";
-        // Signs tell.
+        // The signs separate the numbers.
         let record = read(header, "-0.00123-0.00456 0.00789-0.00012\n").unwrap();
         assert_eq!(record.values, [-0.001_23, -0.004_56, 0.007_89, -0.000_12]);
         let record = read(header, " .1E-02-.2E-02 .3D+00-.4E-01\n").unwrap();
         assert_eq!(record.values, [0.001, -0.002, 0.3, -0.04]);
-        // Only the width tells: 4F10.5 with full fields.
+        // Only the width separates the numbers: 4F10.5 with full fields.
         let record = read(header, "1000.123451000.23456  -0.50000-100.12345\n").unwrap();
         assert_eq!(
             record.values,

@@ -13,7 +13,7 @@ use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass}
 use crate::linalg::SymMatrix;
 use gusset_quantity::state;
 
-/// Which member of the family.
+/// Member of the family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NewmarkBeta {
     /// β = 1/4.

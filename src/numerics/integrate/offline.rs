@@ -104,7 +104,7 @@ pub enum StepError {
     },
 }
 
-/// Why there is no such method for this structure.
+/// Reason why the method does not suit this structure.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MethodError {
     /// Δt is not a positive number.
@@ -137,7 +137,7 @@ pub enum MethodError {
     /// A bound of Newton's iteration is not positive.
     #[error("{name} is {found}, but must be finite and greater than 0")]
     Newton {
-        /// Which.
+        /// The bound.
         name: &'static str,
         /// The value given.
         found: f64,
@@ -151,9 +151,9 @@ pub enum MethodError {
     /// A matrix that must be factored cannot be.
     #[error("{what} is {source}")]
     Factor {
-        /// Which matrix.
+        /// The matrix.
         what: &'static str,
-        /// Where it fails.
+        /// Place of the failure.
         source: NotPositiveDefinite,
     },
 }

@@ -36,7 +36,7 @@ impl Peaks {
         }
     }
 
-    /// Raises them to those of steps that the state does not know of. What does not exist does not come to be by that.
+    /// Raises the peaks to those of steps outside the state. Peaks that do not exist stay undefined.
     pub fn raise(&mut self, others: &Self) {
         let pairs = [
             (&mut self.disp, &others.disp),

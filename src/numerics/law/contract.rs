@@ -1,4 +1,4 @@
-//! What every law promises, asked of every law: one list of laws, one driver.
+//! Contract of every law: one list of laws, one driver.
 
 use proptest::prelude::*;
 

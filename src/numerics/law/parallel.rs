@@ -15,7 +15,7 @@ impl Parallel {
     /// The sum of `parts`.
     ///
     /// # Errors
-    /// No part at all.
+    /// No parts.
     pub(crate) fn new(parts: Vec<Box<dyn Law>>) -> Result<Self, LawError> {
         if parts.is_empty() {
             return Err(LawError::Size {

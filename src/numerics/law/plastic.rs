@@ -85,7 +85,7 @@ impl Bilinear {
         }
     }
 
-    /// Where the committed slider stands, and how it moved last: see [`Slider::to_number`].
+    /// Position of the committed slider and its last motion: see [`Slider::to_number`].
     pub(crate) fn slider(&self) -> (f64, f64) {
         (self.committed.disp, self.committed.to_number())
     }
@@ -123,7 +123,7 @@ impl Bilinear {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Slider {
-    /// Where the slider stands, in m.
+    /// Position of the slider, in m.
     disp: f64,
     /// It moved on the way here.
     slipping: bool,

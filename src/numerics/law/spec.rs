@@ -78,7 +78,7 @@ impl LawSpec {
         }
     }
 
-    /// Builds each entry of the list that stands under the key `list`.
+    /// Builds each entry of the list under the key `list`.
     ///
     /// # Errors
     /// The first entry that cannot be built, with its position.

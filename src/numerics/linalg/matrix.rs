@@ -246,14 +246,14 @@ impl SymMatrix {
     /// Largest |i − j| of a stored entry.
     #[must_use]
     pub fn half_bandwidth(&self) -> usize {
-        // Columns ascend and the pattern is symmetric: the last entry of each row tells.
+        // Columns ascend and the pattern is symmetric: the last entry of each row suffices.
         (0..self.n)
             .filter_map(|i| self.row(i).last().map(|(j, _)| j.saturating_sub(i)))
             .max()
             .unwrap_or(0)
     }
 
-    /// [`SymMatrix::half_bandwidth`], but at once: all rows where the shape does not tell it.
+    /// [`SymMatrix::half_bandwidth`] without a search: all rows where the shape does not give it.
     pub(crate) fn reach(&self) -> usize {
         match self.shape {
             Shape::Zero | Shape::Diagonal(_) => 0,

@@ -3,7 +3,7 @@
 //! Neighbouring columns of a factor often have the same rows below them. Such columns make a **panel**: a small dense
 //! triangle and, below it, dense **slabs** of eight rows by all columns, with one list of row numbers. A sweep then reads
 //! plain memory from front to back, meets each row number once per panel, and sums over the columns in registers. Columns
-//! whose rows differ are joined as well, with zeros where nothing stands, where that is cheaper than another panel.
+//! whose rows differ are joined as well, with zeros in the empty places, where that is cheaper than another panel.
 //!
 //! The invariant: the order of operations follows from the factor alone; sums over rows go into eight parts that are
 //! added in one order, so the lanes of the processor do not change a bit.
@@ -32,11 +32,11 @@ struct Panel {
     width: u32,
     /// Slabs; the list of row numbers is eight times as long, its end filled up with the last row.
     slabs: u32,
-    /// Where its row numbers begin, in eights.
+    /// Begin of its row numbers, in eights.
     rows: usize,
-    /// Where its triangle begins, by columns.
+    /// Begin of its triangle, by columns.
     triangle: usize,
-    /// Where its first slab begins, in lines.
+    /// Begin of its first slab, in lines.
     lines: usize,
 }
 

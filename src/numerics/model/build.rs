@@ -84,7 +84,7 @@ impl StructureSpec {
         }
     }
 
-    /// Builds the structure, with what `specimens` add to its mass and to the stiffness that a damping rule refers to.
+    /// Builds the structure. `specimens` add to its mass and to the stiffness that a damping rule refers to.
     ///
     /// # Errors
     /// See [`BuildError`].

@@ -27,7 +27,7 @@ pub enum ModelError {
     Entry {
         /// "mass", "damping" or "stiffness".
         what: &'static str,
-        /// Which entry.
+        /// The entry and its fault.
         source: MatrixError,
     },
     /// An influence coefficient that is not finite.
@@ -137,7 +137,7 @@ pub enum BuildError {
     /// No mass anywhere.
     #[error("every mass is zero: nothing would move")]
     NoMass,
-    /// A matrix given twice or not at all.
+    /// A matrix given twice, or missing.
     #[error("give {key} either inline or as {key}_file{}", if *both { ", not both" } else { "" })]
     Source {
         /// "mass", "stiffness" or "damping".

@@ -70,7 +70,7 @@ pub struct Element {
     pub name: String,
     /// Where the deformation is counted from.
     pub from: End,
-    /// Where it is counted to.
+    /// End to which it is counted.
     pub to: End,
     /// The force.
     pub law: Box<dyn Law>,

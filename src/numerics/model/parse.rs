@@ -25,7 +25,7 @@ pub enum ParseError {
         /// Position of the first bad byte, from 0.
         offset: usize,
     },
-    /// No numbers at all.
+    /// The file has no numbers.
     #[error("{file}: holds no numbers")]
     Empty {
         /// Name of the file.
@@ -115,7 +115,7 @@ pub enum ParseError {
     },
 }
 
-/// Reads a matrix from the bytes of the file `name`, whose extension tells the format.
+/// Reads a matrix from the bytes of the file `name`, whose extension gives the format.
 ///
 /// `.csv`: one row per line; comma, semicolon, tab or blanks between numbers; lines that are empty or start with `#` or
 /// `%` are skipped. `.npy`: versions 1 to 3, little-endian f8, f4, i8, i4, both orders, one or two axes. `.mtx`:

@@ -177,8 +177,8 @@ impl Run {
         }
     }
 
-    /// residual ← residual − force, these rows of it; all vectors are whole. With `keep` each element remembers where it is, of
-    /// which all rows must be asked for at once if any starts at a degree of freedom. Real-time: yes, if `keep` is false.
+    /// residual ← residual − force, these rows of it; all vectors are whole. With `keep` each element remembers its trial; then
+    /// one call must cover all rows if any element starts at a degree of freedom. Real-time: yes, if `keep` is false.
     pub(super) fn subtract(
         &mut self,
         rows: Range<usize>,

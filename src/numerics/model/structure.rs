@@ -281,8 +281,8 @@ impl Structure {
         self.walk::<true>(motion, residual);
     }
 
-    /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, however often it is
-    /// asked for. [`Structure::commit`] keeps the last one.
+    /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, which may be
+    /// repeated. [`Structure::commit`] keeps the last one.
     pub fn subtract_trial(
         &mut self,
         disp: &[f64],
@@ -358,8 +358,8 @@ impl Structure {
             .unwrap_or_default()
     }
 
-    /// Number of rows above those asked for whose displacements [`Structure::subtract_rows`] needs. All of them as long as
-    /// the tangents of equal elements are kept.
+    /// Number of rows above the requested ones whose displacements [`Structure::subtract_rows`] needs. All of them as long
+    /// as the tangents of equal elements are kept.
     #[must_use]
     pub fn reach(&self) -> usize {
         let matrices = [&self.stiffness, &self.damping];

@@ -1,4 +1,4 @@
-//! KR-α and MKR-α on a linear structure whose stiffness and damping are not those that its parameters are made of.
+//! KR-α and MKR-α on a linear structure whose stiffness and damping differ from those in the method's parameters.
 //!
 //! The equations as printed, with A = M + γ Δt C0 + β Δt² K0 and w = A⁻¹ M a:
 //!

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Schur};
 
 use super::Pole;
 
-/// Sweeps per row after which the iteration counts as stuck: two or three are enough where it converges at all.
+/// Sweeps per row after which the iteration counts as stuck: two or three suffice if it converges.
 const SWEEPS: usize = 30;
 
 /// All eigenvalues; none if the iteration does not end or an entry is not finite.

@@ -2,8 +2,8 @@
 //! bounds of stability, the root locus of a changed stiffness, and the critical delay of a hybrid test.
 //!
 //! Everything is a function of a few numbers: Ω = ω Δt, the damping ratio ξ, and λ (infinity is a value). Nothing here
-//! integrates, and nothing here is used by what integrates: the two are independent statements of the same method
-//! and are tested against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
+//! integrates, and the integrators do not use it: the two are independent formulations of one method and are tested
+//! against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
 //!
 //! ```
 //! use gusset_numerics::spectral;

@@ -295,8 +295,8 @@ fn three_ways_to_the_critical_delay_agree() {
     assert_eq!(continuous(&one(0.3, 0.2)).unwrap(), None);
 }
 
-/// m s² + c s + k with c = 2 ξ ω m has its poles at −ξ ω ± …: what is driven grows with |ξ| ω; what stands, or moves freely,
-/// does not.
+/// m s² + c s + k with c = 2 ξ ω m has its poles at −ξ ω ± …: a mode with negative damping grows with |ξ| ω. A mode without
+/// negative damping, or without stiffness, does not.
 #[test]
 fn what_grows_without_any_delay_is_known_by_its_rate() {
     let growth = one(-0.02, 0.5).growth().unwrap();

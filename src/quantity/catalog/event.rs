@@ -62,7 +62,7 @@ impl Group {
     }
 }
 
-/// Which programs write an event.
+/// Programs that write an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Writer {
     /// The controller of a test. A server may write it, too, with a text.
@@ -90,7 +90,7 @@ pub struct EventRow {
     pub meaning: &'static str,
     /// Its own fields, for the guide.
     pub fields: &'static str,
-    /// Which programs write it.
+    /// Programs that write it.
     pub writer: Writer,
 }
 

@@ -38,7 +38,7 @@ pub enum Phase {
     Leaving = 7,
     /// A limit or a fault has ended the test. Latched.
     Tripped = 8,
-    /// The last command stands; every connection is closed.
+    /// The last command remains in force; every connection is closed.
     Safe = 9,
 }
 

@@ -624,7 +624,7 @@ fn touching_numbers_and_formats_are_parted_by_their_width() {
 }
 
 proptest! {
-    /// A sample with a piece cut out, doubled or replaced by what parsers look for never panics.
+    /// A sample with a piece removed, doubled or replaced by the parsers' keywords causes no panic.
     #[test]
     fn damaged_samples_never_panic(
         which in 0..SAMPLES.len(),

@@ -86,7 +86,7 @@ impl Branch {
         self.scale * self.reached(elapsed + self.rate * tau, u, self.rate * tau)
     }
 
-    /// z after the path `tau` of decay from `z` > 0, and what is left of the path when z vanishes before its end.
+    /// z after the path `tau` of decay from `z` > 0, and the remaining path when z vanishes before its end.
     #[inline]
     pub(super) fn shrink(&self, z: f64, tau: f64) -> (f64, f64) {
         let u = z / self.scale;

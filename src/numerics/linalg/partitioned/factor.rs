@@ -79,7 +79,7 @@ pub(super) fn eliminate(
 }
 
 impl Eliminated {
-    /// True if what is left between interfaces is below all that a double can tell.
+    /// True if the coupling between interfaces is below the resolution of a double.
     fn interfaces_are_apart(&self, n: usize, length: usize) -> bool {
         // Only segments that end with an interface, but the first, lie between two.
         (1..n / length).all(|k| {

@@ -66,7 +66,7 @@ pub(super) struct Partitioned {
     /// S: rows of a segment and its interface.
     length: usize,
     coefficients: Vec<Coefficients>,
-    /// Which coefficients each tile has.
+    /// Index of each tile's coefficients.
     of_tile: Vec<u32>,
     interfaces: Interfaces,
     /// y of each tile where the interfaces see each other, else of two tiles in turn.
@@ -184,7 +184,7 @@ impl Partitioned {
         }
     }
 
-    /// The last interface of a tile also hears from the first segment of the next one.
+    /// The last interface of a tile also receives a part from the first segment of the next one.
     fn take(&mut self, tile: usize, amount: f64) {
         if let Some(interfaces) = self.at_interfaces.get_mut(tile) {
             interfaces[SEGMENTS - 1] -= amount;

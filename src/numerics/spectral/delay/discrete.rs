@@ -1,8 +1,8 @@
 //! In discrete time: the recursion of the family with the command history appended to its state.
 //!
 //! The achieved displacement is d\[i − q\] and d\[i − q − 1\], weighed by linear interpolation, with τ = (q + φ) Δt. With several
-//! ticks a step the interpolation is between theirs, whose commands are made of some targets, as is their velocity. α is made
-//! of the total stiffness and damping, specimen included, as in a test.
+//! ticks a step the interpolation is between the commands of ticks, which are weighted sums of targets, as is their velocity. α
+//! follows from the total stiffness and damping, specimen included, as in a test.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ use super::super::{eigenvalues, unstable_roots};
 use super::late::Late;
 use super::{DelayError, Delayed};
 
-/// Longest delay that is looked at, in steps.
+/// Longest delay in the search, in steps.
 pub const LONGEST_STEPS: usize = 96;
 /// Growth per step below which a root counts as lying on the unit circle.
 const ROUNDOFF: f64 = 1e-10;
@@ -26,11 +26,11 @@ const LOOKS: u32 = 6;
 pub enum DiscreteLimit {
     /// At this delay in s.
     At(f64),
-    /// Not up to this delay in s, the longest that was looked at.
+    /// Not up to this delay in s, the longest in the search.
     Beyond(f64),
 }
 
-/// M_eff = M + Δt/2 C0 + Δt² K̃, with what the specimen adds.
+/// M_eff = M + Δt/2 C0 + Δt² K̃, with the specimen's contribution.
 fn effective(system: &Delayed, dt: f64, lambda: f64) -> DMatrix<f64> {
     let total = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
         own + system.rows.transpose() * of_specimen * &system.rows
@@ -151,7 +151,7 @@ struct Circle<'a> {
     marks: Vec<(f64, f64)>,
 }
 
-/// Smallest angle that is looked at, in rad.
+/// Smallest angle in the search, in rad.
 const SMALLEST: f64 = 1e-6;
 
 impl<'a> Circle<'a> {
@@ -184,7 +184,7 @@ impl<'a> Circle<'a> {
             let (sine, cosine) = libm::sincos(theta);
             let z = Complex::new(cosine, sine);
             let one = Complex::new(1.0, 0.0);
-            // Of 1 − cos θ nothing is lost.
+            // This form of 1 − cos θ loses no digits.
             let half = libm::sin(0.5 * theta);
             let difference = Complex::new(2.0 * half * half, sine);
             let second = Complex::new(-4.0 * half * half, 0.0) / (self.dt * self.dt);
@@ -331,7 +331,7 @@ fn search(
         low = delay;
     }
     let mut high = delay;
-    // Without damping there is no stable delay at all: the search for it ends a millionth of a step above zero.
+    // Without damping no delay is stable: the search for it ends a millionth of a step above zero.
     while high - low > 1e-7 * high && high > 1e-6 * dt {
         let middle = (low + high) / 2.0;
         if is_unstable(middle)? {

@@ -1,6 +1,6 @@
 //! A late displacement as a weighted sum of the targets of steps.
 
-/// Targets that the command of a tick is made of, at most.
+/// Most targets in the command of a tick.
 const TARGETS: usize = 5;
 
 /// The command of a tick by the targets, from the one that its step ends at back.

@@ -82,7 +82,7 @@ fn both_ways_have_trace_and_determinant_and_agree() {
             assert!((product - matrix.determinant()).norm() <= most, "{case}");
             let conjugate: Vec<Pole> = found.iter().map(Pole::conj).collect();
             assert_eq!(distance(found, &conjugate), 0.0, "{case}");
-            // The mean of what splits from a Jordan block stays where the block was.
+            // The mean of the poles that split from a Jordan block stays at the place of the block.
             assert!(kind != 3 || largest(found) > 1.0 - roundoff, "{case}");
         }
         let Some(by_itself) = by_itself else {

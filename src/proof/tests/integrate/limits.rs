@@ -1,4 +1,4 @@
-//! Where it is stable: the published limits, examples 4.1 and 4.2, and the choice of lambda.
+//! Limits of stability: the published limits, examples 4.1 and 4.2, and the choice of lambda.
 
 use super::*;
 

@@ -140,7 +140,7 @@ fn axes_that_are_alike_bear_what_one_of_them_does() {
                 other => panic!("{axes} {dt} {damps}: {other:?}"),
             };
             let (one, three) = (found(1), found(3));
-            // Of several axes it is the delay at which they grow by more than roundoff, which is a little longer.
+            // For several axes it is the delay at which they grow by more than roundoff, which is a little longer.
             assert!(
                 (three / one - 1.0).abs() < 1e-4,
                 "{dt} {damps}: {three} {one}"

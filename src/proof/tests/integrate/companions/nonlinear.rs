@@ -108,8 +108,8 @@ fn nonlinear_systems_converge_to_one_answer_and_stay_in_equilibrium() {
 
 #[test]
 fn only_the_alpha_methods_damp_what_is_too_fast_for_the_step() {
-    // Ω = 1e4: the first steps overshoot, later ones shrink by ρ a step, or not at all. The undamped ones turn by
-    // π − 4/Ω a step, so that forty steps stay near a peak.
+    // Ω = 1e4: the first steps overshoot, later ones shrink by ρ a step, or stay. The undamped ones turn by π − 4/Ω a
+    // step, so that forty steps stay near a peak.
     let dt = 1e4;
     let stiff = || linear(scalar(1.0), scalar(0.0), scalar(1.0));
     let tail = |way| {

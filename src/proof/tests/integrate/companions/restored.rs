@@ -48,7 +48,7 @@ impl Test {
         visit.numbers(&mut self.inertia);
     }
 
-    /// Takes the step after `step`; all that is seen of it.
+    /// Takes the step after `step`; returns all observable values.
     fn step(&mut self, step: u64) -> Vec<u64> {
         let mut reported = vec![0.0; 2];
         let mut forces = Loaded::new(&mut self.structure, load);
