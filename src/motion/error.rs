@@ -534,7 +534,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_in_messages_have_six_digits_at_most() {
+    fn numbers_in_messages_have_six_digits() {
         for (number, wanted) in [
             (19.990_000_000_000_002, "19.99"),
             (0.003_900_000_000_000_000_7, "0.0039"),

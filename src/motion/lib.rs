@@ -432,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn a_load_is_the_sum_of_its_parts_and_overwrites() {
+    fn load_is_the_sum_of_its_parts() {
         let excitation = loaded();
         let mut out = vec![f64::NAN; 5];
         for (step, expected) in [
@@ -449,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_longer_than_the_test_ends_with_the_test() {
+    fn long_table_ends_with_the_test() {
         let excitation = Excitation::none(1, 1)
             .with_table(NodalTable {
                 dofs: vec![0],
@@ -464,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn the_base_stands_where_it_was_left_and_the_ground_is_still() {
+    fn base_stays_at_its_last_displacement() {
         let excitation = loaded();
         assert_eq!(excitation.base(2), (2.0, 9.0));
         assert_eq!(excitation.base(4), (3.0, 0.0));
@@ -474,7 +474,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_and_numbers_are_checked_when_the_excitation_is_made() {
+    fn excitation_is_checked_when_it_is_made() {
         let bare = || Excitation::none(2, 1);
         let term = |pattern: &[f64], series: &[f64]| {
             bare().with_term(LoadTerm {

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_transform_is_the_sum_it_claims_to_be() {
+    fn transform_is_the_stated_sum() {
         let lines: Vec<(f64, f64)> = (0..20)
             .map(|k| (f64::from(k * k % 7) - 2.0, f64::from(k % 5)))
             .collect();
@@ -113,7 +113,7 @@ mod tests {
 
     /// Worked out by a program of some thirty lines in another language from the published recurrences.
     #[test]
-    fn the_stream_of_a_seed_is_the_one_an_independent_program_gives() {
+    fn stream_matches_an_independent_program() {
         for (seed, outputs) in [
             (
                 0,
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn uniform_numbers_fill_the_unit_interval_and_normal_ones_have_variance_one() {
+    fn uniform_and_normal_numbers_are_correct() {
         let mut random = Random::new(7);
         let n = 40_000;
         let (mut sum, mut squares, mut fourth) = (0.0, 0.0, 0.0);

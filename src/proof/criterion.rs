@@ -421,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_of_zeros_or_beyond_the_range_of_a_double_has_no_shape_and_no_limit() {
+    fn zero_or_huge_matrix_has_no_limit() {
         for entry in [0.0, -1e-320, f64::INFINITY, f64::MAX] {
             assert_eq!(near_null(&SymMatrix::diagonal(&[entry, entry])), None);
         }

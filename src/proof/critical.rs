@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_table_is_exact_at_its_entries_linear_in_one_over_tau_between_and_cautious_at_its_edge() {
+    fn table_is_exact_and_cautious_at_its_edge() {
         let table = CriticalDelay::new(&[
             (0.0, f64::INFINITY),
             (10.0, f64::INFINITY),

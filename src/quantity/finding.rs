@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_path_says_where_it_is_broken() {
+    fn broken_path_names_the_break() {
         let span = |text| KeyPath::parse(text).unwrap_err().span;
         assert_eq!(span("a..b"), 2..2);
         assert_eq!(span("a[x].b"), 1..4);

@@ -678,7 +678,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_and_optional_numbers_take_the_same_room_and_come_back() {
+    fn choices_and_options_have_a_fixed_size() {
         let walk = |choice: &mut char, known: &mut Option<[f64; 2]>, visit: &mut dyn Visit| {
             visit.choice(choice, &['a', 'b', 'c']);
             known.visit_state(visit);
@@ -695,7 +695,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_state_has_the_same_bits() {
+    fn restored_state_has_the_same_bits() {
         let mut one = example();
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
         let mut other = blank(3);
@@ -715,7 +715,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_be_missing_and_lists_of_any_length_take_the_same_room() {
+    fn options_and_lists_have_a_fixed_size() {
         let walk = |option: &mut Option<f64>,
                     list: &mut Vec<f64>,
                     short: &mut u32,
@@ -748,7 +748,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_that_does_not_fit_changes_nothing() {
+    fn state_that_does_not_fit_changes_nothing() {
         let mut one = example();
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
         let mut longer = blank(4);
@@ -778,7 +778,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_outside_its_domain_is_refused() {
+    fn value_outside_its_domain_is_refused() {
         let mut one = example();
         let good = TestState::of(|visit| one.visit_state(visit)).unwrap();
         for (place, word) in [(4, 3), (5, 2)] {
@@ -802,7 +802,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_taken_into_its_room_without_an_allocation() {
+    fn taking_a_state_allocates_nothing() {
         let mut one = example();
         let mut state = TestState::with_room(|visit| one.visit_state(visit));
         assert!(state.is_empty());
@@ -827,7 +827,7 @@ mod tests {
     }
 
     #[test]
-    fn a_digest_depends_on_every_bit_of_a_short_state() {
+    fn digest_depends_on_every_bit() {
         let digest = |example: &Example| {
             let mut digest = Digest::default();
             example.clone().visit_state(&mut digest);

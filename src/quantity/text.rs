@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_obeyed_or_hidden_is_spelled_and_the_rest_stays() {
+    fn hidden_characters_are_spelled_out() {
         assert_eq!(printable("a \u{1b}[2J b\nc\td"), "a \\u{1b}[2J b\nc\\u{9}d");
         for (c, spelled) in [
             ('\u{202e}', "\\u{202e}"),
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_has_a_letter() {
+    fn reason_needs_a_letter() {
         for nothing in [
             "",
             " \t\n",

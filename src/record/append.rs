@@ -319,7 +319,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_full_disk_keeps_whole_units_and_what_waits_is_written_when_there_is_room() {
+    fn full_disk_keeps_whole_units() {
         for room in 0..=16 {
             let disk = SmallDisk::with_room(room);
             let mut appender = Appender::new(disk.clone(), Unit::Stride(4), 16);
@@ -342,7 +342,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn beyond_the_bound_units_are_refused_and_memory_stays_bounded() {
+    fn units_beyond_the_bound_are_refused() {
         let mut appender = Appender::new(SmallDisk::with_room(0), Unit::Stride(4), 10);
         assert!(offer(&mut appender, b"aaaa") && offer(&mut appender, b"bbbb"));
         assert!(!offer(&mut appender, b"cccc"));
@@ -350,7 +350,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_torn_tail_that_cannot_be_cut_is_cut_before_anything_else_is_written() {
+    fn torn_tail_is_cut_before_the_next_write() {
         let disk = SmallDisk::with_room(6);
         disk.0.lock().unwrap().cuts_refused = true;
         let mut appender = Appender::new(disk.clone(), Unit::Stride(4), 64);
@@ -386,7 +386,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_file_is_cut_back_and_appended_to_from_there() {
+    fn file_is_cut_back_and_appended() {
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(b"aaaabb").unwrap();
         file.cut(4).unwrap();

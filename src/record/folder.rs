@@ -479,7 +479,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
+    fn written_folder_is_read_back() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("runs/deep/one");
         let folder = recorded(&path, &["time", "x1"], &[&[0.0, 1.0], &[0.5, 2.0]]);
@@ -535,7 +535,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_run_is_never_written_over_anything() {
+    fn run_never_overwrites_anything() {
         let temp = tempfile::tempdir().unwrap();
         let empty = temp.path().join("empty");
         fs::create_dir(&empty).unwrap();
@@ -576,7 +576,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_test_that_never_began_leaves_no_folder_and_takes_nothing_of_others_with_it() {
+    fn unstarted_test_leaves_no_folder() {
         let temp = tempfile::tempdir().unwrap();
         let fill = |path: &Path| {
             let mut folder = recorded(path, &["x1"], &[]);
@@ -602,7 +602,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn nothing_is_written_into_a_folder_that_stands_where_this_one_was() {
+    fn replaced_folder_is_not_written_into() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let mut folder = recorded(&path, &["x1"], &[]);
@@ -624,7 +624,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_folder_that_was_emptied_under_a_running_test_is_still_its_own() {
+    fn emptied_folder_stays_claimed() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let folder = RunFolder::create(&path).unwrap();
@@ -637,7 +637,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn an_input_keeps_the_name_that_resolved_toml_points_to() {
+    fn input_keeps_its_name_in_resolved_toml() {
         let temp = tempfile::tempdir().unwrap();
         let mut folder = RunFolder::create(&temp.path().join("run")).unwrap();
         for name in ["RSN6_IMPVALL.I_I-ELC180.AT2", "+é.csv", ".hidden", "end."] {
@@ -647,7 +647,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_called_by_its_name() {
+    fn unreadable_parts_are_named() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let open = |path: &Path| Run::open(path).unwrap_err();
@@ -698,7 +698,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn inputs_are_copied_with_their_digest_and_never_collide() {
+    fn inputs_are_copied_without_collisions() {
         let temp = tempfile::tempdir().unwrap();
         let mut folder = RunFolder::create(&temp.path().join("run")).unwrap();
         let one = folder
@@ -727,7 +727,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_python_reader_reads_the_same_bits_from_a_torn_file() {
+    fn python_reader_reads_the_same_bits() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let rows: Vec<[f64; 2]> = (0..50)

@@ -100,7 +100,7 @@ mod tests {
     use std::io::Write as _;
 
     #[test]
-    fn what_others_do_to_a_file_is_told_apart() {
+    fn changes_by_others_are_distinguished() {
         let temp = tempfile::tempdir().unwrap();
         let (path, other) = (temp.path().join("rows"), temp.path().join("other"));
         let mut file = File::create_new(&path).unwrap();

@@ -358,7 +358,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_description_reads_back_as_the_layout_it_describes() {
+    fn description_reads_back_as_its_layout() {
         let layout = named(&["step", "time", "x1", "t_wake"]);
         assert_eq!(Layout::from_json(&layout.to_json()).unwrap(), layout);
         let json: serde_json::Value = serde_json::from_str(&layout.to_json()).unwrap();
@@ -394,7 +394,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_foreign_or_damaged_description_is_refused() {
+    fn foreign_description_is_refused() {
         let good = named(&["time", "x1"]).to_json();
         for (from, to) in [
             ("\"version\": 1", "\"version\": 2"),

@@ -182,7 +182,7 @@ mod tests {
     use serde_json::{Value, json};
 
     #[test]
-    fn rows_that_end_a_step_too_early_are_missed_and_none_that_end_in_time() {
+    fn rows_ending_a_step_early_are_reported() {
         let summary = Summary {
             steps: 100,
             dt: 0.01,
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_summary_events_that_are_more_than_a_step_ahead_of_the_rows_tell_of_more() {
+    fn events_ahead_of_rows_show_missing_rows() {
         let begins = loop_event(0, "phase");
         let missing = |more: &[EventLine], last| {
             let told: Vec<EventLine> = [&begins].into_iter().chain(more).cloned().collect();
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_the_writer_took_and_could_not_write_are_missed_where_test_time_stood_still() {
+    fn unwritten_rows_in_a_hold_are_reported() {
         let held = |row: u64, name: &str| line(json!(row), json!(3.0), name);
         let failed = [held(700, "write_failed"), held(900, "rows_lost")];
         let missing = |last| of_events(&failed, Some((last, 3.0)));
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_that_goes_on_misses_nothing_on_its_way_in() {
+    fn resumed_test_misses_nothing_at_startup() {
         let told = [
             loop_event(300, "phase"),
             loop_event(300, "started"),

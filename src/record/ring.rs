@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_ring_drops_whole_rows_and_counts_them() {
+    fn full_ring_drops_and_counts_whole_rows() {
         let (mut recorder, mut reader) = ring(2, SIZE, WhenFull::Drop).unwrap();
         for k in 0..5 {
             assert_eq!(recorder.row(&[k as f64, -1.0]), k < 3);
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_of_the_wrong_length_is_refused_and_counted() {
+    fn row_of_wrong_length_is_refused() {
         let (mut recorder, mut reader) = ring(2, SIZE, WhenFull::Wait).unwrap();
         assert!(!recorder.row(&[1.0]));
         assert!(recorder.row(&[1.0, 2.0]));
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn under_wait_every_row_arrives_in_order_through_a_small_ring() {
+    fn wait_delivers_every_row_in_order() {
         let (mut recorder, reader) = ring(2, SIZE, WhenFull::Wait).unwrap();
         let lost = recorder.lost();
         let count = 20_000u64;
@@ -394,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn under_wait_a_dead_reader_ends_the_waiting() {
+    fn dead_reader_ends_the_wait() {
         let (mut recorder, reader) = ring(1, SIZE, WhenFull::Wait).unwrap();
         drop(reader);
         let taken = (0..5).filter(|_| recorder.row(&[1.0])).count();
@@ -402,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn pushing_rows_and_events_allocates_nothing() {
+    fn pushing_allocates_nothing() {
         let (mut recorder, mut reader) = ring(40, SIZE, WhenFull::Drop).unwrap();
         let row = [1.5; 40];
         let used = allocation_counter::measure(|| {
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_sizes_are_refused_and_default_sizes_are_bounded() {
+    fn impossible_ring_sizes_are_refused() {
         for (columns, rows, events) in [(0, 1, 1), (1, 0, 1), (1, 1, 0), (1, usize::MAX, 1)] {
             assert!(ring(columns, RingSize { rows, events }, WhenFull::Drop).is_err());
         }

@@ -293,7 +293,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn lambda_may_be_infinite_absent_or_a_number_but_not_a_word() {
+    fn lambda_is_a_number_infinite_or_absent() {
         for (lambda, text) in [
             (Some(Lambda(f64::INFINITY)), "\"inf\""),
             (Some(Lambda(4.0)), "4.0"),

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn days_follow_each_other_for_four_centuries() {
+    fn days_are_consecutive_for_four_centuries() {
         // Independent of the algorithm: count the calendar forward by the rule of leap years.
         let (mut year, mut month, mut day) = (1970u64, 1u64, 1u64);
         for days in 0..146_097u64 {

@@ -125,7 +125,7 @@ mod tests {
     use crate::TimedEvent;
 
     #[test]
-    fn each_limit_is_told_once_with_its_number_and_how_it_began() {
+    fn each_limit_is_reported_once_with_counts() {
         let mut warned = Warned::default();
         let reached = |axis, value, bound| LimitReached {
             port: Some(0),

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_is_claimed_until_the_hold_on_it_is_gone() {
+    fn folder_is_claimed_until_its_hold_ends() {
         let temp = tempfile::tempdir().unwrap();
         let hold = Hold::on(temp.path()).unwrap();
         assert!(!is_claimed(temp.path()));
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_found_again_unless_it_is_gone() {
+    fn folder_is_found_again_unless_deleted() {
         let temp = tempfile::tempdir().unwrap();
         let (one, two) = (temp.path().join("one"), temp.path().join("two"));
         fs::create_dir(&one).unwrap();

@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_shorter_than_sixteen_bytes_is_refused() {
+    fn key_below_sixteen_bytes_is_refused() {
         assert!(matches!(
             PreSharedKey::new(&[7; 15]),
             Err(WireError::Bounds { found: 15, .. })
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mac_holds_for_its_bytes_and_its_key_only() {
+    fn mac_holds_for_its_bytes_and_key_only() {
         let key = PreSharedKey::new(&[5; 32]).unwrap();
         let session = key.session(&[1; 32], &[2; 32], 3);
         let mac = session.mac(b"displacement");

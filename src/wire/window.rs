@@ -87,7 +87,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_table_of_arrivals() {
+    fn arrivals_match_the_table() {
         let newest = |skipped| Ok(Arrival::Newest { skipped });
         let late = |behind| Ok(Arrival::Late { behind });
         let replayed = |counter| Err(WireError::Replayed { counter });
@@ -126,7 +126,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_decides_as_a_set_of_all_counters_would(counters in prop::collection::vec(0_u64..400, 1..400)) {
+        fn window_decides_like_a_set_of_counters(counters in prop::collection::vec(0_u64..400, 1..400)) {
             let mut window = SequenceWindow::new();
             let mut all = std::collections::HashSet::new();
             let mut newest = 0;

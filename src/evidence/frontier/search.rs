@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_is_found_from_below_and_from_above() {
+    fn limit_is_found_from_below_and_above() {
         for begin in [2, 100, 12_345, 1_000_000] {
             let found = largest(search(begin), &mut machine(5_000, 1.0)).unwrap();
             let (n, trial) = found.unwrap();
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_proof_that_fails_takes_the_size_back_until_one_holds() {
+    fn failed_proof_reduces_the_size() {
         let (n, _) = largest(search(100), &mut machine(5_000, 0.7))
             .unwrap()
             .unwrap();
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_where_nothing_holds_and_all_where_all_does() {
+    fn search_ends_with_none_or_the_largest() {
         assert_eq!(largest(search(100), &mut machine(1, 1.0)).unwrap(), None);
         let (n, _) = largest(search(100), &mut machine(usize::MAX, 1.0))
             .unwrap()

@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_in_is_found_again_in_the_parts() {
+    fn input_energy_equals_the_parts() {
         let mut model = Oscillator {
             mass: 50.0,
             damping: 40.0,
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_that_is_booked_too_small_opens_the_balance() {
+    fn missing_force_opens_the_balance() {
         let mut model = Oscillator {
             mass: 50.0,
             damping: 40.0,

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn delays_of_several_axes_add_up_and_their_noise_adds_in_squares() {
+    fn delays_add_and_noise_adds_in_squares() {
         let mode = Mode {
             frequency_hz: 2.0,
             damping_ratio: 0.02,
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn energies_are_measured_by_input_and_strain_together_and_by_nothing_where_there_is_neither() {
+    fn energy_error_is_scaled_by_both_energies() {
         let scale = Scale {
             input_energy_j: 6.0,
             strain_energy_j: 2.0,

@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_bridged_by_the_error_on_both_sides_of_it() {
+    fn gap_is_bridged_by_errors_on_both_sides() {
         let nan = f64::NAN;
         let command = [0.0, 1.0, 4.0, 9.0, 4.0, 1.0, 0.0];
         let measured = [nan, 1.0, 4.0, nan, nan, 1.75, nan];
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_fractional_delay_of_a_sine_comes_back_with_the_sign_of_lag() {
+    fn sine_delay_is_found_with_its_sign() {
         // A line through eight points of a sine of ω rad a sample is off by ω⁸/70/2⁸ at most: roundoff at ω = 0.031, 5e-8 at 0.4.
         for (omega, bound) in [(TAU * 5.0, 1e-9), (TAU * 65.0, 1e-6)] {
             for delay in [0.0, 0.3, 1.5, 7.5, 12.25, -4.4] {
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_differ_has_no_lag_at_all() {
+    fn equal_signals_have_lag_zero() {
         for omega in [3.0, 17.0, 400.0] {
             let wave = sampled(5001, |t| t * libm::sin(omega * t) + 0.3);
             assert_eq!(lag(&wave, &wave, 7), Some(0.0));
@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_fractional_delay_of_a_sweep_and_of_noise_comes_back() {
+    fn delays_of_sweep_and_noise_are_found() {
         // Band up to 20 Hz: ω < 0.123 rad/sample, the line through eight points is off by 1e-11.
         for delay in [3.0, 8.4, 20.7] {
             let sweep = |t: f64| libm::sin(TAU * (0.5 * t + 1.2 * t * t));
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_ramp_has_no_lag_that_could_be_told() {
+    fn straight_ramp_has_no_lag() {
         for delay in [0.0, 4.0] {
             let command = sampled(520, |t| 0.02 * t);
             let measured = sampled(520, |t| 0.02 * (t - delay * DT) + 1e-3);
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn lag_of_what_does_not_move_or_lies_outside_the_range_is_none() {
+    fn no_motion_or_lag_out_of_range_is_none() {
         let wave = sampled(2048, |t| libm::sin(TAU * t));
         assert_eq!(lag(&vec![1.0; 2048], &wave, 50), None);
         assert_eq!(lag(&wave, &vec![0.0; 2048], 50), None);
@@ -394,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn tracking_error_of_a_gain_and_a_delay_has_its_closed_form() {
+    fn gain_and_delay_error_has_closed_form() {
         // |1 − g e^{−iωτ}| for a sine over whole cycles: gain 0.95, delay 3.1 ms, 2 Hz gives 6.278 %.
         let omega = TAU * 2.0;
         let command = sampled(8192, |t| libm::sin(omega * t));
@@ -426,7 +426,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_input_makes_a_metric_panic_or_return_nan(
+        fn no_input_gives_nan_or_a_panic(
             a in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::NAN), 1 => Just(1e308)], 0..80),
             b in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::INFINITY)], 0..80),
         ) {

@@ -267,7 +267,7 @@ mod tests {
 
     /// At 4096 Hz noise of 0.1 % is as large in a difference of two ticks as the velocity itself.
     #[test]
-    fn noise_of_the_displacement_leans_neither_stiffness_nor_damping_at_any_rate() {
+    fn displacement_noise_biases_no_estimate() {
         for rate in [256.0, 1024.0, 4096.0] {
             for seed in 1..=5 {
                 let [whole, first] = noisy(rate, 4e5, 7, 2e-5, seed);
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn what_noise_hides_is_not_sure_and_without_noise_everything_is() {
+    fn only_noisy_estimates_are_unsure() {
         let [_, first] = noisy(256.0, 0.0, 0, 1e-3, 1);
         assert!(!first.stiffness.is_sure(), "{first:?}");
         for found in noisy(256.0, 4e5, 3, 0.0, 1) {
@@ -313,14 +313,14 @@ mod tests {
     }
 
     #[test]
-    fn a_delayed_target_stands_before_its_first_and_behind_its_last_sample() {
+    fn delayed_target_is_constant_at_its_ends() {
         assert_eq!(delayed(&[1.0, 2.0, 3.0], 1.4), [1.0, 1.0, 2.0]);
         assert_eq!(delayed(&[1.0, 2.0, 3.0], -2.0), [3.0, 3.0, 3.0]);
         assert_eq!(delayed(&[], 2.0), [] as [f64; 0]);
     }
 
     #[test]
-    fn stiffness_and_damping_of_a_kelvin_element_are_identified() {
+    fn kelvin_element_is_identified() {
         // Central differences of a 2 Hz sine are short by (ω dt)²/6 = 2.5e-5; k̂ is untouched by that.
         let omega = TAU * 2.0;
         let (k, c, f0) = (1.19e6, 114.22e2, -350.0);
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_ramp_gives_stiffness_but_no_damping() {
+    fn steady_ramp_gives_stiffness_only() {
         let disp = sampled(500, |t| 0.01 * t);
         let force: Vec<_> = disp.iter().map(|d| 2e5 * d).collect();
         let found = identify(&disp, &disp, &force, DT).unwrap();
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn first_loading_sees_the_initial_stiffness_of_a_yielding_specimen() {
+    fn first_loading_gives_initial_stiffness() {
         let disp = sampled(1024, |t| 0.03 * libm::sin(TAU * t));
         let force: Vec<_> = disp
             .iter()

@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gain_and_a_delay_come_back_in_every_number() {
+    fn gain_and_delay_show_in_every_number() {
         let (c, m) = example();
         // Whole cycles are 8192 intervals; the first sample is that of the last again.
         let found = Tracking::of(&c[..8192], &m[..8192], &[], DT, None).unwrap();
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn the_indicator_falls_with_a_lag_as_its_theory_says() {
+    fn indicator_falls_with_a_lag() {
         // −½ ω G X² sin(ωτ) a second, over 8 s: −1.8597; the chord of a step loses (ω dt)²/6 = 2.5e-5 of it.
         let (c, m) = example();
         let found = Tracking::of(&c, &m, &[], DT, None).unwrap();
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn energy_error_of_a_lagging_spring_is_the_area_between_the_loops() {
+    fn lag_energy_is_the_area_between_loops() {
         // f = k m, m = X sin ω(t − τ), c = X sin ωt over whole cycles: ∮ f dm = 0 and ∮ f dc = π k X² sin(−ωτ)·(−1)…: with
         // ∫ sin(ωt − φ) cos ωt dωt = −π sin φ, the error −∮ f dc = +π k X² sin φ a cycle.
         let (k, omega, x, tau) = (2e5, TAU * 2.0, 0.01, 4e-3);
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_perfect_specimen_with_noise_shows_its_floors_and_nothing_beyond_them() {
+    fn perfect_noisy_specimen_shows_floors_only() {
         let sigma = 2e-5;
         let c = sampled(20_000, |t| {
             0.01 * libm::sin(TAU * 1.3 * t) * libm::sin(0.1 * t)
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_well_above_the_noise_is_found_through_it() {
+    fn error_above_the_noise_is_found() {
         let (c, m) = example();
         let clean = Tracking::of(&c, &m, &[], DT, None).unwrap();
         let sigma = 0.05;
@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_move_is_not_judged_and_gaps_are_left_out() {
+    fn no_motion_is_not_judged_gaps_are_skipped() {
         assert_eq!(Tracking::of(&[1.0; 99], &[1.0; 99], &[], DT, None), None);
         assert_eq!(Tracking::of(&[], &[], &[], DT, None), None);
         assert_eq!(Noise::of(&[1.0], &[1.0]), None);
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_of_a_long_test_is_looked_for_where_it_moves_most() {
+    fn long_test_is_searched_at_its_largest() {
         let n = 300_000;
         let burst = |t: f64| libm::exp(-(t - 250.0) * (t - 250.0)) * libm::sin(TAU * 3.0 * t);
         let c = sampled(n, burst);

@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_part_from_their_units_however_they_are_spelled() {
+    fn names_separate_from_their_units() {
         for (name, time) in [
             ("Time [ms]", "ms"),
             ("time_ms", "ms"),

@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_number_stands_on_a_line_and_copies_are_equal() {
+    fn first_number_is_aligned_copies_are_equal() {
         for len in [0, 1, 7, 8, 1000] {
             let mut vector = Aligned::zeros(len);
             assert_eq!(vector.as_ptr() as usize % LINE, 0);

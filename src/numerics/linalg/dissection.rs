@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn every_node_is_numbered_once_whatever_the_graph() {
+    fn every_node_is_numbered_once() {
         let parted = SymMatrix::diagonal(&[1.0; 100]);
         let full =
             SymMatrix::from_triplets(40, (0..40).flat_map(|i| (i..40).map(move |j| (i, j, 1.0))));
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_grid_is_first_cut_along_a_line() {
+    fn square_grid_is_first_cut_along_a_line() {
         // No set of fewer nodes than a row parts a square into two fair shares.
         let side = 31;
         let order = nested_dissection(&grid(side));

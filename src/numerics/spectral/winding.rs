@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mode_of_hardly_any_damping_is_not_stepped_over() {
+    fn lightly_damped_mode_is_not_stepped_over() {
         // (s² − 2ζ s + 1)/(s² + 2ζ s + 1) goes round zero within a few ζ about ω = 1, and is 1 elsewhere.
         let zeta = 1e-6;
         let function = |omega: f64| {

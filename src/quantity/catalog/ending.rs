@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn every_row_leads_from_its_word_to_its_exit_and_sentence() {
+    fn every_word_has_its_exit_and_sentence() {
         for &cause in Cause::ALL {
             assert_eq!(Cause::from_code(cause.code()), Some(cause));
             let found = Cause::of_word(cause.word()).unwrap();

@@ -618,7 +618,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_and_every_row_has_a_text_for_the_guide() {
+    fn event_names_are_unique_with_guide_text() {
         for (place, row) in EVENTS.iter().enumerate() {
             let first = EVENTS.iter().position(|other| other.name == row.name);
             assert_eq!(first, Some(place), "{}", row.name);

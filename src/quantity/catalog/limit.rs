@@ -725,7 +725,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_limit_has_its_row_and_its_own_names() {
+    fn every_limit_has_its_row_and_names() {
         for (place, limit) in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST).enumerate() {
             assert_eq!(limit as usize, place);
             let in_test = limit.place_in_test().map(|place| Limit::OF_TEST[place]);
@@ -751,7 +751,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_at_the_end_of_its_range_is_judged_before_the_measurement() {
+    fn saturated_sensor_is_judged_first() {
         let order: [Limit; 7] = Limit::judging(&[Judges::Sensor, Judges::Measurement]);
         assert_eq!(
             order,

@@ -262,7 +262,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_stands_at_the_place_of_its_code_and_words_differ() {
+    fn phase_order_is_its_code() {
         for (place, state) in STATES.iter().enumerate() {
             assert_eq!(usize::from(state.code), place);
             let same = STATES.iter().filter(|other| other.word == state.word);
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn a_phase_is_spelled_in_files_as_in_the_table() {
+    fn files_spell_phases_as_the_table_does() {
         for phase in Phase::ALL {
             let word = serde_json::to_value(phase).unwrap();
             assert_eq!(word, phase.word());
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn every_phase_can_trip_and_no_trip_leads_back() {
+    fn every_phase_can_trip_without_return() {
         for phase in Phase::ALL {
             let over = phase == Phase::Safe;
             let latched = phase == Phase::Tripped;

@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_granted_is_complete_and_asked_for_in_order() {
+    fn grants_are_complete_and_in_order() {
         let mut system = Told::new(None, true, None, None);
         let granted = apply_to(&plan(), &mut system);
         assert_eq!(
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unprivileged_user_is_told_what_is_missing_and_what_to_do() {
+    fn unprivileged_user_gets_advice() {
         let mut system = Told::new(Some(Errno::PERM), false, Some(0), Some(8 << 20));
         let granted = apply_to(&plan(), &mut system);
         assert!(!granted.complete && !granted.must_refuse());
@@ -428,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_below_the_priority_is_named() {
+    fn limit_below_the_priority_is_named() {
         let mut system = Told::new(Some(Errno::PERM), false, Some(40), None);
         let granted = apply_to(&plan(), &mut system);
         assert!(
@@ -441,7 +441,7 @@ mod tests {
     }
 
     #[test]
-    fn a_privileged_process_that_is_refused_is_sent_to_its_control_group() {
+    fn privileged_refusal_blames_control_group() {
         let mut system = Told::new(Some(Errno::PERM), true, None, None);
         let granted = apply_to(&plan(), &mut system);
         assert!(
@@ -454,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_wanted_is_not_asked_for() {
+    fn unwanted_features_are_not_requested() {
         let modest = RtPlan {
             fifo_priority: None,
             lock_memory: false,
@@ -468,7 +468,7 @@ mod tests {
     }
 
     #[test]
-    fn the_report_serialises_with_its_reasons() {
+    fn report_serialises_with_its_reasons() {
         let mut system = Told::new(Some(Errno::PERM), false, Some(0), Some(0));
         let json = serde_json::to_value(apply_to(&plan(), &mut system)).unwrap();
         assert_eq!(json["complete"], false);
@@ -479,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn the_running_kernel_answers_every_question() {
+    fn running_kernel_answers_every_question() {
         // Without the memory lock: it would hold for the whole test process.
         let modest = RtPlan {
             lock_memory: false,
@@ -500,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn a_helper_keeps_off_the_loops_processor() {
+    fn helper_keeps_off_the_loop_processor() {
         let cpus = os::process_cpus();
         let own = *cpus.last().unwrap();
         let outcome = std::thread::spawn(move || pin_away(own).map(|_| os::allowed_cpus()))

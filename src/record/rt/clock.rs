@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_has_passed_returns_and_the_clock_never_runs_backwards() {
+    fn past_time_returns_and_clock_never_falls() {
         let clock = MonotonicClock::default();
         let before = clock.now();
         clock.sleep_until(Nanos(0));

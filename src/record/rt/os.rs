@@ -344,7 +344,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_kernel_refuses_what_does_not_exist_with_its_own_number() {
+    fn kernel_refuses_with_its_own_number() {
         assert_eq!(pin_to(&[CpuSet::MAX_CPU - 1]), Err(Errno::INVAL));
         assert_eq!(pin_to(&[CpuSet::MAX_CPU + 1]), Err(Errno::INVAL));
         let refused = std::thread::spawn(|| set_fifo(100)).join().unwrap();
@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_pinned_to_one_processor_sees_only_that_one() {
+    fn pinned_thread_sees_one_processor() {
         std::thread::spawn(|| {
             let last = *allowed_cpus().last().unwrap();
             pin_to(&[last]).unwrap();
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blocked_thread_lists_interrupts_as_blocked_and_faults_as_not() {
+    fn blocked_thread_still_gets_faults() {
         std::thread::spawn(|| {
             block_signals().unwrap();
             let status =
@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stack_is_touched_to_the_depth_asked_for() {
+    fn stack_is_touched_to_the_requested_depth() {
         let here = 0u8;
         let top = std::ptr::from_ref(&here).addr();
         // 64 frames of at least a page each; the caller's own frame may lie on either side of `here`.
@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn an_absolute_sleep_ends_at_or_after_its_time() {
+    fn absolute_sleep_ends_at_or_after_its_time() {
         let at = monotonic_ns() + 200_000;
         sleep_until_ns(at);
         assert!(monotonic_ns() >= at);

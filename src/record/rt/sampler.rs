@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_arrive_in_order_and_their_counts_never_fall() {
+    fn samples_are_ordered_and_counts_rise() {
         let (sender, receiver) = crossbeam_channel::bounded(64);
         let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
         // This thread waits for each of them, so its voluntary switches must grow sooner or later.
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_queue_drops_and_counts() {
+    fn full_queue_drops_and_counts() {
         let (sender, receiver) = crossbeam_channel::bounded(0);
         let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
         while sampler.dropped() == 0 {
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_that_does_not_exist_is_refused_and_one_that_ends_ends_the_sampler() {
+    fn sampler_ends_with_its_thread() {
         let (sender, receiver) = crossbeam_channel::bounded::<SchedSample>(64);
         assert!(Sampler::spawn(i32::MAX, None, sender.clone()).is_err());
         let (done, wait) = crossbeam_channel::bounded::<()>(0);
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_longer_than_the_buffer_is_cut_and_not_waited_for() {
+    fn long_file_is_cut_at_the_buffer() {
         let file = File::open("/proc/stat").unwrap();
         let mut small = [0; 16];
         let text = read_into(&file, &mut small).unwrap();

@@ -134,7 +134,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_files_are_read_as_the_kernel_writes_them() {
+    fn kernel_files_are_read() {
         assert_eq!(
             Throttle::parse("950000\n", "1000000\n"),
             Some(Throttle::USUAL)
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spin_that_fits_is_left_alone_and_one_that_does_not_is_shortened_and_said() {
+    fn spin_is_shortened_only_if_too_long() {
         let kept = Spin::plan(60_000, 1_000_000, Some(Throttle::USUAL));
         assert_eq!((kept.used_ns(), kept.is_shortened()), (60_000, false));
         assert!(kept.note.contains("95.0 %"), "{}", kept.note);
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kernel_that_gives_real_time_threads_nothing_gets_no_spin() {
+    fn throttled_kernel_gets_no_spin() {
         let none = Throttle {
             runtime_us: Some(0),
             period_us: 1_000_000,
@@ -175,7 +175,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn spin_and_work_together_stay_inside_the_budget(
+        fn spin_and_work_stay_inside_the_budget(
             asked in 0u64..10_000_000, period in 1u64..1_000_000_000, runtime in 0u64..1_000_000
         ) {
             let throttle = Throttle { runtime_us: Some(runtime), period_us: 1_000_000 };

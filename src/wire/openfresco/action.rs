@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_codes_are_these_bytes() {
+    fn action_codes_have_known_bytes() {
         let bytes = |action: Action| {
             action
                 .code()
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_number_is_no_action_but_one_of_simulink() {
+    fn only_simulink_has_fractional_actions() {
         assert_eq!(Action::exact(4.1), Ok(Some(Action::TargetTaken)));
         assert_eq!(Action::whole(4.1), Ok(Some(Action::TargetTaken)));
         for found in [3.5, 10.9, 98.000_000_1] {
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_a_code_is_an_error_and_an_unknown_code_is_not() {
+    fn only_impossible_codes_are_errors() {
         for code in [0.0, -3.0, 0.99, 100.0, 1e300, f64::INFINITY] {
             assert_eq!(Action::whole(code), Err(WireError::Action { found: code }));
         }

@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_order_is_asked_for_only_where_several_axes_have_several_quantities() {
+    fn order_matters_only_for_several_signals() {
         for (counts, is_asked) in [
             (Counts::new(1, 1, 1, 1, 1), false),
             (Counts::new(2, 0, 0, 0, 0), false),
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn the_time_is_a_quantity_that_only_an_order_by_quantity_can_place() {
+    fn only_order_by_quantity_places_the_time() {
         for (counts, quantities) in [
             (Counts::new(2, 0, 0, 0, 1), 2),
             (Counts::new(0, 0, 0, 2, 1), 2),
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn the_places_are_those_of_the_named_order() {
+    fn places_follow_the_named_order() {
         let timeless = Counts::new(2, 2, 0, 2, 0);
         // d1 d2 v1 v2 f1 f2 become d1 v1 f1 d2 v2 f2.
         assert_eq!(SignalOrder::ByAxis.places(&timeless), [0, 3, 1, 4, 2, 5]);

@@ -116,14 +116,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_circle_is_followed_to_roundoff() {
+    fn circle_is_followed_to_roundoff() {
         let end = integrate([1.0, 0.0], 7.0, |s| [-s[1], s[0]]).unwrap();
         assert!((end[0] - libm::cos(7.0)).abs() < 1e-13, "{end:?}");
         assert!((end[1] - libm::sin(7.0)).abs() < 1e-13, "{end:?}");
     }
 
     #[test]
-    fn what_leads_to_infinity_or_nowhere_ends() {
+    fn diverging_equation_ends() {
         assert_eq!(integrate([1.0], 2.0, |s| [s[0] * s[0]]), None);
         assert_eq!(integrate([f64::NAN], 2.0, |s| [s[0]]), None);
         assert_eq!(integrate([1.0], f64::NAN, |s| [s[0]]), None);

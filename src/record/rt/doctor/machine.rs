@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tuned_laboratory_machine_is_good_throughout() {
+    fn tuned_machine_is_good_throughout() {
         let (_dir, tree) = machine(&[
             (
                 "proc/version",
@@ -480,7 +480,7 @@ mod tests {
     }
 
     #[test]
-    fn a_processor_that_may_not_be_used_is_none() {
+    fn forbidden_processor_does_not_count() {
         let (_dir, tree) = machine(&[("sys/devices/system/cpu/online", "0-3\n")]);
         let told = |allowed: &[usize]| {
             let finding = processors(&tree, Some(allowed));
@@ -503,7 +503,7 @@ mod tests {
     }
 
     #[test]
-    fn a_busy_desktop_in_a_virtual_machine_is_told_so() {
+    fn virtual_desktop_gets_poor_findings() {
         let (_dir, tree) = machine(&[
             (
                 "proc/version",
@@ -559,7 +559,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_that_says_nothing_is_unknown_and_not_an_error() {
+    fn silent_machine_is_unknown_not_an_error() {
         let (_dir, tree) = machine(&[]);
         for (topic, verdict) in verdicts(&tree) {
             // Without a list no processor is tickless.

@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_finding_serialises_with_its_verdict_in_words() {
+    fn finding_serialises_with_its_verdict() {
         let json = serde_json::to_value(Finding::new("swap", "none", Verdict::Good, "")).unwrap();
         assert_eq!(
             json,

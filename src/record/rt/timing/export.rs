@@ -326,7 +326,7 @@ mod tests {
     /// Worked by hand from the published algorithm: steps of 10 % up to the half, then of 5 % of the whole; the
     /// last cell is reached at 55 %, and the remaining steps in it are skipped.
     #[test]
-    fn the_percentile_file_of_two_values_is_as_published() {
+    fn percentile_file_of_two_values_is_known() {
         let mut h = histogram();
         h.saturating_record(1000);
         h.saturating_record(2000);
@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn the_percentile_file_of_nothing_still_has_its_frame() {
+    fn empty_percentile_file_has_its_frame() {
         let mut text = Vec::new();
         write_hgrm(&histogram(), &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_log_gives_every_histogram_back() {
+    fn interval_log_returns_every_histogram() {
         let mut timing = Timing::new(&["damper"], true, 0);
         for ns in [50, 60_000, 7_000_000] {
             timing.round_trip(0, ns);

@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn each_quantity_runs_from_and_to_its_stamps() {
+    fn each_quantity_follows_its_stamps() {
         let mut timing = Timing::new(&["a"], false, 0);
         assert_eq!(timing.tick(&tick(10 * T, 1_000)), None);
         timing.round_trip(0, 145_000);
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_is_reported_with_its_size_and_leaves_no_slack() {
+    fn miss_has_a_size_and_no_slack() {
         let mut timing = Timing::new(&[], false, 0);
         let miss = timing.tick(&tick(10 * T, 850_000)).unwrap();
         assert_eq!(miss.late_ns, 50_000);
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn an_early_wakeup_is_lateness_zero_and_is_counted() {
+    fn early_wakeup_counts_as_lateness_zero() {
         let mut timing = Timing::new(&[], false, 0);
         let mut early = tick(10 * T, 0);
         early.woke = Nanos(10 * T - 300);
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stall_of_ten_ticks_counts_ten_and_each_with_its_own_lateness() {
+    fn stall_counts_each_tick_with_its_lateness() {
         let mut timing = Timing::new(&[], false, 0);
         // Ninety good ticks, then one that is late by 10.5 periods: the grid moves by ten ticks.
         for k in 0..90 {
@@ -417,7 +417,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stall_of_a_hundred_thousand_ticks_counts_them_all_in_bounded_work() {
+    fn huge_stall_is_counted_in_bounded_work() {
         let mut timing = Timing::new(&[], false, 0);
         let (period, ticks) = (50_000, 100_003);
         timing.swallowed(period * ticks, period, ticks);
@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn warm_up_ticks_reach_no_histogram_and_are_counted_apart() {
+    fn warm_up_ticks_reach_no_histogram() {
         let mut timing = Timing::new(&["a"], false, 3);
         for k in 0..5 {
             timing.round_trip(0, 7);
@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn round_trips_are_kept_by_specimen_and_merged() {
+    fn round_trips_are_kept_by_specimen() {
         let mut timing = Timing::new(&["left", "right"], true, 0);
         timing.round_trip(0, 100);
         timing.round_trip(1, 300);
@@ -460,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn values_beyond_ten_seconds_are_kept_as_the_largest() {
+    fn values_beyond_ten_seconds_are_clamped() {
         let mut timing = Timing::new(&["a"], false, 0);
         timing.round_trip(0, u64::MAX);
         let histogram = timing.histogram(Quantity::RoundTrip);

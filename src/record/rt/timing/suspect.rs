@@ -208,20 +208,20 @@ mod tests {
     }
 
     #[test]
-    fn a_long_reply_is_the_peers_where_there_is_one_and_taken_away_in_process() {
+    fn long_reply_is_late_only_with_a_peer() {
         assert_eq!(missed_with(true, 2, T), Suspect::LateReply);
         assert_eq!(missed_with(false, 2, T), Suspect::TakenAway);
     }
 
     #[test]
-    fn a_part_far_beyond_its_usual_time_is_taken_away_and_one_near_it_is_ours() {
+    fn part_far_beyond_usual_is_taken_away() {
         assert_eq!(missed_with(false, 3, 4 * T), Suspect::TakenAway);
         assert_eq!(missed_with(false, 3, T), Suspect::Ours);
         assert_eq!(missed_with(false, 4, T), Suspect::TakenAway);
     }
 
     #[test]
-    fn work_that_does_not_fit_into_a_tick_is_ours_though_the_tick_before_was_taken_away() {
+    fn too_long_work_is_ours_after_a_stall() {
         let mut typical = warmed(false);
         let stalled = tick(1000, [5 * T, 4_000, 30_000, 300_000, 2_000]);
         assert_eq!(typical.judge(&stalled, true), Suspect::TakenAway);
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_that_is_always_too_long_is_ours() {
+    fn tick_that_is_always_too_long_is_ours() {
         let mut typical = Typical::new(false);
         let long = [60, 4_000, 30_000, 1_200_000, 2_000];
         for k in 0..200 {
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peer_that_is_always_too_slow_is_a_late_reply() {
+    fn always_slow_peer_is_a_late_reply() {
         let mut typical = Typical::new(true);
         let slow = [60, 4_000, 1_300_000, 1_000, 2_000];
         for k in 0..200 {
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_that_begins_late_because_of_the_last_one_inherits_its_cause() {
+    fn late_begin_inherits_the_last_cause() {
         let mut typical = warmed(true);
         let mut parts = USUAL;
         parts[2] = 2 * T - 400_000;
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn the_running_median_settles_between_its_samples_and_shrugs_off_a_stall() {
+    fn running_median_settles_despite_a_stall() {
         let mut median = Median::default();
         median.learn(500_000, 0);
         for k in 0..5000u64 {
