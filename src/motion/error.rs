@@ -131,7 +131,7 @@ pub enum MotionError {
         /// The number with its comma.
         found: String,
     },
-    /// A header that does not say what it must.
+    /// A header without a required entry.
     #[error("{file}:{line}: wanted {wanted}, found {found:?}")]
     Header {
         /// Name of the file.

@@ -276,7 +276,7 @@ fn text_record(
     if format != RecordFormat::TwoColumn {
         return axis::record(name, table, options);
     }
-    // Time and value, unless the names say it the other way round.
+    // Time and value, unless the names give the opposite order.
     let time = table.header.time().unwrap_or(0);
     let both = ReadOptions {
         time_column: Some(Column::Number(time + 1)),

@@ -92,7 +92,7 @@ pub(super) fn factor_of(
     })
 }
 
-/// Exactly one of two ways to say the same thing.
+/// Requires exactly one of two alternative keys.
 pub(super) fn one_of(
     names: &'static str,
     first: Option<f64>,

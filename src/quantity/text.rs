@@ -1,4 +1,4 @@
-//! Text that is shown to people: what a terminal or a browser would obey or hide is spelled out.
+//! Text shown to people: characters that a terminal or a browser would obey or hide are spelled out.
 //!
 //! Names, titles and reasons come from files and from other machines. A character that moves the cursor, turns the direction of
 //! writing or takes no room could make a line say something else than it does. Every place that shows such a text uses

@@ -294,7 +294,7 @@ mod tests {
         let states = StateFolder::open(folder.path()).unwrap();
         let read = |name: &str| Checkpoint::read(&folder.path().join(name)).unwrap();
         assert!(STATE_FILES.into_iter().all(|name| read(name).is_none()));
-        // More than one piece, and none at all.
+        // Several pieces, and none.
         let all = [3000, 0, 1].map(|count| checkpoint(u64::from(count), &numbers(count)));
         for checkpoint in &all {
             states.keep(checkpoint, checkpoint.checksum()).unwrap();

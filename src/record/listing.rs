@@ -1,4 +1,4 @@
-//! The runs below a folder, each in short: for people who look for one.
+//! Summaries of the runs below a folder, to help a user find one.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -180,7 +180,7 @@ pub struct Summary {
     /// Findings that would have refused the test, and that the user has accepted: the name of each override and the reason given.
     #[serde(default)]
     pub accepted: BTreeMap<String, String>,
-    /// What `check` would say of the test; null where there is no verdict, and in folders of earlier versions.
+    /// The verdict of `check` on the test; null where there is no verdict, and in folders of earlier versions.
     #[serde(default)]
     pub verdict: Option<RecordedVerdict>,
     /// Why, as events spell it: of a limit its key. Older runs lack it.

@@ -1,9 +1,9 @@
 //! Keys: a secret both ends hold, the session key made from it and two nonces, and the MAC of a frame.
 //!
-//! All of it is BLAKE3: its key derivation mode makes keys, its keyed mode signs. The pre-shared key never
-//! signs anything that carries data, and a session key is used in one session only, so a frame of yesterday's
-//! test proves nothing today. Keys are read from a file by the caller and never printed: `Debug` shows nothing.
-//! This is authentication, not secrecy: who listens can read the displacements.
+//! All of it is BLAKE3: its key derivation mode makes keys, its keyed mode signs. The pre-shared key never signs
+//! anything that carries data, and a session key is used in one session only, so a frame of yesterday's test proves
+//! nothing today. Keys are read from a file by the caller and never printed: `Debug` shows nothing. This is
+//! authentication, not secrecy: an eavesdropper can read the displacements.
 
 use super::WireError;
 

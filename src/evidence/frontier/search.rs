@@ -189,7 +189,7 @@ mod tests {
             .unwrap()
             .unwrap();
         assert_eq!(n, 1_000_000);
-        // An operator who has enough.
+        // The operator ends the search.
         let mut never = |_: usize, _: Length| Ok::<_, Infallible>(None);
         assert_eq!(largest(search(100), &mut never).unwrap(), None);
     }

@@ -1,7 +1,7 @@
 //! Example 4.3, Table 2 and Fig. 16: the cost of a step of a chain with nonlinear absolute dampers.
 //!
-//! Times are those of this machine and are not judged. The work of a dense implementation of each method in a step is
-//! judged.
+//! Times are those of this machine and have no verdict. The work of a dense implementation of each method in a step
+//! has one.
 
 use super::chain::{
     DT, METHODS, WAYS, agreement, base, chain_of_example_4_3, damper, force_velocity, limits,

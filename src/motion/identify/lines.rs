@@ -8,7 +8,7 @@ use super::{Band, IdentifyError, Record};
 /// A complex number.
 pub(super) type C64 = Complex<f64>;
 
-/// Fewest lines that say something.
+/// Fewest lines for a fit.
 const FEWEST: usize = 24;
 /// Share of the commanded power that is not measured but computed.
 const ROUNDOFF: f64 = 1e-20;

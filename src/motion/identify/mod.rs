@@ -85,7 +85,7 @@ pub struct Noise {
     pub samples: usize,
 }
 
-/// Why nothing can be said of an axis.
+/// Reason why the identification of an axis failed.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum IdentifyError {
     /// Columns of different lengths, or an interval that is not positive.

@@ -119,7 +119,7 @@ const ROUNDS: usize = 12;
 const SETTLED: f64 = 1e-10;
 
 /// How much more than `whole` samples `measured` is behind `command`, by least squares of measured = gain·command + offset, with
-/// the command moved. None where the command's shape says nothing of time, or the fit leaves the neighbourhood.
+/// the command moved. `None` where the command's shape does not determine the time, or the fit leaves the neighbourhood.
 fn fraction(command: &[f64], measured: &[f64], whole: isize) -> Option<f64> {
     let half = (POINTS / 2) as isize;
     // The stencil reaches from one sample more than half before to half behind, derivatives one more.

@@ -122,7 +122,7 @@ pub fn identify(target: &[f64], disp: &[f64], force: &[f64], dt: f64) -> Option<
     if !(tt > rounding && tt.is_finite() && td != 0.0 && tf.is_finite()) {
         return None;
     }
-    // Differences of a steady ramp scatter by rounding alone, which says nothing of damping.
+    // Differences of a steady ramp scatter by rounding alone, which contains no information on damping.
     let scatter = 1e-13 * (mean[0].abs() + (tt / n).sqrt()) / dt;
     let is_moving_freely = ss > n * scatter * scatter && tt * ss - ts * ts > 1e-6 * tt * ss;
     let determinant = td * sv - tv * sd;

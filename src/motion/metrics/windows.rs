@@ -1,8 +1,8 @@
 //! Phase and amplitude errors over the course of a test, in moving windows: PAEI and FDB after Mirza Hessabi and Mercan.
 //!
-//! The published forms are not at hand word for word; these are the well-defined things of those names. Every window has the
-//! taper of Hann and some periods of the target; windows in which the target hardly moves say nothing, and there are never more
-//! than a few hundred.
+//! The published wording was not available; these are well-defined forms of those indices. Every window has the taper of Hann
+//! and some periods of the target; windows in which the target hardly moves are skipped, and there are never more than a few
+//! hundred.
 //!
 //! - **PAEI**, phase and amplitude error indices (2012), in the plane of measured y against target x, about the window's means: of
 //!   the ellipse x = X cos θ, y = G X cos(θ + ψ) the second moments give the amplitude index G − 1 = √(S_yy/S_xx) − 1 and
@@ -53,7 +53,7 @@ pub struct Errors {
 pub struct Windows {
     /// Length of a window in s.
     pub window_s: f64,
-    /// Windows that say something.
+    /// Windows with enough motion.
     pub windows: u64,
     /// Phase and amplitude error indices.
     pub paei: Errors,

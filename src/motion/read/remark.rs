@@ -4,7 +4,7 @@ use super::label::Label;
 use super::text::{number, words};
 use crate::unit::{TimeUnit, Unit, is_time_but_no_second};
 
-/// Words that say what a unit in running text belongs to.
+/// Words that name the quantity of a unit in running text.
 const QUANTITIES: [&str; 10] = [
     "acc",
     "vel",

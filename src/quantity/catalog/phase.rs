@@ -56,7 +56,8 @@ pub enum Stage {
 
 crate::state! { enum Stage { Correct, Predict, SlowDown } }
 
-/// State of the row that ended a test for missed deadlines. Only the clock knows the cause, so the row must say it.
+/// State of the row that ended a test for missed deadlines. Only the clock knows the cause, so the row must contain
+/// it.
 pub const GIVEN_UP: f64 = 14.0;
 /// State of the row in which the operator ended the test while a reply was awaited.
 pub const NOT_AWAITED: f64 = 15.0;

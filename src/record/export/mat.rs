@@ -38,7 +38,7 @@ pub(super) fn export(
     let summary = columns.text("summary.json");
     let names = columns.plan().names(&TEXTS);
     let described: Vec<_> = columns.plan().columns().to_vec();
-    // Beyond what an address reaches no column could be held either, which is said where it is read.
+    // A column beyond the address range does not fit into memory either; reading it reports that.
     let rows = usize::try_from(columns.rows()).unwrap_or(usize::MAX);
     let feed = Arc::new(Mutex::new(ColumnFeed {
         columns,

@@ -12,7 +12,7 @@
 //! | 0 | 4 | bytes | magic `47 55 53 54` ("GUST") |
 //! | 4 | 1 | u8 | protocol version: 1 |
 //! | 5 | 1 | u8 | kind, see [`Kind`] |
-//! | 6 | 2 | u16 | flags: bit 0 keyed (a MAC stands before the CRC), bit 1 written by the specimen; others zero |
+//! | 6 | 2 | u16 | flags: bit 0 keyed (a MAC precedes the CRC), bit 1 written by the specimen; others zero |
 //! | 8 | 4 | u32 | length of the whole frame in bytes |
 //! | 12 | 2 | u16 | axes n for command and measurement, else 0 |
 //! | 14 | 2 | u16 | reserved, zero |

@@ -84,8 +84,8 @@ impl Cause {
         }
     }
 
-    /// True if a peer that speaks this version and ends a session so may not know where its specimen is. An older peer cannot say more than
-    /// that it tripped.
+    /// True if a peer that speaks this version and ends a session with this cause may have lost its specimen. An older peer can
+    /// report only a trip.
     #[must_use]
     pub fn may_be_lost(self, version: u16) -> bool {
         self == Cause::Lost || self == Cause::Lost.for_version(version)

@@ -1,4 +1,4 @@
-//! Descriptions: what they become, and what is said of bad ones.
+//! Descriptions: the structures that they give, and the errors of bad ones.
 
 use super::*;
 

@@ -268,7 +268,7 @@ pub fn discrete(
     }
     let bound = 1.0 + ROUNDOFF.max(4.0 * (at_rest - 1.0));
     let by_eigenvalues = |delay: f64| Ok::<_, DelayError>(radius(delay)? > bound);
-    // Without damping there are poles on the circle itself, and the eigenvalues have to say it.
+    // Without damping there are poles on the circle itself, and the eigenvalues have to decide.
     let circle = (system.rows.nrows() == 1).then(|| Circle::new(system, dt, lambda, &poles));
     if let Some(circle) = circle.filter(Circle::is_damped) {
         let found = search(dt, hint, |delay| match circle.is_unstable(delay) {

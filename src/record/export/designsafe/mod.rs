@@ -44,7 +44,7 @@ const READERS: [(&str, &str); 2] = [
     ),
 ];
 
-/// Tables of the test file that say what is computed.
+/// Tables of the test file that describe the numerical part.
 const COMPUTED: [&str; 4] = ["time", "structure", "integrator", "excitation"];
 
 /// Makes the folder, which must not be there.
