@@ -1,12 +1,11 @@
 //! Steps per core-second of a hybrid test in the virtual laboratory.
 //!
-//! Run with `cargo bench --bench faults`. Three DOFs, one Bouc-Wen specimen, simulated clock, one thread; seconds are those
-//! that this thread has had on a processor. Inside of what is timed: the whole loop (integration, every limit, estimates,
-//! audit, timing books), and the record of each tick with its checksum in memory, as `samples.bin` would have it; with the
-//! wire also the frames of our protocol, encoded, checked and decoded at both ends, the far end with its own limits and
-//! watchdog, and the faults. Outside: reading the test file, making the experiment, the greeting, and the memory that the first of five
-//! runs asks the system for. The opponent is the same
-//! test with its specimen in process, which no link can beat.
+//! Run with `cargo bench --bench faults`. Three DOFs, one Bouc-Wen specimen, simulated clock, one thread; seconds are this thread's
+//! processor time. Timed: the whole loop (integration, every limit, estimates, audit, timing books), and the record of each tick
+//! with its checksum in memory, as in `samples.bin`. With the wire also the frames of our protocol, encoded, checked and decoded at
+//! both ends, the server with its own limits and watchdog, and the faults. Not timed: reading the test file, building the
+//! experiment, the handshake, and the memory that the first of five runs requests from the system. The reference is the same test
+//! with its specimen in process, which no link can beat.
 
 #![allow(clippy::disallowed_macros, reason = "a bench prints its result")]
 

@@ -1,12 +1,12 @@
-//! Round trip of our own protocol against a raw ping-pong of the same bytes, in one process, busy-polling at both ends,
+//! Round trip of our protocol against a raw ping-pong of equally many bytes, in one process, busy-polling at both ends,
 //! with a recorder's writer at work beside them.
 //!
-//! `cargo bench --bench link`. Both ends spin, each on a processor of its own, so the machine needs two free ones; the
-//! writer shares the far end's, as in a run. Every round measures all three in turn, so that a machine that slows down
-//! slows all of them; what counts is the median of the rounds' ratios.
+//! `cargo bench --bench link`. Both ends spin, each on its own processor, so the machine needs two free ones. The
+//! writer shares the server's, as in a run. Every round measures all three in turn, so that a machine that slows down
+//! slows all of them. The result is the median of the rounds' ratios.
 //!
-//! *raw*: plain non-blocking sockets, nothing looked at. *moved*: the same bytes through our transports. *ours*: commands
-//! out and measurements in, encoded, checked and decoded at both ends, with a spring at the far one.
+//! *raw*: plain non-blocking sockets without any check. *moved*: the same bytes through our transports. *ours*: commands
+//! out and measurements in, encoded, checked and decoded at both ends, with a spring at the server.
 #![allow(clippy::disallowed_macros, reason = "a measurement is printed")]
 
 use std::io::{ErrorKind, Read, Write};
@@ -39,7 +39,7 @@ const ROUNDS: usize = 7;
 const EXCHANGES: usize = 20_000;
 const WARM_UP: usize = 2_000;
 const AXES: usize = 3;
-/// A row for every so many exchanges: some ten thousand a second.
+/// One row per this number of exchanges: some ten thousand a second.
 const ROW_EVERY: usize = 10;
 /// Columns of a row, as in a test of three DOFs.
 const COLUMNS: usize = 40;
@@ -297,7 +297,7 @@ fn udp_pair() -> (UdpSocket, UdpSocket) {
     (a, b)
 }
 
-/// As many bytes as a command one way, as a measurement the other; nothing is looked at.
+/// As many bytes as a command one way, as a measurement the other; nothing is checked.
 fn raw(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
     let (near, far): (Box<dyn Bare>, Box<dyn Bare>) = match carrier {
         Carrier::Tcp | Carrier::Tls => {
@@ -332,7 +332,7 @@ impl Bare for Box<dyn Transport> {
     }
 }
 
-/// The same through our transports.
+/// Round trips through our transports.
 fn moved(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
     let ends: [Box<dyn Transport>; 2] = match carrier {
         Carrier::Tcp | Carrier::Tls => {

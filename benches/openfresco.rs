@@ -33,7 +33,7 @@ fn median_us(mut times: Vec<u64>) -> f64 {
     times[times.len() / 2] as f64 * 1e-3
 }
 
-/// Command and request, 2 × 8N bytes, out; 8N bytes back; then a commit that nobody answers.
+/// Command and request, 2 × 8N bytes, out; 8N bytes back; then a commit without an answer.
 fn raw(carrier: Carrier, vector: usize) -> f64 {
     let options = SocketOptions::default();
     let (mut near, mut far): (Box<dyn Transport>, Box<dyn Transport>) = match carrier {

@@ -32,7 +32,7 @@ impl Chain {
 
     pub fn of(mut structure: Structure) -> Self {
         let n = structure.dofs();
-        // As the engine does for a method that is explicit.
+        // The engine does this, too, for an explicit method.
         structure.forget_tangents();
         let gui = Gui::new(
             structure.mass(),
@@ -57,7 +57,7 @@ impl Chain {
         self.gui.set_lanes(lanes);
     }
 
-    /// Forces at this step, x and v of the next: what stands between a decoded reply and the next command.
+    /// Forces at this step, x and v of the next: all work between a decoded reply and the next command.
     pub fn step(&mut self, step: usize) {
         let (disp, vel) = base(step);
         let mut forces = Forces(&mut self.structure, Base { disp, vel });
@@ -166,7 +166,7 @@ pub fn run(all_dense: bool) {
     parts(chain);
 }
 
-/// What a step is made of.
+/// Times the parts of a step.
 fn parts(mut chain: Chain) {
     for step in 0..STEPS {
         chain.step(step);

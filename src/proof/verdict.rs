@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn delay_beyond_the_critical_one_forbids_a_test_behind_a_link() {
+    fn delay_beyond_critical_forbids_the_test() {
         let analysis = analysis();
         let omega = (STIFFNESS[1] / MASS).sqrt();
         let ratio = DAMPING / (2.0 * MASS * omega);
@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_actuator_behind_a_link_is_a_warning() {
+    fn unknown_remote_actuator_is_a_warning() {
         let analysis = analysis();
         let found = verdict(&case(&analysis, None));
         assert_eq!(found.outcome(), Outcome::Clear);

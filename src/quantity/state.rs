@@ -306,7 +306,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of what `walk` visits. It changes no value.
+    /// The layout of the values that `walk` visits. It changes no value.
     pub(crate) fn of(mut walk: impl FnMut(&mut dyn Visit)) -> Self {
         let mut measure = Measure::default();
         walk(&mut measure);
@@ -325,7 +325,7 @@ pub struct TestState {
 }
 
 impl TestState {
-    /// An empty state with room for what `walk` visits. All memory is allocated and touched here.
+    /// An empty state with room for the values that `walk` visits. All memory is allocated and touched here.
     pub fn with_room(walk: impl FnMut(&mut dyn Visit)) -> Self {
         Self::empty(Layout::of(walk))
     }
@@ -337,7 +337,7 @@ impl TestState {
         Self { layout, words }
     }
 
-    /// The present state of what `walk` visits.
+    /// The present state of the values that `walk` visits.
     ///
     /// # Errors
     /// `walk` does not visit the same values each time.
@@ -368,7 +368,7 @@ impl TestState {
         }
     }
 
-    /// Replaces this state by the present one of what `walk` visits. On an error the state is empty. Real-time: yes.
+    /// Replaces this state by the present values that `walk` visits. On an error the state is empty. Real-time: yes.
     ///
     /// # Errors
     /// [`StateError::Room`] if `walk` visits another number of values than at [`TestState::with_room`], [`StateError::Pending`] if a
@@ -678,7 +678,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_and_optional_numbers_take_the_same_room_and_come_back() {
+    fn choices_and_options_have_a_fixed_size() {
         let walk = |choice: &mut char, known: &mut Option<[f64; 2]>, visit: &mut dyn Visit| {
             visit.choice(choice, &['a', 'b', 'c']);
             known.visit_state(visit);
@@ -764,7 +764,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_state_has_the_same_bits() {
+    fn restored_state_has_the_same_bits() {
         let mut one = example();
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
         let mut other = blank(3);
@@ -784,7 +784,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_be_missing_and_lists_of_any_length_take_the_same_room() {
+    fn options_and_lists_have_a_fixed_size() {
         let walk = |option: &mut Option<f64>,
                     list: &mut Vec<f64>,
                     short: &mut u32,
@@ -817,7 +817,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_that_does_not_fit_changes_nothing() {
+    fn state_that_does_not_fit_changes_nothing() {
         let mut one = example();
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
         let mut longer = blank(4);
@@ -847,7 +847,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_outside_its_domain_is_refused() {
+    fn value_outside_its_domain_is_refused() {
         let mut one = example();
         let good = TestState::of(|visit| one.visit_state(visit)).unwrap();
         for (place, word) in [(4, 3), (5, 2)] {
@@ -871,7 +871,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_taken_into_its_room_without_an_allocation() {
+    fn taking_a_state_allocates_nothing() {
         let mut one = example();
         let mut state = TestState::with_room(|visit| one.visit_state(visit));
         assert!(state.is_empty());
@@ -896,7 +896,7 @@ mod tests {
     }
 
     #[test]
-    fn a_digest_depends_on_every_bit_of_a_short_state() {
+    fn digest_depends_on_every_bit() {
         let digest = |example: &Example| {
             let mut digest = Digest::default();
             example.clone().visit_state(&mut digest);

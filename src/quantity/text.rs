@@ -1,4 +1,4 @@
-//! Text that is shown to people: what a terminal or a browser would obey or hide is spelled out.
+//! Text shown to people: characters that a terminal or a browser would obey or hide are spelled out.
 //!
 //! Names, titles and reasons come from files and from other machines. A character that moves the cursor, turns the direction of
 //! writing or takes no room could make a line say something else than it does. Every place that shows such a text uses
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_obeyed_or_hidden_is_spelled_and_the_rest_stays() {
+    fn hidden_characters_are_spelled_out() {
         assert_eq!(printable("a \u{1b}[2J b\nc\td"), "a \\u{1b}[2J b\nc\\u{9}d");
         for (c, spelled) in [
             ('\u{202e}', "\\u{202e}"),
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_has_a_letter() {
+    fn reason_needs_a_letter() {
         for nothing in [
             "",
             " \t\n",

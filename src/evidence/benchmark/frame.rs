@@ -89,7 +89,7 @@ impl Frame {
         })
     }
 
-    /// What is computed: the whole less the specimen at floor 1.
+    /// The numerical substructure: the whole frame less the specimen at floor 1.
     #[must_use]
     pub fn numerical(&self) -> Part {
         let (mass, damping, stiffness) = SPECIMEN;

@@ -1,5 +1,5 @@
 //! How large a model keeps its deadlines at a given rate: the models, the search and the picture. Nothing here keeps time:
-//! whoever searches runs the trials.
+//! the caller of the search runs the trials.
 
 mod models;
 mod picture;

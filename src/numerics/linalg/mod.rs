@@ -218,9 +218,9 @@ impl Spd {
         }
     }
 
-    /// x ← A⁻¹ b, both with [`Spd::n`] entries; the same bits as [`Spd::solve_in_place`]. `done` is handed each run of
-    /// rows once, in ascending order, as soon as its solution stands and while it is near: what follows from the
-    /// solution row by row is best done there. Real-time: yes, if `done` is.
+    /// x ← A⁻¹ b, both with [`Spd::n`] entries; the same bits as [`Spd::solve_in_place`]. `done` gets each run of rows
+    /// once, in ascending order, as soon as its solution is known and still in the cache. Further work on the solution
+    /// row by row is best done there. Real-time: yes, if `done` is.
     #[inline]
     pub(crate) fn solve_into(
         &mut self,
@@ -332,7 +332,7 @@ const LARGEST_DENSE_FACTOR: usize = 600;
 /// Smallest n for which a sparse factor is considered: below it the others always win.
 const SMALLEST_SPARSE: usize = 64;
 
-/// A pivot stands if it exceeds the roundoff of the diagonal entry it came from; NaN never does.
+/// A pivot is accepted if it exceeds the roundoff of the diagonal entry it came from; NaN never does.
 fn check_pivot(dof: usize, pivot: f64, diagonal: f64) -> Result<(), NotPositiveDefinite> {
     if pivot > 8.0 * f64::EPSILON * diagonal.abs() && pivot.is_finite() {
         Ok(())

@@ -77,7 +77,7 @@ impl Pattern {
     }
 }
 
-/// LDLᵀ in a numbering of its own.
+/// LDLᵀ in its own numbering.
 #[derive(Debug)]
 pub(super) struct Sparse {
     /// User's index of each new index.

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use super::{Pole, poles};
 
-/// What a complex pair of poles swings like: z = exp(Ω̄ (−ξ̄ ± i √(1 − ξ̄²))), equation (23).
+/// Apparent oscillation of a complex pair of poles: z = exp(Ω̄ (−ξ̄ ± i √(1 − ξ̄²))), equation (23).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Apparent {
     /// Ω̄: apparent frequency times Δt.

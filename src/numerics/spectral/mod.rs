@@ -1,9 +1,9 @@
-//! What the recursion of an integration method does to one mode, in closed form: poles, apparent period and damping,
-//! bounds of stability, the root locus of a changed stiffness, and the delay that a hybrid test stands.
+//! Effect of an integration method's recursion on one mode, in closed form: poles, apparent period and damping,
+//! bounds of stability, the root locus of a changed stiffness, and the critical delay of a hybrid test.
 //!
 //! Everything is a function of a few numbers: Ω = ω Δt, the damping ratio ξ, and λ (infinity is a value). Nothing here
-//! integrates, and nothing here is used by what integrates: the two are independent statements of the same method
-//! and are tested against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
+//! integrates, and the integrators do not use it: the two are independent formulations of one method and are tested
+//! against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
 //!
 //! ```
 //! use gusset_numerics::spectral;

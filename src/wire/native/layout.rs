@@ -34,7 +34,7 @@ pub(super) const COMMAND_WORDS: usize = 3;
 /// Words of a measurement before its vectors.
 pub(super) const MEASURED_WORDS: usize = 4;
 
-/// Flag: a MAC stands before the CRC.
+/// Flag: a MAC precedes the CRC.
 pub(super) const FLAG_KEYED: u16 = 1;
 /// Flag: written by the specimen.
 pub(super) const FLAG_SPECIMEN: u16 = 2;

@@ -1,4 +1,4 @@
-//! What a frame says: typed windows over checked bytes.
+//! Content of a frame: typed windows over checked bytes.
 //!
 //! The windows are only made by [`super::Decoder::open`], which has checked lengths and numbers; their getters
 //! cannot fail and allocate nothing.
@@ -14,11 +14,11 @@ use gusset_quantity::substructure::{Measurement, Retirement, Status};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum Cause {
-    /// It ran to its end.
+    /// The test ran to its end.
     Orderly = 0,
     /// A limit or a fault tripped it.
     Tripped = 1,
-    /// An operator asked for it.
+    /// An operator requested it.
     Operator = 2,
     /// Commands stopped coming.
     Watchdog = 3,
@@ -87,7 +87,7 @@ impl Cause {
     /// The cause with this code.
     ///
     /// # Errors
-    /// [`WireError::Code`] if there is none.
+    /// [`WireError::Code`] for an unknown code.
     pub fn from_code(code: u32) -> Result<Self, WireError> {
         let known = Self::ALL.into_iter().find(|cause| cause.code() == code);
         known.ok_or(WireError::Code {
@@ -114,7 +114,7 @@ impl From<Retirement> for Cause {
 pub enum Frame<'a> {
     /// Displacement to go to.
     Command(CommandFrame<'a>),
-    /// What was measured.
+    /// Measured displacement and force.
     Measurement(MeasurementFrame<'a>),
     /// I am here.
     Heartbeat(Heartbeat),

@@ -10,10 +10,10 @@
 //! | [`Client`] | A, application | an application client: commands a site or element server |
 //! | [`Client`] | C, adapter | `expControl SimFEAdapter`: commands OpenSees `adapter`, `actuator`, `corotActuator` |
 //!
-//! Everything on the wire is little-endian: 4-byte integers during the set-up, then vectors of N doubles with
-//! an action in double 0 of what a client sends. There is no header, no length, no checksum and no sequence
-//! number; both sides must know the length from the set-up. The offsets are in [`Sizes`], [`Counts`],
-//! [`vector`](write_vector) and [`Action`].
+//! Everything on the wire is little-endian: 4-byte integers during the set-up, then vectors of N doubles with an
+//! action in double 0 of a client's message. There is no header, no length, no checksum and no sequence number; both
+//! sides must know the length from the set-up. The offsets are in [`Sizes`], [`Counts`], [`vector`](write_vector) and
+//! [`Action`].
 //!
 //! Use of a machine: `feed` it what came and do what the event says, until all bytes are used; after each event
 //! send what `reply` holds. A stream may be cut anywhere. A datagram is fed as one piece. An error is final: the

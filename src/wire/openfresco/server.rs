@@ -1,8 +1,7 @@
 //! Dialect A as a server, and dialect D behind `GenericTCP`.
 //!
-//! Both begin with the 44 bytes of [`Sizes`]; then come vectors. In dialect D nobody commits: a new target
-//! accepts the one before. Requests 6 to 11 are answered with all signals, 12 to 15 with a matrix, all else with
-//! nothing.
+//! Both begin with the 44 bytes of [`Sizes`]; then come vectors. Dialect D has no commits: a new target accepts the
+//! one before. Requests 6 to 11 are answered with all signals, 12 to 15 with a matrix, all else with nothing.
 
 use super::action::{Action, Matrix, Reading};
 use super::course::Course;
@@ -17,10 +16,10 @@ use crate::WireError;
 const LINE_LEN: usize = 16_385;
 /// Its first byte. No action of this dialect begins so: all are whole numbers, whose first byte is zero.
 const LINE_MARK: u8 = 2;
-/// So much of a line is kept, for the log.
+/// Bytes of a line that are kept for the log.
 const LINE_KEPT: usize = 120;
 
-/// Who calls.
+/// Calling program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ServerDialect {
     /// A: a finite element program, which commits its steps.

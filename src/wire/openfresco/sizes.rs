@@ -57,7 +57,7 @@ impl Counts {
         self.before_time() + self.time
     }
 
-    /// Where the time stands, counted from the first signal.
+    /// Place of the time, counted from the first signal.
     #[must_use]
     pub const fn before_time(&self) -> usize {
         self.disp + self.vel + self.accel + self.force
@@ -135,7 +135,7 @@ impl Sizes {
         })
     }
 
-    /// Sizes with the wish for N raised as far as commands, answers and, if wanted, n×n matrices need it.
+    /// Sizes with the requested N, raised as far as commands, answers and, if wanted, n×n matrices need it.
     ///
     /// # Errors
     /// See [`Sizes::new`].
@@ -160,7 +160,7 @@ impl Sizes {
         Self::fitted(ctrl, Counts::new(0, 0, 0, n, 0), data_size, true)
     }
 
-    /// What an OpenSees `adapter`, `actuator` or `corotActuator` takes: d out, d and f back.
+    /// Sizes for an OpenSees `adapter`, `actuator` or `corotActuator`: d out, d and f back.
     ///
     /// # Errors
     /// See [`Sizes::new`].
@@ -182,7 +182,7 @@ impl Sizes {
     /// Reads the 44 bytes.
     ///
     /// # Errors
-    /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for what cannot be.
+    /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for impossible sizes.
     pub fn parse(bytes: &[u8]) -> Result<Self, WireError> {
         crate::not_foreign(bytes)?;
         let ctrl = Counts::parse(bytes, 0)?;
@@ -229,7 +229,7 @@ impl Sizes {
     }
 }
 
-/// What a server has: the counts of a client must fit it.
+/// Signals of a server: the counts of a client must fit them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interface {
     /// Commanded displacements.

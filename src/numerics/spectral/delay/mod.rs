@@ -35,13 +35,13 @@ pub struct Delayed {
     pub specimen_stiffness: DMatrix<f64>,
     /// Damping of the specimen, r × r.
     pub specimen_damping: DMatrix<f64>,
-    /// Mass in kg that moves with each axis and whose inertia is in the specimen's force: as late as the rest of it, and not
+    /// Mass in kg that moves with each axis and whose inertia is in the specimen's force: as late as that force, and not
     /// part of M.
     pub specimen_mass: f64,
     /// K̃ of M_eff = M + (Δt/2) C0 + Δt² K̃, n × n, where it is not K0/λ.
     pub weighted: Option<DMatrix<f64>>,
-    /// What the commands of the ticks of a step are made of, from the one at the target back; empty where the specimen is commanded
-    /// once a step.
+    /// Weights of the commands of the ticks of a step, from the one at the target back; empty where the specimen is commanded once
+    /// a step.
     pub ticks: Vec<Weights>,
 }
 
@@ -119,9 +119,9 @@ pub enum DelayError {
     /// Δt or λ is not a positive number.
     #[error("{name} is {found}, but must be greater than 0")]
     Parameter {
-        /// Which.
+        /// The number.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: f64,
     },
 }
