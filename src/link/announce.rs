@@ -1,4 +1,4 @@
-//! The limits that a controller announces in the handshake of our own protocol, and what a specimen's end makes of them.
+//! Limits that a controller announces in the handshake of our own protocol, and how the specimen's end uses them.
 //!
 //! A controller never sends a command beyond what it announces, because its loop judges every command before it leaves.
 //! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
@@ -9,9 +9,9 @@ use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Limits, Unit};
 
-/// What the specimen's end adds to an announced bound of commands, for the rounding of units.
+/// Relative slack that the specimen's end adds to an announced bound of commands, for the rounding of units.
 const ROUNDING: f64 = 1e-9;
-/// What it adds to an announced force, for the controller's own answer.
+/// Factor on an announced force limit, so that the controller can react first.
 const LAST_RESORT: f64 = 1.25;
 
 /// The units of an axis on the wire.
@@ -47,7 +47,7 @@ pub fn announce(limits: &AxisLimits, units: &AxisUnits, tick_s: Option<f64>) -> 
     }
 }
 
-/// What the specimen's end keeps of what was announced, SI.
+/// The limits that the specimen's end keeps of those announced, SI.
 #[must_use]
 pub(crate) fn kept(limits: &Limits, units: &AxisUnits) -> AxisLimits {
     let width = limits.disp_max - limits.disp_min;
@@ -80,7 +80,7 @@ pub fn narrower(one: &Limits, other: &Limits) -> Limits {
     }
 }
 
-/// What the specimen's end keeps of which the test knows nothing, in words; `None` if there is no such thing.
+/// Limits of the specimen's end that the test does not know, in words; `None` if it knows all.
 #[must_use]
 pub(crate) fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -> Option<String> {
     let AxisUnits { disp, force, .. } = units;

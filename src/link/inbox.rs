@@ -44,7 +44,7 @@ impl Inbox {
         self.bytes.get_mut(self.end..).unwrap_or_default()
     }
 
-    /// So many bytes of the room hold something now.
+    /// Records that `count` more bytes of the buffer are filled.
     pub(super) fn filled(&mut self, count: usize) {
         self.end = (self.end + count).min(self.bytes.len());
     }

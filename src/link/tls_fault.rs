@@ -29,7 +29,7 @@ pub enum TlsFault {
         "its certificate cannot be used: version 3 and not an authority's own is wanted (tools/make-certificates makes one)"
     )]
     Unusable,
-    /// A signature is wrong: that of an authority with the trusted one's name, or that of its own key.
+    /// A signature is wrong: it comes from an authority with the trusted one's name, or from the certificate's own key.
     #[error(
         "the signature of its certificate is wrong: it can be from another authority of this name (if the certificates \
          were replaced on one side only)"
@@ -78,7 +78,7 @@ pub enum TlsFault {
 }
 
 impl TlsFault {
-    /// What the loop sees.
+    /// The fault as the loop sees it.
     #[must_use]
     pub(crate) const fn link(self) -> LinkFault {
         match self {

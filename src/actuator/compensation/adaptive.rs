@@ -119,9 +119,9 @@ impl Bounded {
         }
     }
 
-    /// Goes towards `goal` on a straight line, for coefficients that mean something together only: what both ends of the line fit,
-    /// all between them do. The slowest of them gives the pace, and where one stands at its bound all do. What is not a number
-    /// moves nothing. Real-time: yes.
+    /// Moves towards `goal` on a straight line, for coefficients that only have a meaning together: all points between two valid
+    /// ends are valid. The slowest coefficient sets the pace. All stop where one reaches its bound. A goal that is NaN or
+    /// infinite moves nothing. Real-time: yes.
     pub(crate) fn approach_as_one(&mut self, goal: &[f64]) {
         if !goal.iter().all(|goal| goal.is_finite()) {
             return;
@@ -185,7 +185,7 @@ impl Regressors {
         (command, self.derivatives.push(measured))
     }
 
-    /// Ticks after which nothing is left of a pair: the filters', and the differences of what they give.
+    /// Ticks after which a pair has no effect: the filters' memory and that of the differences of their outputs.
     pub(crate) const fn memory(&self) -> u32 {
         self.measured.memory().saturating_add(3)
     }

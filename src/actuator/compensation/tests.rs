@@ -65,7 +65,7 @@ fn everything_holds_the_first_target_and_what_does_not_learn_keeps_holding_it() 
         one.reset(2e-3);
         for _ in 0..50 {
             let command = one.predict(2e-3, 0.0, 0.0);
-            // What is learnt of a hold is roundoff of the filters.
+            // A hold teaches only the roundoff of the filters.
             assert!((command - 2e-3).abs() < 1e-12, "{text}: {command}");
             one.observe(command, 2e-3);
         }
@@ -187,7 +187,7 @@ fn ats_finds_the_inverse_of_a_first_order_lag() {
         panic!("three coefficients")
     };
     assert!((a0 - 1.0).abs() < 1e-5, "{a0}");
-    // What no coefficient stands for is the T Δt²/6 of the third derivative: 4e-7 of T at 7 Hz, shared out by the fit.
+    // No coefficient represents the T Δt²/6 of the third derivative: 4e-7 of T at 7 Hz, distributed by the fit.
     assert!((a1 - lag).abs() < 5e-5 * lag, "{a1}");
     assert!((a2 - lag * DT / 2.0).abs() < 0.01 * lag * DT / 2.0, "{a2}");
     // T Δt²/6 · d⃛ = 2e-10 s³ · 100 m/s³.
@@ -220,7 +220,7 @@ fn adaptive_kinds_follow_a_lag_better_than_where_they_began() {
 
 #[test]
 fn forgetting_does_not_let_a_filter_wind_up_where_nothing_moves() {
-    // A slow, narrow motion through a lag, seen with 10 µm of noise: two of four weights can be told, two cannot.
+    // A slow, narrow motion through a lag, with 10 µm of noise: two of four weights can be identified, two cannot.
     let lag = 0.02;
     let mut one = build("recursive_fir = { delay_s = 0.01, forgetting = 0.999 }");
     one.reset(0.0);
@@ -253,7 +253,7 @@ fn scatter(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// A pure delay and a first-order lag, as they are published for four weights that mean something together only.
+/// A pure delay and a first-order lag, as published for four weights that only have a meaning together.
 #[test]
 fn weights_that_go_together_lead_a_motion_of_any_size() {
     let (delay, lag) = (0.012, 0.006);
@@ -294,7 +294,7 @@ fn weights_that_go_together_lead_a_motion_of_any_size() {
                     "{rate} {size} {sweeps} {noise}: {most} {late} {:?}",
                     fir.parameters()
                 );
-                // What a lag asks for at 4 Hz is 1 % more than the target.
+                // A lag requires 1 % more than the target at 4 Hz.
                 assert!(most < 1.1 * size, "{all}");
                 // At the end of the sweep what the smallest motion has told of three more weights than one is least: 1.2 %.
                 assert!(late < 0.02 * size, "{all}");
@@ -339,7 +339,7 @@ fn what_adapts_stays_within_bounds_and_rates_whatever_it_hears() {
     }
 }
 
-/// What was foretold and put right leaves no trace but roundoff, with weights up to 1e4 at 4 mm.
+/// A predicted and amended target leaves only roundoff, with weights up to 1e4 at 4 mm.
 #[test]
 fn a_target_that_was_amended_is_as_if_it_had_been_so_from_the_start() {
     for text in ALL {
@@ -362,7 +362,7 @@ fn a_target_that_was_amended_is_as_if_it_had_been_so_from_the_start() {
     }
 }
 
-/// The lead of what has long stood is that of a place at rest, whatever was learnt before.
+/// The lead of a target that has long been at rest is that of a place at rest, whatever was learnt before.
 #[test]
 fn what_stands_is_led_as_a_place_at_rest() {
     for text in ALL {

@@ -2,8 +2,8 @@
 
 use super::{Coordinate, Fault, Form, Geometry, MOST, Placed, Six, Wrong, plane, space};
 
-/// Newton's steps; a pose that is not found after so many is none. From a pose a fifth of an actuator's length away it takes
-/// five or six.
+/// Newton's steps; a pose that is not found after this many does not exist. From a pose a fifth of an actuator's length away
+/// it takes five or six.
 const MOST_STEPS: usize = 30;
 /// Largest step, in shortest actuators and radians: beyond it the Jacobian says nothing.
 const LONGEST_STEP: f64 = 0.3;
@@ -26,7 +26,8 @@ impl Geometry {
         Ok(())
     }
 
-    /// The same without what [`Geometry::stroke_forces`] and [`Geometry::pose_rates`] need. Real-time: yes.
+    /// Like `place`, but without the quantities of [`Geometry::stroke_forces`] and [`Geometry::pose_rates`]. Real-time:
+    /// yes.
     fn measure(&self, pose: &[f64], placed: &mut Placed) -> Result<(), Fault> {
         let n = self.coordinates.len();
         for (to, from) in placed.pose.iter_mut().zip(pose) {
@@ -113,7 +114,7 @@ impl Geometry {
     /// coordinates, to the pose that fits them best. Real-time: yes, at most `MOST_STEPS` steps.
     ///
     /// # Errors
-    /// There is no such pose near, or the way leads through one that is none.
+    /// There is no such pose near, or the path leads through an impossible one.
     pub fn find(&self, strokes: &[f64], placed: &mut Placed) -> Result<(), Fault> {
         self.find_for_forces(strokes, placed)?;
         if self.is_exact() {
@@ -122,8 +123,8 @@ impl Geometry {
         Ok(())
     }
 
-    /// The same where only [`Geometry::pose_forces`] and [`Geometry::stroke_rates`] are wanted afterwards: quicker.
-    /// Real-time: yes.
+    /// Like [`Geometry::find`], but quicker: only [`Geometry::pose_forces`] and [`Geometry::stroke_rates`] are valid
+    /// afterwards. Real-time: yes.
     ///
     /// # Errors
     /// As [`Geometry::find`].
@@ -166,7 +167,7 @@ impl Geometry {
         Err(self.fault(Wrong::NotFound, placed))
     }
 
-    /// What is left of the strokes. Real-time: yes.
+    /// The residual of the strokes. Real-time: yes.
     fn left(&self, strokes: &[f64], placed: &Placed) -> Six {
         let mut left = [0.0; MOST];
         let both = strokes.iter().zip(&placed.strokes).take(self.actuators);
@@ -176,7 +177,7 @@ impl Geometry {
         left
     }
 
-    /// Of a step in shortest actuators and radians; infinite if it is no number. Real-time: yes.
+    /// Size of a step in shortest actuators and radians; infinite if it is NaN or infinite. Real-time: yes.
     fn size(&self, step: &Six) -> f64 {
         let mut size = 0.0f64;
         for (coordinate, step) in self.coordinates.iter().zip(step) {

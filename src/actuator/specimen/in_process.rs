@@ -39,7 +39,7 @@ state! {
 enum Phase {
     /// No command has come yet.
     Idle,
-    /// The command stands in the buffers, unanswered.
+    /// The command is in the buffers, unanswered.
     Issued,
     /// Answered; the specimen's trial is that of the command.
     Answered,
@@ -118,7 +118,7 @@ fn break_down(time: f64) -> ! {
     panic!("fault injection: the specimen's code fails on purpose at {time} s")
 }
 
-/// What a specimen says of itself.
+/// Status that a specimen reports.
 pub fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
     let mut status = Status::default();
     if specimen.is_saturated() {

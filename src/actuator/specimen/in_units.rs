@@ -1,5 +1,5 @@
-//! A specimen whose axes count in units of their own: the adapter that makes a law in SI answer a command in
-//! millimetres with a force in kilonewtons, as the controller of a real rig does.
+//! A specimen whose axes have other units than SI. This adapter makes a law in SI answer a command in millimetres with
+//! a force in kilonewtons, like the controller of a real rig.
 
 use super::Specimen;
 use gusset_numerics::law::Reach;

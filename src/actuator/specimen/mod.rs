@@ -3,7 +3,7 @@
 //! A [`Specimen`] is pure mathematics, so the same object serves in the loop, behind a server and in a
 //! simulated link. [`InProcess`] makes a [`Substructure`](gusset_quantity::substructure::Substructure) of it.
 
-/// What a specimen around another one leaves to the one inside: `passed_on!(self => self.inner)` within its `impl Specimen`.
+/// Methods that a wrapper passes on to the specimen inside: `passed_on!(self => self.inner)` within its `impl Specimen`.
 macro_rules! passed_on {
     ($self:ident => $inner:expr) => {
         fn is_saturated(&$self) -> bool {
@@ -75,13 +75,13 @@ pub trait Specimen: Stateful + Send + std::fmt::Debug {
         false
     }
 
-    /// False if an actuator and what it moves did not come to terms in the last trial: its answer is not exact.
+    /// False if the actuator–specimen iteration did not converge in the last trial: the answer is not exact.
     fn is_settled(&self) -> bool {
         true
     }
 
-    /// Told before the first trial, where it is known: commands come every `seconds` of wall time, 0 where that is not known any
-    /// more. Whoever samples at that rate cannot see it while test time stands still.
+    /// Announces before the first trial, where it is known, that commands come every `seconds` of wall time; 0 where it is no
+    /// longer known. A specimen that samples at that rate cannot see it while test time stops.
     fn commanded_every(&mut self, seconds: f64) {
         let _ = seconds;
     }

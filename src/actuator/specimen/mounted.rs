@@ -1,9 +1,9 @@
-//! A specimen that does not stand at the zero of its axes, and whose load cells do not read zero at rest: f(d − d₀) + f₀.
+//! A specimen that is not at the zero of its axes, and whose load cells do not read zero at rest: f(d − d₀) + f₀.
 
 use super::Specimen;
 use gusset_numerics::law::Reach;
 
-/// A specimen whose deformation is zero where its axes stand at an offset. Everything in SI.
+/// A specimen whose deformation is zero at an offset of its axes. Everything in SI.
 #[derive(Debug)]
 pub struct Mounted {
     specimen: Box<dyn Specimen>,
@@ -16,8 +16,8 @@ pub struct Mounted {
 gusset_quantity::state! { Mounted { specimen } keeps { offsets, disp, read } }
 
 impl Mounted {
-    /// `offsets` holds, for each axis, where it stands in m and what it reads in N at a deformation of zero; the specimen itself
-    /// where nothing is off.
+    /// `offsets` holds, for each axis, its position in m and its reading in N at a deformation of zero. Returns the specimen
+    /// itself if all are zero.
     #[must_use]
     pub fn around(specimen: Box<dyn Specimen>, offsets: &[(f64, f64)]) -> Box<dyn Specimen> {
         if offsets.iter().all(|offset| *offset == (0.0, 0.0)) {

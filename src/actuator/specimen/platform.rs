@@ -8,12 +8,12 @@ use super::Specimen;
 use crate::geometry::{Geometry, MOST, Placed};
 use gusset_numerics::law::Reach;
 
-/// What lies between an actuator's stroke and the number that its axis is told.
+/// Relation between an actuator's stroke and the command of its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gear {
-    /// Of the axis per stroke; not zero.
+    /// Axis per stroke; not zero.
     pub ratio: f64,
-    /// Of the axis at a stroke of zero, m.
+    /// Axis at a stroke of zero, m.
     pub offset: f64,
 }
 
@@ -33,7 +33,7 @@ gusset_quantity::state! { <S: Specimen> Platform<S> { specimen } keeps { geometr
 type Square = [f64; MOST * MOST];
 
 impl<S: Specimen> Platform<S> {
-    /// `specimen` must have as many axes as the geometry has coordinates; a gear that is missing is none.
+    /// `specimen` must have as many axes as the geometry has coordinates; a missing gear counts as one to one.
     #[must_use]
     pub fn new(specimen: S, geometry: Geometry, gears: &[Gear]) -> Self {
         let none = Gear {
@@ -100,7 +100,7 @@ impl<S: Specimen> Specimen for Platform<S> {
         }
         self.trial = self.geometry.reference();
         if self.geometry.find(&strokes, &mut self.trial).is_err() {
-            // No pose, no force: whoever asked is told that it is not a number.
+            // No pose, no force: the caller receives NaN.
             self.trial = self.geometry.reference();
             force.fill(f64::NAN);
             return;
@@ -129,7 +129,7 @@ impl<S: Specimen> Specimen for Platform<S> {
         self.to_actuators(&at, &m, mass);
     }
 
-    /// Of the law; what its force does while the actuators turn is not in it.
+    /// Tangent of the law; it omits the change of its force as the actuators turn.
     fn tangent(&self, stiffness: &mut [f64]) {
         let size = self.coordinates() * self.coordinates();
         let mut k = [0.0; MOST * MOST];
@@ -216,7 +216,7 @@ mod tests {
         law.build(3).unwrap()
     }
 
-    /// A pose is told as strokes; what the actuators feel, brought back, is what the law says of the pose itself.
+    /// A pose is commanded as strokes; the forces of the actuators, transformed back, are those of the law at the pose.
     #[test]
     fn the_actuators_feel_what_the_law_says_of_the_pose() {
         let geometry = geometry();
@@ -325,7 +325,7 @@ mod tests {
         assert_eq!(count.count_total, 0);
     }
 
-    /// A hold, or a test that goes on after an interruption, asks for the same strokes again: not a bit may change.
+    /// A hold, or a test that resumes after an interruption, commands the same strokes again: not a bit may change.
     #[test]
     fn the_same_strokes_have_the_same_force_whatever_came_before() {
         let ask = |platform: &mut Platform<Box<dyn Specimen>>, disp: [f64; 3]| {

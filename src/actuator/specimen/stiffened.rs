@@ -3,8 +3,8 @@
 use super::Specimen;
 use gusset_numerics::law::Reach;
 
-/// A specimen whose stiffness and damping are `factor` times those of the law inside, at the same strength: what yields, yields
-/// at the same force. What it declares of itself is what the law inside declares: nobody knows better.
+/// A specimen with `factor` times the stiffness and damping of the law inside, at the same strength: it yields at the same
+/// force. It declares the properties of the law inside, because no better ones are known.
 #[derive(Debug)]
 pub struct Stiffened {
     inner: Box<dyn Specimen>,

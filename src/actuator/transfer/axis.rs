@@ -1,7 +1,7 @@
-//! One actuator: from the command of a tick to where the specimen stands at its end.
+//! One actuator: from the command of a tick to the position of the specimen at its end.
 //!
-//! Between commands lies a straight line or the new command, which the linear part follows exactly. Limits act at the ends of ticks. While test
-//! time stands still nothing moves, except what follows its command at once.
+//! Between commands lies a straight line or the new command, which the linear part follows exactly. Limits act at the ends of
+//! ticks. While test time stops nothing moves, except a part that follows its command at once.
 
 use super::between_ticks::BetweenTicks;
 use super::delay::Delay;
@@ -21,7 +21,7 @@ struct State {
     /// Delayed command.
     drive: f64,
     x: [f64; STATES],
-    /// What the specimen's force is beyond its linear estimate.
+    /// The specimen's force beyond its linear estimate.
     residual: f64,
 }
 
@@ -36,7 +36,7 @@ enum Dynamics {
     Servo(Box<Servo>),
 }
 
-/// Where limits lie; infinite where there is none.
+/// Limits; infinite where there is no limit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
     pub rate: f64,
@@ -128,8 +128,8 @@ impl Axis {
         self.bounds.force
     }
 
-    /// The actuator stands at rest where `disp` takes it, as if it had always been commanded. `force` is the specimen's at
-    /// the place that [`Axis::rest`] gave.
+    /// Puts the actuator at rest where `disp` takes it, as if it had always been commanded. `force` is the specimen's at
+    /// the position that [`Axis::rest`] gave.
     pub(crate) fn prime(&mut self, disp: f64, force: f64) {
         self.delay.prime(disp);
         let mut state = State {
@@ -253,7 +253,7 @@ impl Axis {
         };
         servo.tick.add_to_end(&mut self.trial.x, 1, step);
         self.limit(self.dt);
-        // A number that is none is no small share.
+        // NaN or infinity is not a small share.
         if change.is_finite() {
             change.abs() / size
         } else {
@@ -317,8 +317,8 @@ impl Axis {
         self.vel = share * self.trial.x[VEL];
     }
 
-    /// What the actuator gives, where it is part of the loop. At the end of the stroke the stop takes what is beyond the
-    /// specimen's force.
+    /// Force of the actuator, where it is part of the loop. At the end of the stroke the stop takes the force beyond the
+    /// specimen's.
     pub(crate) fn force(&self) -> Option<f64> {
         (self.feels_the_specimen() && !self.stopped).then_some(self.trial.x[FORCE])
     }

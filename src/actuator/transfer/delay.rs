@@ -1,9 +1,9 @@
 //! A pure delay of any length: commands that ramp from tick to tick, read a while ago.
 //!
-//! The command between two ticks is a straight line, so that a delay of a fraction of a tick is a weighted mean of two
-//! commands, exactly at each tick; what follows sees a straight line between two ticks again. The history stands on a grid of
-//! one tick. A step of several ticks (commands were lost on the way) fills it in; one of a part of a tick (a test that eases
-//! into motion) goes on from where the last one ended.
+//! The command between two ticks is a straight line. So a delay of a fraction of a tick is a weighted mean of two commands,
+//! exactly at each tick, and the next stage sees a straight line between two ticks again. The history lies on a grid of one
+//! tick. A step of several ticks (commands were lost on the way) fills it in. A step of a part of a tick (a hold ramp)
+//! continues from the end of the last one.
 
 use gusset_quantity::state::{Stateful, Visit};
 
@@ -56,7 +56,7 @@ impl Delay {
         self.ring.is_empty()
     }
 
-    /// The specimen has always stood at `disp`.
+    /// Begins with a specimen that has always been at `disp`.
     pub(crate) fn prime(&mut self, disp: f64) {
         self.ring.fill([disp, 0.0]);
         self.head = [disp, 0.0];
@@ -174,7 +174,7 @@ impl Delay {
         }
         let last = std::mem::replace(&mut self.head, motion);
         if dt <= 0.0 {
-            // A jump while test time stands still.
+            // A jump while test time stops.
             if self.beyond == 0.0
                 && let Some(entry) = self.ring.get_mut(self.newest)
             {
@@ -317,7 +317,7 @@ mod tests {
             let wanted = (t - 3.7e-3).max(0.0);
             // The corner at t = 0 is on the grid.
             assert!((found - wanted).abs() < 1e-12, "{k} {t}: {found} {wanted}");
-            // Time stands still.
+            // Time stops.
             let still = delay.trial([t, 0.0], 0.0)[0];
             delay.commit([t, 1.0], 0.0);
             assert!((still - wanted).abs() < 1e-12, "{k} {t}: {still} {wanted}");

@@ -61,9 +61,9 @@ pub(crate) fn exponential<const D: usize>(a: &Square<D>) -> Square<D> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ramped<const N: usize, const M: usize> {
     state: [[f64; N]; N],
-    /// What the inputs at the start of the tick add.
+    /// Contribution of the inputs at the start of the tick.
     start: [[f64; M]; N],
-    /// What the inputs at its end add.
+    /// Contribution of the inputs at its end.
     end: [[f64; M]; N],
 }
 
@@ -146,7 +146,7 @@ impl<const N: usize, const M: usize> Ramped<N, M> {
         next
     }
 
-    /// What a change of input `input` at the end of the tick adds to the state. Real-time: yes.
+    /// Adds the effect of a change of input `input` at the end of the tick to the state. Real-time: yes.
     pub fn add_to_end(&self, state: &mut [f64; N], input: usize, change: f64) {
         for (entry, row) in state.iter_mut().zip(&self.end) {
             *entry += row.get(input).copied().unwrap_or(f64::NAN) * change;

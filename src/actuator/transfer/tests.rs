@@ -347,7 +347,7 @@ fn trials_and_holds_leave_no_trace_and_a_restored_state_goes_on_with_the_same_bi
         assert_eq!(a, b);
         disturbed.commit();
         if k % 50 == 20 {
-            // A hold: readings are noisy, time stands still, and committing it (as a server does) changes nothing.
+            // A hold: readings are noisy, time stops, and a commit (as a server makes it) changes nothing.
             let mut before = f64::NAN;
             for _ in 0..3 {
                 disturbed.trial(&disp, &[0.0], 0.0, &mut b);
@@ -529,7 +529,7 @@ fn noise_of_a_given_power_is_that_of_the_tick_also_before_time_has_passed() {
     // A test that runs slower than its time is read as often as it is commanded.
     let slow = rms(100.0 * DT, DT) * 10.0;
     assert!((slow / exact - 1.0).abs() < 0.056, "{slow}");
-    // Nobody said how often.
+    // The interval of commands is not announced.
     assert_eq!(rms(0.0, 0.0), 0.0);
 }
 

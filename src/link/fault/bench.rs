@@ -1,6 +1,7 @@
 //! What happens to actuator, specimen and sensors.
 //!
-//! Invariant: what does not concern the present command leaves it and its measurement as they are, to the last bit.
+//! Invariant: a fault that does not concern the present command leaves command and measurement unchanged, to the last
+//! bit.
 
 use std::collections::VecDeque;
 
@@ -35,7 +36,7 @@ pub struct Bench {
     /// The command at hand, and whether a fault concerns it.
     command: CommandAtHand,
     vel: Vec<f64>,
-    /// What the sensors said last.
+    /// The last measurement of the sensors.
     said: Measurement,
     past: VecDeque<(u64, Vec<f64>)>,
     complaint: Option<String>,
@@ -179,7 +180,7 @@ impl Bench {
         stalls
     }
 
-    /// What the sensors make of it.
+    /// Writes what the sensors measure.
     fn sense(&mut self, number: u64, into: &mut Measurement) {
         for fault in happening(&self.faults, &self.happen) {
             match fault.kind {
@@ -250,7 +251,7 @@ fn happening<'a>(faults: &'a [Fault], happen: &'a [bool]) -> impl Iterator<Item 
     pairs.filter_map(|(fault, happens)| happens.then_some(fault))
 }
 
-/// What a specimen says that is not where the test believes.
+/// Describes a specimen that is not where the test expects it.
 fn elsewhere(disp_m: f64, axis: Option<usize>) -> String {
     let which = axis.map_or_else(|| "every axis".to_owned(), |axis| format!("axis {axis}"));
     format!("the specimen is not where the test expects it: {which} is {disp_m} m away")

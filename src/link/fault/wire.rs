@@ -1,7 +1,7 @@
 //! What happens to frames on their way, and to the connection as a whole.
 //!
-//! The wire stands at the specimen's end. Invariants: a frame that no fault concerns passes as it is and at once; what a
-//! fault holds back leaves in the order of its times; numbers of commands, never a clock, decide what happens.
+//! The wire is at the specimen's end. Invariants: a frame that no fault concerns passes unchanged and at once; delayed
+//! frames leave in the order of their times; numbers of commands, never a clock, decide what happens.
 
 use std::collections::VecDeque;
 
@@ -117,7 +117,7 @@ impl<T: Transport> FaultyWire<T> {
         }
     }
 
-    /// Commands count from this number on, and the script begins anew.
+    /// Commands count from this number on, and the script restarts.
     pub(crate) fn armed(&mut self, first: u64) {
         (self.first, self.newest, self.heard) = (first, 0, false);
         self.deaf_until = Nanos(0);
@@ -244,7 +244,7 @@ impl<T: Transport> FaultyWire<T> {
         Ok(())
     }
 
-    /// A command has come: what happens at it to the connection. True if it is heard.
+    /// Applies the faults of the connection to a command that arrived. True if the command is received.
     fn hears(&mut self, number: u64) -> Result<bool, LinkFault> {
         let is_new = !self.heard || number > self.newest;
         if is_new {
@@ -305,7 +305,7 @@ impl<T: Transport> Transport for FaultyWire<T> {
         if self.deaf_until > Nanos(0) && self.inner.now() < self.deaf_until {
             return Ok(());
         }
-        // Nobody is there any more to send a goodbye later.
+        // Nothing can send a goodbye later.
         if seen.kind == FrameKind::Goodbye || !self.replies.concerns(number) {
             return self.inner.send(frame);
         }

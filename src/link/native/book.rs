@@ -24,7 +24,7 @@ pub(super) struct Book {
     pub(super) stats: LinkStats,
 }
 
-/// Answers that never came by themselves but stood in the history of a later one, until somebody takes them.
+/// Measurements recovered from the history of a later answer, until the loop takes them.
 #[derive(Debug)]
 struct Recovered {
     sequences: Vec<u64>,
@@ -86,7 +86,7 @@ impl Book {
         self.known == Some(sequence)
     }
 
-    /// Flags of a heartbeat. An interlock stays; holding is told once.
+    /// Records the flags of a heartbeat. An interlock stays; holding is reported once.
     pub(super) fn flags(&mut self, status: Status) {
         self.latched.0 |= status.0 & (Status::INTERLOCK.0 | Status::HOLDING.0);
     }
@@ -117,7 +117,7 @@ impl Book {
         self.stats.missed = self.stats.missed.max(u64::from(frame.missed()));
         match self.answered.accept(sequence.saturating_add(1)) {
             Err(WireError::Replayed { .. }) => self.stats.duplicates += 1,
-            // More than 64 commands behind: whether it is the first or the second cannot be told.
+            // More than 64 commands behind: the first and the second answer cannot be distinguished.
             Err(_) => self.stats.late += 1,
             Ok(_) if sequence < issued => self.stats.late += 1,
             Ok(_) => {}
@@ -255,7 +255,7 @@ mod tests {
         ends.book.flags(Status::HOLDING);
         assert_eq!(ends.held().status, Status(3 | Status::HELD.0));
         assert_eq!(ends.held().status, Status::INTERLOCK);
-        // One that goes on says so in its answers.
+        // A hold that continues is reported in the answers.
         ends.book.flags(Status::HOLDING);
         let frame = ends.frame(2, Status::HOLDING);
         ends.take(&frame, 2).unwrap();

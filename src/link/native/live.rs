@@ -19,7 +19,7 @@ use gusset_wire::WireError;
 use gusset_wire::handshake::{self, Control, Welcome};
 use gusset_wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
 
-/// How often a stop is said over UDP before the way out begins.
+/// How often a stop is sent over UDP before shutdown begins.
 const HALTS: u32 = 4;
 /// Reads after the deadline: what is here already is taken, a flood is not.
 const EXTRA_READS: u32 = 64;
@@ -74,7 +74,7 @@ pub(super) struct Live {
     may_be_lost: bool,
     /// Its goodbye has come; none before that was waited for.
     acknowledged: Option<bool>,
-    /// What it said then, beyond that.
+    /// Text of its goodbye, beyond the cause.
     last_words: Option<String>,
 }
 
@@ -241,8 +241,8 @@ impl Live {
         since.plus(self.reply_timeout_ns)
     }
 
-    /// Hears what comes up to `deadline`, or up to the answer: then true. From `nudge` on it is asked for now and then.
-    /// Real-time: yes.
+    /// Reads incoming frames up to `deadline`, or up to the answer: then true. From `nudge` on it repeats the request
+    /// now and then. Real-time: yes.
     fn hear_answer(
         &mut self,
         issued: u64,
@@ -309,8 +309,8 @@ impl Live {
         Ok(false)
     }
 
-    /// A lockstep answer stays away. A lost datagram is sent again (the specimen answers again and moves nothing); on a
-    /// stream nothing is lost, but the specimen's watchdog is told that we are here.
+    /// A lockstep answer is overdue. A lost datagram is sent again (the specimen answers again and moves nothing). A
+    /// stream loses nothing, but a heartbeat shows the specimen's watchdog that the controller is alive.
     fn nudge(&mut self, issued: u64) -> Result<(), LinkFault> {
         if self.inbox.is_stream() {
             let beat = Heartbeat {

@@ -1,4 +1,4 @@
-//! What a specimen's end says in place of an answer, and after the last words, over a wire that a test has in its hands.
+//! Frames that a specimen's end sends instead of an answer, and after the goodbye, over a wire that a test controls.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
@@ -18,7 +18,7 @@ use gusset_wire::native::{
 const SESSION: u64 = 7;
 const TEXT: &str = "pump lost pressure";
 
-/// What the specimen's end does at a point of the session.
+/// A scripted reaction of the specimen's end at a point of the session.
 #[derive(Debug, Clone)]
 enum Word {
     /// What belongs there.
@@ -30,10 +30,10 @@ enum Word {
     Byes(Bye, Cause),
 }
 
-/// What a test makes of the usual welcome.
+/// A change to the usual welcome.
 type Change = fn(&mut Welcome);
 
-/// A specimen's end that is there, on a clock that goes on by each wait.
+/// A scripted specimen's end, on a clock that advances with each wait.
 struct Scripted {
     words: [Word; 3],
     welcome: Change,
@@ -187,7 +187,7 @@ fn welcome(hello: &Hello) -> Welcome {
     }
 }
 
-/// A link to an end that says these words in place of welcome, arming and goodbye, and what it has heard.
+/// A link to an end that sends these frames for welcome, arming and goodbye, and the list of frames that it received.
 fn link(
     carrier: Carrier,
     words: [Word; 3],
@@ -385,7 +385,7 @@ fn holder_follows_the_code_of_the_goodbye() {
     }
 }
 
-/// What the answers to three commands come to, which take so long and give this force.
+/// Results of three commands whose answers take this long and give this force.
 fn three_answers(carrier: Carrier, answers: (u64, f64)) -> Vec<Result<Freshness, LinkFault>> {
     let words = [Word::Fits, Word::Fits, Word::Fits];
     let (mut link, _) = link_that_answers(carrier, words, |_| {}, answers);
@@ -417,7 +417,7 @@ fn every_answer_is_waited_for_as_long_as_its_time_limit() {
     }
 }
 
-/// A datagram that is damaged is lost; one that is whole and says no number is none of those.
+/// A damaged datagram counts as lost. An intact one whose force is NaN is a fault.
 #[test]
 fn a_force_that_is_no_number_is_the_end_over_either_carrier() {
     for carrier in CARRIERS {

@@ -1,4 +1,4 @@
-//! The asking dialects as one, and the transports below them: what is sent and heard, without its meaning.
+//! The asking dialects as one, and the transports below them: bytes sent and received, without their meaning.
 
 use std::time::Duration;
 
@@ -95,7 +95,7 @@ impl Asking {
         }
     }
 
-    /// The last words, and whether they are answered.
+    /// The final message, and whether the server answers it.
     pub(super) fn die(&mut self) -> Result<(&[u8], bool), WireError> {
         match self {
             Self::Client(client) => client.die().map(|bytes| (bytes, false)),
@@ -142,8 +142,8 @@ impl Asking {
     }
 }
 
-/// A far end that gives the time of a command back with its answer, as the genuine servers do where they are asked for a
-/// time, shows by it that a datagram came twice or late: nothing else in these protocols does.
+/// Detects a datagram that came twice or late by the time of the command in the answer. Genuine servers return this time
+/// where they support it. These protocols offer no other means.
 #[derive(Debug, Default)]
 pub(super) struct Echo {
     newest: Option<f64>,
@@ -258,7 +258,7 @@ mod tests {
             echo.check(commanded, answered).unwrap();
         }
         echo.check(0.3, 0.2).unwrap_err();
-        // A peer without a time sends zeros, one with a clock of its own anything.
+        // A peer without a time sends zeros; one with a separate clock sends any number.
         for clock in [[0.0; 4], [5.0, 5.1, 5.2, 5.3]] {
             let mut echo = Echo::default();
             for (k, answered) in clock.into_iter().enumerate() {

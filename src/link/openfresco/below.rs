@@ -1,4 +1,4 @@
-//! What the transport below knows of a lost link, and whether the far end answered plain words with TLS.
+//! Reports what the transport below knows of a lost link, and whether the far end answered plain text with TLS.
 
 use super::error::RemoteError;
 use crate::Transport;

@@ -53,7 +53,7 @@ pub struct Remote {
     sent_at: Nanos,
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
-    /// What a server measured before the first command.
+    /// Measurement of a server before the first command.
     standing: Option<(Vec<f64>, Vec<f64>)>,
     complaint: Option<Lost>,
     below: Below,
@@ -109,8 +109,8 @@ impl Remote {
         })
     }
 
-    /// Connects and sets everything up; an element server is asked for its initial stiffness, and every server where its
-    /// specimen stands. Nothing moves.
+    /// Connects and sets everything up. Reads the initial stiffness of an element server, and the position of the
+    /// specimen from every server. Nothing moves.
     ///
     /// # Errors
     /// See [`RemoteError`].
@@ -400,7 +400,7 @@ impl Substructure for Remote {
 
     /// The protocols have one goodbye, whatever happened; we close first, so that the far end's port is free at once.
     fn retire(&mut self, _how: Retirement) {
-        // A lost link takes no last words; nothing is left to do about it.
+        // A lost link carries no goodbye; nothing can be done about it.
         let _ = self.say_goodbye();
         self.link = None;
         self.phase = Phase::Retired;

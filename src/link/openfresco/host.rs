@@ -1,9 +1,9 @@
 //! The specimen behind an OpenFresco server: what a command, a commit, a request and a step that is taken back do
 //! to it.
 //!
-//! Invariant: the force that stands in [`Host::response`] belongs to the displacement beside it, however often and
-//! in whatever order it is asked for; and a formula is evaluated once for each new command, what moves for each one that
-//! comes, neither ever for a request. No socket, no bytes, no clock.
+//! Invariant: the force in [`Host::response`] belongs to the displacement beside it, however often and in whatever order
+//! a client requests it. A formula is evaluated once for each new command, a moving specimen once for each command, and
+//! neither for a request. No socket, no bytes, no clock.
 
 use thiserror::Error;
 
@@ -51,10 +51,10 @@ pub enum HostFault {
     /// The specimen holds: a limit, an interlock, or a lost link.
     #[error("{holds}{trip}", trip = .0, holds = if matches!(.0, Trip::Lost(_)) { "" } else { "the specimen holds: " })]
     Tripped(#[from] Trip),
-    /// The server was told to stop while the specimen's answer was waited for.
+    /// The server was stopped while it waited for the specimen's answer.
     #[error("the server was stopped")]
     Unwanted,
-    /// The specimen cannot take part in this test; why was told when the sizes came.
+    /// The specimen cannot take part in this test; the reason was reported when the sizes came.
     #[error("the specimen cannot take part")]
     Unavailable,
 }
@@ -156,7 +156,7 @@ impl Host {
         self.served.is_paced()
     }
 
-    /// What was done since [`Host::begin`].
+    /// Counts of commands since [`Host::begin`].
     #[must_use]
     pub(crate) const fn tally(&self) -> Tally {
         self.tally
@@ -167,8 +167,9 @@ impl Host {
         self.served.keep_record_away_from(cpu);
     }
 
-    /// A new client: a simulated specimen becomes virgin again, a physical one stays as it is, one across another link is
-    /// connected, and moves before the test for as long as that is `wanted`. Returns what whoever watches should know.
+    /// Begins a test of a new client. A simulated specimen becomes virgin again; a physical one stays unchanged. One
+    /// across another link is connected, and moves before the test for as long as that is `wanted`. Returns remarks for
+    /// the operator.
     ///
     /// # Errors
     /// Why there is no test.
@@ -234,8 +235,8 @@ impl Host {
         }
     }
 
-    /// A command has come. `dt` is the test time since the last commit, where it is known; an answer is waited for as long as it is
-    /// `wanted`. Real-time: yes.
+    /// Executes a command. `dt` is the test time since the last commit, where it is known. The host waits for an answer while
+    /// it is `wanted`. Real-time: yes.
     ///
     /// # Errors
     /// A step taken back from a physical specimen, a time that cannot be, a force that is not finite.
@@ -268,7 +269,7 @@ impl Host {
                 self.tally.taken_back = self.tally.taken_back.saturating_add(1);
                 self.served.revert();
             }
-            // What moves may have done so since, and whoever watches it hears that its controller is there.
+            // A moving specimen may have moved since, and its watchdog learns that the controller is alive.
             (Course::Repeat, Nature::Physical)
             | (Course::First | Course::Step | Course::Iteration | Course::NewOrigin, _) => {}
         }

@@ -117,7 +117,7 @@ impl Computed {
         }
     }
 
-    /// The same as the last test left it, and to be kept as this one leaves it.
+    /// Recalls the state that the last test left, and keeps that of this one.
     #[must_use]
     pub(crate) fn recalling(mut self, memory: Memory) -> Self {
         if let Some(left) = memory.recall() {

@@ -1,5 +1,5 @@
-//! The first command to what moves, where the file bounds neither step nor speed nor acceleration of an axis: nothing that
-//! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
+//! First command to a moving specimen whose file bounds neither step nor speed nor acceleration of an axis. No declared
+//! limit says how far a single command may take it, and the controller may assume another position.
 
 use super::{Trip, USUAL_TICK_S};
 use gusset_control::port::ReceivedPort;
@@ -188,7 +188,7 @@ fn elsewhere(place: impl Iterator<Item = f64>, disp: impl Iterator<Item = f64>) 
     })
 }
 
-/// What is judged so, in words, one per axis that is.
+/// Describes this check, one sentence per axis that it judges.
 pub(crate) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<String> {
     let axes = (1..).zip(limits.iter().zip(units));
     axes.filter_map(|(number, (limits, units))| {

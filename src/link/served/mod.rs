@@ -120,7 +120,7 @@ pub enum Trip {
     /// More than the controller had announced that it would ask for, or a force at which it should long have acted.
     #[error("{} ({}, as the controller announced)", .0, .0.quantity.key())]
     Announced(Hit),
-    /// A number that is none.
+    /// A number is NaN or infinite.
     #[error("{}the {} is not a finite number", of_axis(*axis), if *measured { "measurement" } else { "command" })]
     NotFinite {
         /// Axis, from 0, if it is known.
@@ -143,7 +143,7 @@ pub enum Trip {
     /// The specimen says that it cannot be trusted.
     #[error("the specimen reports a sensor or actuator at the end of its range")]
     Saturated,
-    /// The specimen goes on saying that its own watchdog holds it, although commands come.
+    /// The specimen keeps reporting that its watchdog holds it, although commands come.
     #[error(
         "the specimen reported in {0} answers in a row that its own watchdog holds it: commands do not move it"
     )]

@@ -31,13 +31,13 @@ use gusset_record::{
 /// Where and what a server records.
 #[derive(Debug, Clone)]
 pub struct RecordSettings {
-    /// Folder in which each controller's test gets one of its own: `test-0001`, `test-0002`, …
+    /// Folder of all tests; each gets a subfolder: `test-0001`, `test-0002`, …
     pub root: PathBuf,
     /// The file that is served, byte for byte.
     pub file: Vec<u8>,
     /// The complete configuration.
     pub resolved: String,
-    /// What was read besides: its name, and its bytes.
+    /// Other files that were read: name and bytes.
     pub inputs: Vec<(PathBuf, Vec<u8>)>,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
@@ -66,7 +66,7 @@ pub(super) struct SessionRecord {
     row: Vec<f64>,
     timing: Timing,
     counted: Counted,
-    /// What the summary warns of.
+    /// Warnings of the summary.
     warnings: Vec<String>,
     /// Accepted findings: key and reason.
     accepted: BTreeMap<String, String>,
@@ -200,13 +200,13 @@ impl SessionRecord {
             .note(note.made_at(self.position, os::monotonic_ns()));
     }
 
-    /// Something that whoever reads the summary must know.
+    /// Adds a warning to the summary.
     pub(crate) fn warn(&mut self, event: Remark, text: &str) {
         self.note(Event::said(event, text).into());
         self.warnings.push(text.to_owned());
     }
 
-    /// True if the summary says so already.
+    /// True if the summary already contains this warning.
     pub(crate) fn has_warned(&self, text: &str) -> bool {
         self.warnings.iter().any(|warning| warning == text)
     }
@@ -279,7 +279,7 @@ impl SessionRecord {
         let _ = self.recorder.row(&self.row);
     }
 
-    /// Writes everything down. What cannot be written is told in the program's log.
+    /// Writes the record. The program's log reports a file that cannot be written.
     pub(crate) fn close(self, cause: Cause, text: &str, stats: &LinkStats, commits: u64) {
         let severity = match cause.status() {
             Ended::Completed | Ended::Interrupted => Severity::Info,

@@ -13,7 +13,7 @@ use gusset_record::rt::wall::Wall;
 use gusset_record::summary::{ClockKind, InputFile, LinkCounts, Peak};
 use gusset_record::{MissClasses, Recorded, Summary};
 
-/// What is counted while a test runs.
+/// Counters of a running test.
 pub(super) struct Counted {
     pub exchanges: u64,
     pub passed_on: u64,

@@ -57,7 +57,7 @@ impl Times {
 pub(super) struct SpeedAllowance {
     /// Wall time from one command to the next, if it was announced.
     period_s: Option<f64>,
-    /// What is commanded moves.
+    /// True if a command moves the specimen.
     moves: bool,
     /// The command that is due.
     next: u64,

@@ -140,7 +140,7 @@ fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
     }
     assert!(spring.told.lock().unwrap().is_empty());
     assert_eq!(*spring.goodbyes.lock().unwrap(), [Retirement::Tripped]);
-    // A computation is believed at zero, whoever says that it is one.
+    // A computation counts as at zero, even if only the operator declares it one.
     let computed = Whereabouts::default().of_a_computation();
     assert_eq!(begin(&mut served(&spring, &computed)).err(), None);
     let simulated = Spring {
@@ -277,7 +277,7 @@ fn what_is_asked_before_the_first_command_was_measured() {
     assert_eq!(goes_to(&mut served, 0, 0.0045), Ok(K * 0.0045));
 }
 
-/// Half a metre from where its controller believes it.
+/// Half a metre from where its controller expects it.
 #[test]
 fn the_first_command_is_a_step_from_where_the_specimen_was_measured() {
     let spring = Spring {

@@ -17,7 +17,7 @@ use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Capabilities};
 
-/// A specimen to be hosted, and how to make it anew for each test.
+/// A hosted specimen, and how to make a new one for each test.
 pub struct Host {
     pub(super) name: String,
     pub(super) axes: Vec<Axis>,
@@ -134,8 +134,8 @@ impl Host {
         }
     }
 
-    /// A gateway: `build` makes the link to the specimen, whose stiffness is believed to be `stiffness`, n × n by columns
-    /// in the units of `axes`; an answer is waited for up to `reply_limit_ns`.
+    /// A gateway: `build` makes the link to the specimen. `stiffness` is the estimate, n × n by columns in the units of
+    /// `axes`. An answer may take up to `reply_limit_ns`.
     #[must_use]
     pub fn gateway(
         name: String,
@@ -150,7 +150,7 @@ impl Host {
         Self::of(name, axes, [stiffness, mass], behind, check)
     }
 
-    /// Of a gateway whose specimen cannot tell where it stands: where that is before the first test, in the units of the axes.
+    /// For a gateway whose specimen cannot report its position: the position before the first test, in the units of the axes.
     #[must_use]
     pub fn said_to_stand_at(mut self, place: Vec<f64>) -> Self {
         if let Behind::Link(.., whereabouts) = &mut self.behind {
@@ -181,7 +181,7 @@ impl Host {
         self
     }
 
-    /// Of a gateway to a computation, as somebody says: where nobody knows its place, it is believed at zero.
+    /// Declares that the gateway leads to a computation: its position counts as zero where no measurement gives it.
     #[must_use]
     pub fn computed(mut self) -> Self {
         if let Behind::Link(.., whereabouts) = &mut self.behind {
@@ -248,8 +248,8 @@ impl Host {
         self
     }
 
-    /// The same, and the first test finds it at `disp`, one displacement per axis in the units of the axes, where it was moved
-    /// from its virgin state.
+    /// Like `new`, but the first test finds the specimen at `disp`, moved from its virgin state: one displacement per axis in
+    /// their units.
     ///
     /// # Errors
     /// What its maker says, another number of displacements, or a specimen behind a link: where that stands it says itself.

@@ -31,7 +31,7 @@ pub enum ConnectError {
         /// The system's word.
         reason: String,
     },
-    /// Nobody listens there.
+    /// No program listens at the address.
     #[error(
         "{address} refused the connection: nothing listens on that port; is the specimen's end running?"
     )]

@@ -82,7 +82,7 @@ pub(crate) fn listen_advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// What is asked of a socket.
+/// Options of a socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SocketOptions {
     /// How a wait spends its time.
@@ -347,7 +347,7 @@ mod tests {
             while found < 14 {
                 found += ours.recv(&mut buffer, later(5 * SECOND)).unwrap().unwrap();
             }
-            // A fresh connection acknowledges its first 16 segments at once, whatever is asked.
+            // A new connection acknowledges its first 16 segments at once, whatever its options.
             if round >= 20 {
                 fastest = fastest.min(os::monotonic_ns() - begun);
             }
@@ -455,7 +455,8 @@ mod tests {
         assert_eq!(ours.recv(&mut buffer, later(5 * SECOND)), Ok(Some(2)));
     }
 
-    /// Whoever wakes up late answers what has waited, and hears that nobody is there any more; but behind it lie the last words.
+    /// A peer that is gone refuses the port while its last datagrams still wait here. They are read before the link counts as
+    /// closed.
     #[test]
     fn what_a_udp_peer_said_before_it_left_is_read_before_it_counts_as_gone() {
         let far = UdpSocket::bind("127.0.0.1:0").unwrap();

@@ -114,7 +114,7 @@ impl TcpTransport {
 
     fn acknowledge(&mut self) {
         if std::mem::take(&mut self.owes_ack) && self.options.quick_ack {
-            // Where the kernel has it not, acknowledgements are merely slower.
+            // If the kernel does not support it, acknowledgements are merely slower.
             let _ = sockopt::set_tcp_quickack(&self.stream, true);
         }
     }

@@ -203,7 +203,7 @@ impl Transport for UdpTransport {
                 }
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
-                    // Its last words may have waited behind the refusal: it is gone when they are read.
+                    // Its goodbye may have waited behind the refusal: it is gone when that is read.
                     Verdict::NotNow if std::mem::take(&mut self.returns.is_refused) => {
                         return Err(LinkFault::Closed);
                     }

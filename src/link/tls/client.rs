@@ -44,8 +44,8 @@ impl PartialEq for TlsClient {
 }
 
 impl TlsClient {
-    /// Reads the files. With `check_name` the far end's certificate must be for `name`, or for the host in its address if
-    /// there is none; without it any certificate of the authority will do, as OpenFresco's programs have it.
+    /// Reads the files. With `check_name` the far end's certificate must be for `name`, or else for the host in its
+    /// address. Without it any certificate of the authority is accepted, as in OpenFresco's programs.
     ///
     /// # Errors
     /// The file that is wrong, by the key that names it; `server_name` if that is no name.

@@ -7,7 +7,7 @@
 //! | `server` | who may come in |
 //! | `session` | one TLS session over any socket that does not block |
 //! | `stream` | the session on the thread that asks: a server's |
-//! | `thread` | the session on a thread of its own: the loop's |
+//! | `thread` | the session on a separate thread: the loop's |
 //!
 //! **The exception to the promise of no allocation.** Encrypting and decrypting allocates. So on the loop's side the
 //! whole exchange lives on a helper thread; the loop's own thread hands bytes over through two rings and one

@@ -58,12 +58,12 @@ impl Records {
         }
     }
 
-    /// The same, and when the record began, ns.
+    /// Sequence of the waiting record, and when the record began, ns.
     pub(super) fn waiting(&self) -> Option<(u32, u32, u64)> {
         self.unfinished().map(|(got, of)| (got, of, self.since))
     }
 
-    /// False if the very first byte was none of TLS.
+    /// False if the very first byte was not TLS.
     pub(super) fn is_tls(&self) -> bool {
         self.first.is_none_or(|first| KINDS.contains(&first))
     }

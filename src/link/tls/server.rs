@@ -58,7 +58,7 @@ impl TlsServer {
         })
     }
 
-    /// True if nobody comes in without a certificate.
+    /// True if every client needs a certificate.
     #[must_use]
     pub(crate) const fn requires_certificate(&self) -> bool {
         self.required

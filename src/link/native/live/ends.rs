@@ -1,4 +1,4 @@
-//! The first and the last word of a session: arming and retiring. Both wait, within time limits.
+//! Beginning and end of a session: arming and retiring. Both wait, within time limits.
 
 use super::{Detail, Live};
 use crate::native::ask::{ask, explained, not_welcome};
@@ -8,9 +8,9 @@ use gusset_quantity::time::Nanos;
 use gusset_wire::handshake::{self, Arm, Bye, Control, RefuseCode, SAYS_LOST};
 use gusset_wire::native::{Cause, Frame, Notice};
 
-/// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
+/// How long the link waits for the goodbye of a specimen; over UDP it repeats its own meanwhile.
 const GOODBYE_NS: u64 = 300_000_000;
-/// The same of a specimen that has not answered its last command yet: it hears the last words when it has.
+/// Time limit for a specimen that has not answered its last command yet: it reads the goodbye after that.
 const BUSY_NS: u64 = 2_000_000_000;
 const GOODBYE_REPEAT_NS: u64 = 100_000_000;
 
@@ -97,7 +97,7 @@ impl Live {
                 self.armed = true;
                 Ok(true)
             }
-            // It is told so in the last words.
+            // The specimen learns this from the goodbye.
             Err(SetupError::Unwanted) => Ok(false),
             Err(error) => {
                 let error = explained(error, self.transport.as_ref());
@@ -215,7 +215,7 @@ impl Live {
     }
 }
 
-/// What a specimen says once it has been retired.
+/// The answer of a specimen that has been retired.
 #[derive(Debug, Default)]
 struct Parting {
     cause: Option<Cause>,

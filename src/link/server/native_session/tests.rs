@@ -72,17 +72,17 @@ impl Controller {
         Self::of(host().limited(limits), axis())
     }
 
-    /// The same of what this host offers.
+    /// A session with this host.
     fn of(host: Host, axis: Axis) -> Self {
         Self::over(host, axis, true)
     }
 
-    /// The same over a stream or datagrams.
+    /// A session over a stream or datagrams.
     fn over(host: Host, axis: Axis, stream: bool) -> Self {
         Self::at_rate(host, axis, stream, (1000, 1))
     }
 
-    /// The same at another rate.
+    /// A session at another rate.
     fn at_rate(host: Host, axis: Axis, stream: bool, rate: (u64, u64)) -> Self {
         let mut one = Self::greeting(host, axis, stream, rate);
         assert!(matches!(one.arm(0, 0.0), Some(Control::Arm(_))));
@@ -249,7 +249,7 @@ fn a_speed_is_judged_by_the_announced_rate_whatever_test_time_is_said() {
     assert_eq!(into.disp, [0.00018], "it did not go there");
 }
 
-/// What a specimen across another link is told, in order.
+/// Messages that a specimen across another link receives, in order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Told {
     Command(u64),
@@ -321,7 +321,7 @@ impl Substructure for Beyond {
     }
 }
 
-/// A gateway to what is beyond, whose last words these are, and what that is told.
+/// A gateway to a specimen with this final message, and the messages that it receives.
 fn gateway(last_words: Option<&'static str>) -> (Host, Arc<Mutex<Vec<Told>>>) {
     let told = Arc::<Mutex<Vec<Told>>>::default();
     let heard = Arc::clone(&told);
@@ -572,7 +572,7 @@ impl Controller {
         said
     }
 
-    /// How the far end tells of the end.
+    /// Cause and text of the far end's goodbye.
     fn ended(&self) -> String {
         let tap = self.tap.lock().unwrap();
         let ended = tap.iter().rev().find_map(|tapped| match tapped {

@@ -1,5 +1,5 @@
-//! What the record of a test says of its course: the faults that were played on it, a hold and its end, what was lost on the
-//! way; and that a script is played anew after each arming.
+//! The record of a test reports its course: injected faults, a hold and its end, losses on the link. A script restarts after
+//! each arming.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use gusset_record::summary::{Status as Ended, Summary};
 
 const TITLE: &str = "the fault";
 const SAID: &str = "FAULTS are played: the fault";
-/// The bytes of a script are kept as they are, whatever they say.
+/// The bytes of a script are kept unchanged, whatever they contain.
 const BYTES: &str = "# a script\n";
 
 fn scripted(fault: &str) -> Host {
