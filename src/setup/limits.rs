@@ -1,4 +1,4 @@
-//! Which limits a test has, who checks them and what happens then: for whoever answers for the specimens.
+//! Limits of a test, who checks them and what they cause: for the person responsible for the specimens.
 
 mod specimen;
 
@@ -21,13 +21,13 @@ pub struct LimitFacts {
     pub test: Vec<LimitFact>,
     /// What trips whatever the file says.
     pub always: Vec<String>,
-    /// What a trip does.
+    /// Effect of a trip.
     pub on_trip: String,
     /// How the specimens are left after the last step, or when the operator ends the test.
     pub at_end: String,
     /// How the specimens come to where the test begins, and to rest in a hold.
     pub way_in: String,
-    /// What a missed deadline does that trips nothing.
+    /// Effect of a missed deadline that trips nothing.
     pub on_miss: String,
     /// Why a specimen behind a link may lack limits.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -51,7 +51,7 @@ pub struct SpecimenLimits {
     /// When the specimen's end holds by itself because no command comes, and who sees to it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<String>,
-    /// What a simulated actuator and its sensors end at, and what happens there.
+    /// Bounds of a simulated actuator and its sensors, and their effect.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ends: Option<String>,
     /// Whether a reversed or dead channel is looked for before the test.
@@ -73,7 +73,7 @@ pub struct LimitFact {
     pub warn: Vec<f64>,
     /// Tripped beyond; empty: never.
     pub trip: Vec<f64>,
-    /// Whether the specimen's end is told of it and keeps it, too.
+    /// Whether the specimen's end also receives and keeps the limit.
     pub also_at_the_specimen: bool,
     /// How it is judged, where that is not plain: what else the file says of it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -100,7 +100,7 @@ fn of_test(quantity: Limit, bound: Bound, judged: Option<String>) -> LimitFact {
     }
 }
 
-/// What a choice does to the specimens.
+/// Effect of a choice on the specimens.
 fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     let speed = speed.unwrap_or_default();
     let led = |to: &str| {
@@ -149,7 +149,7 @@ fn way_in(file: &TestFile, time: &Time) -> String {
     )
 }
 
-/// What a tick that is late does by itself.
+/// Effect of a late tick.
 fn on_miss(file: &TestFile, limits: &Limits, is_real: bool) -> String {
     let text = match limits.on_miss {
         _ if !is_real => return "none: the simulated clock has no late ticks".to_owned(),

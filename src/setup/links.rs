@@ -49,7 +49,7 @@ pub(super) fn native(
             }
         },
     };
-    // A socket has a wall clock of its own: under the simulated clock the test waits for each answer.
+    // A socket has a separate wall clock: under the simulated clock the test waits for each answer.
     let coupling = match (link.coupling, time.clock) {
         (LinkCoupling::Sampled, ClockChoice::Real) => Coupling::Sampled,
         _ => Coupling::Lockstep,
@@ -117,7 +117,7 @@ fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsC
     }
 }
 
-/// The same, with files relative to `folder`.
+/// The TLS client of a link, with files relative to `folder`.
 pub(super) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsClient>, FileError> {
     if link.transport != Carrier::Tls {
         return Ok(None);
@@ -127,7 +127,7 @@ pub(super) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsCli
     TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name).map(Some)
 }
 
-/// What the link alone says: a lockstep link of no particular test, 100 commands a second.
+/// Set-up from the link alone: a lockstep link of no particular test, 100 commands a second.
 pub(super) fn native_setup(
     link: &LinkSpec,
     key: Option<PreSharedKey>,

@@ -1,4 +1,4 @@
-//! How steps and ticks belong together, and what the loop puts up with.
+//! Relation between steps and ticks, and the limits of the loop.
 
 use toml_edit::{DocumentMut, Item};
 
@@ -40,7 +40,7 @@ pub(super) fn pacing(file: &TestFile, time: Time) -> Pacing {
     }
 }
 
-/// What the loop puts up with.
+/// Faults that the loop tolerates.
 pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
     let timing = &file.timing;
     Limits {

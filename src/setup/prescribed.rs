@@ -19,7 +19,7 @@ struct Moved<'a> {
     first: Option<KeyPath>,
 }
 
-/// Given deformations of every axis of every specimen, in order; an axis that nobody moves holds zero.
+/// Given deformations of every axis of every specimen, in order; an axis without a motion holds zero.
 pub(super) fn prescribed(
     site: &mut Site<'_>,
     specimens: &Specimens,

@@ -266,7 +266,7 @@ pub(super) fn warn_of_limit(
     }
 }
 
-/// The table of what is largest in the proof: the structure, one of its elements or a specimen.
+/// The table of the largest part in the proof: the structure, one of its elements or a specimen.
 fn largest(structure: &Structure, specimens: &Specimens) -> KeyPath {
     let matrices = [structure.mass(), structure.stiffness(), structure.damping()];
     let entries = matrices.into_iter().flat_map(|matrix| matrix.entries());
@@ -289,7 +289,7 @@ fn largest(structure: &Structure, specimens: &Specimens) -> KeyPath {
 
 /// Storeys, elements and specimens; those of a structure whose bounds are known.
 fn every_part(structure: &Structure, specimens: &Specimens, visit: &mut dyn FnMut(&Part)) {
-    // Without bounds there is no proof, and nobody asks.
+    // Without bounds there is no proof, and this is never called.
     let _ = structure.for_each_part(visit);
     specimens.parts().iter().for_each(visit);
 }

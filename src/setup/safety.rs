@@ -96,7 +96,7 @@ const AUDIT: Bound = Bound {
     warn: 1e-9,
     trip: 1e-6,
 };
-/// Beyond the room for stability a sawtooth may grow.
+/// Beyond the stability margin a sawtooth may grow.
 const STABILITY_USED: Bound = Bound {
     warn: 1.0,
     trip: f64::INFINITY,
@@ -145,7 +145,7 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     limits
 }
 
-/// Bounds of the test that are given and of what is not known in it.
+/// Warns of bounds of the test that are given but cannot trip in it.
 pub(super) fn unkept(site: &mut Site<'_>, kept: &[Limit]) {
     let safety = &site.loaded.file.safety;
     for (quantity, given, why) in [
@@ -270,8 +270,8 @@ pub(super) fn exits(
     })
 }
 
-/// Warns of a place to be left at after a trip at which a specimen bears, by its k̂ (by rows), more than its limit or its rig
-/// allows. A way out at the end is rehearsed; `units` are metres and newtons per unit of each of its axes.
+/// Warns if a specimen's force at its safe position after a trip exceeds its limit or the capacity of its rig, by k̂ (by
+/// rows). A return move at the end is rehearsed. `units` are metres and newtons per unit of each axis.
 pub(super) fn warn_of_force(
     site: &mut Site<'_>,
     index: usize,

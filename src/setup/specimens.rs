@@ -44,9 +44,10 @@ struct Entry {
     rest_damping: Rows,
     /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
     stiffness_at_rest: Rows,
-    /// The same of the damping, or the reference of the law where that is less: 0 for a damper of a power beyond 1.
+    /// Damping before anything moves, or the reference of the law where that is less: 0 for a damper of a power beyond
+    /// 1.
     damping_at_rest: Rows,
-    /// What the structure carries for the specimen.
+    /// Mass that the structure carries for the specimen.
     mass: Rows,
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
     bounds: Result<(Rows, Rows), usize>,
@@ -63,7 +64,7 @@ fn is_known_to_stand(link: &LinkSpec, axes: usize) -> bool {
     link.stands_at_m.is_some() || link.reports_position(axes) != Some(false)
 }
 
-/// What stands for a specimen.
+/// The object that represents a specimen.
 #[derive(Debug)]
 enum Stand {
     Law(Box<dyn Specimen>),
@@ -298,7 +299,7 @@ impl Specimens {
         each.collect()
     }
 
-    /// What the port of each specimen is built from.
+    /// Everything that the port of each specimen is built from.
     pub(super) fn into_specs(
         self,
         site: &mut Site<'_>,
@@ -492,7 +493,8 @@ pub(super) fn build(site: &mut Site<'_>, specs: Vec<PortSpec>) -> Result<Vec<Por
         };
         let link = site.loaded.file.specimen[index].link.as_ref();
         let stands = link.is_some_and(|link| is_known_to_stand(link, port.axes()));
-        // What stands for it in a rehearsal is led as it is itself: unbent, since it is not asked.
+        // The stand-in of a specimen without a measured position is led like the specimen itself, from zero
+        // deformation: it is not queried.
         if site.trial.is_some() && stands {
             let unbent = port.path().sent().to_vec();
             port.startup_mut().report_position(&unbent);

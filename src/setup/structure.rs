@@ -166,7 +166,7 @@ fn given(site: &Site<'_>, at: &KeyPath, what: &str) -> KeyPath {
     site.loaded.locator.beneath(at, &file)
 }
 
-/// A matrix that is none; where its entries stand in the file, the wrong ones are shown.
+/// An invalid matrix; its wrong entries are shown if they are in the file.
 fn matrix_finding(matrix: KeyPath, error: &BuildError, source: &MatrixError) -> Finding {
     let text = error.to_string();
     match *source {
@@ -258,7 +258,7 @@ pub(super) fn vector(
     }
 }
 
-/// Beyond this share of its own diagonal a negative stiffness is none of roundoff, nor of six printed digits.
+/// Beyond this share of its own diagonal a negative stiffness comes neither from roundoff nor from six printed digits.
 const INDEFINITE: f64 = 1e-6;
 
 /// True if a stiffness or a damping has no negative eigenvalue; bodies that move freely have one of zero.
@@ -301,8 +301,8 @@ pub(super) fn definite(
     )
 }
 
-/// What the damping at rest feeds with energy instead of taking it: refused where it is a matrix of the structure that no element
-/// and no specimen makes up for, warned of where it comes of a falling stiffness, of an estimate, or ends with motion.
+/// Finds a damping at rest that adds energy. It is refused if it is a matrix of the structure that no element and no specimen
+/// compensates. It is warned about if it comes from a falling stiffness or an estimate, or ends with motion.
 pub(super) fn dissipative(
     site: &mut Site<'_>,
     structure: &Structure,

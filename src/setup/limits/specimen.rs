@@ -73,7 +73,7 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
     }
 }
 
-/// What the specimen's end is told of a bound, where that is not the bound itself.
+/// The announced form of a bound, where that is not the bound itself.
 fn announced(quantity: Limit, axis: &AxisLimits, time: &Time) -> Option<String> {
     match quantity {
         Limit::CommandStep => {

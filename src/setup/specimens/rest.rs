@@ -1,4 +1,4 @@
-//! What a law in this process resists with before anything moves: offsets are those of axes, and a law knows nothing of them.
+//! Force of a law in this process before anything moves: offsets belong to axes, and a law does not know them.
 
 use super::super::Site;
 use super::super::gear::axis;
@@ -10,8 +10,8 @@ use gusset_config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
 /// Share of what a zero shifted by the offsets would do that is roundoff.
 const ROUNDOFF: f64 = 1e-9;
 
-/// Says so where the structure feels a force of the law under `key` while every axis stands at its offset, and the offsets are
-/// why.
+/// Warns where the structure feels a force of the law under `key` while every axis is at its offset, and the offsets are the
+/// cause.
 pub(super) fn says_its_force(
     site: &mut Site<'_>,
     at: &KeyPath,

@@ -1,4 +1,4 @@
-//! What a certificate goes by, as the file says it.
+//! How the file sets up a certificate.
 
 use super::*;
 
@@ -32,7 +32,7 @@ fn what_a_certificate_goes_by_is_read_and_written() {
     let mut complete = loaded.file.clone();
     complete.safety.divergence_m = Some(1000.0);
     assert_eq!(accepted(&again, &[]).file, complete, "{again}");
-    // A file that says nothing of it stays as it was.
+    // A file without these keys stays unchanged.
     let plain = accepted(GOOD, &[]);
     let plain = resolve(&plain.file, None, &plain.inputs()).unwrap();
     assert!(

@@ -1,4 +1,4 @@
-//! Numbers that nobody means: a compensator that leads away from the target, an estimate of another unit, a structure of nothing.
+//! Implausible numbers: a compensator that leads away from the target, an estimate of another unit, a structure of nothing.
 
 use super::*;
 use crate::build;
@@ -18,7 +18,7 @@ storey = 1
 law = { linear = { stiffness_n_per_m = 1e5 } }
 "#;
 
-/// What the build says of the test with one key more: warnings, or the refusal.
+/// Result of the build of the test with one key more: warnings, or the refusal.
 fn said(set: &str) -> Result<String, String> {
     match build(&accepted(TEST, &[set])) {
         Ok(test) => Ok(test.warnings.render(false)),

@@ -1,4 +1,4 @@
-//! Keys without an effect are told of, each with its reason; a file that only writes its defaults down is not.
+//! Keys without an effect are reported, each with its reason. A file that only states its defaults gets no such report.
 
 use super::*;
 use crate::build;
@@ -29,7 +29,7 @@ structure = { shear_building = { mass_kg = [1000], stiffness_n_per_m = [1e6] } }
 excitation = { ground_acceleration = { signal = { sine = { amplitude = 2.0, frequency_hz = 1.5 } } } }
 "#;
 
-/// Headlines and labels of what is told of `text` with these overrides.
+/// Headlines and labels of the reports about `text` with these overrides.
 fn told(text: &str, sets: &[&str]) -> Vec<String> {
     let loaded = accepted(text, sets);
     let warnings = loaded.warnings.iter();
@@ -37,7 +37,7 @@ fn told(text: &str, sets: &[&str]) -> Vec<String> {
     words.collect()
 }
 
-/// Exactly one thing is told of, with these words.
+/// Exactly one key is reported, with these words.
 #[track_caller]
 fn idle(text: &str, sets: &[&str], path: &str, why: &str) {
     let told = told(text, sets);
@@ -130,7 +130,7 @@ fn modifiers_of_bounds_that_are_not_given_are_told_of() {
         let set = format!("specimen.0.limits.{key}=1e-3");
         let path = format!("specimen[0].limits.{key}");
         idle(LINKED, &[&set], &path, &format!("`{bound}`"));
-        // A bound of one axis alone is enough for what is said of all.
+        // A bound of one axis alone is enough for a key of all axes.
         let own = format!("specimen.0.axis=[{{limits={{{bound}={{trip=5}}}}}}]");
         assert_eq!(told(LINKED, &[&set, &own]), [""; 0]);
         let own = format!("specimen.0.axis=[{{limits={{{key}=1e-3}}}}]");
@@ -302,7 +302,7 @@ fn what_is_asked_of_the_machine_on_the_simulated_clock_is_told_of_once() {
     };
     shows(one, "`priority`, `misses`");
     assert!(!one.contains("warmup_ticks"), "{one}");
-    // Whoever leads a test on the simulated clock this once knows it.
+    // A user who overrides the clock to be simulated knows it.
     let chosen = [asked.as_slice(), &["time.clock=simulated"]].concat();
     assert_eq!(told(GOOD, &chosen), [""; 0]);
 }

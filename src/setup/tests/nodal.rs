@@ -1,9 +1,9 @@
-//! A table of nodal forces is taken column by column: what the names of its columns say against that is told.
+//! A table of nodal forces is taken column by column: a warning reports names of its columns that contradict this.
 
 use super::*;
 use crate::build;
 
-/// The same for a file of these lines: the peak, and what is told of it; or why it is refused.
+/// Builds a file of these lines: the peak and the warnings, or the reason of the refusal.
 fn built(lines: &str, sets: &[&str]) -> Result<((usize, f64), Vec<String>), String> {
     let home = tempfile::tempdir().unwrap();
     std::fs::write(home.path().join("forces.csv"), lines).unwrap();

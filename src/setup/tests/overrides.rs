@@ -68,7 +68,7 @@ fn an_override_that_undoes_another_is_refused_and_both_are_shown() {
         shows(&text, part);
     }
     assert_eq!(errors(&text), 1, "{text}");
-    // A table undoes what was said of its keys; a key of a table that was given is none of that.
+    // A table cancels overrides of its keys; a key of a given table does not conflict.
     let (whole, key) = (
         "specimen.0.law={linear={stiffness_n_per_m=2e6}}",
         "specimen[0].law.linear.stiffness_n_per_m=3e6",

@@ -28,7 +28,7 @@ const ADAPTER: &str = "specimen.0.link.protocol=openfresco-adapter";
 const SAFE: &str = "safety.on_trip=safe_displacement";
 const SLOWLY: &str = "safety.exit_speed_m_per_s=0.01";
 
-/// What is said of the rig: the refusal, or all warnings.
+/// The result for the rig: the refusal, or all warnings.
 fn said(sets: &[&str]) -> String {
     let built = read(RIG, sets).and_then(|loaded| build(&loaded));
     built.map_or_else(|error| error.to_string(), |made| made.warnings.to_string())
@@ -93,7 +93,7 @@ fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
         "specimen.0.axis=[{scale=2,sign=-1,offset_m=0.001,unit_disp=\"mm\",unit_force=\"kN\"}]";
     let narrow = "specimen.0.limits.measured_force_n.trip=[-3e3,3e3]";
     shows(&safe("-0.03", &[gear, narrow]), "-3100.0 N");
-    // Nobody is led there, or nobody knows what it is like there.
+    // No specimen moves there, or its deformation there is not known.
     let relative = "specimen.0.axis=[{zero_disp=\"relative\"}]";
     assert!(!safe("-0.03", &[relative]).contains(words));
     assert!(!said(&["specimen.0.safe_disp_m=[-0.03]", SLOWLY]).contains(words));

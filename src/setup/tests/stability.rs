@@ -1,5 +1,5 @@
-//! What the proof of stability and the modes know of specimens: damping between the steps, inertia a step late, stiffness that
-//! is none.
+//! How the proof of stability and the modes treat specimens: damping between the steps, inertia a step late, negative
+//! stiffness.
 
 use super::*;
 use crate::{Facts, build};
@@ -168,7 +168,7 @@ fn a_damping_of_the_wrong_sign_is_refused_unless_something_makes_up_for_it() {
         refused.contains(NEGATIVE_DAMPING) && refused.contains("damping_file = "),
         "{refused}"
     );
-    // No damping, a singular one, and one with digits that were rounded away are none of that; dashpots beside it make up for it.
+    // No damping, a singular one, and one with rounded digits are not negative; dashpots beside a negative one compensate it.
     let singular = dashpots(100.0, "").replace("[[200,", "[[100,");
     let rounded = singular.replace("[[100, -100], [-100,", "[[100, -100.00001], [-100.00001,");
     let element = "[[structure.element]]\nfrom = \"ground\"\nto = 1\nlaw.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e3 }\n\
@@ -223,7 +223,7 @@ fn estimates_that_feed_energy_are_warned_of_and_known_to_grow() {
     assert_eq!(found.structure.unwrap().analysis.unwrap().growth(), None);
 }
 
-/// A spring that falls at rest and is held by what it becomes: a warning, and no proof that the test grows.
+/// A spring that falls at rest and stiffens with motion gives a warning, but no proof that the test grows.
 #[test]
 fn a_branch_that_falls_at_rest_proves_no_growth() {
     let law = "[[structure.element]]\nfrom = \"ground\"\nto = 2\nreach_disp_m = 1\nlaw.cubic = { stiffness_n_per_m = -2e5, \

@@ -84,7 +84,7 @@ fn the_waits_of_a_link_have_longest_ones_too() {
         let error = read(&text, &[&set]).unwrap_err().to_string();
         shows(&error, &headline);
     }
-    // Silence that every specimen hears between two commands is none to hold at.
+    // A watchdog shorter than the pause between two commands is refused.
     let error = read(&text, &["specimen.0.link.watchdog_s=1e-6"]).unwrap_err();
     shows(
         &error.to_string(),
