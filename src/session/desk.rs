@@ -1,11 +1,10 @@
 //! The operator's desk: a socket in the run folder, through which other programs speak to a running test.
 //!
-//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Who lets a test go on
-//! names the hold that he ends: `{"request": "continue", "hold": 1}`. Nothing here can hold
-//! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Nobody
-//! waits at the desk for another, nor its end for anybody. Who asks keeps apart a test that is over from one that does not
-//! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak
-//! ([`gusset_record::rt::control_socket`]).
+//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. A `continue` names
+//! the hold that it ends: `{"request": "continue", "hold": 1}`. Nothing here can delay the loop: it polls a bounded
+//! channel of requests and writes its phase into an atomic. No client waits for another, and closing waits for no client.
+//! The client distinguishes a finished test from one that does not answer: the second may still move. Only the user who
+//! started the test may connect ([`gusset_record::rt::control_socket`]).
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -40,9 +39,9 @@ const BREATH: Duration = Duration::from_millis(10);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "request", deny_unknown_fields)]
 pub enum Request {
-    /// End in an orderly way.
+    /// End cleanly.
     Stop,
-    /// Let test time stand still.
+    /// Stop test time.
     Hold,
     /// Go on after a hold. Nothing is confirmed by it. Refused if another hold stands by now, and if its sender has left.
     Continue {
@@ -64,11 +63,11 @@ impl Request {
     }
 }
 
-/// What the test answers.
+/// Answer of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answer {
-    /// False if the queue of requests is full, the phase one in which this is not heard, or the hold that it names not the
-    /// latest. An end is always heard.
+    /// False if the queue of requests is full, the phase does not allow the request, or its hold is not the latest. A stop
+    /// is always accepted.
     pub accepted: bool,
     /// Where the test was when it was asked.
     #[serde(flatten)]
@@ -78,7 +77,7 @@ pub struct Answer {
 /// Why there is no answer.
 #[derive(Debug, Error)]
 pub enum Unanswered {
-    /// Nobody listens there: no test runs, or none any more.
+    /// Nothing listens there: no test runs, or no longer.
     #[error("no test is running here: {0}")]
     Over(io::Error),
     /// Somebody may listen there, and speaks to others only.
@@ -94,7 +93,7 @@ pub enum Unanswered {
     },
 }
 
-/// What the system calls a resource that is not there just now is time that has passed.
+/// The system calls an elapsed time limit a resource that is unavailable.
 fn in_words(error: &io::Error) -> String {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::TimedOut => format!("{} s", PATIENCE.as_secs()),
@@ -226,7 +225,7 @@ impl Counter {
         for mut caller in callers {
             match caller.hear() {
                 Heard::Part if monotonic_ns() < caller.until_ns => self.callers.push(caller),
-                // Whoever speaks nonsense or not at all gets no answer.
+                // An invalid or silent client gets no answer.
                 Heard::Part => {}
                 Heard::Whole => {
                     let answer = (self.serve)(&caller);
@@ -295,7 +294,7 @@ impl Caller {
         looked.is_err() || end.iter().any(|end| end.revents().contains(PollFlags::HUP))
     }
 
-    /// What has come by now.
+    /// Reads the bytes that have arrived.
     fn hear(&mut self) -> Heard {
         let mut bytes = [0; LONGEST];
         let room = bytes.get_mut(self.line.len()..).unwrap_or_default();
@@ -346,8 +345,8 @@ pub(super) fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Res
 pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     let stream = connect(folder, SOCKET, PATIENCE).map_err(|error| match error.kind() {
         ErrorKind::PermissionDenied => Unanswered::Barred(error),
-        // The socket goes with its test; where that was killed it stays behind, and nobody listens. One that has claimed the
-        // folder does not listen yet, or its socket was deleted.
+        // The socket is removed with its test. After a kill it stays behind, but nothing listens. A test that has claimed
+        // the folder may not listen yet, or its socket was deleted.
         ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::ConnectionRefused
             if !is_claimed(folder) =>
         {
@@ -592,7 +591,7 @@ mod tests {
         assert!(ask(&path, Request::Hold).unwrap().accepted);
         assert_eq!(second_hears.try_recv(), Ok(Operator::Hold));
 
-        // Somebody's file of that name is none of its own.
+        // Another file of that name is not its socket.
         let (third, _third_hears) = {
             fs::rename(&path, home.path().join("second")).unwrap();
             open()
