@@ -20,7 +20,7 @@ pub struct Bin {
     pub time: f64,
     /// The column `state` of its last row.
     pub state: f64,
-    /// Smallest and largest of every channel; not a number where there was none.
+    /// Smallest and largest of every channel; NaN where it has no value.
     pub values: Vec<[f32; 2]>,
     /// The corners of every hysteresis loop: displacement and force, in order of time.
     pub loops: Vec<Vec<[f32; 2]>>,
@@ -127,7 +127,7 @@ impl History {
         self.next
     }
 
-    /// The bins from number `from` on, as far as they are kept, and the number of the first of them.
+    /// The bins from number `from` on, if they are still kept, and the number of the first of them.
     #[cfg(any(test, feature = "monitor"))]
     pub(crate) fn since(&self, from: u64) -> (u64, impl Iterator<Item = &Arc<Bin>>) {
         let first = self.next - self.recent.len() as u64;

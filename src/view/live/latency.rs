@@ -13,7 +13,7 @@ pub(super) const COLUMNS: [&str; 4] = [
     COMPUTE.name(),
 ];
 
-/// What they are called elsewhere: the keys of `timing.json`.
+/// Their other names: the keys of `timing.json`.
 pub const KEYS: [&str; 4] = [
     "wakeup_lateness",
     "command_lateness",
@@ -46,7 +46,7 @@ pub(super) struct Latency {
     histogram: Option<Histogram<u64>>,
 }
 
-/// The same as it is shown.
+/// Counts as displayed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LatencyView {
     /// Key of `timing.json`.
@@ -82,7 +82,7 @@ impl Latency {
         self.count_some(seconds, 1);
     }
 
-    /// Counts the ticks that a stall swallowed, as the loop does: beyond [`MOST_VALUES`] neighbours share one value.
+    /// Counts the ticks that a stall skipped, as the loop does: beyond [`MOST_VALUES`] neighbours share one value.
     pub(crate) fn swallowed(&mut self, stall: Stall, tick_s: f64) {
         let group = stall.ticks.div_ceil(MOST_VALUES).max(1);
         let mut done = 0;

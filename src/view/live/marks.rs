@@ -16,7 +16,7 @@ pub struct Mark {
     pub words: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// Warned of outside of these two; null where there is none.
+    /// Warned about outside of these two; null where not set.
     pub warn: [f64; 2],
     /// Trips outside of these two.
     pub trip: [f64; 2],

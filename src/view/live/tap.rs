@@ -52,7 +52,7 @@ pub struct Tap {
     window_ns: u64,
 }
 
-/// What the last row said.
+/// Values of the last row.
 #[derive(Debug, Clone, Copy, Default)]
 struct Seen {
     rows: u64,

@@ -1,4 +1,4 @@
-//! What ends a test out of order, as the events of the loop tell it: a command that is refused never stands in a row.
+//! Reasons of a trip, from the events of the loop: a refused command is in no row.
 
 use serde::Serialize;
 
@@ -16,11 +16,11 @@ pub struct Trip {
     pub specimen: Option<usize>,
     /// Its axis, from 0.
     pub axis: Option<usize>,
-    /// Key of the limit in the test file; of what is no limit the word of `events.jsonl`.
+    /// Key of the limit in the test file, or the word of `events.jsonl` if it is not a limit.
     pub limit: Word,
-    /// What was found, SI.
+    /// The value that was found, SI.
     pub value: f64,
-    /// What is allowed, SI.
+    /// The allowed value, SI.
     pub bound: f64,
     /// In words.
     pub words: String,
@@ -121,7 +121,7 @@ mod tests {
     use gusset_control::engine::PhaseCell;
     use gusset_record::{Onlooker, Progress};
 
-    /// What is on the board after these events.
+    /// The board after these events.
     fn seen(kinds: &[Event]) -> Arc<Board> {
         let text = include_str!("../../../config/frame-bouc-wen.toml").replace(
             "name = \"ground-storey\"",
@@ -223,7 +223,7 @@ mod tests {
             of(&[interlock(), tripped("interlock", Some(0))]),
             ["interlock"]
         );
-        // A second one on the way out, with an event of its own and without.
+        // A second trip during shutdown, with a separate event and without.
         assert_eq!(
             of(&[interlock(), tripped("interlock", Some(0)), LEAVING, TRIPPED]),
             ["interlock", "stale"]

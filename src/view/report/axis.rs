@@ -95,7 +95,7 @@ impl Axis {
         self.hi
     }
 
-    /// Where `value` falls: 0 at the lower end, 1 at the upper; what lies outside stops at the end.
+    /// Relative place of `value`: 0 at the lower end, 1 at the upper; values outside stop at the end.
     pub(crate) fn place(&self, value: f64) -> f64 {
         let share = if self.log {
             let (lo, hi) = (libm::log10(self.lo), libm::log10(self.hi));
@@ -117,7 +117,7 @@ impl Axis {
         let step = round_step((hi - lo) / about.max(1) as f64);
         let exponent = libm::floor(libm::log10(step) + 1e-9) as i32;
         let largest = libm::floor(libm::log10(lo.abs().max(hi.abs()))) as i32;
-        // Digits enough to tell one tick from the next; long rows of zeros are written as powers.
+        // Digits enough to distinguish one tick from the next; long rows of zeros are written as powers.
         let label = |at: f64| {
             if exponent >= -DECIMALS || largest >= 0 {
                 fixed(at, (-exponent).clamp(0, 12) as usize)

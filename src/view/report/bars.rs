@@ -14,7 +14,7 @@ pub(super) struct HistogramChart<'a> {
     /// (upper edge in µs, count).
     pub histogram: &'a [(f64, u64)],
     pub percentiles: &'a Percentiles,
-    /// What lies beyond is a miss, in µs.
+    /// Values beyond it are misses, in µs.
     pub deadline_us: Option<f64>,
     pub ink: Ink,
 }
@@ -100,7 +100,7 @@ impl HistogramChart<'_> {
         }
     }
 
-    /// What is marked, from the left: place in µs, words, colour.
+    /// Marks from the left: place in µs, words, colour.
     fn marks(&self) -> Vec<(f64, String, Ink)> {
         let p = self.percentiles;
         let named = [

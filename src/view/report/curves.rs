@@ -40,7 +40,7 @@ pub enum Look {
     Bars,
     /// One of many lines: thin and grey.
     Faint,
-    /// What the others are compared with: in the colour of text, dashed.
+    /// The reference of the other lines: in the colour of text, dashed.
     Reference,
 }
 
@@ -76,7 +76,7 @@ pub struct Curves<'a> {
     pub curves: &'a [Curve<'a>],
     /// Both axes logarithmic.
     pub logarithmic: bool,
-    /// The frame is as high as it is wide, for the z plane.
+    /// The frame is square, for the z plane.
     pub square: bool,
 }
 
@@ -86,7 +86,7 @@ const ROW: f64 = 18.0;
 const TOLERANCE: f64 = 0.15;
 /// Length of a dash and of the gap after it, in display units.
 const DASH: (f64, f64) = (6.0, 4.0);
-/// Margin round a picture that is a file of its own.
+/// Margin round a picture in a separate file.
 const EDGE: f64 = 12.0;
 /// Opacity of a bar.
 const BAR: f64 = 0.75;
@@ -94,7 +94,7 @@ const BAR: f64 = 0.75;
 const FAR: f64 = 2.0;
 
 impl Curves<'_> {
-    /// The picture as SVG: a part of a page that carries the style sheet, or a file of its own.
+    /// The picture as SVG: a part of a page that carries the style sheet, or a separate file.
     pub fn svg(&self, width: f64, height: f64, inline: bool) -> String {
         // A page has its own margins, a file has none.
         let (skin, edge) = if inline {

@@ -1,7 +1,7 @@
 //! Timing histograms as they come out of `timing.json`: percentiles, and counts regrouped for a logarithmic axis.
 //!
-//! Invariant: regrouping moves counts between bins and never changes their sum. Percentiles are taken as they were
-//! recorded, not computed again from the regrouped counts.
+//! Invariant: regrouping moves counts between bins and never changes their sum. Percentiles are the recorded ones, not
+//! computed again from the regrouped counts.
 
 use crate::{Percentiles, TimingEntry, Timings};
 
@@ -121,7 +121,7 @@ const LARGEST_US: f64 = 3.2e13;
 impl LogBins {
     /// Regroups (upper edge in µs, count); none if nothing was counted.
     pub(crate) fn new(histogram: &[(f64, u64)]) -> Option<Self> {
-        // Lateness within one bin of an edge rounds to it: the edge is the largest value its bin stands for.
+        // Lateness within one bin of an edge rounds to it: the edge is the largest value of its bin.
         let index = |us: f64| {
             let us = if us.is_nan() {
                 LARGEST_US

@@ -126,7 +126,7 @@ fn a_controller_that_stands_before_its_first_step_leaves_no_row_out() {
 fn what_a_server_kept_back_is_no_motion_and_no_way_out() {
     let whole = served(|step| 0.01 * f64::from(step));
     let mut tripped = served(|step| 0.01 * f64::from(step));
-    // From here on its controller went on as it liked; old measurements were repeated.
+    // From here on its controller moved freely; old measurements were repeated.
     let kept_back = [8.0, f64::NAN, 0.0, 0.3, 0.0, 1e5];
     for row in 180..216 {
         let places = [1, 2, 3, 4, 5, 6];
@@ -147,7 +147,7 @@ fn what_a_server_kept_back_is_no_motion_and_no_way_out() {
 
 #[test]
 fn rows_at_uneven_times_are_not_said_to_be_missing() {
-    // One that slows down and goes on.
+    // A controller that slows down and continues.
     let slow = |step: u32| 0.01 * f64::from(step) - 0.005 * f64::from(u8::from(step > 100));
     let run = served(slow);
     assert_eq!(run.digested().axes[0].dt, None);
@@ -250,7 +250,7 @@ fn a_specimen_is_judged_by_every_tick_and_by_the_row_that_tripped_and_a_structur
 
 #[test]
 fn a_trip_without_a_tick_of_its_own_leaves_all_ticks_to_be_judged() {
-    // Where the last tick was, and as older recordings have it: where the last step ended.
+    // At the time of the last tick, or, as in older recordings, at the end of the last step.
     for back in [0.0, 0.075] {
         let mut run = in_ticks();
         let time = run.data[3][39];

@@ -1,4 +1,4 @@
-//! What a test of prescribed displacement shows of its specimens: stiffness, damping and lag; and tracking metrics as data.
+//! Results of a prescribed displacement for its specimens: stiffness, damping and lag; and tracking metrics as data.
 
 use serde_json::Value;
 
@@ -22,7 +22,7 @@ fn small_percent(share: f64) -> String {
     }
 }
 
-/// The number with its standard error, or why it is none.
+/// The number with its standard error, or why it is unknown.
 #[must_use]
 pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
     let share = 100.0 * found.std / found.value.abs();
@@ -44,7 +44,7 @@ pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
     }
 }
 
-/// What a test of prescribed displacement says of one axis, in words.
+/// Results of a prescribed displacement for one axis, in words.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentifiedAxis {
     /// Name of the specimen, and the axis where there are several.

@@ -1,8 +1,8 @@
 //! Two recordings row by row: the same test time in both, number against number.
 //!
-//! Invariant: rows are told in the order of their times. Of those at one time the end of a step belongs to the end of a step, and a
-//! tick between two steps, where a test waits or slows down, to no other than such a one. What depends on wall time is never compared. Two missing values are
-//! equal, and so are no others but those of the same bits.
+//! Invariant: rows are ordered by their times. At equal times the end of a step is paired with the end of a step only. A tick
+//! between two steps, where a test waits or slows down, is paired with such a tick only. Columns that depend on wall time are
+//! never compared. Two missing values are equal; other values are equal only bit by bit.
 
 use super::first::is_of_tick;
 use super::sieve::{BETWEEN, RUNNING, TRIPPED};
@@ -12,7 +12,7 @@ use gusset_quantity::catalog::column::{
 };
 use gusset_record::Column;
 
-/// Columns that say where a row stands in the test.
+/// Columns that place a row in the test.
 const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];
 /// Rows that are handed on together.
 const BLOCK: usize = 1024;
@@ -57,7 +57,8 @@ pub struct Matched {
     pub alone: (u64, u64),
     /// Columns that were compared.
     pub columns: usize,
-    /// The first difference; none if all is the same. How ticks and commands were counted is told only where nothing else differs.
+    /// The first difference; `None` if all values are equal. Different counts of ticks and commands are reported only where
+    /// nothing else differs.
     pub first: Option<FirstDifference>,
     /// True if nothing differs but that count.
     pub only_counts: bool,
@@ -96,7 +97,7 @@ struct Pair {
     apart: Apart,
 }
 
-/// Compares rows as they are told.
+/// Compares rows as they arrive.
 #[derive(Debug)]
 pub struct Matcher {
     key: [(usize, usize); 3],
@@ -181,8 +182,8 @@ impl Matcher {
         })
     }
 
-    /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second) run.
-    /// `before` is the last such row, if there is one: a trip that is not after it has no tick of its own.
+    /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second)
+    /// run. `before` is the last such row, if there is one: a trip at its time has no separate tick.
     #[must_use]
     pub fn is_running(&self, row: &[f64], before: &[f64], second: bool) -> bool {
         let of = |row: &[f64], (a, b): (usize, usize)| row.get(if second { b } else { a }).copied();

@@ -31,7 +31,8 @@ pub(super) struct Verdict {
     pub warnings: usize,
 }
 
-/// The verdict on `run`, which goes on after step `after` of another if it does; `more` are sentences on which steps of the test these are and how its specimens were left.
+/// The verdict on `run`; `after` is the step after which it resumed, if it did. `more` are sentences on the steps of the test
+/// that these are, and on the end positions of the specimens.
 pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Verdict {
     let nothing = SummaryView::default();
     let summary = run.summary.as_ref().unwrap_or(&nothing);
@@ -268,7 +269,7 @@ fn ended(text: &str) -> String {
 fn extent(run: &RunView, after: Option<u64>) -> Option<String> {
     let progress = run.progress();
     let (steps, dt) = (progress.steps?, progress.dt?);
-    // Of the commands of a controller the first is of no step, and others may be of none.
+    // The first command of a controller belongs to no step, nor may others.
     let mut sentence = if run.is_served() {
         let accepted = plural(steps, "command", "commands");
         let apart = exact(dt, "s");

@@ -1,8 +1,8 @@
-//! Which rows hold no measurement of a specimen: its answer stayed away, and the loop went on with the last one or with an
-//! estimate. `status_<s>` says so.
+//! Rows without a measurement of a specimen: its answer was overdue, and the loop continued with the last one or with an
+//! estimate. `status_<s>` marks them.
 //!
-//! Invariant: such a row is no point of a picture, no peak and no sample of a metric. What the loop made of it, equilibrium and the
-//! energies that follow from it, is as it was.
+//! Invariant: such a row is no point of a picture, no peak and no sample of a metric. Values that the loop computed from it,
+//! equilibrium and the energies, stay unchanged.
 
 use std::borrow::Cow;
 
@@ -21,7 +21,7 @@ const MEASURED: [Kind; 6] = [
     column::POSE_FORCE,
 ];
 
-/// One specimen: its number from 1, and where its status and what was measured of it stand in a block.
+/// One specimen: its number from 1, and the places of its status and its measured values in a block.
 struct Watched {
     specimen: u32,
     status: usize,
@@ -90,7 +90,7 @@ impl Stale {
         }
     }
 
-    /// Specimens of which there are any, with how many.
+    /// Specimens with stale rows, and their number.
     pub(crate) fn found(&self) -> Vec<(u32, u64)> {
         let found = self.specimens.iter().filter(|of| of.count > 0);
         found.map(|of| (of.specimen, of.count)).collect()

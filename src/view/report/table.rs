@@ -24,13 +24,13 @@ pub(super) struct Mark {
     pub value: f64,
 }
 
-/// What is marked of a column, whether its rows are thinned or not.
+/// Marks of a column, whether its rows are thinned or not.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Marks {
     /// The finite value of largest magnitude, and the smallest; the first of those that are equal.
     pub peak: Option<Mark>,
     pub least: Option<Mark>,
-    /// What stands in the last row, a number or not.
+    /// Value of the last row, possibly NaN.
     pub last: Option<f64>,
 }
 
@@ -143,7 +143,7 @@ impl Thinner {
     /// none to be seen.
     pub(crate) fn gap(&mut self, gap: Gap) {
         if gap.rows < self.every as u64 {
-            // Of what is not thinned every gap is wide enough.
+            // Without thinning every gap is wide enough.
             return;
         }
         if self.filled > 0 {
@@ -190,7 +190,7 @@ impl Thinner {
         columns.map(|column| (column.times, column.out)).collect()
     }
 
-    /// The columns by name, with what was marked of them.
+    /// The columns by name, with their marks.
     pub fn table(self, names: impl IntoIterator<Item = Column>) -> Table {
         let marks = self.columns.iter().map(|column| column.marks).collect();
         let (times, values): (Vec<_>, Vec<_>) = self.finish().into_iter().unzip();
@@ -269,7 +269,7 @@ impl Table {
         own.map(Vec::as_slice).or_else(|| self.get("time"))
     }
 
-    /// What was marked of a column; nothing of one that is not there.
+    /// The marks of a column; empty if it does not exist.
     pub(crate) fn marks(&self, name: &str) -> Marks {
         let place = self.places.get(name);
         let marks = place.and_then(|place| self.marks.get(*place));

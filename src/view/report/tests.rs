@@ -118,7 +118,7 @@ fn the_page_of_a_hybrid_test_has_all_its_parts_and_needs_nothing_else() {
 fn a_prescribed_test_shows_stiffness_damping_and_lag_instead_of_a_response() {
     let page = render(&prescribed());
     assert!(page.contains("Identified specimen") && !page.contains("Response of the structure"));
-    // What the made-up specimen was given; rows of the static state (5 m) must not come in.
+    // Properties of the made-up specimen; rows of the static state (5 m) must not enter.
     for part in [
         "2.00\u{a0}MN/m",
         "8.00\u{a0}kN·s/m",
@@ -172,7 +172,7 @@ fn rotations_and_moments_are_shown_as_such_everywhere() {
         assert_eq!(lengths_and_forces(&page), [""; 0]);
         assert!(page.contains("(mrad)") && page.contains("N·m)"));
     }
-    // A structure with a DOF that turns: it has a picture of its own beside those that do not.
+    // A structure with a DOF that turns: it has a separate picture beside those that do not.
     let mut run = hybrid(4.0, 0);
     let before = render(&run);
     let mut others = run.columns.iter_mut();

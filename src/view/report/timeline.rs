@@ -208,7 +208,8 @@ mod tests {
             assert!(drawn.contains(part), "{part}");
         }
         assert!(!drawn.contains("operator"));
-        // After a trip test time stands, in older records where the last step ended, before the trip; the loop's clock goes on.
+        // After a trip test time stops, in older records at the end of the last step before the trip; the loop's clock
+        // continues.
         let event = |time: f64, ns: u64, to: &str| {
             EventLine::from(
                 json!({"event": "phase", "from": "armed", "to": to, "time": time, "clock_ns": ns}),

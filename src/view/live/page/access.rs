@@ -1,9 +1,9 @@
 //! Permission to view and to operate: tokens, and the host names that the server accepts.
 //!
-//! A browser can be made to send requests here by any other page that it has open. Three things keep such a page out: it
-//! can read nothing (no CORS header is ever sent), it cannot name this server (the `Host` must be an address, `localhost`
-//! or this machine, so that no name of an attacker's that resolves to us is answered), and it cannot operate (the control
-//! token is wanted in a header of its own, which no form can send; `Origin` and `Sec-Fetch-Site` must be ours).
+//! Any other page that a browser has open can make it send requests here. Three checks keep such a page out. It can read
+//! nothing: no CORS header is ever sent. It cannot name this server: the `Host` must be an address, `localhost` or this
+//! machine, so an attacker's name that resolves to us gets no answer. It cannot operate: the control token is required in
+//! a header that no form can send, and `Origin` and `Sec-Fetch-Site` must be ours.
 
 use std::fs::File;
 use std::io::{self, Read};

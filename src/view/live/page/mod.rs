@@ -1,4 +1,4 @@
-//! The live page: one server on a thread of its own, off the loop's processor.
+//! The live page: one server on a separate thread, off the loop's processor.
 //!
 //! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
 //! have been put on their processors; open until every viewer has received the end and fetched the report. It closes after 0.9 s in
@@ -53,7 +53,7 @@ pub enum PageError {
     /// The address means nothing.
     #[error("the live page cannot be served at \"{address}\": {source}")]
     Address {
-        /// As it was given.
+        /// The address as given.
         address: String,
         /// The system's word.
         source: io::Error,
@@ -84,10 +84,10 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// An address as it is given: `ADDR:PORT`, or one of the two.
+/// Parses an address: `ADDR:PORT`, or one of the two.
 ///
 /// # Errors
-/// It is none, in words.
+/// Why it is not an address, in words.
 pub fn parse_address(text: &str) -> Result<String, String> {
     let wanted = || {
         format!(
