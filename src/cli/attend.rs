@@ -18,7 +18,7 @@ use gusset_setup::Facts;
 /// Time between two looks for room on the operator's line.
 const ROOM: Duration = Duration::from_millis(5);
 
-/// Refuses a test that needs a confirmation nobody can give; one that is given unseen is among its warnings.
+/// Refuses a test that needs a confirmation without a terminal; adds a warning if `--yes` confirms it unseen.
 pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     if facts.confirm && !yes && !std::io::stdin().is_terminal() {
         let text = "what the sensors read must be confirmed before anything moves, and there is no terminal; `--yes` \
@@ -44,7 +44,7 @@ pub struct Attendant {
     pub phase: PhaseCell,
     /// The operator's end of the line.
     pub operator: Sender<Operator>,
-    /// What is read is confirmed unseen.
+    /// Readings are confirmed unseen.
     pub yes: bool,
 }
 
@@ -82,7 +82,7 @@ impl Attendant {
         ));
     }
 
-    /// Asks at the terminal, as long as nobody else has confirmed it.
+    /// Asks at the terminal until the readings are confirmed elsewhere.
     fn is_confirmed_here(&self) -> bool {
         let run = self.run.display();
         let question = Question {

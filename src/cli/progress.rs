@@ -150,7 +150,7 @@ impl ProgressLine {
         }
     }
 
-    /// Draws the line anew.
+    /// Draws the line again.
     pub fn show(&self, progress: &Progress) {
         if self.show {
             let elapsed_s = monotonic_ns().saturating_sub(self.began_ns) as f64 * 1e-9;

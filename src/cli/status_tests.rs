@@ -1,4 +1,4 @@
-//! Tests of the status: what stands in it, at every width.
+//! Tests of the status: its content, at every width.
 
 use super::*;
 use gusset_control::engine::{Glimpse, Phase, PhaseCell};
@@ -131,7 +131,7 @@ fn one_line_says_the_most_important_first_and_never_more_than_fits() {
         let line = sight.line(columns);
         assert!(line.chars().count() <= columns, "{columns}: {line}");
     }
-    // A usual terminal has room for what must be told, and not for a bar.
+    // A usual terminal has room for the required parts, but not for a bar.
     let usual = "RUNNING  0.50 of 20.00 s  misses 0  90 % of trip: ground-storey measured_force_n";
     assert_eq!(sight.line(80), usual);
     let more = sight.line(100);
@@ -161,7 +161,7 @@ fn a_test_that_has_tripped_says_so_and_why_to_its_end() {
     assert!(line.contains(why), "{line}");
     let block = sight.block(100, 40).join("\n");
     assert!(block.contains(&format!("TRIPPED  {why}")), "{block}");
-    // What was refused stands in no row, and was beyond all the same.
+    // A refused command is in no row, but exceeded its limit.
     assert!(block.contains("120 % of trip, worst 120 %"), "{block}");
 }
 

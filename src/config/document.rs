@@ -1,4 +1,4 @@
-//! A test file as a tree whose every node knows where it stands in the text.
+//! A test file as a tree whose every node knows its place in the text.
 //!
 //! Values are found by [`KeyPath`] (`specimen[1].storey`), so that a check anywhere in the program can point at the
 //! line it speaks of without carrying positions through its data. Entries keep the order of the file.
@@ -21,7 +21,7 @@ pub(crate) struct Node {
     pub datum: Datum,
 }
 
-/// What a [`Node`] holds.
+/// Content of a [`Node`].
 #[derive(Debug, Clone)]
 pub(crate) enum Datum {
     Text(String),

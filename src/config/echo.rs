@@ -1,4 +1,4 @@
-//! What a file says, said back in a message: short enough to be read, and nothing that a terminal would obey.
+//! Text of a file, quoted in a message: short enough to read, and without terminal codes.
 
 use gusset_quantity::text::is_hidden;
 

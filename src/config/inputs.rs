@@ -56,7 +56,7 @@ pub enum InputError {
     Refused {
         /// Where it was looked for.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
 }
@@ -182,7 +182,7 @@ impl Inputs {
         Ok(self.files.len() - 1)
     }
 
-    /// The file's own name, made safe, and numbered where another input has it.
+    /// The file's name, made safe, and numbered where another input already uses it.
     fn unique_name(&self, path: &Path) -> String {
         let own = path
             .file_name()

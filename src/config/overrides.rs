@@ -15,7 +15,7 @@ use super::echo::plain;
 use super::edit::put_in_table;
 use super::words::{NO_COMMA, comma_readings};
 
-/// What stands before the argument when it is shown.
+/// Text before the argument in messages.
 const FLAG: &str = "--set ";
 
 /// One parsed `--set` argument.
@@ -82,7 +82,7 @@ impl Override {
         }
         let (value, tree) = match text.parse::<Value>() {
             Ok(value) => {
-                // Parsed as the value of a one-letter key, then moved to where it stands in the argument.
+                // Parsed as the value of a one-letter key, then moved to its place in the argument.
                 let tree = Node::parse(&format!("v={text}"))
                     .ok()
                     .and_then(|root| root.find(&KeyPath::root().key("v")).cloned())
