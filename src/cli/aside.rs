@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_who_does_not_read_is_waited_for_once_and_later_told_what_it_missed() {
+    fn silent_reader_is_waited_for_once() {
         let mut aside = Aside::new(Pipe {
             room: 8,
             ..Pipe::default()
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_socket_that_nobody_empties_is_not_waited_for_although_its_own_writes_would() {
+    fn full_socket_is_not_waited_for() {
         let (writer, mut reader) = std::os::unix::net::UnixStream::pair().unwrap();
         writer.set_nonblocking(true).unwrap();
         while (&writer).write(b".").is_ok() {}

@@ -142,7 +142,7 @@ mod tests {
     use gusset_control::engine::{Glimpse, Phase};
 
     #[test]
-    fn the_noise_of_one_reading_is_not_known_and_no_zero() {
+    fn noise_of_one_reading_is_unknown() {
         let mut reading = Reading {
             count: 1,
             disp: 0.5,
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn readings_to_confirm_have_the_digits_that_their_noise_resolves() {
+    fn readings_show_the_digits_of_their_noise() {
         let reading = Reading {
             count: 100,
             disp: 123.456_789_4,
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_confirmation_ends_no_hold_and_is_not_said_where_nobody_asks_for_it() {
+    fn confirmation_ends_no_hold() {
         let (operator, heard) = crossbeam_channel::bounded(4);
         let attendant = Attendant {
             names: Vec::new(),

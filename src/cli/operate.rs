@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_is_one_where_something_stands_for_it_in_every_phase() {
+    fn hold_is_recognised_in_every_phase() {
         use Phase::{Holding, Leaving, Probing, Ramping, Running, Safe, Tripped, Zeroing};
         for (now, long_enough, said) in [
             (seen(Running, false, false), false, "waits"),
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn who_goes_on_is_told_whether_he_ended_a_hold_or_confirmed_what_was_read() {
+    fn continue_reports_hold_or_confirmation() {
         use Phase::{Armed, Connected, Holding, Leaving, Ramping, Running, Zeroing};
         let go_on = Request::Continue { hold: 0 };
         let held = |phase| seen(phase, true, true);
@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn who_goes_on_after_one_hold_does_not_end_another() {
+    fn continue_ends_only_its_own_hold() {
         let second = Glimpse {
             hold_number: 2,
             ..seen(Phase::Holding, true, true)
@@ -413,14 +413,14 @@ mod tests {
     }
 
     #[test]
-    fn who_is_not_taken_is_told_that_it_is_too_late_or_to_say_it_again() {
+    fn refused_request_is_explained() {
         let said = |phase| not_taken(phase).1;
         assert!(said(Phase::Leaving).contains("shutting down"));
         assert!(said(Phase::Running).starts_with("its queue"));
     }
 
     #[test]
-    fn an_end_is_what_a_stop_wants_and_nothing_else() {
+    fn stop_succeeds_only_when_the_test_ends() {
         let in_order = || None;
         assert_eq!(over(Request::Stop, false, in_order).unwrap(), "ended");
         let tripped = || Some("its interlock is open".to_owned());

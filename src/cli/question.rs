@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn only_an_empty_line_or_a_yes_is_one_and_every_other_line_is_asked_about_again() {
+    fn only_yes_or_an_empty_line_confirms() {
         for yes in ["\n", "y\n", " YES \n", "yes\r"] {
             assert_eq!(
                 answered(&[yes], 100),
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_when_it_is_over_is_no_answer() {
+    fn late_input_is_not_an_answer() {
         assert_eq!(answered(&["\n"], 0), (Answered::Over, Vec::new()));
         // It is over while the line comes.
         assert_eq!(answered(&["\n"], 1).0, Answered::Over);
@@ -190,7 +190,7 @@ mod tests {
 
     /// As a terminal in the background is (EIO), or one that has hung up.
     #[test]
-    fn where_nobody_can_answer_it_is_said_who_can_and_nothing_is_taken_for_a_yes() {
+    fn question_without_a_user_is_not_a_yes() {
         let words = ["right?".to_owned(), "ask elsewhere".to_owned()];
         let folder = tempfile::tempdir().unwrap();
         let unreadable = File::open(folder.path()).unwrap();

@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_colour_is_wanted_by_anything_in_the_variable() {
+    fn any_no_colour_value_disables_colour() {
         assert!(wants_colour(None) && wants_colour(Some(OsStr::new(""))));
         assert!(!wants_colour(Some(OsStr::new("1"))));
     }
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_drawn_over_the_last_ones_and_taken_away_without_a_trace() {
+    fn lines_are_redrawn_and_removed_cleanly() {
         let first = over(
             0,
             &lines(&["one and something long that is cut", "two", "three"]),

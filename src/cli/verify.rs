@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_value_that_fails_makes_the_exit_code_one() {
+    fn one_failed_value_gives_exit_code_one() {
         let part = |paper: f64| Part {
             name: "eq-33",
             title: "a limit",

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_terminal_would_obey_is_spelt_and_lines_stay() {
+    fn terminal_codes_are_spelt_out() {
         assert_eq!(plain("a \u{1b}[2J b\n c\td"), "a \\u{1b}[2J b\n c\\u{9}d");
         assert_eq!(plain("\u{202e}txt.exe"), "\\u{202e}txt.exe");
         let usual = "µm, 1024 Hz, \"Prüfling\", 0.0009765625 s, 18446744073709551615";

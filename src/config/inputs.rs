@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn an_input_keeps_bytes_checksum_and_a_unique_name() {
+    fn input_keeps_bytes_and_a_unique_name() {
         let folder = folder();
         let mut inputs = Inputs::new(folder.path());
         assert_eq!(inputs.read("elcentro.at2").unwrap(), b"abc");
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_file_is_named_with_its_likeliest_neighbour() {
+    fn missing_file_suggests_a_neighbour() {
         let folder = folder();
         let mut inputs = Inputs::new(folder.path());
         let error = inputs.read("elcntro.at2").unwrap_err();

@@ -291,14 +291,14 @@ mod tests {
     }
 
     #[test]
-    fn a_path_goes_through_tables_inline_tables_and_arrays() {
+    fn path_crosses_tables_and_arrays() {
         let text = with(&["specimen[0].rows.1[0]=7", "specimen.0.law.linear.k=5"]).unwrap();
         assert!(text.contains("[[1, 0], [7, 1]] # B"), "{text}");
         assert!(text.contains("k = 5"), "{text}");
     }
 
     #[test]
-    fn what_is_not_there_is_created() {
+    fn missing_parts_are_created() {
         let text = with(&[
             "timing.priority=80",
             "specimen[1].name=b",
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_leads_nowhere_is_explained_in_the_argument() {
+    fn dead_path_is_explained_in_the_argument() {
         let complaint = |argument: &str| with(&[argument]).unwrap_err();
         let text = complaint("specimen[3].name=z");
         assert!(

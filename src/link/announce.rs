@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn trip_levels_are_announced_in_the_units_of_the_axis() {
+    fn trip_levels_are_announced_in_axis_units() {
         let wire = announce(&limits(), &MM_KN, None);
         assert!((wire.disp_min + 50.0).abs() < 1e-12 && (wire.disp_max - 70.0).abs() < 1e-12);
         assert!((wire.speed_max - 300.0).abs() < 1e-12);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_of_the_change_in_one_tick_is_announced_as_the_speed_that_it_is() {
+    fn step_bound_is_announced_as_a_speed() {
         let speed_max = |step: f64, vel: f64| {
             let limits = AxisLimits::NONE
                 .with(Limit::CommandStep, Bound::trip(step))
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn the_far_end_lets_pass_what_the_controller_may_send_and_nothing_beyond() {
+    fn announced_bounds_pass_allowed_commands() {
         let kept = kept(&announce(&limits(), &MM_KN, None), &MM_KN);
         let tripped = |disp: f64, force: f64| {
             let mut watch = Watch::new(vec![kept], 1.0);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_only_the_far_end_keeps_is_said() {
+    fn limit_known_only_there_is_reported() {
         let theirs = announce(&limits(), &MM_KN, None);
         let said = unknown_to_us(&Limits::NONE, &theirs, &MM_KN).unwrap();
         assert_eq!(

@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_in_pieces_of_every_size_gives_the_same_frames() {
+    fn split_stream_gives_the_same_frames() {
         let frames: Vec<_> = [&b"one"[..], b"two two", b""].map(greeting).to_vec();
         let bytes = frames.concat();
         for size in 1..bytes.len() {
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_datagram_is_an_error_and_leaves_nothing_behind() {
+    fn cut_datagram_leaves_nothing_behind() {
         let frame = greeting(b"one");
         let mut inbox = Inbox::new(false);
         inbox.preload(&frame[..20]);

@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_line_end_is_not_part_of_the_key_and_a_short_key_is_none() {
+    fn line_end_is_not_part_of_the_key() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_all_users_can_read_is_none() {
+    fn key_that_everyone_can_read_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lab.key");
         std::fs::write(&path, b"sixteen bytes it is").unwrap();

@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_fault_of_a_certificate_is_a_failed_proof_and_a_lost_socket_is_not() {
+    fn certificate_faults_are_failed_proofs() {
         let expired = TlsFault::Expired(951_782_400);
         assert_eq!(
             expired.to_string(),

@@ -301,7 +301,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_before_the_loop_listens_is_not_lost() {
+    fn early_commands_are_not_lost() {
         let (desk, requests) = crossbeam_channel::bounded(4);
         let control = Control {
             desk: Some(desk.clone()),

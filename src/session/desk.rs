@@ -373,7 +373,7 @@ mod tests {
     use gusset_record::RunFolder;
 
     #[test]
-    fn a_request_reaches_the_queue_and_the_socket_goes_with_the_desk() {
+    fn request_reaches_the_queue() {
         let home = tempfile::tempdir().unwrap();
         // Longer than an address of a socket may be.
         let folder = home.path().join("a".repeat(100)).join("b".repeat(100));
@@ -402,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_held_is_seen_and_the_way_out_is_not_held() {
+    fn hold_is_visible_and_shutdown_is_not_held() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
@@ -429,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_read_is_confirmed_by_that_word_alone_and_while_it_is_asked() {
+    fn only_confirm_confirms_readings() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
@@ -454,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn who_does_not_answer_is_not_over_and_who_is_over_does_not_answer() {
+    fn silent_test_is_not_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path();
         let over = ask(path, Request::Stop).unwrap_err();
@@ -477,7 +477,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_whose_socket_is_gone_is_not_over_as_long_as_it_has_claimed_its_folder() {
+    fn claimed_folder_without_socket_is_running() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("run");
         let folder = RunFolder::create(&path).unwrap();
@@ -493,7 +493,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_gets_no_answer_and_the_desk_stays_open() {
+    fn nonsense_gets_no_answer() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let _desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
@@ -517,7 +517,7 @@ mod tests {
     }
 
     #[test]
-    fn a_continue_ends_the_hold_that_it_names_and_no_other() {
+    fn continue_ends_only_the_hold_it_names() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
@@ -542,7 +542,7 @@ mod tests {
 
     /// What waits behind a full desk until its sender has given up must not move a specimen later.
     #[test]
-    fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
+    fn command_of_a_lost_sender_is_dropped() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(8);
         let cell = PhaseCell::default();
@@ -572,7 +572,7 @@ mod tests {
     }
 
     #[test]
-    fn a_desk_whose_folder_was_moved_leaves_that_of_another_test_alone_and_takes_its_own_with_it() {
+    fn moved_folder_keeps_its_own_socket() {
         let home = tempfile::tempdir().unwrap();
         let (path, moved) = (home.path().join("run"), home.path().join("moved"));
         let open = || {
@@ -603,7 +603,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_those_who_say_nothing_and_they_are_not_waited_for_without_end() {
+    fn silent_clients_delay_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();

@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn an_older_recording_may_lack_only_columns_that_later_versions_added() {
+    fn older_recording_may_lack_newer_columns() {
         let now = columns(&["step", "operator", "x1", "release_s", "record_before_s"]);
         let same = |names: &[&str]| same_columns(&columns(names), &now).is_ok();
         assert!(same(&[

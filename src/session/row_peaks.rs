@@ -193,7 +193,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn peaks_come_back_from_their_text_to_the_last_bit_and_are_raised_by_what_is_larger() {
+    fn peaks_are_read_back_exactly_and_raised() {
         let numbers = (1..4000).map(|k| Some((f64::from(k) * 1.37).sin().abs() * 1e5));
         let mut peak = Peak {
             displacement: numbers.collect(),

@@ -505,7 +505,7 @@ mod tests {
 
     /// Rows that were lost long before are no trouble; the one right before the first, and the first itself, are needed.
     #[test]
-    fn only_the_rows_around_the_first_one_are_needed() {
+    fn only_rows_around_the_first_are_needed() {
         let of = |numbers: &[u64]| {
             let tape = tape(numbers, 4..9);
             (tape.short.is_none(), tape.next().is_some())

@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_waits_of_a_tick_leave_the_kernel_its_share() {
+    fn tick_waits_leave_the_kernel_its_share() {
         let asked = Wait::default();
         for (rate_hz, first_us, last_us) in [
             (1000, 60, 50),

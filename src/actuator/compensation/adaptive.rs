@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_goal_that_is_no_number_moves_nothing() {
+    fn goal_that_is_nan_moves_nothing() {
         let bounds = vec![(0.5, 1.5), (0.0, 0.1)];
         let made = Bounded::new(vec![1.0, 0.01], bounds, None, None, None, 1e-3);
         let mut learnt = made.unwrap();

@@ -141,7 +141,7 @@ mod tests {
     use gusset_numerics::law::{LawSpec, LinearSpec};
 
     #[test]
-    fn a_spring_in_millimetres_and_kilonewtons_is_the_same_spring() {
+    fn units_do_not_change_a_spring() {
         let law = LawSpec::Linear(LinearSpec {
             stiffness_n_per_m: 8e6,
             damping_n_s_per_m: 0.0,

@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn off_its_zero_it_is_the_same_specimen() {
+    fn offset_does_not_change_the_specimen() {
         let (mut plain, mut off) = (plastic(), Mounted::around(plastic(), &[(0.25, 40.0)]));
         let (mut expected, mut force) = ([0.0], [0.0]);
         for k in 0..60 {

@@ -218,7 +218,7 @@ mod tests {
 
     /// A pose is commanded as strokes; the forces of the actuators, transformed back, are those of the law at the pose.
     #[test]
-    fn the_actuators_feel_what_the_law_says_of_the_pose() {
+    fn actuator_forces_are_those_of_the_pose() {
         let geometry = geometry();
         let gears = [
             Gear {
@@ -262,7 +262,7 @@ mod tests {
 
     /// Pᵀ K P with P = J⁻¹: brought back by J it is K again, gears included.
     #[test]
-    fn matrices_of_the_law_come_to_the_actuators_and_back() {
+    fn law_matrices_convert_to_actuators() {
         let geometry = geometry();
         let gears = [Gear {
             ratio: -2.0,
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frozen_platform_goes_on_to_the_last_bit_and_allocates_nothing() {
+    fn restored_platform_has_the_same_bits() {
         let law = "bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, post_yield_ratio = 0.1, beta = 0.5, \
                    gamma = 0.5, exponent = 1.5 }";
         let law: LawSpec = toml::from_str(law).unwrap();
@@ -327,7 +327,7 @@ mod tests {
 
     /// A hold, or a test that resumes after an interruption, commands the same strokes again: not a bit may change.
     #[test]
-    fn the_same_strokes_have_the_same_force_whatever_came_before() {
+    fn force_depends_only_on_strokes() {
         let ask = |platform: &mut Platform<Box<dyn Specimen>>, disp: [f64; 3]| {
             let mut force = [0.0; 3];
             platform.trial(&disp, &[0.0; 3], 0.0, &mut force);

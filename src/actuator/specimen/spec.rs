@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn the_three_keys_of_a_specimen_build_what_they_say() {
+    fn each_key_builds_its_specimen() {
         let one = "law = { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, \
                    post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2 } }";
         let two = "laws = [ { linear = { stiffness_n_per_m = 2.0 } }, { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 3.0 } } ]";

@@ -88,7 +88,7 @@ mod tests {
     use crate::specimen::SpecimenLaw;
 
     #[test]
-    fn a_stiffer_spring_yields_at_the_same_force() {
+    fn stiffer_spring_yields_at_equal_force() {
         let law: SpecimenLaw = toml::from_str(
             "law.bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, post_yield_ratio = 0.1 }",
         )

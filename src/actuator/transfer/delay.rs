@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_delays_give_the_very_commands_and_fractions_their_straight_line() {
+    fn delays_are_exact_and_linear_in_between() {
         let dt = 1.0 / 4096.0;
         let command = |t: f64| libm::sin(200.0 * t);
         for ticks in [1.0, 7.0, 0.0, 3.25, 0.5] {
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_is_delayed_exactly_over_lost_ticks_and_another_grid() {
+    fn ramp_delay_is_exact_over_lost_ticks() {
         let mut delay = Delay::new(0.0105, 64, None);
         delay.prime(0.0);
         let mut t = 0.0;
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_that_eases_into_motion_is_delayed_by_as_much() {
+    fn hold_ramp_is_delayed_equally() {
         // A history for the nominal tick alone, and steps of any part of it down to a thousandth.
         let dt = 1e-3;
         let mut delay = Delay::new(3.7e-3, 7, Some(dt));
@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_history_goes_on_with_the_same_bits() {
+    fn restored_history_has_the_same_bits() {
         let (mut one, mut two) = (Delay::new(0.0123, 40, None), Delay::new(0.0123, 40, None));
         one.prime(0.5);
         for k in 0..70 {

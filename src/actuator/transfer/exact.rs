@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_exponential_of_a_rotation_turns_however_far() {
+    fn exponential_of_any_rotation_is_exact() {
         for angle in [0.1, 3.0, 40.0] {
             let turned = exponential(&[[0.0, -angle], [angle, 0.0]]);
             let (s, c) = libm::sincos(angle);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_order_lag_follows_a_ramp_as_its_formula_says() {
+    fn first_order_lag_follows_a_ramp_exactly() {
         // x' = (u − x)/T, u = t: x = t − T (1 − e^{−t/T}); one tick of length 1 with T = 3.
         let lag = Ramped::<1, 1>::new::<3>(&[[-1.0 / 3.0]], &[[1.0 / 3.0]], &[1.0]);
         let mut x = [0.0];
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn routh_tells_stable_polynomials_from_others() {
+    fn routh_separates_stable_polynomials() {
         // (s + 1)(s + 2)(s² + s + 4) and the same with s² − s/10 + 4.
         assert!(is_hurwitz(&[1.0, 4.0, 9.0, 14.0, 8.0]));
         assert!(!is_hurwitz(&[1.0, 2.9, 5.7, 11.8, 8.0]));

@@ -45,7 +45,7 @@ fn follow(
 }
 
 #[test]
-fn without_any_key_the_law_answers_with_the_same_bits() {
+fn without_keys_the_law_answers_directly() {
     let mut direct = spring(1.19e6, 114.0);
     let mut through = behind("", spring(1.19e6, 114.0));
     let (mut a, mut b) = ([0.0], [0.0]);
@@ -63,7 +63,7 @@ fn without_any_key_the_law_answers_with_the_same_bits() {
 }
 
 #[test]
-fn lags_follow_ramps_and_steps_as_their_formulas_say() {
+fn lags_follow_ramps_and_steps_exactly() {
     // A step of one tick's ramp: after it, x = 1 − e^{−(t−δ)/T}·(1 − e^{−δ/T})·T/δ … with δ the tick, exactly.
     let (lag, rise) = (0.02, DT);
     let mut first = behind(
@@ -94,7 +94,7 @@ fn lags_follow_ramps_and_steps_as_their_formulas_say() {
 }
 
 #[test]
-fn a_held_command_is_a_step_at_the_start_of_each_tick() {
+fn held_command_steps_at_each_tick_start() {
     // First order: x = 1 − e^{−t/T} from the start of the first tick on, exactly.
     let mut first = behind(
         "between_ticks = \"held\"\nactuator.first_order = { time_constant_s = 0.02 }",
@@ -124,7 +124,7 @@ fn a_held_command_is_a_step_at_the_start_of_each_tick() {
 }
 
 #[test]
-fn the_plant_answers_a_held_sine_half_a_tick_earlier() {
+fn held_sine_is_answered_half_a_tick_early() {
     let (hertz, k, c) = (3.6, 1.19e6, 114.22);
     let omega = 2.0 * PI * hertz;
     let text = "between_ticks = \"held\"\nactuator.servo_hydraulic = {}";
@@ -153,7 +153,7 @@ fn the_plant_answers_a_held_sine_half_a_tick_earlier() {
 }
 
 #[test]
-fn the_benchmark_plant_has_its_published_lags_and_gains() {
+fn benchmark_plant_has_published_lags() {
     let plant = spec("actuator.servo_hydraulic = {}");
     let (k, c) = (1.19e6, 114.22);
     for (hertz, lag, gain) in [
@@ -183,7 +183,7 @@ fn the_benchmark_plant_has_its_published_lags_and_gains() {
 }
 
 #[test]
-fn the_simulated_plant_answers_a_sine_as_its_transfer_function_says() {
+fn plant_matches_its_transfer_function() {
     let (hertz, k, c) = (3.6, 1.19e6, 114.22);
     let omega = 2.0 * PI * hertz;
     let text = "delay_s = 0.0031\nactuator.servo_hydraulic = {}";
@@ -206,7 +206,7 @@ fn the_simulated_plant_answers_a_sine_as_its_transfer_function_says() {
 }
 
 #[test]
-fn a_yielding_specimen_inside_the_loop_is_in_equilibrium_with_its_actuator() {
+fn yielding_specimen_is_in_equilibrium() {
     // Half the step must give a quarter of the difference: the coupling is of second order.
     let law = || {
         let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1, \
@@ -226,7 +226,7 @@ fn a_yielding_specimen_inside_the_loop_is_in_equilibrium_with_its_actuator() {
 }
 
 #[test]
-fn limits_of_rate_stroke_and_force_hold_where_they_should() {
+fn limits_of_rate_stroke_and_force_hold() {
     // A far command: at the rate until the lag would be slower, |u − x| = rate T, then an exponential.
     let text = "actuator.first_order = { time_constant_s = 0.05 }\nrate_limit_m_per_s = 0.2";
     let mut slow = behind(text, spring(1.0, 0.0));
@@ -269,7 +269,7 @@ fn limits_of_rate_stroke_and_force_hold_where_they_should() {
 
 /// Beyond 2 mm the stop takes what the cylinder presses with, and nothing bleeds it while it stands.
 #[test]
-fn at_the_end_of_its_stroke_a_cylinder_winds_up_and_the_specimen_does_not_feel_it() {
+fn cylinder_winds_up_at_its_stroke_end() {
     let (k, stroke) = (1.19e6, 2e-3);
     let run = |per_second: usize| {
         let mut plant = behind(
@@ -312,7 +312,7 @@ fn at_the_end_of_its_stroke_a_cylinder_winds_up_and_the_specimen_does_not_feel_i
 }
 
 #[test]
-fn it_begins_at_rest_where_the_first_command_takes_it() {
+fn startup_is_at_rest_at_the_first_command() {
     for text in [
         "delay_s = 0.01\nactuator.second_order = { frequency_hz = 9, damping_ratio = 0.6 }",
         "actuator.first_order = { time_constant_s = 0.03 }",
@@ -332,7 +332,7 @@ const NOISY: &str = "delay_s = 0.0041\nactuator.servo_hydraulic = {}\nseed = 5\n
                      [disp_sensor]\nnoise_rms_m = 1e-5\ndrift_m_per_s = 1e-4\n[force_sensor]\nnoise_power_n2_s = 1e-3\nquantum_n = 0.5";
 
 #[test]
-fn trials_and_holds_leave_no_trace_and_a_restored_state_goes_on_with_the_same_bits() {
+fn trials_and_holds_leave_no_trace() {
     let law = || spring(1.19e6, 114.0);
     let (mut plain, mut disturbed) = (behind(NOISY, law()), behind(NOISY, law()));
     let (mut a, mut b) = ([0.0], [0.0]);
@@ -387,7 +387,7 @@ fn a_tick_allocates_nothing() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_its_key() {
+fn invalid_transfer_is_refused_by_key() {
     let refuse =
         |text: &str| Transfer::new(&spec(text), spring(1.19e6, 114.0), Some(DT)).unwrap_err();
     for (text, key) in [
@@ -447,7 +447,7 @@ fn growth(ratio: f64, share: f64, transfer: &str) -> f64 {
 }
 
 #[test]
-fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
+fn loops_decay_below_the_critical_delay() {
     use gusset_numerics::spectral::delay::{critical_lag, sdof};
     let omega = 2.0 * PI;
     for (ratio, share) in [(0.02, 0.5), (0.05, 0.8), (0.01, 1.0)] {
@@ -506,7 +506,7 @@ fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
 }
 
 #[test]
-fn noise_of_a_given_power_is_that_of_the_tick_also_before_time_has_passed() {
+fn noise_power_holds_before_time_passes() {
     let rms = |told: f64, dt: f64| {
         let mut plant = behind(
             "seed = 5\n[force_sensor]\nnoise_power_n2_s = 1e-3",
@@ -546,7 +546,7 @@ fn left_over(plant: &mut Transfer, dt: f64) -> f64 {
 }
 
 #[test]
-fn at_coarse_ticks_an_actuator_comes_to_terms_with_laws_that_bend_sharply() {
+fn coarse_ticks_converge_with_sharp_laws() {
     let laws = [
         "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.05 }",
         "cubic = { stiffness_n_per_m = 2e5, cubic_n_per_m3 = 1e11 }",
@@ -599,7 +599,7 @@ impl Specimen for Jump {
 gusset_quantity::state! { Jump {} }
 
 #[test]
-fn an_actuator_that_does_not_come_to_terms_says_so() {
+fn failed_convergence_is_reported() {
     let mut plant = behind("actuator.servo_hydraulic = {}", Box::new(Jump));
     let (dt, mut force, mut unsettled) = (0.01, [0.0], 0);
     for k in 0..300 {

@@ -530,7 +530,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_improbable_happens_to_some_commands_whatever_it_is() {
+    fn probabilistic_fault_hits_some_commands() {
         let commands: Vec<f64> = (1..=200).map(|k| 0.1 * f64::from(k)).collect();
         for kind in [
             Kind::Frozen,
@@ -566,7 +566,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_elsewhere_says_where() {
+    fn wrong_place_is_reported() {
         let fault = Fault {
             axis: Some(1),
             ..certain(Kind::Elsewhere { disp_m: 0.005 })
@@ -578,7 +578,7 @@ mod tests {
     const WAY: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 2.0, 0.0];
 
     #[test]
-    fn an_actuator_that_fails_takes_the_specimen_with_it() {
+    fn failed_actuator_affects_the_specimen() {
         let disp = |kind| -> Vec<f64> {
             let said = play(&[(Some(1), Some(4), kind)], &WAY);
             assert!(said.iter().all(|(disp, force)| disp == force));
@@ -596,7 +596,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_fails_leaves_the_specimen_alone() {
+    fn failed_sensor_leaves_the_specimen_alone() {
         let said = |kind| play(&[(Some(2), Some(2), kind)], &WAY);
         let true_one: Vec<_> = WAY.iter().map(|disp| (*disp, *disp)).collect();
         let changed = |kind, at_2: (f64, f64), at_3: (f64, f64)| {
@@ -629,7 +629,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_stays_within_its_bounds_and_is_the_same_in_every_play() {
+    fn noise_is_bounded_and_repeatable() {
         let noise = [(
             None,
             None,

@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overtaken_answer_never_replaces_a_newer_one_and_counts_as_late() {
+    fn late_answer_never_replaces_a_newer_one() {
         let mut ends = Ends::new();
         let frames: Vec<_> = (0..3).map(|k| ends.frame(k, Status::default())).collect();
         ends.take(&frames[0], 0).unwrap();
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_answer_to_one_command_is_a_duplicate_and_one_to_the_future_an_error() {
+    fn second_answer_is_a_duplicate() {
         let mut ends = Ends::new();
         for _ in 0..2 {
             let frame = ends.frame(4, Status::default());
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interlock_stays_open_and_holding_is_told_once() {
+    fn interlock_stays_holding_is_reported_once() {
         let mut ends = Ends::new();
         let frame = ends.frame(0, Status::INTERLOCK);
         ends.take(&frame, 0).unwrap();

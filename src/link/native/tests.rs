@@ -241,7 +241,7 @@ fn bye(cause: Cause, text: &str) -> Bye {
 const CARRIERS: [Carrier; 2] = [Carrier::Tcp, Carrier::Udp];
 
 #[test]
-fn a_goodbye_in_place_of_a_welcome_is_told_with_its_words_and_at_once() {
+fn goodbye_instead_of_welcome_is_reported() {
     for carrier in CARRIERS {
         let word = Word::Says(Box::new(Control::Bye(bye(Cause::Tripped, TEXT))));
         let (mut link, heard) = link(carrier, [word, Word::Fits, Word::Fits], |_| {});
@@ -255,7 +255,7 @@ fn a_goodbye_in_place_of_a_welcome_is_told_with_its_words_and_at_once() {
 }
 
 #[test]
-fn what_is_said_in_place_of_the_arming_is_told_and_at_once() {
+fn message_instead_of_arming_is_reported() {
     let refuse = |code, text: &str| {
         Word::Says(Box::new(Control::Refuse(Refuse {
             code,
@@ -300,7 +300,7 @@ fn what_is_said_in_place_of_the_arming_is_told_and_at_once() {
 }
 
 #[test]
-fn what_a_specimen_says_to_its_last_words_is_kept() {
+fn text_of_the_goodbye_is_kept() {
     let beats = |status, cause| Word::Beats(status, cause);
     let orderly = Retirement::Orderly;
     let cases = [
@@ -408,7 +408,7 @@ fn three_answers(carrier: Carrier, answers: (u64, f64)) -> Vec<Result<Freshness,
 
 /// A second each, and not for all of them.
 #[test]
-fn every_answer_is_waited_for_as_long_as_its_time_limit() {
+fn each_answer_has_its_time_limit() {
     let silent = Err(LinkFault::Timeout);
     for carrier in CARRIERS {
         let in_time = three_answers(carrier, (700_000_000, 1e3));
@@ -419,7 +419,7 @@ fn every_answer_is_waited_for_as_long_as_its_time_limit() {
 
 /// A damaged datagram counts as lost. An intact one whose force is NaN is a fault.
 #[test]
-fn a_force_that_is_no_number_is_the_end_over_either_carrier() {
+fn nan_force_is_a_fault_on_both_carriers() {
     for carrier in CARRIERS {
         for force in [f64::NAN, f64::INFINITY] {
             let found = three_answers(carrier, (0, force));
@@ -429,7 +429,7 @@ fn a_force_that_is_no_number_is_the_end_over_either_carrier() {
 }
 
 #[test]
-fn a_watchdog_that_one_late_command_alarms_is_warned_of_and_its_time_is_told() {
+fn short_watchdog_is_warned_about() {
     // Commands come every 0.01 s.
     let changes: [(Change, &str, bool); 3] = [
         (|_| {}, "watchdog 0.5 s", false),
@@ -458,7 +458,7 @@ fn a_watchdog_that_one_late_command_alarms_is_warned_of_and_its_time_is_told() {
 }
 
 #[test]
-fn a_specimen_that_does_not_say_that_it_measures_displacement_is_known() {
+fn missing_measured_displacement_is_known() {
     let changes: [(Change, bool); 3] = [
         (|_| {}, false),
         (

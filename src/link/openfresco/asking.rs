@@ -252,7 +252,7 @@ mod tests {
     use super::Echo;
 
     #[test]
-    fn an_answer_with_the_time_of_the_command_before_is_noticed_where_times_are_echoed() {
+    fn echoed_time_reveals_an_old_answer() {
         let mut echo = Echo::default();
         for (commanded, answered) in [(0.0, 0.0), (0.0, 0.0), (0.1, 0.1), (0.1, 0.1), (0.2, 0.2)] {
             echo.check(commanded, answered).unwrap();

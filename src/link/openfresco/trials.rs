@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_target_of_a_step_is_an_iteration_and_the_same_one_is_not() {
+    fn second_target_of_a_step_is_an_iteration() {
         let mut trials = Trials::new(2, None);
         assert_eq!(judge(&mut trials, 0.0, 0.0, (false, false)), None);
         // The first step after the zeros at the connection.
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn later_trials_stay_within_the_declared_distance_of_the_first() {
+    fn trials_stay_near_the_first_one() {
         let mut trials = Trials::new(2, Some(0.01));
         assert_eq!(judge(&mut trials, 1.0, 0.01, (false, true)), None);
         assert_eq!(judge(&mut trials, 1.3, 0.01, (true, true)), None);

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_beyond_what_was_announced_holds_the_specimen_and_says_so() {
+    fn command_beyond_the_announcement_holds() {
         let way: Vec<(u64, f64)> = (0..=100).map(|k| (k, 0.5 * k as f64)).collect();
         assert_eq!(told(&way[..38]), (None, Status::default()), "18.5 kN");
         let (trip, status) = told(&[(0, 0.4), (1, 0.90001)]);

@@ -286,7 +286,7 @@ mod tests {
 
     /// Who only connects leaves no state of a test, and neither does the place in which the first test finds it.
     #[test]
-    fn a_memory_is_of_a_test_once_one_has_armed_the_specimen() {
+    fn memory_begins_with_the_first_arming() {
         let memory = Memory::of(spring().as_mut(), &[0.01]);
         let mut law = Computed::new(spring(), true).recalling(memory.clone());
         law.connect().unwrap();
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_remembers_is_where_it_was_driven_last_however_its_test_ended() {
+    fn memory_keeps_the_last_position() {
         // By itself from test to test, or one for each test, as over our own protocol.
         for remembers in [true, false] {
             let memory = Memory::default();
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_remember_is_introduced_where_its_next_test_finds_it() {
+    fn no_memory_starts_where_the_test_does() {
         let mut law = Computed::new(spring(), false);
         goes_to(&mut law, &[0.01, 0.02, 0.03]);
         assert_eq!(goes_to(&mut law, &[]), [0.0]);

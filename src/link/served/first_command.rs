@@ -222,7 +222,7 @@ mod tests {
     use gusset_control::port::limits::Range;
 
     #[test]
-    fn the_note_rounds_the_allowed_distance_in_the_unit_of_the_axis() {
+    fn note_rounds_distance_in_the_axis_unit() {
         let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.05, 0.05]));
         let millimetres = AxisUnits {
             metres: 1e-3,
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn every_axis_is_judged_by_where_it_stands() {
+    fn every_axis_is_judged_from_its_position() {
         let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.1, 0.1]));
         let first = |to: [f64; 2]| {
             let hit = judge(&[limits; 2], [0.0, 0.05].into_iter(), to.into_iter());

@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_sessions_of_a_specimen_share_one_quota_of_warnings() {
+    fn all_sessions_share_one_warning_quota() {
         let store = GuardStore::default();
         let told = (0..1000).filter(|_| store.clone().warning(5).is_told);
         assert_eq!(told.count(), 100);

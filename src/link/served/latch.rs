@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_without_meaning_is_a_trip() {
+    fn unreadable_latch_record_is_a_trip() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         latch(folder).set("rig", "interlock", "open");
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_without_a_regular_end_stays() {
+    fn motion_without_an_end_stays_recorded() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         // Last command, whether the end is regular, and whether the place stays.

@@ -392,7 +392,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tests_that_follow_each_other_all_the_time_are_refused_their_folders() {
+    fn rapid_tests_are_refused_folders() {
         let root = tempfile::tempdir().unwrap();
         for number in 1..=MOST_NEW {
             let made = next_folder(root.path()).unwrap();

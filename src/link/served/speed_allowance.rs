@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_at_its_rate_has_its_period_however_unevenly_its_frames_arrive() {
+    fn uneven_frames_keep_their_period() {
         let mut chance = 1_u32;
         let mut arrived: f64 = 0.0;
         let commands: Vec<_> = (0..5000)
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn who_runs_ahead_of_the_wall_has_the_burst_and_then_the_wall() {
+    fn fast_client_gets_the_burst_then_the_wall() {
         let commands = || (0..1000).map(|k| (k, 1e3, 0.1 * k as f64));
         let found = times(allowed(Some((1000, 1)), true), commands());
         assert_eq!(found[..20], [PERIOD; 20]);
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_rate_begins_with_the_burst_and_has_a_tenth_of_a_second_for_each_command() {
+    fn slow_rate_starts_with_the_burst() {
         let slow = || {
             let mut one = allowed(Some((1, 10)), true);
             one.begin(0);
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn no_client_has_more_than_a_tenth_of_a_second_for_one_command() {
+    fn one_command_gets_a_tenth_of_a_second() {
         for rate in [Some((1, 4)), Some((2, 1)), Some((1000, 1)), None] {
             let mut one = allowed(rate, true);
             let commands = (0..20).map(|k| (100_000 * k, 1e3, 1e4 * k as f64));
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_commands_give_time_as_far_as_it_has_passed() {
+    fn lost_commands_earn_elapsed_time() {
         let mut one = allowed(Some((1000, 1)), false);
         one.starts(Nanos(0));
         let commands = [
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_silence_the_burst_is_all_that_a_single_command_has() {
+    fn silence_leaves_only_the_burst() {
         for (rate, period, burst) in [((1000, 1), PERIOD, BURST_S), ((10, 1), 0.1, MOST_S)] {
             let mut one = allowed(Some(rate), true);
             let last = (10.0 / period) as u64;
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn a_specimen_rests_after_a_silence_and_a_formula_only_before_an_arm() {
+    fn specimen_rests_after_a_silence() {
         for (rate, moves, in_session) in [
             (Some((1000, 1)), true, true),
             (Some((1000, 1)), false, false),
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn neither_an_arm_nor_a_new_client_renews_the_allowance() {
+    fn arm_does_not_renew_the_allowance() {
         for rates in [[Some((1000, 1)); 2], [None; 2], [Some((1000, 1)), None]] {
             let mut one = allowed(rates[0], true);
             let mut sum = 0.0;
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_rate_the_shorter_of_test_time_and_wall_time_holds() {
+    fn without_a_rate_the_shorter_time_holds() {
         let fast = (0..1000).map(|k| (k, 0.02, 0.1 * k as f64));
         let found = times(allowed(None, true), fast);
         assert!(found[10..].iter().all(|time| (time - 1e-4).abs() < 1e-9));

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_tell_is_where_somebody_says_and_then_where_it_was_told_to_go() {
+    fn place_is_declared_then_commanded() {
         let whereabouts = Whereabouts::said(vec![0.01]);
         assert_eq!(whereabouts.place(), [0.01]);
         let mut found = Vec::new();
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_stays_where_it_was_left_and_a_formula_where_it_is_found_anew() {
+    fn formula_restarts_physical_specimen_stays() {
         let rig = believed(false, &[(0.01, 0.04), (0.04, -0.02)]);
         assert_eq!(rig, [vec![], vec![0.04], vec![-0.02]]);
         let formula = believed(true, &[(0.0, 0.04), (0.0, -0.02)]);

@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_silent_client_of_the_most_frequent_address_gives_way() {
+    fn oldest_silent_client_gives_way() {
         let newcomer = IpAddr::from([10, 0, 0, 9]);
         let few = waiting(&[(9, false); 15]);
         assert_eq!(gives_way(&few, newcomer), None);

@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_datagram_that_opens_a_test_makes_a_peer_the_successor() {
+    fn only_an_opening_datagram_makes_a_peer() {
         let (mut reception, _events) = reception();
         let peer = PEER.into();
         assert!(!reception.keep(&[7; 16], peer));
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn the_datagrams_kept_for_one_peer_are_limited() {
+    fn datagrams_of_one_peer_are_limited() {
         for is_served in [false, true] {
             let (mut reception, _events) = reception();
             for k in 0..200 {
@@ -440,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn waiting_clients_of_one_address_are_limited() {
+    fn waiting_clients_are_limited() {
         let (mut reception, events) = reception();
         for port in 1..=40 {
             reception.take_datagram(b"a", (PEER.0, port).into());

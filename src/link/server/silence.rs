@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_watchdog_holds_once_and_beats_until_a_command_comes() {
+    fn watchdog_holds_once_and_sends_heartbeats() {
         let mut silence = Silence::new(100, Nanos(0));
         assert_eq!(silence.due(Nanos(99)), Due::Nothing);
         assert_eq!(silence.due(Nanos(100)), Due::Hold);

@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn every_event_that_a_client_can_repeat_has_a_quota() {
+    fn each_repeatable_event_has_a_quota() {
         let sequence = 1;
         for event in [
             ServerEvent::Tripped {

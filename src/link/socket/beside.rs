@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_port_has_one_door_and_each_peer_its_own_socket() {
+    fn each_peer_has_a_separate_socket() {
         let door = UdpSocket::bind("127.0.0.1:0").unwrap();
         let local = door.local_addr().unwrap();
         let (friend, other) = (

@@ -176,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_machine_is_named_in_every_form_without_a_port() {
+    fn machine_is_named_without_its_port() {
         let one = |host: &str| resolve_host(host).map(|all| all[0]);
         assert_eq!(one("192.0.2.7"), Ok("192.0.2.7".parse().unwrap()));
         assert_eq!(one("2001:db8::7"), Ok("2001:db8::7".parse().unwrap()));

@@ -202,7 +202,7 @@ mod tests {
     use super::host;
 
     #[test]
-    fn the_host_of_an_address_is_what_stands_before_its_port() {
+    fn host_is_the_part_before_the_port() {
         assert_eq!(host("rig.lab:4823"), "rig.lab");
         assert_eq!(host("[::1]:4823"), "::1");
         assert_eq!(host("127.0.0.1:1"), "127.0.0.1");

@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_that_are_not_given_are_those_of_openfresco_beside_the_file() {
+    fn default_names_are_those_of_openfresco() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_missing_empty_or_another_is_named_with_its_key() {
+    fn unusable_file_is_named_with_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let files = TlsFiles::of_client(&TlsSpec::default(), folder);

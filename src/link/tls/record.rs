@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stream_cut_anywhere_is_known_to_be_inside_or_between_records() {
+    fn cut_stream_knows_its_record_borders() {
         // Records of 0, 1 and 300 bytes.
         let mut stream = Vec::new();
         let mut ends = vec![0];
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn the_length_of_a_record_is_known_from_its_head_on() {
+    fn record_length_is_known_from_its_head() {
         let mut records = Records::default();
         records.follow(&[23, 3, 3, 1], 5);
         assert_eq!(records.waiting(), Some((4, 5, 5)));

@@ -309,7 +309,7 @@ mod tests {
     use gusset_control::port::{Axis as Seen, AxisSpec, LinearStandIn, PortSpec};
 
     #[test]
-    fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {
+    fn per_step_partner_loses_whole_steps() {
         // 500 ticks a second, twenty a step of 12 mm: in 50 ms are 25 of its parts, or two whole ones at the most.
         let (rate_hz, ticks) = (500.0, 20);
         for (per_step, wanted) in [(false, 25.0 * 0.6e-3), (true, 2.0 * 12e-3)] {

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn a_law_that_is_strained_by_the_offset_of_its_axis_says_its_force_at_rest() {
+    fn offset_strain_reports_a_force_at_rest() {
         let plastic = "law.bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 2e6, yield_force_n = 15e3 }\n";
         let gear = "sign = -1, unit_disp = \"mm\", unit_force = \"kN\"";
         let said = warnings(&format!(

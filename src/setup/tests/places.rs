@@ -35,7 +35,7 @@ fn said(sets: &[&str]) -> String {
 }
 
 #[test]
-fn a_way_out_that_the_rig_cannot_go_is_refused() {
+fn impossible_return_move_is_refused() {
     let at = |speed: &str, choice: &str| {
         let speed = format!("safety.exit_speed_m_per_s={speed}");
         said(&[
@@ -64,7 +64,7 @@ fn a_way_out_that_the_rig_cannot_go_is_refused() {
 
 /// 4e5 N/m: −12 kN at −0.03 m, and 20 kN at 0.05 m.
 #[test]
-fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
+fn safe_place_beyond_bounds_is_reported() {
     let safe = |place: &str, more: &[&str]| {
         let place = format!("specimen.0.safe_disp_m=[{place}]");
         said(&[&[place.as_str(), SAFE, SLOWLY], more].concat())
@@ -100,7 +100,7 @@ fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
 }
 
 #[test]
-fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
+fn position_and_check_beyond_bounds_fail() {
     let stands = |place: &str, more: &[&str]| {
         let place = format!("specimen.0.link.stands_at_m=[{place}]");
         said(&[&[ADAPTER, place.as_str()], more].concat())
@@ -133,7 +133,7 @@ fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
 }
 
 #[test]
-fn a_level_of_an_axis_is_held_against_the_other_one_of_its_specimen() {
+fn levels_of_axis_and_specimen_must_agree() {
     let all = "specimen.0.limits.command_step_m={warn=0.001,trip=0.002}";
     for (own, refused) in [
         ("{warn=0.0015}", false),
@@ -151,7 +151,7 @@ fn a_level_of_an_axis_is_held_against_the_other_one_of_its_specimen() {
 }
 
 #[test]
-fn an_excitation_that_is_zero_throughout_is_told_of() {
+fn zero_excitation_is_reported() {
     let nothing = "moves nothing";
     assert!(!said(&[]).contains(nothing));
     let ground = "excitation.ground_acceleration";

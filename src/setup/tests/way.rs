@@ -11,7 +11,7 @@ fn told(compensation: &str, sets: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn jumps_of_the_curvature_are_told_of_where_a_compensator_hands_them_on() {
+fn curvature_jumps_are_reported() {
     let several = "time.ticks_per_step=20";
     let jerks = [
         "amb = {}",

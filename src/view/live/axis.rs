@@ -222,7 +222,7 @@ mod tests {
     use gusset_control::port::DispZero;
 
     #[test]
-    fn the_loop_is_of_the_same_end_as_the_histories() {
+    fn loop_and_histories_use_the_same_end() {
         // In millimetres and kilonewtons, the other way round, at a third of the structure's lengths.
         let axis = WatchedAxis {
             marks: Vec::new(),

@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_that_was_refused_is_a_trip_although_it_stands_in_no_row() {
+    fn refused_command_is_a_trip() {
         let refused = Event::LimitTrip(LimitReached {
             port: Some(0),
             axis: Some(0),
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_late_by_a_period_is_told_with_units_and_its_key() {
+    fn late_tick_is_reported_with_its_key() {
         let late = Event::LimitTrip(LimitReached {
             port: None,
             axis: None,
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_event_of_its_own_is_told_by_the_phase_and_an_orderly_end_by_nothing() {
+    fn trip_without_an_event_uses_the_phase() {
         let stale = || Event::Stale { port: 0, age: 4 };
         let of = |kinds: &[Event]| {
             let trips = seen(kinds).latest().trips.clone();

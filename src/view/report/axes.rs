@@ -326,7 +326,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_close_up_lies_inside_the_test_and_around_its_peak() {
+    fn close_up_is_around_the_peak() {
         let time: Vec<f64> = (0..1000).map(f64::from).collect();
         let mut cmd: Vec<f64> = time.iter().map(|t| libm::sin(t / 10.0)).collect();
         cmd[990] = 5.0;
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_noisy_loop_is_drawn_with_few_points_and_keeps_its_ends() {
+    fn noisy_loop_is_drawn_with_few_points() {
         let n = 400_000;
         let x: Vec<f64> = (0..n).map(|i| libm::sin(i as f64 * 1e-2)).collect();
         let y: Vec<f64> = (0..n)

@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_of_marks_lie_on_no_other_label_and_on_no_line() {
+    fn mark_labels_do_not_overlap() {
         let cases: [&[(f64, f64)]; 4] = [
             &[
                 (100.0, 60.0),
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_without_a_row_of_their_own_still_lie_on_no_other() {
+    fn labels_without_a_row_do_not_overlap() {
         let crowded = [
             (330.0, 60.0),
             (350.0, 90.0),

@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn the_canvas_is_finer_than_the_display_and_shown_at_display_size() {
+    fn canvas_is_finer_than_the_display() {
         let svg = sample(Skin::Picture);
         assert!(
             svg.contains("width=\"100\" height=\"50\" viewBox=\"0 0 800 400\""),
@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn sentinels_become_classes_or_colours_and_cannot_be_forged_by_text() {
+    fn text_cannot_forge_markers() {
         let (page, file) = (sample(Skin::Page), sample(Skin::Picture));
         assert!(
             page.contains("class=\"l-s1\"")
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_cut_to_the_width_it_has() {
+    fn text_is_cut_to_its_width() {
         assert_eq!(fitted("short", 12.0, 500.0), "short");
         let cut = fitted(&"long ".repeat(40), 12.0, 80.0);
         assert!(cut.ends_with('…') && text_width(&cut, 12.0) <= 80.0);

@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn every_curve_is_drawn_named_and_cut_where_it_is_far_outside() {
+    fn every_curve_is_drawn_named_and_cut() {
         let x: Vec<f64> = (0..100).map(f64::from).collect();
         let tame: Vec<f64> = x.iter().map(|x| libm::sin(x / 10.0)).collect();
         let wild: Vec<f64> = x.iter().map(|x| libm::exp(*x)).collect();
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn the_seventh_curve_is_dashed_and_the_reference_has_the_colour_of_text() {
+    fn seventh_curve_is_dashed() {
         let x = [0.0, 1.0, 2.0];
         let curve = |reference| Curve {
             name: "c",
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn decades_are_numbers_where_they_are_short_and_powers_where_they_are_long() {
+    fn long_decades_are_powers() {
         assert_eq!(
             [-12, -3, 0, 4, 5].map(|e| decade(1, e)),
             ["10⁻¹²", "0.001", "1", "10\u{202f}000", "10⁵"]

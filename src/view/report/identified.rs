@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_line_misses_without_noise_gets_no_standard_error() {
+    fn noise_free_misfit_has_no_standard_error() {
         assert_eq!(whole(1.0)[0], "1.000e6");
         let [stiffness, _] = whole(0.7);
         assert!(stiffness.ends_with("e5, of this motion"), "{stiffness}");

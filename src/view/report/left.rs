@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_says_where_a_specimen_was_left_and_what_force_the_way_out_took() {
+    fn page_shows_end_position_and_force() {
         let page = render(&led_away("reached")).replace("&quot;", "\"");
         for part in [
             "Specimen \"column\" was moved to its end position (`at_end` of the test file); last command sent 28.0\u{a0}mm, last measurements received \
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_damaged_record_the_last_row_that_can_be_read_is_no_end() {
+    fn damaged_record_has_no_known_end() {
         let mut run = led_away("reached");
         run.data.iter_mut().for_each(|column| column.truncate(3));
         run.flaws.damaged = vec!["the rows end at 0.1 s".to_owned()];
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn command_and_measurement_that_a_specimen_was_left_with_are_of_its_own_end() {
+    fn end_values_are_those_of_the_specimen() {
         let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n";
         let page = at_its_own_end(units, 1e3, 1e-3);
         let left = "last command sent 28.0\u{a0}mm, last measurements received 27.0\u{a0}mm and 30.0\u{a0}kN";
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_specimen_that_stayed_has_no_way_out_and_of_many_the_gravest_are_told() {
+    fn specimen_that_stayed_has_no_return_move() {
         let mut run = led_away("stayed");
         run.data.iter_mut().for_each(|column| column.truncate(4));
         let page = render(&run);

@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_number_that_differs_is_named_and_timing_never_is() {
+    fn first_difference_is_named() {
         let mut m = matcher();
         for k in 0..50 {
             let x = f64::from(k);
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn one_bit_is_a_difference_and_two_gaps_are_none() {
+    fn one_bit_differs_and_two_gaps_do_not() {
         let mut m = matcher();
         m.take(&row(0.0, f64::NAN, 0.0), &row(0.0, -f64::NAN, 0.0));
         assert_eq!(m.first, [None, None]);
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_that_one_run_lacks_are_passed_over() {
+    fn steps_missing_in_one_run_are_skipped() {
         let mut m = matcher();
         assert_eq!(
             m.take(&row(3.0, 0.0, 0.0), &row(5.0, 0.0, 0.0)),
@@ -474,7 +474,7 @@ mod tests {
 
     /// Four steps of two ticks each, and in the second run a hold that eases in and out in the third step.
     #[test]
-    fn rows_are_matched_by_their_time_and_a_hold_makes_no_difference() {
+    fn rows_match_by_time_despite_a_hold() {
         let straight: Vec<[f64; 4]> = (0..=8)
             .map(|k| {
                 let (step, tick) = (f64::from(k / 2), f64::from(k % 2));
@@ -519,7 +519,7 @@ mod tests {
 
     /// It has displacements, commands and measurements of its tick, and never an equilibrium.
     #[test]
-    fn what_a_tick_that_trips_never_has_is_no_difference() {
+    fn tripping_tick_may_lack_values() {
         const NAMES: [&str; 7] = ["step", "sub_tick", "state", "time", "x1", "v1", "a1"];
         let first = |state: f64, x: f64, [v, a]: [f64; 2]| {
             let mut m = Matcher::new(&columns(&NAMES), &columns(&NAMES), 9).unwrap();
@@ -536,7 +536,7 @@ mod tests {
     }
 
     #[test]
-    fn every_tick_of_the_running_test_is_compared_and_no_other() {
+    fn only_running_ticks_are_compared() {
         let m = matcher();
         let at = |state: f64, time: f64| [0.0, 0.0, state, time, 0.0, 0.0];
         let is_compared = |state: f64, time: f64| m.is_running(&at(state, time), &[], false);
@@ -554,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_without_anything_in_common_are_not_matched() {
+    fn unrelated_runs_are_not_matched() {
         assert!(
             Matcher::new(
                 &columns(&NAMES),

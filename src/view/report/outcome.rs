@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clean_run_is_good_news_and_says_so() {
+    fn clean_run_is_reported_as_good() {
         let v = of(
             json!({"status": "completed", "steps": 40960, "dt": 0.0009765625, "clock": "real", "wall_seconds": 40.0, "deadline_misses": 0}),
             vec![],
@@ -444,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn misses_lost_rows_and_refusals_are_spelled_out() {
+    fn misses_and_lost_rows_are_spelled_out() {
         let miss = |class: &str| json!({"event": "miss", "class": class});
         let v = of(
             json!({
@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_that_warned_are_no_unmixed_good_news_and_are_counted() {
+    fn warnings_are_counted_in_the_verdict() {
         let warned = |specimen: u64, limit: &str| json!({"event": "limit_warning", "specimen": specimen, "axis": 1, "limit": limit});
         let of_test = json!({"event": "limit_warning", "limit": "delay_used"});
         let events = vec![
@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn any_finding_of_the_verdict_turns_the_tone() {
+    fn any_finding_turns_the_tone() {
         let finding = |kind: &str, severity: &str, text: &str| json!({"kind": kind, "severity": severity, "key": "", "text": text, "numbers": {}, "help": []});
         let of_verdict = |findings: Vec<Value>, unstable: bool, warnings: Vec<&str>| {
             let verdict = json!({"outcome": "simulated", "unstable": unstable, "behind_link": false, "findings": findings});
@@ -535,7 +535,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_without_a_class_is_not_excused() {
+    fn miss_without_a_class_is_not_excused() {
         let miss = |class: Value| json!({"event": "miss", "class": class});
         let v = of(
             json!({"status": "completed", "deadline_misses": 2}),
@@ -558,7 +558,7 @@ mod tests {
     }
 
     #[test]
-    fn every_other_end_is_said_plainly() {
+    fn every_other_end_is_reported_plainly() {
         assert!(
             of(
                 json!({"status": "stopped", "reason": "force limit of axis 1"}),
@@ -589,7 +589,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_that_goes_on_claims_its_own_steps_only() {
+    fn resumed_test_claims_only_its_steps() {
         let run = RunView {
             summary: Some(
                 json!({"status": "completed", "steps": 5120, "dt": 0.00390625, "clock": "real", "wall_seconds": 16.1}).into()),
@@ -603,7 +603,7 @@ mod tests {
     }
 
     #[test]
-    fn events_that_cannot_be_read_are_no_good_news() {
+    fn unreadable_events_are_not_good_news() {
         let v = verdict(
             &RunView {
                 summary: Some(json!({"status": "completed"}).into()),
@@ -621,7 +621,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_that_is_not_whole_is_never_good_news() {
+    fn incomplete_record_is_not_good_news() {
         let v = verdict(
             &RunView {
                 summary: Some(json!({"status": "completed", "steps": 100, "dt": 0.01}).into()),

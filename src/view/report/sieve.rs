@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_of_the_test_are_told_from_ends_of_steps_and_from_all_else() {
+    fn ticks_are_separated_from_step_ends() {
         let rows = [
             (0.0, 0.0, Phase::Zeroing.code()),
             (0.0, 0.0, TRIPPED),
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trip_at_the_end_of_a_step_is_where_the_structure_came_to_and_no_step_that_was_made() {
+    fn trip_at_a_step_end_is_no_step() {
         let running = [(0.0, 0.0, RUNNING), (1.0, 1.0, RUNNING)];
         for (trip, ends) in [
             ((2.0, 2.0, TRIPPED), vec![0.0, 1.0, 2.0]),
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_steps_and_ticks_are_counted_and_part_the_rows() {
+    fn missing_steps_are_counted() {
         let running = |step: f64| (step, 0.25 * step, RUNNING);
         let rows: Vec<_> = (0..10)
             .filter(|k| !(4..7).contains(k))

@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn storeys_masses_and_specimens_stand_where_they_belong() {
+    fn storeys_and_specimens_are_in_place() {
         let drawn = of(
             "[structure.shear_building]\nmass_kg = [1.0, 2e3]\nstiffness_n_per_m = [0.0, 9e6]\n\
             [[specimen]]\nname = \"column <b>\"\nstorey = 1\n[[specimen]]\nname = \"brace\"\nrows = [[-0.8, 0.8]]\n",
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn matrices_chains_and_prescribed_tests_are_drawn_and_nonsense_is_not() {
+    fn all_structures_are_drawn() {
         let drawn =
             of("[structure.chain]\ndofs = 5000\n[[specimen]]\nname = \"end\"\nrows = [[0, 0.5]]\n");
         assert!(drawn.contains("DOF 5000") && drawn.contains("end") && drawn.contains("0.50"));

@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn an_estimate_is_no_peak_no_point_and_no_sample() {
+    fn estimate_is_not_a_peak_or_a_sample() {
         let (whole, run, from) = without_answers();
         let digest = run.digested();
         assert_eq!(digest.stale, [(1, 4)]);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_says_how_many_samples_are_estimates() {
+    fn page_counts_samples_that_are_estimates() {
         let (whole, run, _) = without_answers();
         let told = format!("bottom column 4 of {}", count(4096));
         assert!(render(&run).contains(&told));
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_copied_where_every_answer_was_there_and_only_their_specimen_has_gaps() {
+    fn nothing_is_copied_without_stale_rows() {
         let names = [
             "status_1",
             "meas_1_1",

@@ -296,7 +296,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_extreme_is_lost_whatever_the_blocks(
+        fn extremes_survive_any_block_size(
             values in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..300),
             every in 1usize..40, block in 1usize..70,
         ) {
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_are_of_single_rows_however_few_entries_are_left() {
+    fn marks_come_from_single_rows() {
         let (time, values) = ([0.0, 1.0, 2.0, 3.0, 4.0], [1.0, -7.0, 7.0, f64::NAN, 5.0]);
         let marks = |every: usize, rows: usize| {
             let mut thinner = Thinner {
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_missing_leave_an_entry_without_a_number() {
+    fn missing_rows_leave_a_nan_entry() {
         for (every, wanted) in [(1, 1), (4, 2)] {
             let mut thinner = Thinner {
                 every,
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_test_becomes_as_short_as_a_page_needs_and_a_short_one_stays() {
+    fn long_test_is_thinned_short_one_is_not() {
         assert_eq!(Thinner::new(WHOLE as u64, 1, None).every(), 1);
         assert!(Thinner::new(WHOLE as u64, 1000, None).every() > 1);
         let rows = 5_000_000u64;

@@ -222,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn markup_and_control_characters_do_not_survive() {
+    fn markup_characters_do_not_survive() {
         assert_eq!(
             escape("<a href=\"x\">'&'\u{0}\u{202e}</a>"),
             "&lt;a href=&quot;x&quot;&gt;&#39;&amp;&#39;\\u{0}\\u{202e}&lt;/a&gt;"
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn quantities_carry_the_prefix_an_engineer_would_write() {
+    fn quantities_carry_engineering_prefixes() {
         assert_eq!(quantity(0.0123, "m"), "12.3\u{a0}mm");
         assert_eq!(quantity(-45_600.0, "N"), "−45.6\u{a0}kN");
         assert_eq!(quantity(1.19e6, "N/m"), "1.19\u{a0}MN/m");
