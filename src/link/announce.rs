@@ -1,8 +1,8 @@
 //! Limits that a controller announces in the handshake of our own protocol, and how the specimen's end uses them.
 //!
-//! A controller never sends a command beyond what it announces, because its loop judges every command before it leaves.
-//! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
-//! lead the specimen home; the specimen's end comes in where that has failed.
+//! A controller never sends a command beyond the announced limits, because its loop judges every command before it leaves.
+//! So a command beyond them is a fault, and the specimen's end holds. The controller judges forces first, because it may
+//! return the specimen; the specimen's end acts if that has failed.
 
 use gusset_control::port::limits::{AxisLimits, Bound, Range};
 use gusset_quantity::catalog::limit::Limit;
@@ -30,8 +30,8 @@ pub(crate) fn units_of(axis: &Axis) -> AxisUnits {
     }
 }
 
-/// The trip levels of an axis as they stand on the wire, in its units. `tick_s` is the shortest wall time from one command to
-/// the next, if it is known: what bounds the change of the command in that time bounds its speed.
+/// The trip levels of an axis as sent on the wire, in its units. `tick_s` is the shortest wall time from one command to the
+/// next, if it is known: a bound of the change of the command in that time bounds its speed.
 #[must_use]
 pub fn announce(limits: &AxisLimits, units: &AxisUnits, tick_s: Option<f64>) -> Limits {
     let by_step = tick_s.map_or(f64::INFINITY, |tick_s| {

@@ -33,7 +33,7 @@ impl Inbox {
         self.stream
     }
 
-    /// Room for the next bytes; never empty after [`Inbox::next`] has said that there is no whole frame.
+    /// Room for the next bytes; never empty after [`Inbox::next`] has found no whole frame.
     pub(super) fn space(&mut self) -> &mut [u8] {
         if !self.stream || self.start == self.end {
             (self.start, self.end) = (0, 0);

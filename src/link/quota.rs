@@ -5,7 +5,7 @@
 const MOST: u64 = 100;
 const PERIOD_NS: u64 = 60_000_000_000;
 
-/// What becomes of one message.
+/// Whether one message is shown.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Allowance {
     /// The message passes.

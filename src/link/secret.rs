@@ -84,7 +84,7 @@ pub fn read_key(path: &Path) -> Result<PreSharedKey, KeyError> {
 /// Random bytes of the operating system: nonces and session numbers.
 ///
 /// # Errors
-/// The system has none, which it never says in practice.
+/// The system has no random numbers, which does not happen in practice.
 pub(super) fn random<const N: usize>() -> io::Result<[u8; N]> {
     let mut bytes = [0; N];
     File::open("/dev/urandom")?.read_exact(&mut bytes)?;

@@ -1,4 +1,4 @@
-//! What happens to actuator, specimen and sensors.
+//! Faults of actuator, specimen and sensors.
 //!
 //! Invariant: a fault that does not concern the present command leaves command and measurement unchanged, to the last
 //! bit.
@@ -30,7 +30,7 @@ pub struct Bench {
     period: Option<f64>,
     committed: Option<u64>,
     number: u64,
-    /// Where the actuators stand: committed, and as last tried.
+    /// Position of the actuators: committed, and as last tried.
     place: Vec<f64>,
     tried: Vec<f64>,
     /// The command at hand, and whether a fault concerns it.
@@ -127,7 +127,7 @@ impl Bench {
             .map_or(elapsed, |period| commands as f64 * period)
     }
 
-    /// Where the actuators go, told to go to `self.tried`.
+    /// Moves the actuators for the command `self.tried`.
     fn actuate(&mut self, number: u64, elapsed: f64) {
         let elapsed = self.since_committed(elapsed);
         for fault in happening(&self.faults, &self.happen) {
@@ -480,7 +480,8 @@ mod tests {
         each.collect()
     }
 
-    /// The commands of 10 Hz that went, by a script of one fault, at a controller whose test time runs a tenth as fast.
+    /// Result of the commands at 10 Hz, by a script of one fault, with a controller whose test time runs a tenth as
+    /// fast.
     fn go(fault: Fault, commands: &[f64]) -> Result<Vec<f64>, String> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
         let law = Uniaxial::new(vec![spec.build().unwrap()]).unwrap();

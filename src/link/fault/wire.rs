@@ -1,4 +1,4 @@
-//! What happens to frames on their way, and to the connection as a whole.
+//! Faults of frames in transit, and of the connection as a whole.
 //!
 //! The wire is at the specimen's end. Invariants: a frame that no fault concerns passes unchanged and at once; delayed
 //! frames leave in the order of their times; numbers of commands, never a clock, decide what happens.
@@ -17,7 +17,7 @@ use gusset_wire::native::{Kind as FrameKind, forge_force, forge_length, forge_se
 /// The stream of chance on the link.
 const STREAM: u64 = 1;
 
-/// What happens on one way, and what is kept of it.
+/// Faults of one direction, and its kept frames.
 #[derive(Debug, Default)]
 struct OneWay {
     faults: Vec<Fault>,
@@ -62,7 +62,7 @@ impl OneWay {
 #[derive(Debug)]
 pub struct FaultyWire<T> {
     inner: T,
-    /// What happens to the connection, once after each arming, and what of it has not happened yet.
+    /// Faults of the connection, once after each arming, and those that are still to come.
     events: Vec<Fault>,
     coming: Vec<Fault>,
     dice: Dice,
@@ -145,7 +145,7 @@ impl<T: Transport> FaultyWire<T> {
         self.origin.plus(since.ceil() as u64 + 1)
     }
 
-    /// What becomes of a frame of command `number`: it waits, once or several times, for its time to come.
+    /// Plays the faults on a frame of command `number`: it waits, once or several times, for its time.
     fn play(&mut self, way: Way, number: u64, frame: &[u8]) {
         let now = self.inner.now();
         let one_way = match way {

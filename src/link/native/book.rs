@@ -18,7 +18,7 @@ pub(super) struct Book {
     known: Option<u64>,
     /// Which commands have been answered, their numbers plus one.
     answered: SequenceWindow,
-    /// Flags that were said outside a measurement, or in one that was overtaken.
+    /// Flags received outside a measurement, or in one that was overtaken.
     latched: Status,
     recovered: Recovered,
     pub(super) stats: LinkStats,
@@ -91,7 +91,7 @@ impl Book {
         self.latched.0 |= status.0 & (Status::INTERLOCK.0 | Status::HOLDING.0);
     }
 
-    /// True once it has said that its interlock is open.
+    /// True once its interlock has been reported open.
     pub(super) const fn has_interlock(&self) -> bool {
         self.latched.has(Status::INTERLOCK)
     }

@@ -39,7 +39,7 @@ pub enum SetupError {
     /// The TLS session was lost, or hangs.
     #[error("TLS: {0}")]
     Tls(TlsFault),
-    /// The answer makes no sense, or is not what was asked for.
+    /// The answer is invalid, or belongs to another question.
     #[error("{wrong}{hint}", wrong = .0, hint = hint(*.0))]
     Wire(WireError),
     /// The specimen refuses.

@@ -34,7 +34,7 @@ pub struct NativeSetup {
     pub watchdog_s: f64,
     /// When the force is sampled.
     pub sampling: Sampling,
-    /// Whether a reply is owed for each command.
+    /// Whether each command needs a reply.
     pub coupling: Coupling,
     /// Time limit of connecting and of each question in the set-up.
     pub connect_limit: Duration,

@@ -21,7 +21,7 @@ const TEXT: &str = "pump lost pressure";
 /// A scripted reaction of the specimen's end at a point of the session.
 #[derive(Debug, Clone)]
 enum Word {
-    /// What belongs there.
+    /// The expected message.
     Fits,
     Says(Box<Control>),
     Goodbye(Cause),
@@ -343,7 +343,7 @@ fn text_of_the_goodbye_is_kept() {
     }
 }
 
-/// Version 2 says by a code that the specimen is lost. Version 1 has only a sentence, so only the server may know.
+/// Version 2 has a code for a lost specimen. Version 1 has only a sentence, so only the server may know.
 #[test]
 fn holder_follows_the_code_of_the_goodbye() {
     let refuse = |code| {
@@ -355,7 +355,7 @@ fn holder_follows_the_code_of_the_goodbye() {
     };
     let says = |cause| Word::Says(Box::new(Control::Bye(bye(cause, TEXT))));
     let byes = |cause| Word::Byes(bye(cause, TEXT), cause);
-    // What comes instead of the arming, what answers the retire, and whether the holder is unknown in versions 1 and 2.
+    // Message instead of the arming, answer to the retire, and whether the holder is unknown in versions 1 and 2.
     let cases = [
         (says(Cause::Tripped), Word::Fits, [true, false]),
         (says(Cause::Shutdown), Word::Fits, [false, false]),

@@ -25,7 +25,7 @@ pub(super) enum Asking {
     Shadow(Shadow),
 }
 
-/// What came of some bytes.
+/// Result of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Came {
     Nothing,
@@ -111,7 +111,7 @@ impl Asking {
         }
     }
 
-    /// Feeds everything that came and sends what it asks for; the last thing that it meant. Real-time: yes, after the
+    /// Feeds all received bytes and sends the requests that follow; returns the last message. Real-time: yes, after the
     /// set-up.
     pub(super) fn digest(
         &mut self,

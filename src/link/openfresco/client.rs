@@ -1,11 +1,11 @@
 //! Our controller as a client: dialects A, B and C behind the hinge.
 //!
-//! Coupling is lockstep: one answer is owed for each command, nothing has a sequence number, so nothing may be lost or
-//! late. Command and request leave in one write. Each wait ends at the time limit of [`RemoteSettings`], on the
-//! wall clock of the socket: the engine's deadline is on the engine's clock, which may be simulated. Nothing is
-//! allocated for an exchange.
+//! Coupling is lockstep: each command needs one answer. Nothing has a sequence number, so nothing may be lost or late.
+//! Command and request leave in one write. Each wait ends at the time limit of [`RemoteSettings`], on the wall clock of
+//! the socket: the engine's deadline is on the engine's clock, which may be simulated. Nothing is allocated for an
+//! exchange.
 //!
-//! Not here: what the numbers mean for the structure, and what to do about a fault; a fault is final.
+//! Not here: the meaning of the numbers for the structure, and reactions to a fault; a fault is final.
 
 mod opening;
 
@@ -200,8 +200,8 @@ impl Remote {
         )?)
     }
 
-    /// The goodbye: 99, whose answer is waited for only in dialect B. OpenFresco says it twice in dialect C, where
-    /// the far end has gone after the first.
+    /// The goodbye: 99, whose answer is waited for only in dialect B. OpenFresco sends it twice in dialect C, where the
+    /// far end has closed after the first.
     fn say_goodbye(&mut self) -> Result<(), Lost> {
         let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
         let (bytes, answered) = self.machine.die()?;
@@ -236,7 +236,7 @@ impl Substructure for Remote {
             axes,
             ..
         } = &self.settings;
-        // The wire's matrix stands here by rows.
+        // This is the wire's matrix by rows.
         let rows = self.initial_stiffness.as_deref().unwrap_or_default();
         let (standing, force) = self
             .standing
@@ -287,7 +287,7 @@ impl Substructure for Remote {
         })
     }
 
-    /// Refused: a command while an answer is owed, and one after the end. One whose sequence number was answered
+    /// Refused: a command before the last answer, and one after the end. A command whose sequence number was answered
     /// already moves nothing.
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         match self.phase {
@@ -313,8 +313,8 @@ impl Substructure for Remote {
         Ok(())
     }
 
-    /// Waits up to the time limit of a reply, whatever the engine's deadline is: an answer that is owed cannot be left
-    /// behind.
+    /// Waits up to the time limit of a reply, whatever the engine's deadline is: an unanswered command must not be
+    /// abandoned.
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         match self.phase {
             Phase::Faulted(fault) => return Err(fault),

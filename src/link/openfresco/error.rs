@@ -14,7 +14,7 @@ pub enum RemoteError {
     /// No connection.
     #[error(transparent)]
     Connect(#[from] ConnectError),
-    /// The settings, or what the peer answered, cannot be.
+    /// The settings, or the peer's answer, are invalid.
     #[error("{address}: {what}: {source}{}", hint(*source))]
     Wire {
         /// Where to.
@@ -68,7 +68,7 @@ pub enum RemoteError {
     },
 }
 
-/// These programs give no reasons: what was wrong must be guessed from when they fall silent.
+/// These programs give no reasons: the cause follows from when they fall silent.
 fn closing(fault: LinkFault) -> &'static str {
     match fault {
         LinkFault::Closed => {
@@ -118,7 +118,7 @@ impl RemoteError {
     }
 }
 
-/// A link lost on the way, or bytes that cannot be.
+/// A lost link, or invalid bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Lost {
     Link(LinkFault),

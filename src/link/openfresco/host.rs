@@ -1,5 +1,5 @@
-//! The specimen behind an OpenFresco server: what a command, a commit, a request and a step that is taken back do
-//! to it.
+//! The specimen behind an OpenFresco server: the effect of a command, a commit, a request and a step that is taken
+//! back.
 //!
 //! Invariant: the force in [`Host::response`] belongs to the displacement beside it, however often and in whatever order
 //! a client requests it. A formula is evaluated once for each new command, a moving specimen once for each command, and
@@ -20,7 +20,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_wire::openfresco::{Course, Matrix, Response};
 
-/// Why a host refuses to go on. A formula is left at its last committed state, what moves where it is.
+/// Why a host stops. A formula stays at its last committed state, a physical specimen where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum HostFault {
     /// OpenSees gave up a step that a real specimen has already made.
@@ -59,7 +59,7 @@ pub enum HostFault {
     Unavailable,
 }
 
-/// Test time in s beyond which there is no test.
+/// Test time in s beyond which a test is impossible.
 const LATEST_S: f64 = 1e9;
 
 /// A specimen as a server sees it.
@@ -131,7 +131,8 @@ impl Host {
         self
     }
 
-    /// What moves follows later trials of a step as far as this from the first one, in m or rad at the client's scale.
+    /// A physical specimen follows later trials of a step this far from the first one, in m or rad at the client's
+    /// scale.
     #[must_use]
     pub fn iterating_within(mut self, distance: Option<f64>) -> Self {
         self.trials = Trials::new(self.served.axes(), distance);
@@ -172,7 +173,7 @@ impl Host {
     /// the operator.
     ///
     /// # Errors
-    /// Why there is no test.
+    /// Why the test cannot begin.
     pub(crate) fn begin(
         &mut self,
         controller: &Controller,
@@ -206,7 +207,7 @@ impl Host {
         self.begun
     }
 
-    /// Nothing was asked for a while: notices a specimen that has gone. Does not block.
+    /// No request came for a while: notices a specimen that is lost. Does not block.
     ///
     /// # Errors
     /// It has.
@@ -226,7 +227,7 @@ impl Host {
         self.served.warn(remark.event(), &text);
     }
 
-    /// A fault with what the specimen's link has to say.
+    /// A fault with the details of the specimen's link.
     #[must_use]
     pub(crate) fn whole(&self, fault: HostFault) -> String {
         match fault {
@@ -291,8 +292,8 @@ impl Host {
         }
     }
 
-    /// The client has gone or is refused: a formula forgets what was not committed, what moves holds where it was led last, and
-    /// the log is closed.
+    /// The client has disconnected or is refused. A formula forgets uncommitted steps, a physical specimen holds at its last
+    /// command, and the log is closed.
     pub(crate) fn end(&mut self, cause: Cause, text: &str) {
         self.begun = false;
         if self.nature == Nature::Simulated {

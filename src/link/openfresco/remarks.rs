@@ -9,10 +9,10 @@ use gusset_wire::openfresco::Sizes;
 /// A warning about a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Remark {
-    /// The client has sent this number of commands without a commit. Iterations of a step count only if no time tells them
-    /// from steps.
+    /// The client has sent this number of commands without a commit. Iterations of a step count only if no time separates
+    /// them from steps.
     NoCommits(u64),
-    /// The client went back to the start of its analysis.
+    /// The client returned to the start of its analysis.
     Reset,
 }
 
@@ -100,7 +100,7 @@ impl Remarks {
         let fresh = tally.commands.saturating_sub(tally.repeats);
         let commands = match (self.sends_time, tally.later_times) {
             (false, _) => fresh,
-            // A time that is always 0 tells steps and iterations apart no better than none.
+            // A time that is always 0 separates steps from iterations no better than no time.
             (true, 0) if fresh >= MANY_COMMANDS => fresh,
             (true, later_times) => later_times,
         };
@@ -112,7 +112,7 @@ impl Remarks {
         is_due.then_some(Remark::NoCommits(commands))
     }
 
-    /// The client went back to the start. Real-time: yes.
+    /// The client returned to the start. Real-time: yes.
     pub(crate) fn reset(&mut self) -> Option<Remark> {
         let is_due = !std::mem::replace(&mut self.has_told_of_reset, true);
         is_due.then_some(Remark::Reset)

@@ -39,7 +39,7 @@ impl GuardStore {
         self.guard.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What becomes of one more warning. A new session does not renew the quota.
+    /// Whether one more warning is shown. A new session does not renew the quota.
     pub(super) fn warning(&self, now_ns: u64) -> Allowance {
         let mut quota = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
         quota.take(now_ns)

@@ -28,7 +28,7 @@ use gusset_record::{
     RunFolder, TripValue, WhenFull, Writer, WriterSettings, ring,
 };
 
-/// Where and what a server records.
+/// Settings of a server's record.
 #[derive(Debug, Clone)]
 pub struct RecordSettings {
     /// Folder of all tests; each gets a subfolder: `test-0001`, `test-0002`, …
@@ -51,7 +51,7 @@ pub struct RecordSettings {
     pub ended: Option<Sender<Option<PathBuf>>>,
 }
 
-/// Exchanges per second that the queue is made for where the protocol does not say.
+/// Exchanges per second that the queue is made for where the protocol does not announce a rate.
 const USUAL_RATE_HZ: f64 = 1000.0;
 /// Highest number of a folder.
 const MOST_FOLDERS: u32 = 999_999;
@@ -70,7 +70,7 @@ pub(super) struct SessionRecord {
     warnings: Vec<String>,
     /// Accepted findings: key and reason.
     accepted: BTreeMap<String, String>,
-    /// Where the newest exchange stands.
+    /// Position of the newest exchange.
     position: Position,
     began_ns: u64,
     required: bool,
@@ -211,7 +211,7 @@ impl SessionRecord {
         self.warnings.iter().any(|warning| warning == text)
     }
 
-    /// The reason of the user for what the wiring check found.
+    /// The user's reason to accept a wiring fault.
     pub(crate) fn accept_wiring(&mut self, reason: &str) {
         let key = "accept_wiring".to_owned();
         self.accepted.insert(key, reason.to_owned());
@@ -334,7 +334,7 @@ impl SessionRecord {
             tracing::error!("{} ROWS ARE LOST", recorded.rows_lost());
         }
         if let Some(ended) = ended {
-            // Who wrote reports has gone; the record is whole.
+            // The receiver of reports has closed; the record is whole.
             let _ = ended.send(Some(folder.path().to_owned()));
         }
     }
@@ -374,7 +374,7 @@ fn path_of(root: &Path, number: u32) -> PathBuf {
     root.join(format!("test-{number:04}"))
 }
 
-/// True of a folder that was made within [`NEW_S`]. What was added to it later does not make it new.
+/// True for a folder that was made within [`NEW_S`]. Later additions do not make it new.
 fn is_new(folder: &Path) -> bool {
     let Ok(found) = folder.metadata() else {
         return false;

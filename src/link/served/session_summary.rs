@@ -1,4 +1,4 @@
-//! `summary.json` of a controller's test, with the keys that every run has; what a server does not know is empty.
+//! `summary.json` of a controller's test, with the keys of every run; a value that a server does not know is empty.
 
 use std::collections::BTreeMap;
 

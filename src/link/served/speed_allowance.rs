@@ -1,16 +1,16 @@
 //! The speed allowance of a specimen: the time that each command has for its motion, which its speed is judged by.
 //!
-//! For a specimen that moves, this is wall time, whatever test time the client says. The allowance is the specimen's: it
-//! fills with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm and a
-//! new session fill nothing, and a silence or a hold fills no more than the burst. The burst is [`BURST_S`], or two periods of the announced rate where
-//! that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more than
-//! v·(T + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its
-//! motion, however seldom commands come. The limits that the client announced are judged by its own period instead.
+//! For a specimen that moves, this is wall time, whatever test time the client sends. The allowance is the specimen's: it fills
+//! with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm and a new session
+//! fill nothing, and a silence or a hold fills no more than the burst. The burst is [`BURST_S`], or two periods of the announced
+//! rate where that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more than v·(T
+//! + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its motion, however
+//! seldom commands come. The limits that the client announced are judged by its own period instead.
 //!
-//! A client that announced its rate has one period for each command, lost ones included, as far as the allowance goes.
-//! Before its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall
-//! time since its last command (0.01 s at least) and the test time that it says. Haste does not hurt a formula: it has at least one
-//! announced period, or the test time that was said.
+//! A client that announced its rate has one period for each command, lost ones included, as far as the allowance lasts. Before
+//! its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall time since its
+//! last command (0.01 s at least) and the test time that it sends. A formula needs no such protection: it has at least one
+//! announced period, or the test time of the client.
 
 use super::USUAL_TICK_S;
 use gusset_quantity::time::Nanos;
@@ -27,7 +27,7 @@ const SHORTEST_S: f64 = 1e-9;
 pub(super) struct Request {
     /// Its number.
     pub sequence: u64,
-    /// Test time in s since the last commit, as the client says.
+    /// Test time in s since the last commit, as the client sent it.
     pub elapsed: f64,
     /// It repeats the last command.
     pub stays: bool,
@@ -109,7 +109,7 @@ impl SpeedAllowance {
         (self.next, self.waits) = (first, true);
     }
 
-    /// Commands may come from now on. What has passed before is worth a burst. Real-time: yes.
+    /// Commands may come from now on. The time before counts as a burst. Real-time: yes.
     pub(crate) fn starts(&mut self, now: Nanos) {
         if std::mem::take(&mut self.waits) {
             let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
@@ -298,7 +298,7 @@ mod tests {
             assert!(is(found.announced, 10.0), "{found:?}");
             assert!(one.says_cut().is_some());
         }
-        // The first is lost, or left out: as much as has passed, up to the burst.
+        // The first is lost, or omitted: the elapsed time, up to the burst.
         for (at_ns, own, announced) in [
             (0, BURST_S, BURST_S),
             (50_000_000, 0.07, 0.07),
@@ -359,7 +359,7 @@ mod tests {
             let found = times_of(&mut one, commands);
             let sum = found[1] + found[2];
             assert!(found[1] <= burst && sum < burst + 2e-6, "{found:?}");
-            // One period where the numbers go on, as after a hold.
+            // One period where the numbers continue, as after a hold.
             let found = times_of(
                 &mut one,
                 [(last + 2, 0.0, 2e4), (last + 3, 0.0, 2e4 + 1e3 * period)],

@@ -1,4 +1,4 @@
-//! A served before a specimen across a link: where it stands, what it is found to resist there, and what it says of itself.
+//! A server before a specimen across a link: its position, its force there, and its introduction.
 
 use std::sync::{Arc, Mutex};
 
@@ -19,7 +19,7 @@ use gusset_record::lasting::{LastingRecord, SpecimenKey};
 
 const K: f64 = 8000.0;
 
-/// A spring that says where it stands or does not, and from its command with this number on what.
+/// A spring that may report its position, and may report a status from the command with this number on.
 #[derive(Clone, Default)]
 struct Spring {
     tells: Vec<f64>,
@@ -332,7 +332,7 @@ fn a_check_begins_where_it_was_measured() {
     }
 }
 
-/// At which of twenty commands of a test, from 0, it trips that this status was said from the fifth on.
+/// At which of twenty commands of a test, from 0, it trips if this status is reported from the fifth on.
 fn says(status: Status) -> Option<(usize, Trip)> {
     // Its first command is ours.
     let spring = Spring {
@@ -367,8 +367,8 @@ fn one_interlock_report_ends_the_test() {
     assert_eq!(says(Status::INTERLOCK), Some((4, Trip::Interlock)));
 }
 
-/// A client that is gone after this number of questions, in the middle of a wiring check from 4 mm; `at_once`: the server is stopped
-/// for the second time. Returns the commands, and the end.
+/// A client that disconnects after this number of questions, in the middle of a wiring check from 4 mm; `at_once`: the server is
+/// stopped for the second time. Returns the commands, and the end.
 fn leaves_the_check(asked: usize, at_once: bool, stands: f64) -> (Vec<f64>, Option<TestEnd>) {
     let spring = Spring {
         tells: vec![stands],
@@ -424,7 +424,7 @@ fn check_stopped_twice_rests() {
     assert!(text.contains(&words), "{text}");
 }
 
-/// Each client leaves at another place of the check, and the next one finds the specimen where the last one left it.
+/// Each client disconnects at another place of the check, and the next one finds the specimen at the same position.
 #[test]
 fn leaving_clients_do_not_walk_a_specimen() {
     let mut stands = 0.0;
@@ -528,7 +528,7 @@ struct Standing {
     disp: f64,
     /// The displacement sensor reads this instead of the command.
     reads: Option<f64>,
-    /// Its end says that it measures displacement.
+    /// Its end reports that it measures displacement.
     measures: bool,
 }
 
@@ -587,7 +587,7 @@ fn new_session_keeps_the_speed_allowance() {
                 trip
             });
             assert_eq!(trips, Some(Limit::CommandVel), "{rate:?}");
-            // The burst, and what has passed.
+            // The burst, and the elapsed time.
             assert!(led.disp <= 0.1 * (0.02 + 0.2), "{rate:?}: {}", led.disp);
             assert!(led.disp < 0.004, "{rate:?}: {}", led.disp);
         }
@@ -715,7 +715,7 @@ fn trip_lasts_lost_link_does_not() {
     assert_eq!(led.goes(0.0), None);
 }
 
-/// A specimen whose end does not say that it measures displacement is not armed behind a limit of that.
+/// A specimen that does not report a measured displacement is not armed behind a limit of it.
 #[test]
 fn missing_displacement_skips_its_limit() {
     let begun = |limits: &str| {
@@ -736,7 +736,7 @@ fn missing_displacement_skips_its_limit() {
     assert!(begun("force_step_n = { trip = 1 }").is_ok());
 }
 
-/// Two springs of 10 N/m; from the command with this number on the load cell of the second says no number.
+/// Two springs of 10 N/m; from the command with this number on the load cell of the second gives NaN.
 #[derive(Debug)]
 struct Broken {
     from: u64,
@@ -859,7 +859,7 @@ fn goes_on(from: f64, vel: f64, steps: &[f64]) -> Option<u64> {
 fn resumed_first_step_uses_announced_speed() {
     let steady = [0.1; 5];
     assert_eq!(goes_on(2.0, 10.0, &steady), None);
-    // It begins, or comes faster than it says, or changes its speed later.
+    // It begins, or comes faster than announced, or changes its speed later.
     assert_eq!(goes_on(0.0, 10.0, &steady), Some(3));
     assert_eq!(goes_on(2.0, 0.0, &steady), Some(3));
     assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.1, 0.0]), Some(5));

@@ -19,8 +19,8 @@ pub(super) struct Candidate {
     pub has_spoken: bool,
 }
 
-/// The place of the client that gives way to a newcomer, if one must. `all` is in order of arrival. The oldest client that has
-/// said nothing gives way first.
+/// The place of the client that gives way to a newcomer, if one must. `all` is in order of arrival. The oldest silent client
+/// gives way first.
 pub(super) fn gives_way(all: &[Candidate], newcomer: IpAddr) -> Option<usize> {
     let waiting = |ip: IpAddr| all.iter().filter(|other| other.peer.ip() == ip).count();
     let crowd = if waiting(newcomer) >= MOST_OF_ONE {

@@ -78,14 +78,14 @@ pub enum ConnectError {
     Socket {
         /// Where to.
         address: String,
-        /// What failed.
+        /// The call that failed.
         what: &'static str,
         /// The system's word.
         reason: String,
     },
 }
 
-/// What to do about it.
+/// Remedy.
 const fn advice(fault: TlsFault) -> &'static str {
     match fault {
         TlsFault::NotTls => {

@@ -1,9 +1,9 @@
 //! TCP and UDP on plain non-blocking sockets, with a wait that ends at a deadline.
 //!
 //! Invariants: after the set-up nothing here allocates, locks or blocks; a wait never lasts past its deadline on
-//! CLOCK_MONOTONIC by more than the kernel's wake-up; a peer that closed is seen by the next call. What is not here:
-//! bytes and their meaning, and what to do about a fault. Resolving a host's name happens before the test and has no
-//! time limit of ours: it is the system's resolver that waits.
+//! CLOCK_MONOTONIC by more than the kernel's wake-up; the next call notices a peer that closed. Not here: bytes and
+//! their meaning, and reactions to a fault. Resolving a host's name happens before the test and has no time limit of
+//! ours: it is the system's resolver that waits.
 
 mod beside;
 mod connect;
@@ -28,7 +28,7 @@ use gusset_record::rt::os;
 /// Largest remainder of frames that a transport keeps while the system takes no bytes.
 const KEPT: usize = 96 * 1024;
 
-/// A deadline that has always passed: what is here is taken, nothing is waited for.
+/// A deadline that has always passed: bytes that have arrived are taken, without waiting.
 pub(crate) const LOOK: Nanos = Nanos(0);
 
 /// How a wait for bytes spends its time.
@@ -87,7 +87,7 @@ pub(crate) fn listen_advice(error: &io::Error) -> &'static str {
 pub struct SocketOptions {
     /// How a wait spends its time.
     pub wait: Wait,
-    /// TCP_QUICKACK before a wait while an acknowledgement is owed: without it two ends that both wait lose 40 ms to
+    /// TCP_QUICKACK before a wait while an acknowledgement is pending: without it two ends that both wait lose 40 ms to
     /// delayed acknowledgements.
     pub quick_ack: bool,
     /// SO_BUSY_POLL in µs: the kernel polls the network card while a read waits. A refusal is no error.
@@ -167,7 +167,7 @@ pub(crate) fn verdict(error: &io::Error) -> Verdict {
         io::ErrorKind::Interrupted => Verdict::Again,
         io::ErrorKind::WouldBlock => Verdict::NotNow,
         io::ErrorKind::TimedOut => Verdict::Lost(LinkFault::Timeout),
-        // No buffers left is a full buffer, too.
+        // A lack of buffers counts as a full buffer, too.
         _ if error.raw_os_error() == Some(os::Errno::NOBUFS.raw_os_error()) => Verdict::NotNow,
         _ => Verdict::Lost(LinkFault::Closed),
     }
@@ -228,7 +228,7 @@ impl Pause {
     }
 }
 
-/// True if the other end of a stream has closed its side. What it sent before may still be unread. Real-time: yes.
+/// True if the other end of a stream has closed its side. Earlier bytes may still be unread. Real-time: yes.
 pub(crate) fn has_hung_up(fd: BorrowedFd<'_>) -> bool {
     let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
     let mut polled = [PollFd::from_borrowed_fd(fd, PollFlags::RDHUP)];

@@ -21,7 +21,7 @@ use crate::tls_fault::TlsFault;
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os;
 
-/// Who we are, whom we trust and what the far end must be called.
+/// Our certificate, the trusted authorities and the required name of the far end.
 #[derive(Clone)]
 pub struct TlsClient {
     config: Arc<ClientConfig>,

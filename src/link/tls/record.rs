@@ -1,4 +1,4 @@
-//! Where in the TLS records the bytes stand that came: the only thing that must be known of a record without its key.
+//! Position of the received bytes within the TLS records: all that must be known of a record without its key.
 //!
 //! A record is a header of five bytes, the last two its length in network order, and the body (RFC 8446, 5.1).
 

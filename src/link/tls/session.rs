@@ -1,4 +1,4 @@
-//! One TLS session over any socket that does not block: what came goes in, what is due goes out.
+//! One TLS session over any socket that does not block: received bytes enter, due bytes leave.
 //!
 //! Invariant: nothing here waits. Bytes that came before a failure are delivered before the failure is reported.
 
@@ -19,7 +19,7 @@ pub(super) struct Session {
     detail: Option<String>,
 }
 
-/// Follows what is read.
+/// Follows the bytes that are read.
 struct Followed<'a, S> {
     socket: &'a mut S,
     records: &'a mut Records,
@@ -80,7 +80,7 @@ impl Session {
         }
     }
 
-    /// Reads what the socket has; false if it had nothing.
+    /// Reads the bytes of the socket; false if it had none.
     pub(super) fn pull<S: Read + Write>(&mut self, socket: &mut S) -> Result<bool, TlsFault> {
         let mut followed = Followed {
             socket,
@@ -103,7 +103,7 @@ impl Session {
         }
     }
 
-    /// Writes what is due, as far as the socket takes it.
+    /// Writes due bytes, as far as the socket takes them.
     pub(super) fn push<S: Read + Write>(&mut self, socket: &mut S) -> Result<(), TlsFault> {
         let Err(lost) = self.write(socket) else {
             return Ok(());

@@ -139,7 +139,7 @@ impl TlsStream {
         }
     }
 
-    /// More about the failure of the session, if the TLS library says it.
+    /// Details of the failure of the session, if the TLS library gives them.
     pub(crate) fn detail(&self) -> Option<&str> {
         self.session.detail()
     }

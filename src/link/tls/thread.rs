@@ -37,7 +37,7 @@ const ROOM_NS: u64 = 1_000_000;
 /// Time limit for the goodbye.
 const FAREWELL_NS: u64 = 500_000_000;
 
-/// What both threads see.
+/// State shared by both threads.
 #[derive(Debug)]
 struct Shared {
     /// Readable: the helper has something to do.
@@ -124,7 +124,7 @@ fn hush(counter: &OwnedFd) {
 }
 
 impl Transport for TlsTransport {
-    /// Backpressure: what was sent before fills the ring, because the peer does not read. Real-time: yes.
+    /// Backpressure: earlier bytes fill the ring, because the peer does not read. Real-time: yes.
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         if let Some(fault) = self.shared.fault.get() {
             // The peer's final message, such as a goodbye, is read first; plain TCP accepts such a frame, too.
@@ -207,11 +207,11 @@ impl Helper {
         ring_bell(&self.shared.to_loop);
     }
 
-    /// Carries bytes until the end, and says which.
+    /// Carries bytes until the end, and returns its cause.
     fn carry(&mut self) -> TlsFault {
         let mut farewell: Option<u64> = None;
         loop {
-            // Before the ring is looked at: what is sent before the transport is dropped still leaves.
+            // Read before the ring: bytes sent before the transport is dropped still leave.
             let closing =
                 self.shared.closing.load(Ordering::Acquire) || self.commands.is_abandoned();
             let round = match self.round() {
@@ -236,7 +236,7 @@ impl Helper {
         }
     }
 
-    /// What can be done without waiting.
+    /// Does the work that needs no wait.
     fn round(&mut self) -> Result<Round, TlsFault> {
         let mut moved = false;
         // Bytes that the socket does not take stay in the ring, where the loop sees that it fills.
@@ -269,7 +269,7 @@ impl Helper {
         })
     }
 
-    /// Gives the loop what was decrypted; false if nothing was.
+    /// Gives the loop decrypted bytes; false without any.
     fn give(&mut self, room: usize) -> Result<bool, TlsFault> {
         let buffer = self.buffer.get_mut(..room).unwrap_or_default();
         let Some(count) = self.stream.take(buffer)? else {

@@ -34,8 +34,8 @@ impl Live {
         self.send(written)
     }
 
-    /// The last question before anything moves. Blocks within the time limit, as long as the answer is `wanted`: false if it
-    /// is not any more.
+    /// Last question before anything moves. Blocks within the time limit while the answer is `wanted`: false if it is no
+    /// longer.
     pub(in crate::native) fn arm(
         &mut self,
         sequence: u64,
@@ -103,7 +103,7 @@ impl Live {
                 let error = explained(error, self.transport.as_ref());
                 match &error {
                     SetupError::Left { cause, .. } => self.heard_goodbye(*cause),
-                    // An older gateway that lost its specimen cannot say more.
+                    // An older gateway that lost its specimen cannot report more.
                     SetupError::Refused { code, .. } => {
                         self.may_be_lost |=
                             *code == RefuseCode::NotReady && self.version < SAYS_LOST;
@@ -155,10 +155,10 @@ impl Live {
         self.last_words = said.words(cause, was_open);
     }
 
-    /// Asks for the goodbye, and hears what is said until it comes.
+    /// Requests the goodbye, and reads frames until it comes.
     fn hear_goodbye(&mut self, notice: Notice, patience: u64) -> Parting {
         let mut said = Parting::default();
-        // Who says it twice says more the second time.
+        // A second goodbye contains more than the first.
         let is_explained = self.detail.is_some();
         let until = self.transport.now().plus(patience);
         let mut ask_at = Nanos(0);
@@ -183,7 +183,7 @@ impl Live {
                 match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
                     Ok(Frame::Goodbye(answer)) => {
                         self.acknowledged = Some(true);
-                        // The cause of the retire again says nothing.
+                        // The cause of the retire repeated adds nothing.
                         if answer.cause != notice.cause {
                             self.heard_goodbye(answer.cause.code());
                         }
@@ -224,8 +224,8 @@ struct Parting {
 }
 
 impl Parting {
-    /// What of it is no plain goodbye, in words. `asked`: why it was retired, which it may say after us; `was_open`: it had said
-    /// before that its interlock is open.
+    /// Its unusual parts, in words. `asked`: why it was retired, which it may repeat; `was_open`: its interlock was reported
+    /// open before.
     fn words(self, asked: Cause, was_open: bool) -> Option<String> {
         let text = self.bye.as_ref().map(|bye| bye.text.trim());
         let text = text.filter(|text| !text.is_empty());

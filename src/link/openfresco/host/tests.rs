@@ -7,7 +7,7 @@ fn host(law: &str, axes: usize, nature: Nature) -> Host {
     let law: SpecimenLaw = toml::from_str(law).unwrap();
     let law = Computed::new(law.build(axes).unwrap(), nature == Nature::Physical);
     let (stiffness, mass) = law.reference();
-    // Steps are bounded, as they must be for a first one of some length to what moves.
+    // Steps are bounded, as the first long step of a physical specimen requires.
     let limits = toml::from_str("command_step_m = { trip = 1.0 }").unwrap();
     let units = vec![AxisUnits::SI; axes];
     let served = ServedSpecimen::new("rig".into(), Box::new(law), units, stiffness, mass);
@@ -85,7 +85,7 @@ fn falling_load_factor_is_no_step_length() {
         &mut || true,
     )
     .unwrap();
-    // One step as the file says.
+    // One step as configured.
     assert!((host.response().force[0] - 10.0).abs() < 1e-12);
 }
 
@@ -155,7 +155,7 @@ fn tiny_step_passes_no_missing_limit() {
 #[test]
 fn step_taken_back_is_refused_if_it_moved() {
     for nature in [Nature::Simulated, Nature::Physical] {
-        // Trials of what moves are judged elsewhere.
+        // Trials of physical specimens are judged elsewhere.
         let mut host = host(BILINEAR, 1, nature).iterating_within(Some(1.0));
         host.trial(Course::First, &at(&[0.0], 0.0), Some(0.0), &mut || true)
             .unwrap();
@@ -219,7 +219,7 @@ fn uncommitted_steps_of_a_formula_vanish() {
     }
 }
 
-/// What moves, within limits.
+/// A physical specimen, within limits.
 fn limited(limits: &str) -> Host {
     let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
     let law = Computed::new(law.build(1).unwrap(), true);
@@ -290,7 +290,7 @@ fn unbounded_first_step_is_small() {
             );
             if outcome.is_ok() {
                 host.commit();
-                // What follows is not judged so.
+                // Later commands are not judged like this.
                 let next = [disp.mul_add(2.0, 1e-4)];
                 let next = host.trial(Course::Step, &at(&next, 0.01), Some(0.01), &mut || true);
                 assert!(next.is_ok(), "{limits}: {next:?}");

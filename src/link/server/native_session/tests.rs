@@ -356,7 +356,7 @@ fn hold_follows_the_command_before_it() {
     controller.hear().unwrap().unwrap();
     let said = told.lock().unwrap().clone();
     assert_eq!(said, [Told::Command(first(&said)), Told::Hold]);
-    // The watchdog is not alarmed by what need not come.
+    // Missing frames that are not due do not alarm the watchdog.
     controller.clock.advance(600_000_000);
     assert!(controller.hear().unwrap().is_none());
     // One that was overtaken is over, and is not passed on at all.
@@ -369,7 +369,8 @@ fn hold_follows_the_command_before_it() {
     assert_eq!(all[2..], [newest]);
 }
 
-/// Whether its commands before were passed on or not, and in a hold, too: what comes after a stop comes from rest.
+/// The stop applies whether earlier commands were passed on or not, and in a hold, too: the motion after it starts from
+/// rest.
 #[test]
 fn stop_precedes_the_return_command() {
     let (host, told) = gateway(None);
@@ -401,7 +402,7 @@ fn stop_precedes_the_return_command() {
     );
 }
 
-/// The controller judges what comes after an operator's hold as if nothing had been between; after a stop it judges from rest.
+/// The controller judges the command after an operator's hold as without it; after a stop it judges from rest.
 #[test]
 fn only_a_stop_before_a_return_allows_rest() {
     for (cause, trips) in [
@@ -611,7 +612,7 @@ const OPEN: &str = "the interlock or emergency stop at the specimen is open";
 
 #[test]
 fn gateway_passes_on_the_cause_of_a_trip() {
-    // In its own words, or in ours, which are not said twice.
+    // In its own words, or in ours, without repetition.
     let once = ["bye 1: ", OPEN].concat();
     for (last_words, told) in [
         (

@@ -1,4 +1,4 @@
-//! A client leaves, holds or runs ahead while the specimen is on its way to a paced target: the specimen comes to rest at once.
+//! A client disconnects, holds or runs ahead during the specimen's path to a paced target: the specimen comes to rest at once.
 //!
 //! The rig acts for the client when a command reaches it. So nothing depends on the time that passes.
 

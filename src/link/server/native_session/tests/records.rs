@@ -52,7 +52,7 @@ impl Controller {
         self.hear().unwrap().unwrap();
     }
 
-    /// Whether the last test left the specimen where only its own end knows.
+    /// Whether only the server knows the specimen's position after the last test.
     fn lost_it(&self) -> bool {
         let tap = self.tap.lock().unwrap();
         let lost = tap.iter().rev().find_map(|tapped| match tapped {

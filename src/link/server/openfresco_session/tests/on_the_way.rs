@@ -1,4 +1,5 @@
-//! An OpenFresco client leaves or runs ahead while the specimen is on its way to a paced target: the specimen comes to rest at once.
+//! An OpenFresco client disconnects or runs ahead during the specimen's path to a paced target: the specimen comes to rest at
+//! once.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
