@@ -1,4 +1,4 @@
-//! What moves the structure, on the step grid.
+//! Loads and motions of the structure, on the step grid.
 
 use super::specimens::Specimens;
 use super::structure::vector;
@@ -108,7 +108,7 @@ pub(super) fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Ve
         .extend(warnings.map(|text| Finding::warning(place.clone(), text)));
 }
 
-/// Warns of a load at `at` of which every number is zero: what was meant to move something does not.
+/// Warns of a load at `at` whose numbers are all zero: it moves nothing.
 fn warn_of_nothing(site: &mut Site<'_>, at: KeyPath, values: [&[f64]; 2]) {
     let [place, history] = values.map(|values| values.iter().all(|value| *value == 0.0));
     if place || history {

@@ -41,7 +41,7 @@ pub struct Facts {
     /// How far each axis may be from its last position when an interrupted test resumes, in m; `None`: as far as the record
     /// allows.
     pub resume_within: Option<f64>,
-    /// How far the force of each axis may differ then, in N at the specimen; none: as the record says.
+    /// How far the force of each axis may differ then, in N at the specimen; `None`: as far as the record allows.
     pub resume_within_n: Option<f64>,
     /// Root mean square of the noise that each specimen's load cells are declared to have, in N at the specimen.
     pub force_noise_n: Vec<f64>,
@@ -51,11 +51,11 @@ pub struct Facts {
     pub announced: Vec<String>,
     /// Specimens behind links that have a law for rehearsals, too, in sentences.
     pub moved: Vec<String>,
-    /// Whether an operator must confirm what was read before anything moves.
+    /// Whether an operator must confirm the readings before anything moves.
     pub confirm: bool,
     /// Facts about the records of its motions, in the order of the test file.
     pub records: Vec<RecordFacts>,
-    /// Which limits there are, who checks them, what happens then.
+    /// The limits, who checks them, and their consequences.
     pub limits: LimitFacts,
     /// Warnings for the user; the test may run.
     pub warnings: Vec<String>,
@@ -101,7 +101,7 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// Degree of freedom, from 0, and largest force in N of a table of nodal forces.
     pub peak_nodal_force: Option<(usize, f64)>,
-    /// What modes and delays can be analysed from, for structures that are not too large.
+    /// Input for the analysis of modes and delays, for structures that are not too large.
     pub analysis: Option<Analysis>,
     /// Why no margin to a critical delay is watched; none where one is.
     pub no_margin: Option<String>,
@@ -112,7 +112,7 @@ pub struct StructureFacts {
 }
 
 impl StructureFacts {
-    /// λ, its limit and what governs it, where λ has been judged.
+    /// λ, its limit and the part that governs it, where λ has been judged.
     #[must_use]
     pub const fn choice(&self) -> Option<&LambdaChoice> {
         match &self.stability {

@@ -73,7 +73,7 @@ pub struct Prepared {
     pub warnings: Diagnostics,
     /// Findings of stability that the build made, with their kinds: its verdict weighs them.
     pub doubts: Vec<(Kind, Finding)>,
-    /// The file that it was made from; none of a trial, and of a loop that has no file.
+    /// Its test file; `None` for a trial, and for a loop that has no file.
     pub loaded: Option<Box<Loaded>>,
 }
 

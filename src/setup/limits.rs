@@ -17,15 +17,15 @@ use gusset_quantity::units::duration;
 pub struct LimitFacts {
     /// Per specimen, in order.
     pub specimens: Vec<SpecimenLimits>,
-    /// What belongs to no specimen alone.
+    /// Limits that belong to no specimen alone.
     pub test: Vec<LimitFact>,
-    /// What trips whatever the file says.
+    /// Causes of a trip that need no key.
     pub always: Vec<String>,
     /// Effect of a trip.
     pub on_trip: String,
-    /// How the specimens are left after the last step, or when the operator ends the test.
+    /// End position of the specimens after the last step, or when the operator ends the test.
     pub at_end: String,
-    /// How the specimens come to where the test begins, and to rest in a hold.
+    /// How the specimens reach the start of the test, and come to rest in a hold.
     pub way_in: String,
     /// Effect of a missed deadline that trips nothing.
     pub on_miss: String,
@@ -42,13 +42,13 @@ pub struct SpecimenLimits {
     /// The loading unit whose actuators the axes are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geometry: Option<LoadingFacts>,
-    /// Who keeps them.
+    /// Program that keeps them.
     pub checked_by: String,
-    /// One list per axis; what is not in it is not limited.
+    /// One list per axis; a missing quantity has no limit.
     pub axes: Vec<Vec<LimitFact>>,
-    /// What happens to measurements that stay away.
+    /// Treatment of stale measurements.
     pub stale: String,
-    /// When the specimen's end holds by itself because no command comes, and who sees to it.
+    /// When the specimen's end holds because no command comes, and which program does it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<String>,
     /// Bounds of a simulated actuator and its sensors, and their effect.
@@ -57,7 +57,7 @@ pub struct SpecimenLimits {
     /// Whether a reversed or dead channel is looked for before the test.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<String>,
-    /// Where it is left by "safe_displacement", in m, one number per axis.
+    /// Its position for "safe_displacement", in m, one number per axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub safe_disp_m: Option<Vec<f64>>,
 }
@@ -75,13 +75,13 @@ pub struct LimitFact {
     pub trip: Vec<f64>,
     /// Whether the specimen's end also receives and keeps the limit.
     pub also_at_the_specimen: bool,
-    /// How it is judged, where that is not plain: what else the file says of it.
+    /// How it is judged, where that depends on other keys of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judged: Option<String>,
 }
 
 fn sizes(values: &[f64]) -> Vec<f64> {
-    // Where there is no limit there is an infinite one; half a range is shown whole.
+    // A missing limit is an infinite one; half a range is shown whole.
     if values.iter().any(|value| value.is_finite()) {
         values.to_vec()
     } else {
@@ -122,7 +122,7 @@ fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     }
 }
 
-/// How the specimens come to where the test begins, and to rest.
+/// How the specimens reach the start of the test, and come to rest.
 fn way_in(file: &TestFile, time: &Time) -> String {
     if file.specimen.is_empty() {
         return "nothing is moved".to_owned();

@@ -22,7 +22,7 @@ use gusset_record::rt::throttle::Throttle;
 use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
 
-/// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
+/// Default silence after which a specimen must hold: in s, and in ticks.
 const WATCHDOG_S: f64 = 0.25;
 const WATCHDOG_TICKS: f64 = 10.0;
 
@@ -105,7 +105,7 @@ fn fitted(wait: Wait, period_ns: u64, pacer_ns: u64) -> Wait {
     }
 }
 
-/// Who we are over TLS and whom we trust; none over anything else.
+/// Our certificate and the trusted authorities over TLS; `None` over any other transport.
 fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsClient>, Refused> {
     match tls_client(link, &folder(&site.loaded.path)) {
         Ok(tls) => Ok(tls),

@@ -223,8 +223,8 @@ pub(super) fn of_alpha(
 }
 
 /// Warns if a method of bounded stability is beyond its bound at the declared tangents: those of Newmark are stable
-/// exactly where the member of the family with their poles is, K0 and C0 following the tangents. Nothing is said here of
-/// the others, and nothing where a tangent has no bound.
+/// exactly where the member of the family with their poles is, K0 and C0 following the tangents. It judges no other
+/// method, and no tangent without a bound.
 pub(super) fn warn_of_limit(
     site: &mut Site<'_>,
     structure: &Structure,

@@ -35,7 +35,7 @@ impl ServedLimit {
     }
 }
 
-/// Limits of `command_disp_m` and `measured_force_n`: those of the axes in m and N, and the same as the client counts.
+/// Limits of `command_disp_m` and `measured_force_n`: those of the axes in m and N, and those in the client's units.
 #[must_use]
 pub fn served_limits(source: &ServedFile) -> [Vec<ServedLimit>; 2] {
     let Some(table) = source.specimen() else {

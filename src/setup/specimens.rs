@@ -1,4 +1,4 @@
-//! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
+//! The specimens of a test file: their rows of B, their laws, and their contributions to K0, C0 and their bounds.
 
 pub(super) mod compensation;
 mod entry;
@@ -53,13 +53,13 @@ struct Entry {
     bounds: Result<(Rows, Rows), usize>,
     /// How much of its damping counts in a sawtooth of period 2 steps, in parts of that at the integrator's own velocity.
     sawtooth: f64,
-    /// What its commands are made of, as [`gusset_numerics::spectral::delay::Delayed::ticks`].
+    /// Weights of its commands, as [`gusset_numerics::spectral::delay::Delayed::ticks`].
     ticks: Vec<Weights>,
     mass_in_force: f64,
 }
 
-/// True if where it stands is known before its first command: from the file, or from its far end, as our own protocol lets it
-/// tell, and some of OpenFresco's.
+/// True if its position is known before its first command: from the file, or from its far end, as our own protocol and some
+/// of OpenFresco's can report it.
 fn is_known_to_stand(link: &LinkSpec, axes: usize) -> bool {
     link.stands_at_m.is_some() || link.reports_position(axes) != Some(false)
 }
@@ -138,7 +138,7 @@ fn drill(site: &mut Site<'_>, index: usize) -> Result<Option<f64>, Refused> {
 }
 
 impl Entry {
-    /// What its axes are watched against; `gains` are those of S.
+    /// Bounds of its axes; `gains` are those of S.
     fn declared(&self, gains: Option<&Vec<f64>>) -> Vec<Declared> {
         let bound = |of: fn(&(Rows, Rows)) -> &Rows, axis: usize| {
             let bounds = self.bounds.as_ref();
@@ -160,7 +160,7 @@ impl Entry {
         .collect()
     }
 
-    /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
+    /// How the direction of a specimen behind a link is checked: as configured, else by the static load.
     fn direction(
         &self,
         link: &LinkSpec,

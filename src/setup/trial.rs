@@ -1,11 +1,11 @@
-//! One rehearsal among many: what is drawn for it.
+//! One rehearsal among many: its draws.
 
 use super::Estimate;
 
 /// Draws of a rehearsal.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trial {
-    /// One per specimen; what is missing is nominal.
+    /// One per specimen; missing ones are nominal.
     pub specimens: Vec<Drawn>,
     /// The controller's estimate of each specimen, whatever the drawn file contains; empty: the estimates of the file.
     pub believed: Vec<Estimate>,

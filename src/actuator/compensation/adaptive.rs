@@ -1,4 +1,4 @@
-//! What adaptive compensators have in common: coefficients with bounds and rates, and regressors made the same way of
+//! Common parts of adaptive compensators: coefficients with bounds and rates, and regressors made in the same way from
 //! commands and measurements.
 
 use super::filter::{Differences, LowPass};
@@ -25,7 +25,7 @@ pub(super) const COEFFICIENTS: &[Parameter] = &[
     },
 ];
 
-/// Static gain of a lead, in shares of that which it begins with: what an actuator's own may be, and no more.
+/// Static gain of a lead, as a share of its initial gain: the range of an actuator's own gain.
 pub(super) const GAIN: (f64, f64) = (0.7, 1.4);
 
 /// Coefficients that move towards a goal, within bounds and no faster than they may.
@@ -106,7 +106,7 @@ impl Bounded {
         sum
     }
 
-    /// Goes towards `goal`. What is not a number moves nothing. Real-time: yes.
+    /// Moves towards `goal`. A goal that is NaN or infinite moves nothing. Real-time: yes.
     pub(crate) fn approach(&mut self, goal: &[f64]) {
         if !goal.iter().all(|goal| goal.is_finite()) {
             return;

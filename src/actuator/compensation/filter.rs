@@ -1,5 +1,4 @@
-//! A low pass and backward differences: what regressors are made of. The same filter on both sides of a fit changes nothing
-//! of what fits.
+//! A low pass and backward differences make the regressors. The same filter on both sides of a fit does not change the fit.
 
 use std::f64::consts::PI;
 
@@ -53,7 +52,7 @@ impl LowPass {
         }
     }
 
-    /// Ticks after which nothing is left of an input.
+    /// Ticks after which an input has no effect.
     pub(crate) const fn memory(&self) -> u32 {
         self.memory
     }

@@ -1,4 +1,4 @@
-//! Compensators: the command that makes a specimen stand where the structure asks, in spite of its actuator.
+//! Compensators: the command that brings a specimen to the target of the structure in spite of its actuator.
 //!
 //! One compensator per axis, in m at the specimen. Each tick [`Compensator::observe`] receives the command in force and its
 //! measurement, then [`Compensator::predict`] makes the next command from the next target. Where target and measurement are of
@@ -131,7 +131,7 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
     /// Forgets the past: everything has always been at `disp`. Learnt parameters return to their start.
     fn reset(&mut self, disp: f64);
 
-    /// Names of what [`Compensator::parameters`] gives.
+    /// Names of the values of [`Compensator::parameters`].
     fn names(&self) -> &'static [Parameter] {
         &[]
     }
@@ -141,7 +141,7 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         &[]
     }
 
-    /// What each parameter is kept within; the two are the same where nothing adapts.
+    /// Bounds of each parameter; both are equal where nothing adapts.
     fn bounds(&self) -> &[(f64, f64)] {
         &[]
     }
@@ -167,7 +167,7 @@ pub enum CompensationError {
         name: &'static str,
         /// Entries given.
         found: usize,
-        /// Entries wanted.
+        /// Expected entries.
         wanted: usize,
     },
     /// A bound that holds nothing, or not the start.

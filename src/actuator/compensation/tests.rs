@@ -141,7 +141,7 @@ fn compensated_delay_follows_h_of_theta() {
                 (found - wanted).norm() < 1e-11,
                 "{order} {theta}: {found} {wanted}"
             );
-            // Added damping has the sign of Im H, as the documentation says it.
+            // Added damping has the sign of Im H, as documented.
             match order {
                 1 => assert!(wanted.im < 0.0),
                 2 => assert_eq!(wanted.im >= 0.0, theta <= PI / 3.0),
@@ -296,7 +296,7 @@ fn coupled_weights_lead_any_motion_size() {
                 );
                 // A lag requires 1 % more than the target at 4 Hz.
                 assert!(most < 1.1 * size, "{all}");
-                // At the end of the sweep what the smallest motion has told of three more weights than one is least: 1.2 %.
+                // At the end of the sweep the smallest motion has determined three more weights than one least well: 1.2 %.
                 assert!(late < 0.02 * size, "{all}");
             }
         }
@@ -469,7 +469,7 @@ fn restored_compensator_has_the_same_bits() {
     }
 }
 
-/// Each kind says which it is: the state of one does not fit another, whatever its size.
+/// Each kind names itself: the state of one does not fit another, whatever its size.
 #[test]
 fn state_of_another_compensator_is_refused() {
     for (index, text) in ALL.into_iter().enumerate() {

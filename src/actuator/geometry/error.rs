@@ -61,7 +61,7 @@ pub enum GeometryError {
     NotFinite {
         /// Actuator, from 1.
         actuator: usize,
-        /// What.
+        /// The wrong key.
         key: &'static str,
     },
     /// An invalid range of lengths, or one that excludes the reference pose.

@@ -1,19 +1,21 @@
-//! From a pose to strokes, from strokes to a pose, and what velocities and forces make of it. All of it is on the real-time path.
+//! Conversion of a pose to strokes, of strokes to a pose, and of velocities and forces between them. All of it is on the
+//! real-time path.
 
 use super::{Coordinate, Fault, Form, Geometry, MOST, Placed, Six, Wrong, plane, space};
 
 /// Newton's steps; a pose that is not found after this many does not exist. From a pose a fifth of an actuator's length away
 /// it takes five or six.
 const MOST_STEPS: usize = 30;
-/// Largest step, in shortest actuators and radians: beyond it the Jacobian says nothing.
+/// Largest step, in shortest actuators and radians: the Jacobian is not valid beyond it.
 const LONGEST_STEP: f64 = 0.3;
-/// After a Newton step of this size the error is about its square; what is left one more step with the old Jacobian takes.
+/// After a Newton step of this size the error is about its square; one more step with the old Jacobian removes the rest.
 const SQUARED_AWAY: f64 = 1e-7;
 /// Gauss–Newton steps get shorter by a factor each: this is roundoff.
 const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
 
 impl Geometry {
-    /// Moves `placed` to a pose: driven coordinates in their order. After an error it stands anywhere. Real-time: yes.
+    /// Moves `placed` to a pose: driven coordinates in their order. After an error its pose is arbitrary. Real-time:
+    /// yes.
     ///
     /// # Errors
     /// Two pins meet, the Jacobian loses rank, or something is not a finite number. Strokes are not judged: see
@@ -110,7 +112,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// Moves `placed` to the pose in which the actuators have these strokes, from where it stands; with more actuators than
+    /// Moves `placed` from its present pose to the pose in which the actuators have these strokes; with more actuators than
     /// coordinates, to the pose that fits them best. Real-time: yes, at most `MOST_STEPS` steps.
     ///
     /// # Errors
@@ -157,7 +159,7 @@ impl Geometry {
                 }
                 return Ok(());
             }
-            // Least squares come to rest where roundoff goes to and fro.
+            // Least squares stop where roundoff alternates.
             if redundant && (size <= ROUNDOFF || (size <= SQUARED_AWAY && size >= last)) {
                 return Ok(());
             }

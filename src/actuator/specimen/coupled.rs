@@ -52,7 +52,7 @@ impl CoupledSpec {
 /// Differences and eigenvalues below this share of the largest entry count as rounding of the entries.
 const ROUNDING: f64 = 1e-9;
 
-/// Rows from the file as a checked matrix by columns (the same by rows, for it is symmetric).
+/// Rows from the file as a checked matrix by columns (and equally by rows, because it is symmetric).
 fn matrix(name: &'static str, rows: &[Vec<f64>], axes: usize) -> Result<Vec<f64>, LawError> {
     let size = |what, found| {
         if found == axes {
@@ -96,7 +96,7 @@ fn matrix(name: &'static str, rows: &[Vec<f64>], axes: usize) -> Result<Vec<f64>
             }
         }
     }
-    // The mean of both halves: what follows relies on exact symmetry.
+    // The mean of both halves: later steps rely on exact symmetry.
     let symmetric = (&by_columns + by_columns.transpose()) * 0.5;
     let eigenvalue = symmetric.symmetric_eigenvalues().min();
     if eigenvalue >= -ROUNDING * largest {

@@ -1,7 +1,7 @@
 //! A specimen in this process as a substructure: the command is answered by a formula, at once.
 //!
 //! It commits when the step is accepted and never otherwise. A command whose sequence number was answered already gets
-//! the stored answer, whatever it says, and moves nothing: so does an acceptance that comes twice.
+//! the stored answer, whatever its content, and moves nothing. The same holds for a repeated acceptance.
 
 use super::Specimen;
 use gusset_quantity::state;
@@ -378,7 +378,7 @@ mod tests {
         assert_eq!(other, one);
     }
 
-    /// Counts what is done to it; its force is the number of commits so far.
+    /// Counts its calls; its force is the number of commits so far.
     #[derive(Debug, Default)]
     struct Counter {
         trials: u32,

@@ -83,7 +83,7 @@ impl<S: Specimen> Specimen for InUnits<S> {
         self.specimen.measured(&mut self.read);
         let both = disp.iter_mut().zip(&self.read).zip(&self.units);
         for ((disp, read), (metres, _)) in both {
-            // What follows exactly keeps the very bits of its command.
+            // A specimen that follows exactly keeps the very bits of its command.
             if metres * *disp != *read {
                 *disp = read / metres;
             }

@@ -53,9 +53,9 @@ pub use uniaxial::Uniaxial;
 use gusset_numerics::law::Reach;
 use gusset_quantity::state::Stateful;
 
-/// What can stand behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
+/// The object behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
 ///
-/// All methods are on the real-time path, except those that say otherwise.
+/// All methods are on the real-time path, unless their comment excludes it.
 pub trait Specimen: Stateful + Send + std::fmt::Debug {
     /// Number of axes n.
     fn axes(&self) -> usize;
@@ -64,8 +64,8 @@ pub trait Specimen: Stateful + Send + std::fmt::Debug {
     /// starts from the committed state; slices have n entries.
     fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]);
 
-    /// Where a sensor says that the last trial took the specimen, m. On call `disp` is the command, where it stays for
-    /// whatever follows its command exactly.
+    /// Displacement that a sensor reads after the last trial, m. On call `disp` is the command, and stays so for a
+    /// specimen that follows exactly.
     fn measured(&mut self, disp: &mut [f64]) {
         let _ = disp;
     }

@@ -7,7 +7,7 @@ use gusset_numerics::law::Reach;
 #[derive(Debug)]
 pub struct Mounted {
     specimen: Box<dyn Specimen>,
-    /// Of each axis: its place in m, and what it reads there in N.
+    /// For each axis: its place in m, and its reading there in N.
     offsets: Vec<(f64, f64)>,
     disp: Vec<f64>,
     read: Vec<f64>,
@@ -61,7 +61,7 @@ impl Specimen for Mounted {
         self.specimen.measured(&mut self.read);
         let both = disp.iter_mut().zip(&self.read).zip(&self.offsets);
         for ((disp, read), (stands, _)) in both {
-            // What follows exactly keeps the very bits of its command.
+            // A specimen that follows exactly keeps the very bits of its command.
             if *disp - stands != *read {
                 *disp = read + stands;
             }
@@ -113,7 +113,7 @@ mod tests {
         let (mut plain, mut off) = (plastic(), Mounted::around(plastic(), &[(0.25, 40.0)]));
         let (mut expected, mut force) = ([0.0], [0.0]);
         for k in 0..60 {
-            // Exact in binary, so that nothing is lost on the way.
+            // Exact in binary, so that nothing is lost in the conversion.
             let disp = f64::from((7 * k) % 32 - 16) / 1024.0;
             plain.trial(&[disp], &[0.0], 0.01, &mut expected);
             off.trial(&[disp + 0.25], &[0.0], 0.01, &mut force);

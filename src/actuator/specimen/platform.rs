@@ -1,8 +1,9 @@
 //! A law at a platform that actuators hold: strokes in, forces of the actuators out.
 //!
-//! The strokes have a pose, the law answers it, and its forces are shared by the actuators so that the work is the same on
-//! both sides. The pose is sought from the reference pose every time: it depends on the strokes alone, not on the way there. With the controller's own geometry on the other side nothing of this is seen; with another one (small
-//! displacements there, exact pins here) it shows what that costs.
+//! The strokes have a pose, the law answers it, and the actuators share its forces so that the work is the same on both sides.
+//! The pose is sought from the reference pose every time: it depends on the strokes alone, not on the path to them. With the
+//! controller's own geometry on the other side this has no effect. With another one (small displacements there, exact pins here)
+//! it shows the error.
 
 use super::Specimen;
 use crate::geometry::{Geometry, MOST, Placed};

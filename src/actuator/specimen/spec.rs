@@ -19,7 +19,7 @@ pub enum SpecimenLaw {
 }
 
 impl SpecimenLaw {
-    /// The force in N at which an axis yields from its virgin state, if its law says that.
+    /// The force in N at which an axis yields from its virgin state, if its law has one.
     #[must_use]
     pub fn yield_force(&self, axis: usize) -> Option<f64> {
         match self {
@@ -43,7 +43,7 @@ impl SpecimenLaw {
         }
     }
 
-    /// The behaviour from the three keys of a specimen's table, which exclude each other; none of them is `None`.
+    /// The behaviour from the three keys of a specimen's table, which exclude each other; `None` without any of them.
     ///
     /// # Errors
     /// More than one of them is given.

@@ -2,8 +2,8 @@
 //!
 //! The command between two ticks is a straight line. So a delay of a fraction of a tick is a weighted mean of two commands,
 //! exactly at each tick, and the next stage sees a straight line between two ticks again. The history lies on a grid of one
-//! tick. A step of several ticks (commands were lost on the way) fills it in. A step of a part of a tick (a hold ramp)
-//! continues from the end of the last one.
+//! tick. A step of several ticks (commands were lost) fills it in. A step of a part of a tick (a hold ramp) continues from
+//! the end of the last one.
 
 use gusset_quantity::state::{Stateful, Visit};
 
@@ -73,8 +73,8 @@ impl Delay {
         self.ring.get(at).copied().unwrap_or([f64::NAN; 2])
     }
 
-    /// What arrives now, `dt` after the last committed command, if `motion` is the newest command. Not a number where the
-    /// history does not reach. Real-time: yes.
+    /// The delayed command, `dt` after the last committed one, if `motion` is the newest. NaN where the history does not
+    /// reach. Real-time: yes.
     pub(crate) fn trial(&mut self, motion: Motion, dt: f64) -> Motion {
         if self.is_none() {
             return motion;
@@ -103,7 +103,8 @@ impl Delay {
         }
     }
 
-    /// What arrives at the moment `end`, in ticks beyond the newest entry, if `motion` is the command of that moment.
+    /// The delayed command at the moment `end`, in ticks beyond the newest entry, if `motion` is the command of that
+    /// moment.
     fn between(&self, end: f64, motion: Motion) -> Motion {
         let at = end - (self.whole as f64 + self.share);
         if at <= 0.0 {
@@ -189,11 +190,11 @@ impl Delay {
             }
             return;
         }
-        // Part of a tick: entries that are passed stand on the line from the last command to this one.
+        // Part of a tick: passed entries are on the line from the last command to this one.
         let steps = dt / self.grid;
         let end = self.beyond + steps;
         let count = (end + SAME).floor();
-        // However long it took: what is older than the history is not remembered.
+        // However long it took: older commands than the history are not kept.
         for back in (0..(count as usize).min(self.ring.len())).rev() {
             let k = count - back as f64;
             self.push(mix(last, motion, ((k - self.beyond) / steps).min(1.0)));

@@ -2,12 +2,12 @@
 //! zero-order hold.
 //!
 //! With time counted in ticks and A, B scaled accordingly, the exponential of \[A B 0; 0 0 I; 0 0 0\] holds everything: the state
-//! transition, what a held input adds and what its ramp adds (first-order hold; Van Loan 1978). Accurate to roundoff.
+//! transition, and the contributions of a held input and of its ramp (first-order hold; Van Loan 1978). Accurate to roundoff.
 
 /// A square matrix by rows.
 pub(crate) type Square<const D: usize> = [[f64; D]; D];
 
-/// Terms of the Taylor series; with a norm of at most 1/2 what is left out is below 1e-20.
+/// Terms of the Taylor series; with a norm of at most 1/2 the omitted ones are below 1e-20.
 const TERMS: usize = 16;
 
 fn product<const D: usize>(a: &Square<D>, b: &Square<D>) -> Square<D> {
@@ -154,7 +154,7 @@ impl<const N: usize, const M: usize> Ramped<N, M> {
     }
 }
 
-/// True if every root of the polynomial, coefficients from the highest power down, lies left of the imaginary axis (Routh).
+/// True if every root of the polynomial, coefficients from the highest power down, has a negative real part (Routh).
 #[must_use]
 pub(crate) fn is_hurwitz(coefficients: &[f64]) -> bool {
     let every_other =

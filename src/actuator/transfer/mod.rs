@@ -103,12 +103,12 @@ impl TransferError {
     }
 }
 
-/// Most rounds of the correction between a nonlinear specimen and an actuator that feels it. At a fine tick each gains a factor
-/// of about k Δt²/6m, and four are enough; at a coarse one secants find the way, where there is one.
+/// Most rounds of the correction between a nonlinear specimen and an actuator in the loop. At a fine tick each gains a factor
+/// of about k Δt²/6m, and four are enough; at a coarse one secants find the solution, where one exists.
 const MOST_CORRECTIONS: u32 = 64;
 /// Share of the specimen's force that a correction may reach: a larger one is reported.
 const SETTLED: f64 = 1e-6;
-/// Rounds of the search for where an actuator stalls; 2⁻²⁰ of a tick's way is left.
+/// Rounds of the search for the place where an actuator stalls; it ends within 2⁻²⁰ of a tick's step.
 const STALL_ROUNDS: u32 = 20;
 /// Rounds of the search for where a specimen rests.
 const REST_ROUNDS: u32 = 60;
@@ -147,7 +147,7 @@ state! {
 }
 
 impl Transfer {
-    /// `law` behind what `spec` describes. `dt` is the tick in s of test time, if it is known.
+    /// `law` behind the transfer system of `spec`. `dt` is the tick in s of test time, if it is known.
     ///
     /// # Errors
     /// A key outside its domain, a delay beyond the history, an actuator that is unstable with this specimen.

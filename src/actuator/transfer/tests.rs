@@ -136,7 +136,7 @@ fn held_sine_is_answered_half_a_tick_early() {
     for (i, [x, _]) in out.iter().enumerate().skip(n - 1200) {
         let (s, cosine) = libm::sincos(omega * (i + 1) as f64 * DT);
         let wanted = 1e-3 * (expected.re * s + expected.im * cosine);
-        // The aliases at 4096 Hz are what a plant of three poles more than zeros lets through: nothing of 1e-12 m.
+        // A plant of three poles more than zeros passes almost nothing of the aliases at 4096 Hz: 1e-12 m.
         assert!((x - wanted).abs() < 1e-12, "{x} {wanted}");
     }
     let lead = held.lag(omega, k, c) - held.lag_to_ticks(omega, k, c, DT);
@@ -198,7 +198,7 @@ fn plant_matches_its_transfer_function() {
         let (s, cosine) = libm::sincos(omega * t);
         let wanted = 1e-3 * (expected.re * s + expected.im * cosine);
         assert!((x - wanted).abs() < 6e-9, "{x} {wanted}");
-        // The load cell feels spring, dashpot and inertia: the equation of motion of a sine.
+        // The load cell measures spring, dashpot and inertia: the equation of motion of a sine.
         let dynamic = nalgebra::Complex::new(k - 29.13 * omega * omega, c * omega) * expected;
         let felt = 1e-3 * (dynamic.re * s + dynamic.im * cosine);
         assert!((force - felt).abs() < 7e-3, "{force} {felt}");
@@ -267,7 +267,7 @@ fn limits_of_rate_stroke_and_force_hold() {
     assert!(out.iter().all(|[x, _]| x.abs() < 0.02));
 }
 
-/// Beyond 2 mm the stop takes what the cylinder presses with, and nothing bleeds it while it stands.
+/// Beyond 2 mm the stop takes the pressing force of the cylinder, and nothing bleeds it while it is at rest.
 #[test]
 fn cylinder_winds_up_at_its_stroke_end() {
     let (k, stroke) = (1.19e6, 2e-3);
@@ -282,7 +282,7 @@ fn cylinder_winds_up_at_its_stroke_end() {
         for [_, force] in out.iter().filter(|[x, _]| *x >= stroke) {
             assert!((force - k * stroke).abs() < 1e-9 * k * stroke, "{force}");
         }
-        // It arrives, bounces and stands. Left at 0.2887 s, as by small steps with a piston that is held.
+        // It arrives, bounces and stops. It leaves at 0.2887 s, as by small steps with a piston that is held.
         let last = out.iter().rposition(|[x, _]| *x >= stroke).unwrap();
         let left = (last + 1) as f64 * dt;
         let later: Vec<f64> = out
@@ -489,7 +489,7 @@ fn loops_decay_below_the_critical_delay() {
             ];
             for transfer in transfers {
                 let found = growth(ratio, share, &transfer);
-                // A tenth of the damping is left or missing: e^{∓0.1 ξ ω 100 s} or more.
+                // A tenth of the damping remains or is missing: e^{∓0.1 ξ ω 100 s} or more.
                 let wanted = libm::exp(0.05 * ratio * omega * 100.0);
                 assert_eq!(
                     found > 1.0,
@@ -538,7 +538,7 @@ fn law(text: &str) -> Box<dyn Specimen> {
     SpecimenLaw::Law(law).build(1).unwrap()
 }
 
-/// What of the specimen's force is not in the actuator's equations at the end of the last trial.
+/// Part of the specimen's force that is missing in the actuator's equations at the end of the last trial.
 fn left_over(plant: &mut Transfer, dt: f64) -> f64 {
     let mut force = [0.0];
     plant.law.trial(&plant.disp, &plant.vel, dt, &mut force);

@@ -31,7 +31,7 @@ type Law = Arc<dyn Fn(&[f64]) -> Vec<f64> + Send + Sync>;
 /// Displacements and velocities of one command after the other.
 type Told = Arc<Mutex<Vec<[Vec<f64>; 2]>>>;
 
-/// A machine that is at its command at once, and says where it stands.
+/// A machine that follows its command at once, and reports its position.
 #[derive(Clone)]
 struct Rig {
     law: Law,
@@ -362,7 +362,7 @@ fn platform_is_found_from_its_actuators() {
         assert!((told - stroke).abs() < 1e-12, "nothing has moved");
     }
     drop(served);
-    // A controller that arms where the server says is at home, and one that arms elsewhere is not.
+    // A controller that arms at the reported position is accepted, and one that arms elsewhere is not.
     let stands = rig.host.standing();
     for (start, is_there) in [(stands, true), (vec![0.0; 3], false)] {
         let controller = Controller {
@@ -537,7 +537,7 @@ fn repeated_target_moves_nothing() {
     served.commit();
     goes(&mut served, 3, &pose, &[0.0; 3]).unwrap();
     assert_eq!(rig.told.lock().unwrap().len(), before + 20);
-    // A velocity that is no number trips.
+    // A NaN velocity trips.
     let fault = goes(&mut served, 4, &pose, &[f64::NAN; 3]);
     assert!(matches!(fault, Err(Trip::NotFinite { axis: Some(0), .. })));
 }
@@ -552,7 +552,7 @@ fn late_client_finds_the_last_target() {
     served.attend().unwrap();
     drop(served);
     assert_eq!(*rig.told.lock().unwrap(), told);
-    // A stop of the server on the way to the second target slows the specimen down.
+    // A stop of the server on the path to the second target slows the specimen down.
     let mut served = rig.begun();
     for (sequence, goal) in [(0, 0.02), (1, 0.04)] {
         let before = rig.told.lock().unwrap().clone();

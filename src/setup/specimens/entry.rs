@@ -372,7 +372,7 @@ fn rows(
             };
             Ok(rows.iter().map(sparse).collect())
         }
-        // Without a structure there is nothing to transform: as many axes as the laws or the axis tables say.
+        // Without a structure there is nothing to transform: the laws or the axis tables give the number of axes.
         (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
         (None, None, Some(_)) => {
             let text = "give `storey` or `rows`: the deformation of the structure that the specimen follows";

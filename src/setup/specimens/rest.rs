@@ -7,7 +7,7 @@ use super::loading::{offsets, own_offsets};
 use gusset_actuator::specimen::Specimen;
 use gusset_config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
 
-/// Share of what a zero shifted by the offsets would do that is roundoff.
+/// Share of the effect of a shifted zero that counts as roundoff.
 const ROUNDOFF: f64 = 1e-9;
 
 /// Warns where the structure feels a force of the law under `key` while every axis is at its offset, and the offsets are the
@@ -113,7 +113,7 @@ mod tests {
             // An offset within the gap.
             "law.gap = { stiffness_n_per_m = 9e6, gap_m = 0.004, side = \"tension\" }\naxis = [{ offset_m = 0.001 }]\n"
                 .to_owned(),
-            // Zeroed on what is read.
+            // Zeroed on its reading.
             format!("{plastic}axis = [{{ offset_m = 0.05, zero_force = \"relative\" }}]\n"),
         ];
         for specimen in silent {

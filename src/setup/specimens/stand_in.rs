@@ -23,7 +23,7 @@ pub(super) fn behind_transfer(
     } else {
         Box::new(Stiffened::new(law, drawn.stiffness))
     };
-    // Outside: a stiffer specimen stands where a softer one does.
+    // Outside: a stiffer specimen is at the same place as a softer one.
     let law = Mounted::around(law, offsets);
     let Some(spec) = spec else {
         return Ok(law);

@@ -14,8 +14,8 @@ fn analysis(text: &str) -> Analysis {
 const TIME: &str = "[time]\nrate_hz = 1000\nduration_s = 1\n[integrator]\nlambda = 4\n\
     [excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1.0\n";
 
-/// A specimen of this law in a structure of 2 t, 1 MN/m and 5 kN s/m, and the same structure with a linear one of 0.5 MN/m: that
-/// is what it is at rest.
+/// A specimen of this law in a structure of 2 t, 1 MN/m and 5 kN s/m, and the same structure with a linear specimen of 0.5 MN/m,
+/// the stiffness of the law at rest.
 fn at_rest_as_linear(law: &str) {
     let with = |law: &str| {
         analysis(&format!(
@@ -198,8 +198,8 @@ fn table_interpolates_the_direct_result() {
     }
 }
 
-/// Neither a stopper that stays away nor a damper that does nothing at rest changes what a delay may be, however large
-/// their shares of K0 and C0 are.
+/// An open stopper or a damper without effect at rest does not change the critical delay, however large their shares of
+/// K0 and C0 are.
 #[test]
 fn open_gap_and_idle_damper_do_nothing() {
     let with = |element: &str| {

@@ -1,4 +1,4 @@
-//! Frequent slips in a test file: the finding points at them and shows what to write.
+//! Frequent slips in a test file: the finding points at them and shows the correction.
 
 use super::*;
 

@@ -78,7 +78,7 @@ error: unknown key `duration` in `time`
   |
   = help: the keys here are `step_s`, `rate_hz`, `duration_s`, `ticks_per_step`, `prediction_order`, `clock` and `scale`",
     );
-    // That `duration_s` is now missing follows from it and is not said.
+    // The missing `duration_s` follows from it and is not reported.
     assert_eq!(errors(&text), 1, "{text}");
 }
 

@@ -1,4 +1,4 @@
-//! Overrides, later layers, the file itself, what is resolved, and the schema.
+//! Overrides, later layers, the file itself, the resolved file, and the schema.
 
 use super::*;
 

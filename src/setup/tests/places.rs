@@ -1,4 +1,4 @@
-//! Ways and places that a test file gives, against what may be commanded and what the rig can give; and loads that move nothing.
+//! Motions and places of a test file, against the allowed commands and the capacity of the rig; and loads that move nothing.
 
 use super::*;
 use crate::build;
@@ -127,7 +127,7 @@ fn position_and_check_beyond_bounds_fail() {
         let told = stands(place, &[&probe(metres), &sign]);
         assert_eq!(told.contains(no_room), !fits, "{told}");
     }
-    // Wherever it stands.
+    // Wherever it is.
     shows(&said(&[&probe("0.11")]), no_room);
     assert!(!said(&[&probe("0.09")]).contains(no_room));
 }

@@ -29,7 +29,7 @@ fn renamed_key_is_read_and_noted() {
         &notes.concat(),
         "max_total_misses = 7\n   | ^^^^^^^^^^^^^^^^",
     );
-    // The text with overrides has the new names, and says the same.
+    // The text with overrides has the new names, and the same meaning.
     let again = accepted(&loaded.effective, &[]);
     assert_eq!(again.file, loaded.file);
     assert!(again.warnings.is_empty());

@@ -1,4 +1,4 @@
-//! Waits that are longer than anybody can mean, numbers that no count takes, and texts that a terminal would obey.
+//! Implausibly long waits, numbers that no count accepts, and texts with terminal codes.
 
 use super::*;
 use crate::build;
@@ -139,7 +139,7 @@ fn endless_text_is_not_echoed_whole() {
         };
         let text = error.to_string();
         shows(&text, found);
-        // The line that is pointed at is cut by its picture; a short echo stands after the caret.
+        // The picture cuts the line that it points at; a short echo follows the caret.
         let longest = text.lines().map(|line| line.chars().count()).max();
         assert!(longest < Some(300), "{text}");
     }

@@ -146,7 +146,7 @@ fn moments_at_rest_are_arms_times_forces() {
 
 #[test]
 fn extra_actuators_agree_in_the_mean() {
-    // Two side by side push one storey: what they do not agree about is split.
+    // Two side by side push one storey: their difference is split.
     let pair = plane(
         &[([-2.0, 0.5], [0.0, 0.5]), ([-2.0, -0.5], [0.0, -0.5])],
         &[Ux],

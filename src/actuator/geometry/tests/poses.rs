@@ -207,7 +207,7 @@ fn nothing_is_allocated_after_construction() {
     assert_eq!(count.count_total, 0);
 }
 
-/// A pose well inside of what every geometry of [`all`] can do.
+/// A pose well inside the range of every geometry of [`all`].
 fn pose() -> impl Strategy<Value = Six> {
     proptest::array::uniform6(-0.15f64..0.15)
 }

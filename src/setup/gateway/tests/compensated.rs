@@ -367,7 +367,7 @@ fn controller_resumes_with_a_static_gain() {
     assert!((left + 6.25).abs() < 1e-9, "{left}");
     let stands = first.standing();
     assert!((stands[0] - 0.01).abs() < 1e-12, "{stands:?}");
-    // The specimen says that this command holds it.
+    // The specimen reports that this command holds it.
     let (told, next) = host(vec![left]);
     assert!(begin(&next, vec![0.0125]).is_err());
     let mut served = begin(&next, vec![0.01]).unwrap();

@@ -73,7 +73,7 @@ fn next() -> impl Strategy<Value = Next> {
 /// Time of each command in ns, and where it sends the axis, in m.
 type Course = Vec<(u64, f64)>;
 
-/// What reached the rig: the targets of one client, from 0 on.
+/// Motion at the rig: the targets of one client, from 0 on.
 fn course(
     following: Option<Following>,
     settle_ticks: u32,

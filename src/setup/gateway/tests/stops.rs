@@ -1,4 +1,4 @@
-//! Limits of speed and acceleration on the path of a paced client: before it begins, and when it is stopped on the way.
+//! Limits of speed and acceleration on the path of a paced client: before it begins, and when it is stopped.
 
 use super::*;
 use gusset_link::served::RecordSettings;
@@ -91,7 +91,8 @@ const fn of(ticks: u32) -> Pacing {
     }
 }
 
-/// One target, which is wanted until this number of commands has left for it. The places and velocities of its commands.
+/// One target, which is wanted until this number of commands has left for it. Returns places and velocities of the
+/// commands.
 fn leads(
     served: &mut ServedSpecimen,
     told: &Told,
