@@ -403,7 +403,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_resumed_test_claims_its_own_steps_only() {
+    fn resume_claims_only_steps_made_there() {
         let dt = 1.0 / 256.0;
         assert_eq!(tested(5120, None, dt), "5120 steps of 3.906 ms: 20 s");
         let own = "steps 1870 to 5120 of 3.906 ms: 12.699 s";

@@ -1,5 +1,4 @@
-//! What every command that takes specimens through a run shares: the folder, who attends, and how a run that could not be made
-//! is told.
+//! Common part of all commands that take specimens through a run: the folder, the attendant, and reports of failed runs.
 
 use std::path::Path;
 
@@ -47,7 +46,7 @@ pub(super) fn obey_verdict(verdict: &Verdict, locator: &Locator, what: &str) -> 
     Err(WithExit(Exit::Usage, text).into())
 }
 
-/// The folder that was asked for, or one of its own.
+/// The requested folder, or a new default one.
 pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolder> {
     match out {
         Some(path) => RunFolder::create(path),
@@ -82,7 +81,7 @@ pub(super) fn attended(
     })
 }
 
-/// What came of a run; what of it could not be written is told.
+/// The result of a run; reports the files that could not be written.
 pub(super) fn finished(run: Result<Finished, SessionError>) -> anyhow::Result<Finished> {
     let finished = run.map_err(|error| match error {
         SessionError::NotRealTime { .. } => {

@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_topic_is_wrong_usage_and_the_nearest_one_is_named() {
+    fn unknown_topic_names_the_nearest_one() {
         let error = text_of("trouble-shooting").unwrap_err();
         assert_eq!(super::super::exit::of(&error), Exit::Usage);
         assert!(error.to_string().contains("`troubleshooting`"), "{error}");
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn no_far_fetched_key_is_offered() {
+    fn unrelated_key_is_not_suggested() {
         for word in ["abrot", "hnige", "xyzzyx", "smilunk"] {
             let error = text_of(word).unwrap_err();
             assert_eq!(super::super::exit::of(&error), Exit::Usage);
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_manual_is_written_again_and_never_over_other_files() {
+    fn manual_overwrites_only_its_own_files() {
         let temp = tempfile::tempdir().unwrap();
         let folder = temp.path().join("manual");
         assert_eq!(write_manual(&folder).unwrap(), Exit::Done);

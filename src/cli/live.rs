@@ -70,7 +70,7 @@ impl Asked {
         Ok(Self { page: Some(page) })
     }
 
-    /// Without the feature there is none.
+    /// Without the feature there is no live page.
     #[cfg(not(feature = "monitor"))]
     pub fn for_run(_args: &RunArgs, _test: &Prepared) -> anyhow::Result<Self> {
         Ok(Self {})

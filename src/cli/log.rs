@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_of_the_log_keeps_its_colours_and_turns_no_writing() {
+    fn log_line_keeps_colours_and_text() {
         let line = "\u{1b}[33m WARN\u{1b}[0m \u{202e}gnp\u{200b}\n";
         let shown = "\u{1b}[33m WARN\u{1b}[0m \\u{202e}gnp\\u{200b}\n";
         assert_eq!(spelled(line.as_bytes()), shown);

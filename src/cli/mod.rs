@@ -220,7 +220,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_panic_of_ours_is_exit_5_and_any_other_end_is_its_own() {
+    fn panic_exits_with_code_5() {
         let broken = caught(|| panic!("a bug in a law"));
         assert_eq!(exit::of(&broken.unwrap_err()), Exit::Panic);
         assert_eq!(caught(|| Ok(Exit::Stopped)).unwrap(), Exit::Stopped);

@@ -15,9 +15,9 @@ use gusset_record::rt::os::monotonic_ns;
 use gusset_record::summary::Status;
 use gusset_session::{Answer, Request, Unanswered, ask, pause};
 
-/// How long a test that answers may take to do what it is told, unless it is told to end.
+/// How long a test that answers may take to carry out a request other than stop.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long a test that does not answer is asked on.
+/// How long the command retries if a test does not answer.
 const SILENCE: Duration = Duration::from_secs(60);
 /// A desk that just closes hangs up on who waits at it: of that nothing is said.
 const WORTH_A_WORD: Duration = Duration::from_secs(1);
@@ -59,12 +59,12 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
     let (mut silent_since, mut warned) = (None, false);
     loop {
         let began = monotonic_ns();
-        // What lies in the socket is not said again: a second stop would freeze the way out.
+        // A request in the socket is not repeated: a second stop would freeze the return move.
         let asked = word.filter(|_| !is_told).unwrap_or(Request::Phase);
         match ask(folder, asked) {
             Ok(Answer { accepted, seen }) => {
                 silent_since = None;
-                // As it was when it was told: the desk looks before it passes the word on.
+                // The phase before the request took effect: the control socket reads it first.
                 was_leaving |= !is_told && seen.phase == Phase::Leaving;
                 match word {
                     None => {
@@ -116,8 +116,8 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
     }
 }
 
-/// What is said to a test that is seen so and is to go on. The question that stands is answered, and as long as it is held only
-/// that ends: nobody confirms what he was not asked.
+/// The request that continues a test in this state. An open confirmation is answered; during a hold only the hold ends, because
+/// the operator cannot confirm a question that was not shown.
 const fn to_go_on(seen: Glimpse) -> Request {
     if seen.unconfirmed && !seen.hold {
         Request::Confirm
@@ -140,7 +140,7 @@ fn another_hold(named: u32, seen: Glimpse) -> Refusal {
 
 const OVER: &str = "this test is over";
 
-/// It was told, on its way out or before, and then its desk closed.
+/// The result after the request, when the control socket has closed.
 fn over(
     request: Request,
     was_leaving: bool,
@@ -167,7 +167,8 @@ fn over(
     Err((Exit::Stopped, too_late.to_owned()))
 }
 
-/// Why a test that was told to end did not end in order: it tripped on its way out, say. None where it did, or does not say.
+/// Why a test that should stop did not end cleanly, for example a trip during shutdown. `None` if it ended cleanly, or does
+/// not report.
 fn ended_otherwise(folder: &Path) -> Option<String> {
     let mut waited = Duration::ZERO;
     while !folder.join("summary.json").exists() {
@@ -215,7 +216,7 @@ fn refusal(phase: Phase) -> Option<Refusal> {
     }
 }
 
-/// What a test that was told answers for, seen now; none if that is still to be waited for.
+/// The result of a request, in the present state; `None` if the command must still wait.
 fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String, Refusal>> {
     let phase = now.phase.word();
     match told {
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_is_one_where_something_stands_for_it_in_every_phase() {
+    fn hold_is_recognised_in_every_phase() {
         use Phase::{Holding, Leaving, Probing, Ramping, Running, Safe, Tripped, Zeroing};
         for (now, long_enough, said) in [
             (seen(Running, false, false), false, "waits"),
@@ -327,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn who_goes_on_is_told_whether_he_ended_a_hold_or_confirmed_what_was_read() {
+    fn continue_reports_hold_or_confirmation() {
         use Phase::{Armed, Connected, Holding, Leaving, Ramping, Running, Zeroing};
         let go_on = Request::Continue { hold: 0 };
         let held = |phase| seen(phase, true, true);
@@ -400,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn who_goes_on_after_one_hold_does_not_end_another() {
+    fn continue_ends_only_its_own_hold() {
         let second = Glimpse {
             hold_number: 2,
             ..seen(Phase::Holding, true, true)
@@ -412,14 +413,14 @@ mod tests {
     }
 
     #[test]
-    fn who_is_not_taken_is_told_that_it_is_too_late_or_to_say_it_again() {
+    fn refused_request_is_explained() {
         let said = |phase| not_taken(phase).1;
         assert!(said(Phase::Leaving).contains("shutting down"));
         assert!(said(Phase::Running).starts_with("its queue"));
     }
 
     #[test]
-    fn an_end_is_what_a_stop_wants_and_nothing_else() {
+    fn stop_succeeds_only_when_the_test_ends() {
         let in_order = || None;
         assert_eq!(over(Request::Stop, false, in_order).unwrap(), "ended");
         let tripped = || Some("its interlock is open".to_owned());

@@ -150,7 +150,7 @@ impl ProgressLine {
         }
     }
 
-    /// Draws the line anew.
+    /// Draws the line again.
     pub fn show(&self, progress: &Progress) {
         if self.show {
             let elapsed_s = monotonic_ns().saturating_sub(self.began_ns) as f64 * 1e-9;
@@ -190,7 +190,7 @@ mod tests {
     const SECOND: u64 = 1_000_000_000;
 
     #[test]
-    fn work_is_shown_after_two_seconds_with_its_remaining_time() {
+    fn long_work_shows_its_remaining_time() {
         let mut course = Course::new();
         let start = 7 * SECOND;
         assert_eq!(course.line(start, "rehearsal", 0, 100), None);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn works_that_follow_each_other_count_as_one() {
+    fn consecutive_works_count_as_one() {
         let mut course = Course::new();
         for start in [0, SECOND] {
             assert_eq!(course.line(start, "reading", 0, 10), None);

@@ -93,7 +93,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     conduct::end(&finished, exit, !args.quiet)
 }
 
-/// The test that is asked for: a new one, or an interrupted one that goes on.
+/// The requested test: a new one, or an interrupted one that resumes.
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
         let allowed = Allowed {

@@ -1,8 +1,8 @@
 //! The lines that a terminal shows while something runs: drawn over themselves, and out of the way of everything else.
 //!
-//! Plain ANSI, on stderr, and nothing at all where that is no terminal. Whoever prints (`tell`, the log) first takes the lines
-//! away with [`step_aside`]; the next drawing puts them below. Lines that are too long are cut by the terminal and never
-//! wrap, so that as many lines can be taken away as were drawn.
+//! Plain ANSI, on stderr, and nothing at all without a terminal. Any other output (`tell`, the log) first removes the lines
+//! with [`step_aside`]; the next drawing puts them below. The terminal cuts long lines and never wraps them, so that exactly
+//! the drawn lines can be removed.
 
 use std::ffi::OsStr;
 use std::io::{self, IsTerminal};
@@ -79,12 +79,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_colour_is_wanted_by_anything_in_the_variable() {
+    fn any_no_colour_value_disables_colour() {
         assert!(wants_colour(None) && wants_colour(Some(OsStr::new(""))));
         assert!(!wants_colour(Some(OsStr::new("1"))));
     }
 
-    /// What a terminal of 20 columns shows after `text`: enough of one for what we send.
+    /// Rows of a terminal of 20 columns after `text`: it emulates only the codes that we send.
     fn shown(text: &str) -> Vec<String> {
         let (mut rows, mut row, mut column, mut wraps) = (vec![Vec::new()], 0, 0, true);
         let mut chars = text.chars().peekable();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_drawn_over_the_last_ones_and_taken_away_without_a_trace() {
+    fn lines_are_redrawn_and_removed_cleanly() {
         let first = over(
             0,
             &lines(&["one and something long that is cut", "two", "three"]),

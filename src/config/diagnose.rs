@@ -1,8 +1,8 @@
 //! A user's mistake as a picture: file, line, caret, what was found, what is allowed, what was probably meant.
 //!
-//! Whoever finds a mistake writes a [`Finding`]: a path into the test file and words. The [`Locator`](super::Locator) knows where that
-//! path stands (a line of the file, or the `--set` argument that overrides it) and makes a [`Diagnostic`] of it, which
-//! renders itself. Nothing here decides what is a mistake.
+//! A check that finds a mistake writes a [`Finding`]: a path into the test file and words. The [`Locator`](super::Locator) knows
+//! the place of that path (a line of the file, or the `--set` argument that overrides it) and makes a [`Diagnostic`] of it, which
+//! renders itself. Nothing here decides which values are mistakes.
 
 use std::fmt;
 use std::ops::Range;
@@ -110,7 +110,7 @@ fn subject(path: &KeyPath) -> String {
 /// A text that a diagnostic can point into.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
-    /// As it is shown after the arrow.
+    /// Name as shown after the arrow.
     pub name: String,
     /// Its text.
     pub text: String,
@@ -136,7 +136,7 @@ pub struct Diagnostic {
     pub beside: Option<(Place, String)>,
     /// One line: what is wrong.
     pub headline: String,
-    /// What is allowed, and what to do.
+    /// Allowed values, and remedies.
     pub help: Vec<String>,
 }
 

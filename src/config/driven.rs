@@ -1,5 +1,5 @@
-//! A test in which nothing is computed: the specimens of a file, driven with a motion of their own, at the ticks at which the
-//! file's test would drive them.
+//! A test in which nothing is computed: the specimens of a file follow a prescribed motion, at the ticks at which the file's
+//! test would command them.
 //!
 //! What judges a hybrid test and not a specimen is left out: the structure and what loads it, compensation, and limits of
 //! lag, gain, added energy and tangents. What protects a specimen stays.

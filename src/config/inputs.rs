@@ -56,7 +56,7 @@ pub enum InputError {
     Refused {
         /// Where it was looked for.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
 }
@@ -182,7 +182,7 @@ impl Inputs {
         Ok(self.files.len() - 1)
     }
 
-    /// The file's own name, made safe, and numbered where another input has it.
+    /// The file's name, made safe, and numbered where another input already uses it.
     fn unique_name(&self, path: &Path) -> String {
         let own = path
             .file_name()
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn an_input_keeps_bytes_checksum_and_a_unique_name() {
+    fn input_keeps_bytes_and_a_unique_name() {
         let folder = folder();
         let mut inputs = Inputs::new(folder.path());
         assert_eq!(inputs.read("elcentro.at2").unwrap(), b"abc");
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_file_is_named_with_its_likeliest_neighbour() {
+    fn missing_file_suggests_a_neighbour() {
         let folder = folder();
         let mut inputs = Inputs::new(folder.path());
         let error = inputs.read("elcntro.at2").unwrap_err();

@@ -128,7 +128,7 @@ pub enum ConfigError {
     Unreadable {
         /// Which file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The file is not text.
@@ -155,11 +155,11 @@ pub struct Loaded {
     pub text: String,
     /// The file with the overrides in it; comments and order are the user's.
     pub effective: String,
-    /// What it says.
+    /// The test file.
     pub file: TestFile,
     /// Its step and length, exact.
     pub time: Time,
-    /// What the user should know although the test may run.
+    /// Warnings for the user; the test may run.
     pub warnings: Vec<Diagnostic>,
     /// Where everything stands.
     pub locator: Locator,
@@ -215,7 +215,7 @@ enum Purpose {
     View,
 }
 
-/// A test's matrices may stand in it.
+/// The matrices of a test may be in it.
 const LONGEST_TEST_MIB: u64 = 64;
 
 /// The text of a file that [`parse`] or [`parse_script`] takes.
@@ -425,7 +425,7 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
             }
         }
     }
-    // In the order of the file; what stands nowhere in it comes last.
+    // In the order of the file; findings without a place in it come last.
     findings.sort_by_key(|finding| {
         let mut path = finding.path.clone();
         loop {

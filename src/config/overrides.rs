@@ -15,7 +15,7 @@ use super::echo::plain;
 use super::edit::put_in_table;
 use super::words::{NO_COMMA, comma_readings};
 
-/// What stands before the argument when it is shown.
+/// Text before the argument in messages.
 const FLAG: &str = "--set ";
 
 /// One parsed `--set` argument.
@@ -82,7 +82,7 @@ impl Override {
         }
         let (value, tree) = match text.parse::<Value>() {
             Ok(value) => {
-                // Parsed as the value of a one-letter key, then moved to where it stands in the argument.
+                // Parsed as the value of a one-letter key, then moved to its place in the argument.
                 let tree = Node::parse(&format!("v={text}"))
                     .ok()
                     .and_then(|root| root.find(&KeyPath::root().key("v")).cloned())
@@ -291,14 +291,14 @@ mod tests {
     }
 
     #[test]
-    fn a_path_goes_through_tables_inline_tables_and_arrays() {
+    fn path_crosses_tables_and_arrays() {
         let text = with(&["specimen[0].rows.1[0]=7", "specimen.0.law.linear.k=5"]).unwrap();
         assert!(text.contains("[[1, 0], [7, 1]] # B"), "{text}");
         assert!(text.contains("k = 5"), "{text}");
     }
 
     #[test]
-    fn what_is_not_there_is_created() {
+    fn missing_parts_are_created() {
         let text = with(&[
             "timing.priority=80",
             "specimen[1].name=b",
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_leads_nowhere_is_explained_in_the_argument() {
+    fn dead_path_is_explained_in_the_argument() {
         let complaint = |argument: &str| with(&[argument]).unwrap_err();
         let text = complaint("specimen[3].name=z");
         assert!(

@@ -1,9 +1,9 @@
 //! From the tree of a test file to its structs, finding as many mistakes as can be found.
 //!
-//! A serde deserializer of our own rather than the parser's, for three reasons: a mistake comes back as data (which
-//! key, what was found, what is allowed) and not as a sentence to be taken apart; it knows its path; and after a
-//! mistake the reading goes on without the offending value, so that one run reports them all. A complaint that
-//! only follows from an earlier one is not raised. Tables are never read from arrays, which serde would allow.
+//! This serde deserializer replaces the parser's for three reasons. A mistake comes back as data (key, found value,
+//! allowed values) and not as a sentence. It knows its path. After a mistake it continues without the invalid value, so
+//! that one run reports them all. An error that only follows from an earlier one is not reported. Tables are never read
+//! from arrays, which serde would allow.
 
 use serde::de::DeserializeOwned;
 

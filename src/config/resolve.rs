@@ -1,6 +1,6 @@
 //! `resolved.toml`: the complete configuration, from which the same test runs again.
 //!
-//! Every default and override stands in it as a value. An automatic λ stands as the number that was found, with the
+//! It contains every default and override as a value. An automatic λ is replaced by the number that was found, with the
 //! request in a comment beside it; input files point into the run folder's `inputs/`.
 
 use thiserror::Error;

@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_script_says_what_is_wrong_with_it_and_where() {
+    fn script_errors_are_shown_at_their_place() {
         for (text, words) in [
             (
                 "title = \"x\"\nfaults = []",
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_script_is_read_as_it_is_written() {
+    fn script_is_read_as_written() {
         let text = "title = \"x\"\nseed = 7\n[[fault]]\nat = 3\nfor = 2\nprobability = 0.5\non = \"commands\"\n\
                     kind = { late = { ticks = 1.5 } }\n[[fault]]\nkind = { stuck = { channel = \"force\" } }\n";
         let script = parse_script(Path::new("s"), text.to_owned()).unwrap();

@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_forgotten_unit_and_a_slip_of_the_finger_are_recognised() {
+    fn missing_unit_and_typo_are_recognised() {
         let keys = ["step_s", "rate_hz", "duration_s", "clock", "scale"];
         assert_eq!(nearest("duration", &keys), Some("duration_s"));
         assert_eq!(nearest("step_ms", &keys), Some("step_s"));
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn among_names_that_begin_alike_the_closest_wins() {
+    fn closest_of_similar_names_wins() {
         let keys = ["stiffness_n_per_m", "stiffness_n_per_m3", "stiffness_ratio"];
         assert_eq!(
             nearest("stiffness_n_pr_m", &keys),

@@ -21,7 +21,7 @@ pub struct Compared {
 /// row are compared as far as they can be, and the page says why.
 ///
 /// # Errors
-/// [`PageError`]; `out` is then as it was.
+/// [`PageError`]; `out` is then unchanged.
 pub fn compare(first: &Path, second: &Path, out: &Path) -> Result<Compared, PageError> {
     let (a, b) = (read(first)?, read(second)?);
     let matched = matched((first, &a), (second, &b))?;

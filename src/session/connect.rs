@@ -1,8 +1,8 @@
 //! Specimens are connected before the loop starts: all at the same time, each within its own time limits, and nothing
 //! moves.
 //!
-//! Invariant: nobody is left connected and untold. If one specimen cannot take part, the others are told that nothing
-//! will come, as soon as the last of them has said what it has to say.
+//! Invariant: no specimen stays connected without notice. If one specimen cannot take part, the others learn that
+//! nothing will come, as soon as the last of them has answered.
 
 use std::sync::mpsc;
 use std::time::Duration;
@@ -29,7 +29,7 @@ fn in_words(numbers: &[f64]) -> String {
 
 /// Specimens say again where they stood when a recorded test was connected to them.
 pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderError> {
-    // What they said to an interrupted test was true then.
+    // Positions reported to an interrupted test were valid then only.
     for port in &mut *ports {
         port.startup_mut().report_position(&[]);
     }
@@ -80,8 +80,8 @@ pub(super) fn let_go(experiment: &mut Experiment, why: String) -> Unconnected {
     Unconnected::Unfit(why)
 }
 
-/// Connects every specimen and notes what each says of itself: N of them take as long as the slowest. Nothing moves
-/// yet. Returns what the user should know, or why the test cannot begin; an operator who asks for an end is heard.
+/// Connects every specimen and records its introduction: N of them take as long as the slowest. Nothing moves yet.
+/// Returns warnings for the user, or why the test cannot begin. An operator's stop takes effect.
 pub(super) fn connect(
     experiment: &mut Experiment,
     clock: ClockChoice,
@@ -199,7 +199,7 @@ fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
     })
 }
 
-/// On the simulated clock commands follow each other as fast as they are answered: that is for computations.
+/// On the simulated clock commands follow each other as fast as they are answered: only computations may receive them.
 fn fit_for(
     clock: ClockChoice,
     port: &Port,
@@ -225,7 +225,7 @@ pub(super) struct Line {
     requests: Receiver<Operator>,
     /// Its other end; without it nothing is taken, for it could not be put back.
     desk: Option<Sender<Operator>>,
-    /// What was said that is not for now.
+    /// Commands that must wait for the loop.
     heard: Vec<Operator>,
 }
 
@@ -278,7 +278,7 @@ fn connect_all(ports: Vec<Port>, line: &mut Line) -> Vec<Option<Said>> {
             let outcome = port.connect();
             let _ = done.send((index, (port, outcome)));
         };
-        // A system that gives no thread is told of as one that panicked: nobody was connected.
+        // If the system gives no thread, the result is as after a panic: the specimen was not connected.
         let thread = std::thread::Builder::new().name("gusset-connect".into());
         owed += usize::from(thread.spawn(work).is_ok());
     }
@@ -301,7 +301,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_before_the_loop_listens_is_not_lost() {
+    fn early_commands_are_not_lost() {
         let (desk, requests) = crossbeam_channel::bounded(4);
         let control = Control {
             desk: Some(desk.clone()),

@@ -1,11 +1,10 @@
 //! The operator's desk: a socket in the run folder, through which other programs speak to a running test.
 //!
-//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Who lets a test go on
-//! names the hold that he ends: `{"request": "continue", "hold": 1}`. Nothing here can hold
-//! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Nobody
-//! waits at the desk for another, nor its end for anybody. Who asks keeps apart a test that is over from one that does not
-//! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak
-//! ([`gusset_record::rt::control_socket`]).
+//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. A `continue` names
+//! the hold that it ends: `{"request": "continue", "hold": 1}`. Nothing here can delay the loop: it polls a bounded
+//! channel of requests and writes its phase into an atomic. No client waits for another, and closing waits for no client.
+//! The client distinguishes a finished test from one that does not answer: the second may still move. Only the user who
+//! started the test may connect ([`gusset_record::rt::control_socket`]).
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -40,9 +39,9 @@ const BREATH: Duration = Duration::from_millis(10);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "request", deny_unknown_fields)]
 pub enum Request {
-    /// End in an orderly way.
+    /// End cleanly.
     Stop,
-    /// Let test time stand still.
+    /// Stop test time.
     Hold,
     /// Go on after a hold. Nothing is confirmed by it. Refused if another hold stands by now, and if its sender has left.
     Continue {
@@ -64,11 +63,11 @@ impl Request {
     }
 }
 
-/// What the test answers.
+/// Answer of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answer {
-    /// False if the queue of requests is full, the phase one in which this is not heard, or the hold that it names not the
-    /// latest. An end is always heard.
+    /// False if the queue of requests is full, the phase does not allow the request, or its hold is not the latest. A stop
+    /// is always accepted.
     pub accepted: bool,
     /// Where the test was when it was asked.
     #[serde(flatten)]
@@ -78,7 +77,7 @@ pub struct Answer {
 /// Why there is no answer.
 #[derive(Debug, Error)]
 pub enum Unanswered {
-    /// Nobody listens there: no test runs, or none any more.
+    /// Nothing listens there: no test runs, or no longer.
     #[error("no test is running here: {0}")]
     Over(io::Error),
     /// Somebody may listen there, and speaks to others only.
@@ -94,7 +93,7 @@ pub enum Unanswered {
     },
 }
 
-/// What the system calls a resource that is not there just now is time that has passed.
+/// The system calls an elapsed time limit a resource that is unavailable.
 fn in_words(error: &io::Error) -> String {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::TimedOut => format!("{} s", PATIENCE.as_secs()),
@@ -226,7 +225,7 @@ impl Counter {
         for mut caller in callers {
             match caller.hear() {
                 Heard::Part if monotonic_ns() < caller.until_ns => self.callers.push(caller),
-                // Whoever speaks nonsense or not at all gets no answer.
+                // An invalid or silent client gets no answer.
                 Heard::Part => {}
                 Heard::Whole => {
                     let answer = (self.serve)(&caller);
@@ -295,7 +294,7 @@ impl Caller {
         looked.is_err() || end.iter().any(|end| end.revents().contains(PollFlags::HUP))
     }
 
-    /// What has come by now.
+    /// Reads the bytes that have arrived.
     fn hear(&mut self) -> Heard {
         let mut bytes = [0; LONGEST];
         let room = bytes.get_mut(self.line.len()..).unwrap_or_default();
@@ -346,8 +345,8 @@ pub(super) fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Res
 pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     let stream = connect(folder, SOCKET, PATIENCE).map_err(|error| match error.kind() {
         ErrorKind::PermissionDenied => Unanswered::Barred(error),
-        // The socket goes with its test; where that was killed it stays behind, and nobody listens. One that has claimed the
-        // folder does not listen yet, or its socket was deleted.
+        // The socket is removed with its test. After a kill it stays behind, but nothing listens. A test that has claimed
+        // the folder may not listen yet, or its socket was deleted.
         ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::ConnectionRefused
             if !is_claimed(folder) =>
         {
@@ -374,7 +373,7 @@ mod tests {
     use gusset_record::RunFolder;
 
     #[test]
-    fn a_request_reaches_the_queue_and_the_socket_goes_with_the_desk() {
+    fn request_reaches_the_queue() {
         let home = tempfile::tempdir().unwrap();
         // Longer than an address of a socket may be.
         let folder = home.path().join("a".repeat(100)).join("b".repeat(100));
@@ -403,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_held_is_seen_and_the_way_out_is_not_held() {
+    fn hold_is_visible_and_shutdown_is_not_held() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
@@ -430,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_read_is_confirmed_by_that_word_alone_and_while_it_is_asked() {
+    fn only_confirm_confirms_readings() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
@@ -455,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn who_does_not_answer_is_not_over_and_who_is_over_does_not_answer() {
+    fn silent_test_is_not_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path();
         let over = ask(path, Request::Stop).unwrap_err();
@@ -478,7 +477,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_whose_socket_is_gone_is_not_over_as_long_as_it_has_claimed_its_folder() {
+    fn claimed_folder_without_socket_is_running() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("run");
         let folder = RunFolder::create(&path).unwrap();
@@ -494,7 +493,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_gets_no_answer_and_the_desk_stays_open() {
+    fn nonsense_gets_no_answer() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let _desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
@@ -518,7 +517,7 @@ mod tests {
     }
 
     #[test]
-    fn a_continue_ends_the_hold_that_it_names_and_no_other() {
+    fn continue_ends_only_the_hold_it_names() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
@@ -543,7 +542,7 @@ mod tests {
 
     /// What waits behind a full desk until its sender has given up must not move a specimen later.
     #[test]
-    fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
+    fn command_of_a_lost_sender_is_dropped() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(8);
         let cell = PhaseCell::default();
@@ -573,7 +572,7 @@ mod tests {
     }
 
     #[test]
-    fn a_desk_whose_folder_was_moved_leaves_that_of_another_test_alone_and_takes_its_own_with_it() {
+    fn moved_folder_keeps_its_own_socket() {
         let home = tempfile::tempdir().unwrap();
         let (path, moved) = (home.path().join("run"), home.path().join("moved"));
         let open = || {
@@ -592,7 +591,7 @@ mod tests {
         assert!(ask(&path, Request::Hold).unwrap().accepted);
         assert_eq!(second_hears.try_recv(), Ok(Operator::Hold));
 
-        // Somebody's file of that name is none of its own.
+        // Another file of that name is not its socket.
         let (third, _third_hears) = {
             fs::rename(&path, home.path().join("second")).unwrap();
             open()
@@ -604,7 +603,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_those_who_say_nothing_and_they_are_not_waited_for_without_end() {
+    fn silent_clients_delay_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();

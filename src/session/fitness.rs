@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn rate_without_a_miss_is_fit_and_no_higher_rate_is_inferred() {
+    fn rate_without_misses_is_fit() {
         // Ticks of 1024 Hz have 976.5625 µs. All ended within 477 µs: 2048 Hz has 488 µs, 4096 Hz has 244 µs.
         let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 61_000]] } });
         let found = measured(&bins, 0, MissClasses::default());
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn miss_is_told_with_its_cause_and_forbids_the_rates_with_shorter_periods() {
+    fn miss_forbids_rates_with_shorter_periods() {
         // The end of the tick was 976.6 + 1500 µs after its edge: more than 512 Hz has, and less than 256 Hz has.
         let bins = json!({
             "slack": { "bins": [[970.0, 971.0, 61_000]] },
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn verdict_is_not_known_without_rights_or_after_too_short_a_measurement() {
+    fn verdict_needs_rights_and_enough_time() {
         let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 300]] } });
         let whole = || measured(&bins, 0, MissClasses::default());
         let short = Measured {
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn measurement_of_one_minute_is_long_enough_although_its_last_tick_begins_earlier() {
+    fn one_minute_is_long_enough() {
         let bins = json!({});
         let found = Measured {
             seconds: 60.0 - 0.9 / 1024.0,

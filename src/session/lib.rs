@@ -104,7 +104,7 @@ pub enum SessionError {
     /// The run folder refuses.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// It goes on with an interrupted test that cannot be told so.
+    /// The interrupted test cannot record this resume.
     #[error(transparent)]
     Unsaid(#[from] Unsaid),
     /// The writer refuses.
@@ -116,7 +116,7 @@ pub enum SessionError {
     /// The system gives no thread.
     #[error("cannot start the loop's thread: {0}")]
     Thread(std::io::Error),
-    /// Whoever attends the test cannot.
+    /// A helper of the test cannot start.
     #[error("the live page cannot be served: {0}")]
     Attendance(std::io::Error),
     /// The verdict forbids the test.
@@ -131,23 +131,23 @@ pub enum SessionError {
     /// Real-time conditions are required and were not granted.
     #[error("real-time conditions are required and not granted: {}", missing.join("; "))]
     NotRealTime {
-        /// What was refused, why, and what to do about it.
+        /// Refused requests, with reason and remedy.
         missing: Vec<String>,
     },
 }
 
-/// What a session leaves behind.
+/// Results of a session.
 #[derive(Debug)]
 pub struct Finished {
     /// How it ended; its row has the exit code and the status.
     pub cause: Cause,
     /// The run folder. Others may move or delete it at any time: what is added to it is written by itself.
     pub folder: RunFolder,
-    /// What stands in summary.json.
+    /// Content of summary.json.
     pub summary: Summary,
-    /// What the recording came to.
+    /// Result of the recording.
     pub recorded: Recorded,
-    /// What the operating system gave; none under the simulated clock.
+    /// Grants of the operating system; `None` under the simulated clock.
     pub granted: Option<Granted>,
     /// Files that could not be written, each with its reason.
     pub unwritten: Vec<String>,
@@ -245,7 +245,7 @@ fn permitted(test: Subject) -> Result<(Prepared, Option<RecordedVerdict>), Sessi
     Ok((test, record))
 }
 
-/// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.
+/// From the first edge to the finished folder. Nothing here fails: a file that cannot be written is reported.
 fn carry_out(
     ready: Ready,
     (line, records): (Line, Option<SpecimenRecords>),

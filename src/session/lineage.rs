@@ -349,7 +349,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_way_to_the_parent_is_short_and_stays_on_this_side_of_the_root() {
+    fn path_to_the_parent_is_short() {
         let way = |from: &str, to: &str| way_between(Path::new(from), Path::new(to));
         for (from, to, wanted) in [
             ("/data/runs/two", "/data/runs/one", "../one"),

@@ -1,4 +1,4 @@
-//! Everything before the first edge: what is known is written, real-time conditions are asked for, the threads stand ready.
+//! Everything before the first edge: facts are written, real-time conditions requested, threads started.
 
 use std::sync::mpsc::{self, SyncSender};
 use std::thread::JoinHandle;
@@ -19,7 +19,7 @@ use gusset_record::{
 };
 use gusset_setup::{Facts, Files, rt_plan};
 
-/// A test whose threads stand ready; nothing has moved.
+/// A test whose threads are ready; nothing has moved.
 pub(super) struct Ready {
     pub thread: JoinHandle<()>,
     pub go: SyncSender<Experiment>,
@@ -128,7 +128,7 @@ pub fn prepare(
 
     writer.note(archive::note(files, &layout, folder));
     for warning in &facts.warnings {
-        // For the file only: whoever built the test has heard of it, with its place in the test file.
+        // For the file only: the program has already shown this warning, with its place in the test file.
         let event = Event::said(Remark::Warning, warning.as_str());
         writer.note(Note::new(event).at(Severity::Info));
     }
@@ -148,7 +148,7 @@ pub fn prepare(
     })
 }
 
-/// What was refused, in sentences.
+/// Refused real-time requests, in sentences.
 #[must_use]
 pub fn missing(granted: &Granted) -> Vec<String> {
     granted

@@ -25,7 +25,7 @@ struct Recorded {
 }
 
 impl Recorded {
-    /// Fails where the row that comes says so: there the specimen was lost.
+    /// Fails if the next row marks the specimen as lost.
     fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
         with(&self.tape, |tape| {
             let status = Status(at(tape.next(), self.status) as u32);
@@ -101,7 +101,7 @@ impl Substructure for Recorded {
         Ok(is_here)
     }
 
-    /// Lost when it was told that its answer counts: the row of this very tick was never made.
+    /// Lost at the commit: the row of this very tick was never made.
     fn accepted(&mut self, _: u64) -> Result<(), LinkFault> {
         let rows = with(&self.tape, |tape| tape.row);
         if self.answered == Some(rows) {
@@ -115,7 +115,7 @@ impl Substructure for Recorded {
         self.is_lost(Status::LOST)
     }
 
-    /// Lost as the hold began: nobody was told again where to stand.
+    /// Lost as the hold began: the position was not sent again.
     fn pause(&mut self) -> Result<(), LinkFault> {
         if with(&self.tape, |tape| tape.has_an_answer_next()) {
             return Ok(());

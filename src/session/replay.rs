@@ -19,7 +19,7 @@ use super::tape::{Comparing, Difference, Recording, Tape, with};
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Outcome};
 use gusset_record::{End, Layout, MissingEnd, Run};
 
-/// What a replay came to.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replay {
     /// Rows that are the same.
@@ -90,7 +90,7 @@ fn trip_of_the_next_tick(run: &Run) -> Result<Option<Outcome>, ReplayError> {
     Ok((found.is_exact() && !ran_out).then_some(outcome))
 }
 
-/// What is proven is not all that there was: rows that are whole may be too few.
+/// The record may be longer than its proven part: too few rows may be whole.
 fn missing_end(run: &Run, found: &Replay) -> Option<String> {
     if found.rows == 0 {
         return Some("there are no rows to be compared".to_owned());
@@ -99,7 +99,7 @@ fn missing_end(run: &Run, found: &Replay) -> Option<String> {
     Some(end.to_string())
 }
 
-/// Runs recorded rows through a loop that is made anew: `experiment` is the test, `samples` are its records in `layout`.
+/// Runs recorded rows through a new loop: `experiment` is the test, `samples` are its records in `layout`.
 ///
 /// # Errors
 /// [`ReplayError::Columns`]. A number that differs is no error but [`Replay::difference`].

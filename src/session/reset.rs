@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_clears_what_is_latched_and_says_what_it_was() {
+    fn reset_clears_and_reports_the_latch() {
         let folder = tempfile::tempdir().unwrap();
         for path in [folder.path().to_owned(), folder.path().join("rig.sock")] {
             let place = ControlPlace::at(&path);
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn the_socket_of_a_killed_server_is_replaced_and_no_other_file_is() {
+    fn socket_of_a_killed_server_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let place = ControlPlace::at(folder.path());
         let path = folder.path().join(SOCKET);

@@ -1,4 +1,4 @@
-//! `gusset run --resume`: an interrupted test from its folder to an experiment that goes on with it.
+//! `gusset run --resume`: from the folder of an interrupted test to an experiment that resumes it.
 //!
 //! The loop retraces all rows, bit for bit: some hundred times faster than the test ran. Digests of the state, written while the
 //! test ran, prove that the state is the same. If no specimen is behind a link, the newest state that a checkpoint kept replaces
@@ -85,7 +85,7 @@ pub fn resume_allowed(
     resume_by(folder, test, allowed, &mut setup::build)
 }
 
-/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+/// Resumes over transports that are connected already: those that `dial` makes, one after the other.
 ///
 /// # Errors
 /// As [`resume`].
@@ -251,7 +251,7 @@ fn may_be_resumed(run: &Run) -> Result<(), ResumeError> {
 
 /// Refuses a record whose last rows are missing.
 fn has_its_end(run: &Run, origin: Option<&Origin>) -> Result<(), ResumeError> {
-    // One that ended on its way in has made no step of those that its summary tells of.
+    // A test that ended during startup has made none of the steps in its summary.
     let has_steps = |missing: &MissingEnd| {
         let before = origin.map(|origin| origin.step);
         before.is_none_or(|step| missing.told_by != ToldBy::Summary(step))

@@ -26,12 +26,12 @@ use gusset_setup::{self as setup, Prepared};
 /// Makes the experiment of a test file.
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
 
-/// The test of a run folder, as it was built, with the state of its ancestors if it has any. Nobody is connected.
+/// Rebuilds the test of a run folder, with the state of its ancestors, if any. No specimen is connected.
 pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prepared, ReplayError> {
     prepared_by(run, replaced, keys, &mut setup::build)
 }
 
-/// The same, built by `build`.
+/// Like `prepared`, but built by `build`.
 pub(super) fn prepared_by(
     run: &Run,
     replaced: Replaced,
@@ -98,7 +98,7 @@ fn prepared_from(
     Ok(test)
 }
 
-/// What a test is made of that goes on: the numerical side, the ports, and the rest.
+/// State of a test that is resumed: the numerical side, the ports, and the rest.
 type State = (Side, Vec<Port>, Resumption);
 
 /// Makes an experiment continue as its `resumed.json` says, with the state that its ancestors came to.
@@ -164,10 +164,10 @@ pub(super) fn take_over(experiment: &mut Experiment, side: Side, ports: Vec<Port
     }
 }
 
-/// What a run came to when it was retraced.
+/// Result of retracing a run.
 pub(super) struct Retraced {
-    /// The state after its last good row; none if it ended before its first step, or at its last. That of a resumed test which
-    /// ended on its way in is the state that it went on with.
+    /// The state after its last good row; `None` if it ended before its first step, or at its last. For a resumed test that
+    /// ended during startup, it is the state with which it resumed.
     pub state: Option<State>,
     /// It is a resumed test, and did.
     pub on_its_way_in: bool,
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn an_older_recording_may_lack_only_columns_that_later_versions_added() {
+    fn older_recording_may_lack_newer_columns() {
         let now = columns(&["step", "operator", "x1", "release_s", "record_before_s"]);
         let same = |names: &[&str]| same_columns(&columns(names), &now).is_ok();
         assert!(same(&[

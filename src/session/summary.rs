@@ -28,7 +28,8 @@ pub(super) struct Span {
     pub seconds: f64,
 }
 
-/// timing.json, one .hgrm per quantity, and the interval log of all of them. What could not be written is told in `unwritten`.
+/// timing.json, one .hgrm per quantity, and the interval log of all of them. Files that could not be written are listed in
+/// `unwritten`.
 pub(super) fn write_timing(
     folder: &RunFolder,
     timing: &Timing,
@@ -152,7 +153,7 @@ pub(super) fn summarise(
     (cause, summary)
 }
 
-/// Specimens whose simulated actuators did not come to terms with what they move, in sentences.
+/// Specimens whose actuator–specimen iteration did not converge, in sentences.
 fn unsettled(outcome: &Outcome) -> Vec<String> {
     let each = outcome.ports.iter().filter(|port| port.2.unsettled > 0);
     let sentence = |(name, _, link): &(String, Vec<f64>, gusset_control::port::LinkCount)| {

@@ -27,7 +27,7 @@ use gusset_record::{
 /// Columns that say where within a step a row stands.
 const MOMENT: [&str; 2] = ["sub_tick", "time"];
 
-/// A checkpoint that came out as it was recorded.
+/// A checkpoint that was replayed as recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Verified {
     /// Its step.
@@ -60,7 +60,7 @@ pub(super) struct Recording {
 }
 
 impl Recording {
-    /// Of a run folder.
+    /// The recording of a run folder.
     pub(crate) fn of(run: &Run) -> Result<Self, ReplayError> {
         let path = run.path().join("samples.bin");
         let samples = match File::open(&path) {
@@ -109,7 +109,7 @@ pub(super) struct Tape {
     before: Option<(f64, f64)>,
     /// Rows after which it is enough.
     until: u64,
-    /// Whether the rows from the test's end on are none of this.
+    /// Whether to ignore the rows from the test's end on.
     only_the_test: bool,
     checkpoints: Option<Checkpoints>,
     pub verified: Option<Verified>,
@@ -186,7 +186,7 @@ impl Tape {
         }
     }
 
-    /// How the recording ends, as far as it was read.
+    /// How the recording ends, if it was read that far.
     pub(crate) const fn end(&self) -> Option<gusset_record::End> {
         self.journal.end()
     }
@@ -220,7 +220,7 @@ impl Tape {
         (!self.coming.is_empty()).then_some(&self.coming)
     }
 
-    /// Whether the row that comes is that of a test's end, or of the way out: only there a specimen can be lost.
+    /// Whether the next row belongs to a test's end or shutdown: only there a specimen can be lost.
     pub(crate) fn is_over_next(&self) -> bool {
         let state = at(self.next(), self.places[0]);
         [Phase::Tripped.code(), Phase::Leaving.code(), NOT_AWAITED].contains(&state)
@@ -259,7 +259,7 @@ impl Tape {
         }
     }
 
-    /// True if the loop ends by itself after the row before: it was that of the last step, of the way out, or of a trip.
+    /// True if the loop ends by itself after the row before: that of the last step, of the shutdown, or of a trip.
     fn ends_by_itself(&self) -> bool {
         self.before.is_some_and(|(state, step)| {
             let is_last = state == Phase::Running.code() && step >= self.steps as f64;
@@ -295,8 +295,8 @@ impl Tape {
         }
     }
 
-    /// Older recordings have the rows of a test's end and of its way out at the end of the last step, wherever between two steps
-    /// the test stood then.
+    /// Older recordings place the rows of a test's end and shutdown at the end of the last step, wherever between two steps the
+    /// test was.
     fn stands_at_a_step(&self) -> bool {
         let next = self.next();
         let [step, sub_tick, time] = [0, 1, self.places[2]].map(|place| at(next, place));
@@ -404,7 +404,7 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// The recorded digest of the checkpoint of this step, if it has one. Steps are asked for in their order.
+    /// The recorded digest of the checkpoint of this step, if it has one. Call this with ascending steps.
     fn of_step(&mut self, step: u64) -> Option<u64> {
         while self.coming.as_ref().is_some_and(|(at, _)| *at < step) {
             // What cannot be read any more proves nothing.
@@ -420,7 +420,7 @@ fn is_after_the_test(state: f64) -> bool {
     Part::Trip.has(state) || state == Phase::Leaving.code()
 }
 
-/// A number of a row; NaN where there is none.
+/// A number of a row; NaN if it is missing.
 pub(super) fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
     row.and_then(|row| row.get(index))
         .copied()
@@ -505,7 +505,7 @@ mod tests {
 
     /// Rows that were lost long before are no trouble; the one right before the first, and the first itself, are needed.
     #[test]
-    fn only_the_rows_around_the_first_one_are_needed() {
+    fn only_rows_around_the_first_are_needed() {
         let of = |numbers: &[u64]| {
             let tape = tape(numbers, 4..9);
             (tape.short.is_none(), tape.next().is_some())

@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_fault_of_a_sensor_does_what_its_key_says() {
+    fn each_sensor_fault_follows_its_key() {
         let spec = DispSensorSpec {
             noise_power_m2_s: Some(6.25e-14),
             bias_m: 1e-3,

@@ -145,7 +145,7 @@ mod tests {
     };
 
     #[test]
-    fn name_is_a_file_name_of_the_current_folder() {
+    fn name_is_a_file_name_in_this_folder() {
         assert_eq!(valid("first"), Ok("first"));
         assert_eq!(valid("test_2.b.toml"), Ok("test_2.b"));
         for wrong in ["", "a/b", "../a", ".hidden", "-x", "a b", "é", ".toml"] {

@@ -61,7 +61,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
     }
 }
 
-/// What is tied to the inertial frame, or measured in it, where the coordinates are others.
+/// Parts that are tied to the inertial frame, or measured in it, where the coordinates are others.
 fn check_frames(file: &TestFile, findings: &mut Findings) {
     let root = KeyPath::root();
     let at = root.key("excitation");

@@ -37,7 +37,7 @@ pub(super) fn check_limits(
     for (index, axis) in specimen.axis.iter().enumerate() {
         judge(&axis.limits, at.key("axis").index(index).key("limits"));
     }
-    // What is wrong in itself is not compared.
+    // Invalid limits are not compared.
     if findings.0.len() > before {
         return;
     }
@@ -124,7 +124,7 @@ impl Place<'_> {
         }
     }
 
-    /// What a sensor cannot read cannot be measured.
+    /// A sensor cannot measure beyond its range.
     fn check_sensors(&self, limits: &LimitsSpec, findings: &mut Findings) {
         let pairs = [
             (Limit::MeasuredDisp, Limit::SensorDisp),
@@ -152,8 +152,7 @@ impl Place<'_> {
         }
     }
 
-    /// The way out must not trip itself.
-    /// Its acceleration follows from the limit itself.
+    /// The return move must not trip itself. Its acceleration follows from the limit itself.
     fn check_exit(
         &self,
         limits: &LimitsSpec,
@@ -310,7 +309,7 @@ impl Place<'_> {
     }
 }
 
-/// What a specimen behind a link must at least have: a bound of what it is told and one of what it feels, on every axis.
+/// Minimum for a specimen behind a link: a bound of its commands and one of its forces, on every axis.
 pub(super) fn check_required(
     specimens: &[SpecimenTable],
     unlimited: Option<&str>,

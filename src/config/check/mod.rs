@@ -1,4 +1,4 @@
-//! What is contradictory or out of range in a test file and can be said without building anything.
+//! Contradictions and values out of range in a test file that are found without building anything.
 //!
 //! Each complaint explains the consequence, not only the rule. What needs the structure itself (how many DOFs it has,
 //! whether a storey exists, whether a matrix is symmetric) is checked where it is built.

@@ -109,7 +109,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     }
 }
 
-/// What was read is confirmed: something must have been.
+/// Readings that must be confirmed need zeroing.
 fn check_confirmation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let safety = &file.safety;
     if !safety.confirm || file.specimen.is_empty() {

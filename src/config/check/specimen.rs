@@ -1,4 +1,4 @@
-//! `[[specimen]]`: what it sees, what is believed of it, and its name.
+//! `[[specimen]]`: its axes, its estimates, and its name.
 
 use super::Findings;
 use super::geometry::check_geometry;
@@ -309,7 +309,7 @@ fn check_estimate(
         );
         return;
     }
-    // What is symmetric in decimals is symmetric in doubles: each pair is written with the same digits.
+    // Numbers that are equal in decimals are equal as doubles: each pair is written with the same digits.
     for (i, row) in rows.iter().enumerate() {
         for (j, below) in row.iter().enumerate().take(i) {
             let above = rows[j][i];

@@ -16,11 +16,11 @@ use crate::timing_table::TimingSpec;
 const STANDING_S: f64 = 600.0;
 /// Longest time in s that one end owes the other something, a ramp takes, or a tick is long.
 const OWED_S: f64 = 3600.0;
-/// Longest busy loop in µs, as `[timing]` has it.
+/// Longest busy loop in µs, as in `[timing]`.
 const SPIN_US: f64 = 1e6;
-/// Slowest way out in m/s: a millimetre in a quarter of an hour.
+/// Slowest return move in m/s: a millimetre in a quarter of an hour.
 const SLOWEST_EXIT_M_PER_S: f64 = 1e-6;
-/// So many ticks of warm-up are no slip of the pen, however long they are.
+/// This many ticks of warm-up are not a typing error, however long they are.
 const FEW_TICKS: u64 = 200;
 /// Seconds of rows that a queue may hold in memory.
 const QUEUE_S: f64 = 600.0;
@@ -106,7 +106,7 @@ fn check_safety(safety: &SafetyTable, at: &KeyPath, findings: &mut Findings) {
     }
 }
 
-/// The record of a test, or of what is served.
+/// The record of a test, or of a served specimen.
 pub(super) fn check_record(record: &RecordTable, findings: &mut Findings) {
     let at = KeyPath::root().key("record");
     let memory = "waiting rows are kept in memory";

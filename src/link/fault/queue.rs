@@ -58,7 +58,7 @@ impl Queue {
         })
     }
 
-    /// The same, lent to `act`.
+    /// Like `get`, but lends the frame to `act`.
     #[inline]
     pub(crate) fn pass<R>(&mut self, until: Nanos, act: impl FnOnce(&[u8]) -> R) -> Option<R> {
         if self.next_at()? > until {

@@ -15,7 +15,7 @@ use gusset_wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 /// The program, as it calls itself to peers.
 pub(crate) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VERSION"));
 
-/// What a controller wants of a specimen that speaks our own protocol.
+/// Requirements of a controller for a specimen that speaks our own protocol.
 #[derive(Debug, Clone)]
 pub struct NativeSetup {
     /// "host:port".
@@ -34,13 +34,13 @@ pub struct NativeSetup {
     pub watchdog_s: f64,
     /// When the force is sampled.
     pub sampling: Sampling,
-    /// Whether a reply is owed for each command.
+    /// Whether each command needs a reply.
     pub coupling: Coupling,
     /// Time limit of connecting and of each question in the set-up.
     pub connect_limit: Duration,
     /// How long a lockstep reply may stay away.
     pub reply_timeout: Duration,
-    /// What is asked of the socket.
+    /// Options of the socket.
     pub options: SocketOptions,
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Exchange<'a> {
     pub state: f64,
     pub command: &'a Command<'a>,
     pub elapsed: f64,
-    /// The port that converts what the controller commands, if its numbers are not those of the axes.
+    /// The port that converts the controller's commands, if its numbers are not those of the axes.
     pub port: Option<&'a ReceivedPort>,
     pub commits: u64,
     pub measured: &'a Measurement,
@@ -28,7 +28,7 @@ pub(super) struct Exchange<'a> {
 }
 
 impl Exchange<'_> {
-    /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
+    /// Values of the column `state`, as in a controller's record: commands that are kept back count as tripped.
     pub(crate) const PROBING: f64 = Phase::Probing.code();
     pub const RUNNING: f64 = Phase::Running.code();
     pub(crate) const RAMPING: f64 = Phase::Ramping.code();

@@ -39,7 +39,7 @@ impl GuardStore {
         self.guard.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What becomes of one more warning. A new session does not renew the quota.
+    /// Whether one more warning is shown. A new session does not renew the quota.
     pub(super) fn warning(&self, now_ns: u64) -> Allowance {
         let mut quota = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
         quota.take(now_ns)
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_sessions_of_a_specimen_share_one_quota_of_warnings() {
+    fn all_sessions_share_one_warning_quota() {
         let store = GuardStore::default();
         let told = (0..1000).filter(|_| store.clone().warning(5).is_told);
         assert_eq!(told.count(), 100);

@@ -54,7 +54,7 @@ impl Recording {
         Ok(())
     }
 
-    /// The reason of the user for what the wiring check found.
+    /// The user's reason to accept a wiring fault.
     pub(crate) fn accept_wiring(&mut self, reason: &str) {
         if let Some(record) = &mut self.open {
             record.accept_wiring(reason);

@@ -1,5 +1,5 @@
-//! A rig for tests of what a client does while the specimen is on its way: it acts for the client when a command reaches it. So nothing
-//! depends on the time that passes.
+//! A rig for tests of a client that acts during the specimen's path to a target: it acts for the client when a command reaches
+//! the specimen. So nothing depends on the time that passes.
 
 use std::sync::{Arc, Mutex};
 

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_between_two_commands_precedes_the_newer_one() {
+    fn stop_precedes_the_newer_command() {
         let mut backlog = Backlog::default();
         backlog.put(command(1));
         backlog.follow(Cause::Tripped);

@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_of_the_data_thread_ends_the_server_with_that_panic() {
+    fn data_thread_panic_ends_the_server() {
         let units = vec![AxisUnits::SI];
         let served = ServedSpecimen::new(
             "broken".into(),

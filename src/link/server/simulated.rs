@@ -1,9 +1,8 @@
 //! A server behind a simulated wire of a constant delay, with the client's end of that wire.
 //!
 //! The handshake and the session are the same as behind a socket. While the client waits for a reply, time passes and the
-//! server does what is due.
-//! Everything happens on one thread in the order of simulated time, so a test with the same faults is the same bit for bit.
-//! Faults are played by the host ([`Host::faulty`]), not by this wire.
+//! server does its due work. Everything happens on one thread in the order of simulated time, so a test with the same
+//! faults is the same bit for bit. The host plays faults ([`Host::faulty`]), not this wire.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -98,7 +97,7 @@ impl Simulated {
         }
     }
 
-    /// Records what the client sends and the events of the server.
+    /// Records the messages of the client and the events of the server.
     #[must_use]
     pub fn tapped(mut self, tap: Tap) -> Self {
         let (events_in, events) = unbounded();
@@ -116,7 +115,7 @@ impl Simulated {
         self.end().and_then(|end| end.next_at())
     }
 
-    /// Lets the server run until `limit`, or until something is on its way to the client.
+    /// Lets the server run until `limit`, or until a message leaves for the client.
     fn run(&mut self, limit: Nanos) {
         let mut idle_turns = 0;
         while let Some(end) = self.server.end()
@@ -206,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn every_event_that_a_client_can_repeat_has_a_quota() {
+    fn each_repeatable_event_has_a_quota() {
         let sequence = 1;
         for event in [
             ServerEvent::Tripped {
@@ -226,7 +225,7 @@ mod tests {
             }
             let tapping = end.tapped.as_mut().unwrap();
             let told = std::iter::from_fn(|| tapping.events.try_recv().ok());
-            // The last one says that further events are not reported.
+            // The last one announces that further events are not reported.
             assert_eq!(told.count(), 101, "{event:?}");
         }
     }

@@ -24,7 +24,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fractiles_stand_between_their_neighbours() {
+    fn fractiles_are_between_their_neighbours() {
         let values: Vec<f64> = (0..=100).map(f64::from).collect();
         for share in SHARES {
             let found = fractile(&values, share).unwrap();

@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_that_jump_from_none_to_all_have_no_curve() {
+    fn jump_from_none_to_all_has_no_curve() {
         let level = |level: f64, collapses: f64| Level {
             level,
             tests: 20.0,

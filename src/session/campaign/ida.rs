@@ -219,7 +219,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_curve_goes_flat_at_its_highest_level_without_collapse() {
+    fn curve_is_flat_at_its_highest_level() {
         let infinite = f64::INFINITY;
         let (x, y) = flattened(&[1.0, 2.0, 3.0, 4.0], &[0.1, 0.3, infinite, infinite], 0.5);
         assert_eq!((x, y), (vec![0.1, 0.3, 0.5], vec![1.0, 2.0, 2.0]));
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stopped_test_leaves_what_it_cannot_change() {
+    fn stopped_test_keeps_unaffected_results() {
         // The last two values are 18 and 19, or more.
         let rows = at_levels(&[1.0], 0, true, &tests(2, End::Stopped));
         let [low, middle, high] = rows[0].fractiles;

@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_come_back_from_several_groups_with_every_bit() {
+    fn rows_return_from_groups_with_every_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         let columns = [

@@ -35,7 +35,7 @@ impl Sums {
     }
 }
 
-/// What the response is compared with: every `stride`-th row of the running test, all DOFs side by side.
+/// The reference of the response: every `stride`-th row of the running test, all DOFs side by side.
 #[derive(Debug, Clone, Default)]
 pub struct Reference {
     stride: usize,
@@ -67,7 +67,7 @@ pub struct Errors {
     pub tracking: Vec<f64>,
     /// The largest over the DOFs: of displacement less the reference's over the reference's; none without a reference.
     pub response: Option<f64>,
-    /// DOF that has it, from 0.
+    /// DOF with this error, from 0.
     pub dof: usize,
 }
 
@@ -113,7 +113,7 @@ impl Course {
         Self(Arc::new(Mutex::new(sheet)))
     }
 
-    /// What was kept.
+    /// The kept reference.
     #[must_use]
     pub(crate) fn kept(&self) -> Option<Reference> {
         let mut sheet = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! Whether a test may be carried out: many rehearsals of it, each with other draws of what is uncertain.
+//! Whether a test may be carried out: many rehearsals of it, each with other draws of its uncertain values.
 //!
 //! Every trial is the whole test on the simulated clock with the limits that will hold, and beside it the same structure with
 //! ideal actuators and sensors, which is what its response is compared with. Controller's estimates (k̂, ĉ, λ) stay those of
@@ -40,7 +40,7 @@ pub struct Rehearsed {
     pub impossible: u64,
     /// Where it ended before its last step, in s of test time, and why.
     pub stopped: Option<(f64, Stop)>,
-    /// What it asked of each axis, specimen by specimen.
+    /// Needs of each axis, specimen by specimen.
     pub needs: Vec<Vec<AxisNeed>>,
     /// Its errors as far as it came.
     pub errors: Errors,
@@ -105,7 +105,7 @@ impl Trials {
         impossible as f64 / (impossible + self.all.len() as u64).max(1) as f64
     }
 
-    /// The same by reason, with how often.
+    /// Number of stopped trials, by reason.
     #[must_use]
     pub fn reasons(&self) -> BTreeMap<String, u64> {
         let mut reasons = BTreeMap::new();
@@ -142,11 +142,11 @@ fn reason(stop: &Stop) -> String {
     }
 }
 
-/// Runs `trials` rehearsals of a test on all processors; `lambda` is the one that it will run with. `progress` is told after
-/// each how many are done.
+/// Runs `trials` rehearsals of a test on all processors; `lambda` is the one of the test. After each rehearsal `progress`
+/// receives how many are done.
 ///
 /// # Errors
-/// The test cannot be built, or not with what is drawn.
+/// The test cannot be built, or not with the draws.
 pub(crate) fn carry_out(
     loaded: &Loaded,
     plan: &Plan,
@@ -183,7 +183,7 @@ pub(crate) fn carry_out(
     })
 }
 
-/// One trial: the test as it was drawn, and its reference if not all have the same.
+/// One trial: the test with its draws, and its reference unless all trials share one.
 fn trial(
     loaded: &Loaded,
     fixed: &Unaware<'_>,
@@ -231,7 +231,7 @@ fn trial(
     })
 }
 
-/// The same test with actuators and sensors that are ideal, and without limits.
+/// The reference: the test with ideal actuators and sensors, and without limits.
 fn reference(drawn: &Loaded, trial: &Trial) -> Result<Arc<Reference>, ConfigError> {
     let mut ideal = drawn.clone();
     for table in &mut ideal.file.specimen {

@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn many_trials_are_no_trouble() {
+    fn many_trials_are_handled() {
         let (low, high) = interval(3_000, 100_000);
         // Five standard errors of 0.03.
         assert!(low > 0.027 && low < 0.03 && high > 0.03 && high < 0.033);

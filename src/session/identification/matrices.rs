@@ -18,14 +18,14 @@ pub(super) struct Matrices {
     pub damping: DMatrix<f64>,
 }
 
-/// Of the specimen's law, and of the estimates in its table.
+/// Matrices for the specimen's law, and for the estimates in its table.
 #[derive(Debug)]
 pub(super) struct Found {
     pub law: Matrices,
     pub estimate: Matrices,
 }
 
-/// What was found of a specimen with this table: all its axes in order; `to_hz` is the end of the band.
+/// Matrices of a specimen with this table: all its axes in order; `to_hz` is the end of the band.
 pub(super) fn found(
     table: &SpecimenTable,
     known: &[(&Axis, &Identification)],
@@ -78,7 +78,7 @@ fn at_axes(known: &[(&Axis, &Identification)], to_hz: f64) -> Matrices {
         // A little less than nothing is nothing: standard errors are beside it.
         value.max(0.0)
     };
-    // A damping whose force at the end of the band is nothing beside that of the stiffness is none.
+    // A damping counts as zero if its force at the end of the band is negligible beside that of the stiffness.
     let omega = 2.0 * std::f64::consts::PI * to_hz;
     let between = |of: fn(&Felt) -> Estimate, per: f64, moved: usize, held: usize| {
         let (axis, _) = known[moved];

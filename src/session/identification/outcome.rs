@@ -1,4 +1,4 @@
-//! What the run folder says of each axis that was driven.
+//! Results for each driven axis, from the run folder.
 
 use std::path::Path;
 
@@ -166,7 +166,7 @@ fn axis(
                 force: &force,
                 ..record
             };
-            // What is wrong with the others' sensors is said of them.
+            // An error of another axis's sensors is reported with that axis.
             let of_it = felt(&held, plan.band, found).ok().flatten();
             all_felt.extend(of_it.map(|felt| (*other, felt)));
         }
@@ -186,7 +186,7 @@ fn axis(
 }
 
 impl Axis {
-    /// k̂ of the axis itself in N/m at the specimen; 0 where there is none.
+    /// k̂ of the axis itself in N/m at the specimen; 0 if it is unknown.
     #[must_use]
     pub(crate) fn own_stiffness(&self) -> f64 {
         let found = self.found.as_ref().ok();

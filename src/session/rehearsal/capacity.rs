@@ -1,4 +1,4 @@
-//! What a test asks of a rig beside what its file says that the rig can give (`[specimen.capacity]`).
+//! Needs of a test beside the declared capacity of the rig (`[specimen.capacity]`).
 
 use super::{AxisNeed, Needs, Rehearsal, StandIn};
 use gusset_config::{Finding, KeyPath};
@@ -33,7 +33,7 @@ impl Used {
 /// Key, unit, and the most that one axis needs.
 pub type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
 
-/// What a capacity is compared with, in the order of its entries.
+/// Needs that a capacity is compared with, in the order of its entries.
 pub const NEEDS: [Most; 4] = [
     ("stroke_m", "m", |need| {
         need.command.low.abs().max(need.command.high.abs())

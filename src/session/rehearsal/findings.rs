@@ -8,7 +8,7 @@ use gusset_control::port::Poses;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::quantity;
 
-/// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
+/// Part of a tick that its computation may need before a warning: the loop must be able to catch up.
 const MUCH: f64 = 0.5;
 
 impl Rehearsal {
@@ -227,7 +227,7 @@ fn nearly_singular(needs: &Needs, specimen: usize) -> Option<Finding> {
     })
 }
 
-/// A warning where the simulated actuator and the law did not come to terms.
+/// A warning where the actuator–specimen iteration did not converge.
 fn unsettled(loaded: &Loaded, needs: &Needs, specimen: usize) -> Option<Finding> {
     (needs.unsettled > 0).then(|| {
         let at = KeyPath::root().key("specimen").index(specimen);

@@ -1,5 +1,5 @@
-//! What an operator's hold asks of the axes, rehearsed where the test is fastest: there the commands have to come to rest, and
-//! to leave it again, from the greatest velocity.
+//! Needs of an operator's hold, rehearsed where the test is fastest: there the commands must stop from the greatest velocity,
+//! and return to it.
 
 use super::prompter::Prompter;
 use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
@@ -18,12 +18,12 @@ pub struct Held {
     pub fastest: (usize, usize),
     /// Test time after which the test had its pace again, s.
     pub until: f64,
-    /// What the test asked for up to then.
+    /// Needs of the test up to then.
     pub specimens: Vec<Needs>,
 }
 
 impl Held {
-    /// What it asks of the fastest axis, as far as a change of the pace changes it.
+    /// Its needs of the fastest axis that depend on the pace.
     pub fn needs(&self) -> impl Iterator<Item = &Need> {
         let (specimen, axis) = self.fastest;
         let axis = self
@@ -96,7 +96,7 @@ pub fn rehearse_hold(
 
 /// Steps after a hold in which what it has stirred up shows.
 const STEPS_AFTER: u64 = 64;
-/// Ticks at rest before the test goes on.
+/// Ticks at rest before the test continues.
 const TICKS_AT_REST: u64 = 16;
 
 /// Where the axes whose way is limited are fastest, and when.

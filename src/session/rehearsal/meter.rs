@@ -1,4 +1,4 @@
-//! Stands round a specimen and keeps the extremes of what it is told and answers.
+//! Wraps a specimen and keeps the extremes of its commands and measurements.
 //!
 //! Differences are those of [`gusset_control::port::limits::Watch`]: from one command that leaves to the next, over the tick's wall
 //! time; so what is found here is what that would judge.
@@ -49,14 +49,14 @@ impl Extreme {
     }
 }
 
-/// What a test asked of one axis, SI at the specimen's own scale.
+/// Needs of a test for one axis, SI at the specimen's scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct AxisNeed {
     /// Commanded displacement, m.
     pub command: Extreme,
     /// Its change from one command to the next, m; a size.
     pub step: Extreme,
-    /// The same over the tick's wall time, m/s; a size.
+    /// Change of command over the tick's wall time, m/s; a size.
     pub vel: Extreme,
     /// Second difference over the tick's wall time squared, m/s²; a size.
     pub accel: Extreme,
@@ -72,7 +72,7 @@ pub struct AxisNeed {
     pub travel: f64,
 }
 
-/// What is kept of one axis.
+/// Kept values of one axis.
 #[derive(Debug, Clone, Copy)]
 struct Axis {
     metres: f64,

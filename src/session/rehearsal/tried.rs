@@ -65,7 +65,7 @@ pub fn try_limits(
                     .help("DOFs times ticks are beyond the budget; all other limits were compared"),
             )
         }
-        // Where nothing stands for a specimen it has no force, and a limit may want one.
+        // A specimen without a model has no force, and a limit may need one.
         Ending::Completed | Ending::Stopped(_) => Tried::Nothing,
     })
 }

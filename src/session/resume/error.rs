@@ -31,7 +31,7 @@ pub enum ResumeError {
         /// Why there is no answer.
         unanswered: Unanswered,
     },
-    /// Another went on with it already, and its specimens have been through the steps that follow.
+    /// Another test resumed it already, and its specimens have made the steps that follow.
     #[error("{}: {before}: {}", folder.display(), what_may_be(before))]
     WentOn {
         /// The folder.
@@ -52,9 +52,9 @@ pub enum ResumeError {
         given: PathBuf,
         /// The copy in the run folder.
         kept: PathBuf,
-        /// Of the copy.
+        /// SHA-256 of the copy.
         wanted: String,
-        /// Of the file as given.
+        /// SHA-256 of the file as given.
         found: String,
     },
     /// Its summary, which would say how it ended, cannot be read.
@@ -62,7 +62,7 @@ pub enum ResumeError {
     Summary {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// The fault.
         fault: String,
     },
     /// Rows at its end are missing, and what was done to the specimens in those steps is not known.
@@ -70,7 +70,7 @@ pub enum ResumeError {
     Short {
         /// The folder.
         folder: PathBuf,
-        /// What is missing.
+        /// The missing rows.
         missing: MissingEnd,
     },
     /// It tripped, or may have tripped, and `--after-trip` is missing.
@@ -98,7 +98,7 @@ pub enum ResumeError {
     Back {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// The damage.
         trouble: String,
         /// Step of the checkpoint.
         step: u64,
@@ -141,7 +141,7 @@ pub enum ResumeError {
     Damaged {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// The damage.
         trouble: String,
     },
 }

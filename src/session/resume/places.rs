@@ -18,9 +18,9 @@ use gusset_record::{Row, Run};
 /// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
 const LOST_S: f64 = 0.05;
 const LATEST_S: f64 = 1.0;
-/// A specimen may be so many times as far off as it was ever off its command.
+/// A specimen may be off by this multiple of its largest recorded error.
 const SHARE: f64 = 1.5;
-/// Relative size of what is nothing.
+/// Relative size that counts as zero.
 const NOTHING: f64 = 1e-9;
 /// Allowed difference of a force: this share of the largest recorded force, and this multiple of the load cell's noise.
 const FORCE_SHARE: f64 = 0.02;
@@ -125,12 +125,12 @@ impl Axis {
         }
     }
 
-    /// Of a test that made steps of its own.
+    /// Place after a test that made steps itself.
     fn place_of_steps(&self) -> Kept {
         // The mean difference while the test ran is the offset of the sensor.
         let (count, sum, [least, most]) = self.errors;
         let beyond = sum / count.max(1.0);
-        // The way out may have led it where a wrong scale reads another offset.
+        // The return move may have led it where a wrong scale reads another offset.
         let extremes = [least, most].into_iter().filter(|error| error.is_finite());
         let off = extremes
             .chain(self.error_at_last)
@@ -150,8 +150,8 @@ impl Axis {
         Kept { command, place }
     }
 
-    /// Of a test that went on with another and ended on its way in: as far from where it found the axis as it was commanded
-    /// since. Its sensors are held against what they read in the test before, of which it tells nothing new.
+    /// Place after a resumed test that ended during its startup: the found position plus the change of command since. Its
+    /// force is compared with the readings of the test before, because it adds no newer ones.
     fn place_after(&self, found: &Kept) -> Kept {
         let command = self.command.unwrap_or(found.command);
         let (count, sum) = self.stood;
@@ -169,9 +169,9 @@ impl Axis {
         Kept { command, place }
     }
 
-    /// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of
-    /// it, and at least to the command that stood ready. Who is commanded once a step goes the way of a whole one with each
-    /// command, and gets that much fewer of them.
+    /// How far a command may have moved after the last row of a test that was killed, in its own unit: at its last speed, and
+    /// at least to the next command. A per-step partner moves by a whole step with each command, and gets that many fewer of
+    /// them.
     fn way_lost(&self, port: &Port, axis: usize, (rate_hz, ticks_per_step): (f64, u32)) -> f64 {
         let pairs = self.latest.iter().zip(self.latest.iter().skip(1));
         let steps = pairs.map(|(one, next)| (next - one).abs());
@@ -192,9 +192,8 @@ pub(super) fn ticks_lost(rate_hz: f64) -> f64 {
     (LOST_S * rate_hz).max(1.0)
 }
 
-/// True if the specimen was sent nothing that is not on record: the test ended in order, and the specimen, which was not lost,
-/// stands at its last command. What failed without a row of its end, as after a panic of our own, failed in a tick whose
-/// commands had left.
+/// True if every command to the specimen is on record: the test ended cleanly, and the specimen is at its last command and was
+/// not lost. A failure without a row of its end, as after a panic, came in a tick whose commands had left.
 fn is_all_known(run: &Run, port: &Port, state: Option<f64>) -> bool {
     let Some(summary) = run.summary() else {
         return false;
@@ -229,8 +228,8 @@ fn force_within(port: &Port, index: usize, axis: usize, by: &Tolerances<'_>) -> 
     FORCE_SHARE * (peak / gain.abs()) + NOISE * noise
 }
 
-/// Where each axis was left by the last command on record, and how far off it may be. `before`: the origin of a test that ended
-/// on its way in. The rows are read once, one after the other.
+/// Where the last recorded command left each axis, and its tolerance. `before`: the origin of a test that ended during startup.
+/// The rows are read once, one after the other.
 pub(super) fn places(
     run: &Run,
     ports: &[Port],
@@ -310,7 +309,7 @@ mod tests {
     use gusset_control::port::{Axis as Seen, AxisSpec, LinearStandIn, PortSpec};
 
     #[test]
-    fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {
+    fn per_step_partner_loses_whole_steps() {
         // 500 ticks a second, twenty a step of 12 mm: in 50 ms are 25 of its parts, or two whole ones at the most.
         let (rate_hz, ticks) = (500.0, 20);
         for (per_step, wanted) in [(false, 25.0 * 0.6e-3), (true, 2.0 * 12e-3)] {

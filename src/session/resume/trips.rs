@@ -141,7 +141,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_force_that_is_not_finite_is_a_trip_and_a_lost_link_is_none() {
+    fn force_that_is_not_finite_is_a_trip() {
         let link =
             |fault: &str| EventLine::from(json!({"event": "link", "specimen": 1, "fault": fault}));
         let all = ["closed", "timeout", "not_finite", "malformed", "diverged"].map(link);
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_phase_tells_of_a_trip_whose_own_event_is_lost() {
+    fn phase_reports_a_trip_without_an_event() {
         let told = |cause: &str| {
             let line =
                 json!({"event": "phase", "from": "running", "to": "tripped", "cause": cause});

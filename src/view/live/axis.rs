@@ -22,14 +22,14 @@ pub(super) struct Now {
     pub error: f64,
 }
 
-/// What a row is of its specimen.
+/// State of a specimen's measurement in a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Told {
     /// It was commanded.
     pub is_told: bool,
     /// It has answered.
     pub is_fresh: bool,
-    /// Its answer stayed away: what stands in the row was not measured then.
+    /// Its answer is overdue: the values of the row were not measured then.
     pub is_silent: bool,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Told {
 pub(super) struct AxisTap {
     /// The command, and what was measured last.
     pub now: Now,
-    /// The same, not a number where nothing was measured.
+    /// Values as drawn; NaN where nothing was measured.
     pub drawn: Now,
     /// Command at which the deformation is zero, in the specimen's unit; none before it is known.
     zero: Option<f64>,
@@ -145,7 +145,7 @@ impl AxisTap {
         }
     }
 
-    /// Takes what a limit tripped at, which may stand in no row.
+    /// Takes the value at which a limit tripped, which may be in no row.
     pub(crate) fn judged(&mut self, axis: &WatchedAxis, key: &str, value: f64) {
         self.keep(axis.marks.iter().position(|mark| mark.key == key), value);
     }
@@ -222,7 +222,7 @@ mod tests {
     use gusset_control::port::DispZero;
 
     #[test]
-    fn the_loop_is_of_the_same_end_as_the_histories() {
+    fn loop_and_histories_use_the_same_end() {
         // In millimetres and kilonewtons, the other way round, at a third of the structure's lengths.
         let axis = WatchedAxis {
             marks: Vec::new(),

@@ -63,7 +63,7 @@ pub struct Snapshot {
     pub trips: Vec<Trip>,
 }
 
-/// One axis, SI at the specimen's own scale; what was measured is of its last answer. Not a number where there is none.
+/// One axis, SI at the specimen's scale; measured values are of its last answer. NaN where no value exists.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisView {
     /// Displacement that was sent.
@@ -127,7 +127,7 @@ pub struct Ended {
 /// The board.
 #[derive(Debug)]
 pub struct Board {
-    /// What is watched.
+    /// The displayed test.
     pub subject: Subject,
     phase: PhaseCell,
     latest: Mutex<Arc<Snapshot>>,
@@ -150,7 +150,7 @@ fn try_lock<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
 }
 
 impl Board {
-    /// An empty board for a test whose phase stands in `phase`.
+    /// An empty board for a test whose phase is in `phase`.
     #[must_use]
     pub fn new(subject: Subject, phase: PhaseCell, online: Option<OnlineLimit>) -> Self {
         Self {

@@ -233,7 +233,7 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
     }
 }
 
-/// The same of what belongs to no specimen alone.
+/// Metrics that belong to no specimen alone.
 fn whole(text: &mut Text, board: &Board, latest: &Snapshot) {
     let marks = || board.subject.test.iter().zip(&latest.test);
     for (name, help, place) in [

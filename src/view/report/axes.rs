@@ -1,4 +1,4 @@
-//! What a page says about one axis of a specimen, made of its columns while they are held whole.
+//! The part of a page about one axis of a specimen, computed from its columns while they are held whole.
 
 use std::borrow::Cow;
 
@@ -80,9 +80,9 @@ impl Even {
 }
 
 impl Grid {
-    /// Rows at even times and their interval: all ticks but those of a hold, or, where the test slowed down, the ends of its steps;
-    /// of those at one time, which a controller that stands still commands again and again, the last. None where some of these are
-    /// missing. A last row that only says of a trip where the test stood already is none of them.
+    /// Rows at even times and their interval. These are all ticks except those of a hold, or the ends of steps where the test
+    /// slowed down. Of several rows at one time, which a waiting controller makes, only the last counts. `None` where some of
+    /// these are missing. A last row that only records a trip at the same time does not count.
     fn rows(&self, held: &Table, time: &[f64]) -> Option<(Even, f64)> {
         let step_s = self.step_s?;
         let tick_s = step_s / self.ticks_per_step.max(1) as f64;
@@ -140,7 +140,7 @@ pub(super) fn envelope(values: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
 }
 
 impl AxisDigest {
-    /// Of the columns of `axis` in `held`, which are of every tick; `noise` was read at rest.
+    /// The digest of `axis` from its columns in `held`, which are of every tick; `noise` was read at rest.
     pub(crate) fn of(
         axis: SpecimenAxis,
         held: &Table,
@@ -240,7 +240,7 @@ fn absorbed(meas: &[f64], force: &[f64]) -> Option<f64> {
     metrics::absorbed_energy(&disp, &force)
 }
 
-/// Every n-th sample of what is too long for a close-up: a slow test is smooth.
+/// Every n-th sample of a series that is too long for a close-up: a slow test is smooth.
 fn short(values: &[f64]) -> Vec<f64> {
     values
         .iter()
@@ -249,7 +249,7 @@ fn short(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The line through all points with what no eye would miss left out.
+/// The line through all points, without points whose omission is invisible.
 fn drawn(x: &[f64], y: &[f64]) -> Points {
     let pairs = || x.iter().copied().zip(y.iter().copied());
     let drawable = || pairs().filter(|(x, y)| is_drawable(*x) && is_drawable(*y));
@@ -326,7 +326,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_close_up_lies_inside_the_test_and_around_its_peak() {
+    fn close_up_is_around_the_peak() {
         let time: Vec<f64> = (0..1000).map(f64::from).collect();
         let mut cmd: Vec<f64> = time.iter().map(|t| libm::sin(t / 10.0)).collect();
         cmd[990] = 5.0;
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_noisy_loop_is_drawn_with_few_points_and_keeps_its_ends() {
+    fn noisy_loop_is_drawn_with_few_points() {
         let n = 400_000;
         let x: Vec<f64> = (0..n).map(|i| libm::sin(i as f64 * 1e-2)).collect();
         let y: Vec<f64> = (0..n)

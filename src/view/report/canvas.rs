@@ -21,7 +21,7 @@ const FINE: f64 = 8.0;
 /// plotters divides the size of a font by this before it writes it.
 const FONT_FACTOR: f64 = 1.24;
 
-/// What a colour is for.
+/// Purpose of a colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ink {
     /// Titles.
@@ -32,7 +32,7 @@ pub(super) enum Ink {
     Grid,
     /// Axis lines.
     Frame,
-    /// What went wrong.
+    /// Failures.
     Alarm,
     /// Line or bar of a series, from 0.
     Series(u8),
@@ -77,7 +77,7 @@ impl Ink {
 pub(super) enum Skin {
     /// Inside the page, which has a style sheet.
     Page,
-    /// A file of its own, on an unknown background.
+    /// A separate file, on an unknown background.
     Picture,
 }
 
@@ -116,19 +116,19 @@ impl Lettering {
         }
     }
 
-    /// The same, anchored elsewhere.
+    /// This text, anchored elsewhere.
     pub(crate) const fn anchored(mut self, anchor: Anchor) -> Self {
         self.anchor = anchor;
         self
     }
 
-    /// The same in bold.
+    /// This text in bold.
     pub(crate) const fn bold(mut self) -> Self {
         self.bold = true;
         self
     }
 
-    /// The same, turned by a quarter.
+    /// This text, turned by a quarter.
     pub(crate) const fn upright(mut self) -> Self {
         self.upright = true;
         self
@@ -156,7 +156,7 @@ pub(super) fn fitted(text: &str, size: f64, width: f64) -> String {
     shortened(text, most)
 }
 
-/// Bold letters are wider than plain ones by so much.
+/// Width of bold letters over that of plain ones.
 const BOLD: f64 = 1.1;
 
 impl Lettering {
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn the_canvas_is_finer_than_the_display_and_shown_at_display_size() {
+    fn canvas_is_finer_than_the_display() {
         let svg = sample(Skin::Picture);
         assert!(
             svg.contains("width=\"100\" height=\"50\" viewBox=\"0 0 800 400\""),
@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn sentinels_become_classes_or_colours_and_cannot_be_forged_by_text() {
+    fn text_cannot_forge_markers() {
         let (page, file) = (sample(Skin::Page), sample(Skin::Picture));
         assert!(
             page.contains("class=\"l-s1\"")
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_cut_to_the_width_it_has() {
+    fn text_is_cut_to_its_width() {
         assert_eq!(fitted("short", 12.0, 500.0), "short");
         let cut = fitted(&"long ".repeat(40), 12.0, 80.0);
         assert!(cut.ends_with('…') && text_width(&cut, 12.0) <= 80.0);

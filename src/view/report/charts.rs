@@ -43,7 +43,7 @@ impl Area {
     }
 }
 
-/// What an axis shows: words and SI unit.
+/// Quantity of an axis: words and SI unit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Quantity<'a> {
     pub words: &'a str,
@@ -111,7 +111,7 @@ pub(super) fn left_of(up: &Scaled) -> f64 {
     widest + if up.name.is_empty() { 10.0 } else { 30.0 }
 }
 
-/// Room right of the frame: half of the last number may stand beyond the end of an axis that has so much room with it.
+/// Room right of the frame: half of the last number may extend beyond the end of an axis that leaves this room.
 pub(super) fn right_of(across: &Scaled, x: Axis, wide: f64) -> f64 {
     let beyond = across
         .ticks
@@ -182,7 +182,7 @@ impl Plot {
         }
         canvas.line((inner.x, bottom), (right, bottom), Ink::Frame, 1.0);
         if named {
-            // Where it is longer than the axis it goes on below it, and leaves the title alone.
+            // A name longer than the axis extends below it, and leaves the title free.
             let room = area.y + area.h - inner.y;
             let words = fitted(&up.name, LABEL, room);
             let half = text_width(&words, LABEL) / 2.0;

@@ -371,7 +371,7 @@ mod tests {
     use crate::Flaws;
 
     #[test]
-    fn what_is_the_same_is_good_news_only_where_all_of_both_is_there() {
+    fn equal_runs_are_good_only_if_complete() {
         let names = columns(&["step", "sub_tick", "state", "time", "x1"]);
         let found = |left: (u64, u64)| {
             let mut matcher = Matcher::new(&names, &names, 2).unwrap();
@@ -405,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_far_along_a_list_is_found_and_shown() {
+    fn difference_far_along_a_list_is_found() {
         let listed = |last: f64| {
             let values: Vec<String> = (0..200).map(|i| format!("{i}.5")).collect();
             configured(format!("mass_kg = [{}, {last:?}]\n", values.join(", ")))
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_listed_is_counted_and_neither_run_crowds_out_the_other() {
+    fn unlisted_differences_are_counted() {
         let keys = |name: &str, count: usize| -> String {
             (0..count).map(|i| format!("{name}{i:03} = 1\n")).collect()
         };

@@ -47,7 +47,7 @@ pub(super) fn errors(axis: &Tracked<'_>) -> String {
     markup
 }
 
-/// Delay and gain as they were estimated while the test ran, where they were.
+/// Delay and gain as estimated while the test ran, if they were estimated.
 pub(super) fn estimates(rows: &Rows<'_>, axis: &Tracked<'_>) -> String {
     let column = |kind: &str| rows.history(&axis.digest.axis.column(kind));
     let (Some(lag), Some(gain)) = (column("lag"), column("gain")) else {

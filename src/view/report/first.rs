@@ -24,7 +24,7 @@ const MOST_READINGS: usize = 1 << 20;
 /// Products that an energy balance may cost; a larger structure has none.
 const MOST_WORK: f64 = 2e10;
 
-/// An axis at rest: where its measured displacement and force stand in a block, and what was read of them.
+/// An axis at rest: the places of its measured displacement and force in a block, and their readings.
 struct Read {
     axis: SpecimenAxis,
     places: [usize; 2],
@@ -253,7 +253,7 @@ impl<'a> First<'a> {
     pub(crate) fn take(&mut self, block: &[Vec<f64>]) {
         let rows = block.first().map_or(0, Vec::len);
         self.recorded += rows as u64;
-        // Equilibrium, at the ends of steps, is of what the loop used; all else of what was measured.
+        // Equilibrium, at the ends of steps, uses the values of the loop; everything else uses measured values.
         let measured = &*self.stale.left_out(block);
         let is_zeroing = |row: &usize| {
             self.state
@@ -350,7 +350,7 @@ impl<'a> First<'a> {
             .every()
             .max(self.parts[1].thinner.every());
         digest.worst = self.worst.finish();
-        // A balance with holes is none.
+        // A balance with missing steps is not valid.
         let whole = digest.passed.missing_steps == 0;
         let last = digest.passed.steps as usize / TAIL;
         let residuals = self.tails.iter().filter_map(|(dof, _, kept)| {

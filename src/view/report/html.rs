@@ -22,7 +22,7 @@ pub(super) fn paragraph(text: &str) -> String {
     format!("<p>{}</p>\n", escape(text))
 }
 
-/// A small paragraph of text: how to read what stands above it.
+/// A small paragraph of text: how to read the element above it.
 pub fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
 }

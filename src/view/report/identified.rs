@@ -1,4 +1,4 @@
-//! What a test of prescribed displacement shows of its specimens: stiffness, damping and lag; and tracking metrics as data.
+//! Results of a prescribed displacement for its specimens: stiffness, damping and lag; and tracking metrics as data.
 
 use serde_json::Value;
 
@@ -22,7 +22,7 @@ fn small_percent(share: f64) -> String {
     }
 }
 
-/// The number with its standard error, or why it is none.
+/// The number with its standard error, or why it is unknown.
 #[must_use]
 pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
     let share = 100.0 * found.std / found.value.abs();
@@ -44,7 +44,7 @@ pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
     }
 }
 
-/// What a test of prescribed displacement says of one axis, in words.
+/// Results of a prescribed displacement for one axis, in words.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentifiedAxis {
     /// Name of the specimen, and the axis where there are several.
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_line_misses_without_noise_gets_no_standard_error() {
+    fn noise_free_misfit_has_no_standard_error() {
         assert_eq!(whole(1.0)[0], "1.000e6");
         let [stiffness, _] = whole(0.7);
         assert!(stiffness.ends_with("e5, of this motion"), "{stiffness}");

@@ -199,7 +199,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn how_a_limit_is_judged_and_what_is_done_at_either_end_stand_beside_the_sizes() {
+    fn limits_show_sizes_and_consequences() {
         let miss = json!({"key": "max_total_misses", "unit": "in all", "warn": [50.0], "trip": [100.0],
             "judged": "not checked: the simulated clock misses no deadlines"});
         let following = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02],
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn largest_value_stands_beside_its_levels() {
+    fn largest_value_is_beside_its_levels() {
         let limit = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02]});
         let run = RunView {
             summary: Some(
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_are_told_in_words_without_their_units() {
+    fn keys_are_shown_in_words() {
         assert_eq!(words("command_disp_m"), "commanded displacement");
         assert_eq!(words("following_error_m"), "following error");
         assert_eq!(words("max_total_misses"), "deadlines missed in total");

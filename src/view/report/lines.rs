@@ -201,7 +201,7 @@ const HISTORY_TOLERANCE: f64 = 0.15;
 const LOOP_TOLERANCE: f64 = 0.12;
 /// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
 const LOOP_POINTS: usize = 5_000;
-/// Radius of what is one point, in display units.
+/// Radius within which points count as one, in display units.
 const DOT: f64 = 3.0;
 
 impl<'a> LoopChart<'a> {

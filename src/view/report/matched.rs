@@ -1,8 +1,8 @@
 //! Two recordings row by row: the same test time in both, number against number.
 //!
-//! Invariant: rows are told in the order of their times. Of those at one time the end of a step belongs to the end of a step, and a
-//! tick between two steps, where a test waits or slows down, to no other than such a one. What depends on wall time is never compared. Two missing values are
-//! equal, and so are no others but those of the same bits.
+//! Invariant: rows are ordered by their times. At equal times the end of a step is paired with the end of a step only. A tick
+//! between two steps, where a test waits or slows down, is paired with such a tick only. Columns that depend on wall time are
+//! never compared. Two missing values are equal; other values are equal only bit by bit.
 
 use super::first::is_of_tick;
 use super::sieve::{BETWEEN, RUNNING, TRIPPED};
@@ -12,7 +12,7 @@ use gusset_quantity::catalog::column::{
 };
 use gusset_record::Column;
 
-/// Columns that say where a row stands in the test.
+/// Columns that place a row in the test.
 const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];
 /// Rows that are handed on together.
 const BLOCK: usize = 1024;
@@ -57,7 +57,8 @@ pub struct Matched {
     pub alone: (u64, u64),
     /// Columns that were compared.
     pub columns: usize,
-    /// The first difference; none if all is the same. How ticks and commands were counted is told only where nothing else differs.
+    /// The first difference; `None` if all values are equal. Different counts of ticks and commands are reported only where
+    /// nothing else differs.
     pub first: Option<FirstDifference>,
     /// True if nothing differs but that count.
     pub only_counts: bool,
@@ -96,7 +97,7 @@ struct Pair {
     apart: Apart,
 }
 
-/// Compares rows as they are told.
+/// Compares rows as they arrive.
 #[derive(Debug)]
 pub struct Matcher {
     key: [(usize, usize); 3],
@@ -181,8 +182,8 @@ impl Matcher {
         })
     }
 
-    /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second) run.
-    /// `before` is the last such row, if there is one: a trip that is not after it has no tick of its own.
+    /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second)
+    /// run. `before` is the last such row, if there is one: a trip at its time has no separate tick.
     #[must_use]
     pub fn is_running(&self, row: &[f64], before: &[f64], second: bool) -> bool {
         let of = |row: &[f64], (a, b): (usize, usize)| row.get(if second { b } else { a }).copied();
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_number_that_differs_is_named_and_timing_never_is() {
+    fn first_difference_is_named() {
         let mut m = matcher();
         for k in 0..50 {
             let x = f64::from(k);
@@ -394,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn one_bit_is_a_difference_and_two_gaps_are_none() {
+    fn one_bit_differs_and_two_gaps_do_not() {
         let mut m = matcher();
         m.take(&row(0.0, f64::NAN, 0.0), &row(0.0, -f64::NAN, 0.0));
         assert_eq!(m.first, [None, None]);
@@ -413,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_that_one_run_lacks_are_passed_over() {
+    fn steps_missing_in_one_run_are_skipped() {
         let mut m = matcher();
         assert_eq!(
             m.take(&row(3.0, 0.0, 0.0), &row(5.0, 0.0, 0.0)),
@@ -473,7 +474,7 @@ mod tests {
 
     /// Four steps of two ticks each, and in the second run a hold that eases in and out in the third step.
     #[test]
-    fn rows_are_matched_by_their_time_and_a_hold_makes_no_difference() {
+    fn rows_match_by_time_despite_a_hold() {
         let straight: Vec<[f64; 4]> = (0..=8)
             .map(|k| {
                 let (step, tick) = (f64::from(k / 2), f64::from(k % 2));
@@ -518,7 +519,7 @@ mod tests {
 
     /// It has displacements, commands and measurements of its tick, and never an equilibrium.
     #[test]
-    fn what_a_tick_that_trips_never_has_is_no_difference() {
+    fn tripping_tick_may_lack_values() {
         const NAMES: [&str; 7] = ["step", "sub_tick", "state", "time", "x1", "v1", "a1"];
         let first = |state: f64, x: f64, [v, a]: [f64; 2]| {
             let mut m = Matcher::new(&columns(&NAMES), &columns(&NAMES), 9).unwrap();
@@ -535,7 +536,7 @@ mod tests {
     }
 
     #[test]
-    fn every_tick_of_the_running_test_is_compared_and_no_other() {
+    fn only_running_ticks_are_compared() {
         let m = matcher();
         let at = |state: f64, time: f64| [0.0, 0.0, state, time, 0.0, 0.0];
         let is_compared = |state: f64, time: f64| m.is_running(&at(state, time), &[], false);
@@ -553,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_without_anything_in_common_are_not_matched() {
+    fn unrelated_runs_are_not_matched() {
         assert!(
             Matcher::new(
                 &columns(&NAMES),

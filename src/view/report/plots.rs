@@ -1,7 +1,7 @@
 //! Histories that can be zoomed: a picture for paper and for readers without a script, and the same numbers for the script.
 //!
-//! The numbers stand in the page as base64 of little-endian floats in a block that no browser executes. Single precision:
-//! seven digits are more than any picture shows; time, which needs more, is counted in its interval, or in double precision.
+//! The page holds the numbers as base64 of little-endian floats in a block that no browser executes. Single precision: seven
+//! digits are more than any picture shows. Time needs more: it is counted in its interval, or in double precision.
 
 use serde_json::{Value, json};
 
@@ -145,7 +145,7 @@ fn interval(x: &[f64]) -> Option<f64> {
     (common > 0.0 && steps >= 1.0).then(|| span / steps)
 }
 
-/// JSON that stands in a page: nothing in it can end the block.
+/// JSON for a page: nothing in it can end the block.
 fn harmless(json: &str) -> String {
     json.replace('<', "\\u003c")
         .replace('>', "\\u003e")

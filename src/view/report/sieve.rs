@@ -1,12 +1,12 @@
 //! Which rows are physics: the ends of steps for the structure, every tick of the test for its specimens; and where some are
 //! missing.
 //!
-//! Invariant: a step's end is a row of state 3; ticks are these, those between two steps (11, 12, 13), those of a hold (6) and the
-//! one that tripped the running test (8). If that one came to the end of a step, the displacement there is in its row, and no velocity
-//! and no acceleration: it is among the ends of steps, and no step that was made. Of the way in are rows of states 1, 2, 4, 5 and 10
-//! and a trip before the first tick, of the way out those of state 7 and any other trip. A server leads nothing out: in its record
-//! rows of state 8 are commands that were not passed on. Rows that are missing part what stands before
-//! from what stands behind.
+//! Invariant: the end of a step is a row of state 3. Ticks are these rows, those between two steps (11, 12, 13), those of a hold
+//! (6) and the one that tripped the running test (8). If that one is at the end of a step, its row holds the displacement there,
+//! but no velocity and no acceleration: it counts among the ends of steps, but not as a step that was made. The startup has rows
+//! of states 1, 2, 4, 5 and 10 and a trip before the first tick. The shutdown has those of state 7 and any other trip. A server
+//! has no shutdown: in its record rows of state 8 are commands that were not passed on. Missing rows separate the rows before
+//! them from those behind.
 
 use gusset_quantity::catalog::phase::{Part, Phase, Stage};
 
@@ -32,7 +32,7 @@ pub(super) struct Gap {
 /// Rows of a block that follow one another.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Stretch {
-    /// What is missing before them.
+    /// Rows that are missing before them.
     pub gap: Option<Gap>,
     /// Their places in the block.
     pub rows: Vec<usize>,
@@ -126,19 +126,19 @@ pub(super) struct Sieve {
     before: u64,
     leaving: u64,
     kept_back: u64,
-    /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
+    /// Places of the rows of the startup, and of the shutdown, in the block that was sorted last.
     early: Vec<usize>,
     out: Vec<usize>,
 }
 
-/// What has passed.
+/// Counts of sorted rows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Passed {
     /// Steps that were made, by their ends.
     pub steps: u64,
     /// Ticks of the test, these among them.
     pub ticks: u64,
-    /// Rows before the test, and of the way out.
+    /// Rows before the test, and of the shutdown.
     pub before: u64,
     pub leaving: u64,
     /// Commands that a server did not pass on.
@@ -148,14 +148,14 @@ pub(super) struct Passed {
     pub missing_ticks: u64,
     /// Numbers of the first and the last end of a step, where they are known.
     pub range: Option<(u64, u64)>,
-    /// Test time from step to step in s, as it is known or as the first two are apart.
+    /// Test time from step to step in s, as known or as between the first two.
     pub step_s: Option<f64>,
     /// True if all steps are this far from the next.
     pub is_even: bool,
 }
 
 impl Sieve {
-    /// For blocks in which state, step and time stand at these places; of rows without a state all are ends of steps.
+    /// For blocks with state, step and time at these places; without a state all rows are ends of steps.
     pub(crate) fn new(
         places: [Option<usize>; 3],
         step_s: Option<f64>,
@@ -188,7 +188,7 @@ impl Sieve {
         }
     }
 
-    /// The same for a server's record, if it is one.
+    /// For a server's record, if it is one.
     pub(crate) const fn of_a_server(mut self, is_served: bool) -> Self {
         self.is_served = is_served;
         self
@@ -238,12 +238,12 @@ impl Sieve {
         found
     }
 
-    /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
+    /// Places of the rows of the startup, and of the shutdown, in the block that was sorted last.
     pub(crate) fn ways(&self) -> [&[usize]; 2] {
         [&self.early, &self.out]
     }
 
-    /// What has passed so far.
+    /// Counts so far.
     pub(crate) fn passed(&self) -> Passed {
         Passed {
             steps: self.steps.rows - self.cut_short,
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_of_the_test_are_told_from_ends_of_steps_and_from_all_else() {
+    fn ticks_are_separated_from_step_ends() {
         let rows = [
             (0.0, 0.0, Phase::Zeroing.code()),
             (0.0, 0.0, TRIPPED),
@@ -319,13 +319,13 @@ mod tests {
             assert_eq!(ticks, [0.0, 0.5, 1.0, 1.2, 1.2, 1.7, 2.0, 2.5]);
             assert!(gaps.is_empty() && holes.is_empty());
             assert!(passed.is_even && passed.missing_ticks == 0);
-            // The zeroing and a trip before the test; the one that repeats itself and the way out.
+            // The zeroing and a trip before the test; the repeated trip and the shutdown.
             assert_eq!((passed.before, passed.leaving), (2, 2));
         }
     }
 
     #[test]
-    fn a_trip_at_the_end_of_a_step_is_where_the_structure_came_to_and_no_step_that_was_made() {
+    fn trip_at_a_step_end_is_no_step() {
         let running = [(0.0, 0.0, RUNNING), (1.0, 1.0, RUNNING)];
         for (trip, ends) in [
             ((2.0, 2.0, TRIPPED), vec![0.0, 1.0, 2.0]),
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_steps_and_ticks_are_counted_and_part_the_rows() {
+    fn missing_steps_are_counted() {
         let running = |step: f64| (step, 0.25 * step, RUNNING);
         let rows: Vec<_> = (0..10)
             .filter(|k| !(4..7).contains(k))

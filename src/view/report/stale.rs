@@ -1,8 +1,8 @@
-//! Which rows hold no measurement of a specimen: its answer stayed away, and the loop went on with the last one or with an
-//! estimate. `status_<s>` says so.
+//! Rows without a measurement of a specimen: its answer was overdue, and the loop continued with the last one or with an
+//! estimate. `status_<s>` marks them.
 //!
-//! Invariant: such a row is no point of a picture, no peak and no sample of a metric. What the loop made of it, equilibrium and the
-//! energies that follow from it, is as it was.
+//! Invariant: such a row is no point of a picture, no peak and no sample of a metric. Values that the loop computed from it,
+//! equilibrium and the energies, stay unchanged.
 
 use std::borrow::Cow;
 
@@ -21,7 +21,7 @@ const MEASURED: [Kind; 6] = [
     column::POSE_FORCE,
 ];
 
-/// One specimen: its number from 1, and where its status and what was measured of it stand in a block.
+/// One specimen: its number from 1, and the places of its status and its measured values in a block.
 struct Watched {
     specimen: u32,
     status: usize,
@@ -90,7 +90,7 @@ impl Stale {
         }
     }
 
-    /// Specimens of which there are any, with how many.
+    /// Specimens with stale rows, and their number.
     pub(crate) fn found(&self) -> Vec<(u32, u64)> {
         let found = self.specimens.iter().filter(|of| of.count > 0);
         found.map(|of| (of.specimen, of.count)).collect()
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn an_estimate_is_no_peak_no_point_and_no_sample() {
+    fn estimate_is_not_a_peak_or_a_sample() {
         let (whole, run, from) = without_answers();
         let digest = run.digested();
         assert_eq!(digest.stale, [(1, 4)]);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_says_how_many_samples_are_estimates() {
+    fn page_counts_samples_that_are_estimates() {
         let (whole, run, _) = without_answers();
         let told = format!("bottom column 4 of {}", count(4096));
         assert!(render(&run).contains(&told));
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_copied_where_every_answer_was_there_and_only_their_specimen_has_gaps() {
+    fn nothing_is_copied_without_stale_rows() {
         let names = [
             "status_1",
             "meas_1_1",

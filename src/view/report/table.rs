@@ -24,13 +24,13 @@ pub(super) struct Mark {
     pub value: f64,
 }
 
-/// What is marked of a column, whether its rows are thinned or not.
+/// Marks of a column, whether its rows are thinned or not.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Marks {
     /// The finite value of largest magnitude, and the smallest; the first of those that are equal.
     pub peak: Option<Mark>,
     pub least: Option<Mark>,
-    /// What stands in the last row, a number or not.
+    /// Value of the last row, possibly NaN.
     pub last: Option<f64>,
 }
 
@@ -143,7 +143,7 @@ impl Thinner {
     /// none to be seen.
     pub(crate) fn gap(&mut self, gap: Gap) {
         if gap.rows < self.every as u64 {
-            // Of what is not thinned every gap is wide enough.
+            // Without thinning every gap is wide enough.
             return;
         }
         if self.filled > 0 {
@@ -190,7 +190,7 @@ impl Thinner {
         columns.map(|column| (column.times, column.out)).collect()
     }
 
-    /// The columns by name, with what was marked of them.
+    /// The columns by name, with their marks.
     pub fn table(self, names: impl IntoIterator<Item = Column>) -> Table {
         let marks = self.columns.iter().map(|column| column.marks).collect();
         let (times, values): (Vec<_>, Vec<_>) = self.finish().into_iter().unzip();
@@ -269,7 +269,7 @@ impl Table {
         own.map(Vec::as_slice).or_else(|| self.get("time"))
     }
 
-    /// What was marked of a column; nothing of one that is not there.
+    /// The marks of a column; empty if it does not exist.
     pub(crate) fn marks(&self, name: &str) -> Marks {
         let place = self.places.get(name);
         let marks = place.and_then(|place| self.marks.get(*place));
@@ -296,7 +296,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_extreme_is_lost_whatever_the_blocks(
+        fn extremes_survive_any_block_size(
             values in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..300),
             every in 1usize..40, block in 1usize..70,
         ) {
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_are_of_single_rows_however_few_entries_are_left() {
+    fn marks_come_from_single_rows() {
         let (time, values) = ([0.0, 1.0, 2.0, 3.0, 4.0], [1.0, -7.0, 7.0, f64::NAN, 5.0]);
         let marks = |every: usize, rows: usize| {
             let mut thinner = Thinner {
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_missing_leave_an_entry_without_a_number() {
+    fn missing_rows_leave_a_nan_entry() {
         for (every, wanted) in [(1, 1), (4, 2)] {
             let mut thinner = Thinner {
                 every,
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_test_becomes_as_short_as_a_page_needs_and_a_short_one_stays() {
+    fn long_test_is_thinned_short_one_is_not() {
         assert_eq!(Thinner::new(WHOLE as u64, 1, None).every(), 1);
         assert!(Thinner::new(WHOLE as u64, 1000, None).every() > 1);
         let rows = 5_000_000u64;

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 use gusset_quantity::text::is_hidden;
 
-/// What stands for a number that does not exist.
+/// Text for a number that does not exist.
 pub(super) const NOTHING: &str = "–";
 
 /// Text made harmless for element content and quoted attributes; hidden characters are spelled.
@@ -84,7 +84,7 @@ pub(super) fn scaled(magnitude: f64, unit: &str) -> Scaled {
             unit: plain,
         };
     }
-    // Kilometres and kiloseconds help nobody; a speed of 0.3 m/s is read more easily than 300 mm/s.
+    // Kilometres and kiloseconds are hard to read; a speed of 0.3 m/s is read more easily than 300 mm/s.
     let up = !plain.starts_with(['m', 's', 'r']);
     let smallest_plain = if plain.starts_with("m/") { 0.01 } else { 1.0 };
     let (factor, prefix) = match magnitude {
@@ -102,7 +102,7 @@ pub(super) fn scaled(magnitude: f64, unit: &str) -> Scaled {
     }
 }
 
-/// A unit as it is printed: "N s/m" with its dot, squares raised, nothing for a pure number.
+/// A unit as printed: "N s/m" with its dot, squares raised, nothing for a pure number.
 fn spelled(unit: &str) -> String {
     match unit {
         "1" | "-" => String::new(),
@@ -177,7 +177,7 @@ pub(super) fn quantity(value: f64, unit: &str) -> String {
     }
 }
 
-/// `value` in `unit` with as many digits as it was given, for what was chosen and not measured: "976.5625 µs".
+/// `value` in `unit` with all its given digits, for numbers that were chosen and not measured: "976.5625 µs".
 pub(super) fn exact(value: f64, unit: &str) -> String {
     let Scaled { factor, unit } = scaled(value, unit);
     format!("{}\u{a0}{unit}", trimmed(value / factor, 9))
@@ -222,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn markup_and_control_characters_do_not_survive() {
+    fn markup_characters_do_not_survive() {
         assert_eq!(
             escape("<a href=\"x\">'&'\u{0}\u{202e}</a>"),
             "&lt;a href=&quot;x&quot;&gt;&#39;&amp;&#39;\\u{0}\\u{202e}&lt;/a&gt;"
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn quantities_carry_the_prefix_an_engineer_would_write() {
+    fn quantities_carry_engineering_prefixes() {
         assert_eq!(quantity(0.0123, "m"), "12.3\u{a0}mm");
         assert_eq!(quantity(-45_600.0, "N"), "−45.6\u{a0}kN");
         assert_eq!(quantity(1.19e6, "N/m"), "1.19\u{a0}MN/m");

@@ -297,7 +297,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_column_loses_its_extremes_and_no_point_is_invented(
+        fn thinned_column_keeps_its_extremes(
             y in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..400), columns in 1usize..50,
         ) {
             let x = numbers(y.len());
@@ -321,7 +321,7 @@ mod tests {
         }
 
         #[test]
-        fn what_a_loop_loses_lies_within_the_tolerance(
+        fn thinned_loop_stays_within_tolerance(
             steps in prop::collection::vec((-3.0f64..3.0, -3.0f64..3.0), 2..300), tolerance in 0.1f64..5.0,
         ) {
             let mut at = (0.0, 0.0);
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_turns_back_on_itself_keeps_its_turning_point() {
+    fn line_turning_back_keeps_its_end() {
         let points = [(0.0, 0.0), (5.0, 0.0), (10.0, 0.0), (5.0, 0.0), (1.0, 0.0)];
         assert_eq!(
             within(points.into_iter(), 0.1),

@@ -99,7 +99,7 @@ fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
     }
 }
 
-/// Coefficients that are given stand in place of those that delay and gain would make.
+/// Given coefficients replace those that follow from delay and gain.
 fn check_start(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let Some(CompensationSpec::Ats(ats)) = &specimen.compensation else {
         return;

@@ -1,4 +1,4 @@
-//! The first and the last word of a session: arming and retiring. Both wait, within time limits.
+//! Beginning and end of a session: arming and retiring. Both wait, within time limits.
 
 use super::{Detail, Live};
 use crate::native::ask::{ask, explained, not_welcome};
@@ -8,9 +8,9 @@ use gusset_quantity::time::Nanos;
 use gusset_wire::handshake::{self, Arm, Bye, Control};
 use gusset_wire::native::{Cause, Frame, Notice};
 
-/// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
+/// How long the link waits for the goodbye of a specimen; over UDP it repeats its own meanwhile.
 const GOODBYE_NS: u64 = 300_000_000;
-/// The same of a specimen that has not answered its last command yet: it hears the last words when it has.
+/// Time limit for a specimen that has not answered its last command yet: it reads the goodbye after that.
 const BUSY_NS: u64 = 2_000_000_000;
 const GOODBYE_REPEAT_NS: u64 = 100_000_000;
 
@@ -34,8 +34,8 @@ impl Live {
         self.send(written)
     }
 
-    /// The last question before anything moves. Blocks within the time limit, as long as the answer is `wanted`: false if it
-    /// is not any more.
+    /// Last question before anything moves. Blocks within the time limit while the answer is `wanted`: false if it is no
+    /// longer.
     pub(in crate::native) fn arm(
         &mut self,
         sequence: u64,
@@ -97,7 +97,7 @@ impl Live {
                 self.armed = true;
                 Ok(true)
             }
-            // It is told so in the last words.
+            // The specimen learns this from the goodbye.
             Err(SetupError::Unwanted) => Ok(false),
             Err(error) => {
                 let error = explained(error, self.transport.as_ref());
@@ -149,10 +149,10 @@ impl Live {
         self.last_words = said.words(cause, was_open);
     }
 
-    /// Asks for the goodbye, and hears what is said until it comes.
+    /// Requests the goodbye, and reads frames until it comes.
     fn hear_goodbye(&mut self, notice: Notice, patience: u64) -> Parting {
         let mut said = Parting::default();
-        // Who says it twice says more the second time.
+        // A second goodbye contains more than the first.
         let is_explained = self.detail.is_some();
         let until = self.transport.now().plus(patience);
         let mut ask_at = Nanos(0);
@@ -206,7 +206,7 @@ impl Live {
     }
 }
 
-/// What a specimen says once it has been retired.
+/// The answer of a specimen that has been retired.
 #[derive(Debug, Default)]
 struct Parting {
     cause: Option<Cause>,
@@ -215,8 +215,8 @@ struct Parting {
 }
 
 impl Parting {
-    /// What of it is no plain goodbye, in words. `asked`: why it was retired, which it may say after us; `was_open`: it had said
-    /// before that its interlock is open.
+    /// Its unusual parts, in words. `asked`: why it was retired, which it may repeat; `was_open`: its interlock was reported
+    /// open before.
     fn words(self, asked: Cause, was_open: bool) -> Option<String> {
         let text = self.bye.as_ref().map(|bye| bye.text.trim());
         let text = text.filter(|text| !text.is_empty());

@@ -326,7 +326,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_loop_would_not_hear_is_not_accepted() {
+    fn request_the_loop_ignores_is_refused() {
         for phase in Phase::ALL {
             for unconfirmed in [false, true] {
                 let seen = Glimpse {
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_are_told_one_by_one_and_then_every_ten_seconds_with_their_number() {
+    fn refusals_are_reported_then_summed() {
         let refused = Refusals::default();
         for _ in 0..ONE_BY_ONE {
             assert_eq!(refused.count(5), Some(1));
