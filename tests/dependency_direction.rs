@@ -167,7 +167,7 @@ fn comments() -> Vec<(PathBuf, String)> {
 }
 
 #[test]
-fn comments_cite_only_documents_of_the_project() {
+fn comments_cite_only_project_documents() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut wrong = Vec::new();
     for (path, text) in comments() {
@@ -228,7 +228,7 @@ fn program() -> String {
 }
 
 #[test]
-fn troubleshooting_quotes_messages_of_the_program() {
+fn troubleshooting_quotes_program_messages() {
     let program = program();
     let page = include_str!("../src/guide/troubleshooting.md");
     let (mut quoted, mut wrong, mut in_table) = (0, Vec::new(), false);

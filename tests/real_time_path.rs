@@ -206,7 +206,7 @@ fn no_tick_allocates_whatever_the_structure() {
 
 /// Misses, stretches, stale data and the events about them are on the path too.
 #[test]
-fn a_tick_that_is_late_or_stale_does_not_allocate_either() {
+fn late_or_stale_tick_does_not_allocate() {
     let experiment = || {
         let mut experiment = prepare(FRAME).experiment;
         experiment.limits.on_miss = OnMiss::Stretch;
@@ -257,7 +257,7 @@ fn spawn_child(mode: &str) -> ExitStatus {
 
 #[test]
 #[expect(clippy::disallowed_macros, reason = "a skipped test must be reported")]
-fn no_tick_makes_a_system_call_other_than_the_clocks() {
+fn ticks_make_only_the_clocks_system_calls() {
     let quiet = spawn_child("quiet");
     if quiet.code() == Some(NOT_PERMITTED) {
         eprintln!(
@@ -271,9 +271,9 @@ fn no_tick_makes_a_system_call_other_than_the_clocks() {
     assert_eq!((chatty.code(), chatty.signal()), (None, Some(libc::SIGSYS)));
 }
 
-/// Not a test of its own: what the children run.
+/// No separate test: the children run this.
 #[test]
-#[ignore = "run by no_tick_makes_a_system_call_other_than_the_clocks in separate processes"]
+#[ignore = "run by ticks_make_only_the_clocks_system_calls in separate processes"]
 fn in_the_child() {
     let Ok(mode) = std::env::var(CHILD) else {
         return;
@@ -286,7 +286,7 @@ fn in_the_child() {
     for limit in [Limit::MissesInARow, Limit::Misses] {
         experiment.limits.test.set(limit, Bound::NONE);
     }
-    // The same rig for both, but for its one call more.
+    // Both use this rig, except for the chatty one's extra call.
     let log = Log::default();
     log.lock().unwrap().reserve(1 << 16);
     attach(

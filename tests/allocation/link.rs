@@ -99,7 +99,7 @@ fn issue_and_collect_allocate_nothing() {
 }
 
 #[test]
-fn a_stale_measurement_is_the_newest_known_and_allocates_nothing_either() {
+fn stale_measurement_allocates_nothing() {
     let mut link = linked(Carrier::Udp, None, Coupling::Sampled);
     let mut measured = Measurement::zeros(2);
     let exchange = |link: &mut NativeLink, measured: &mut Measurement, sequence, wait_ns: u64| {
@@ -134,7 +134,7 @@ fn a_stale_measurement_is_the_newest_known_and_allocates_nothing_either() {
 }
 
 #[test]
-fn a_link_that_was_never_connected_is_closed_and_not_a_panic() {
+fn unconnected_link_closes_without_panic() {
     let (tell, told) = mpsc::channel();
     std::thread::spawn(move || {
         let mut link = NativeLink::new(NativeSetup {

@@ -217,7 +217,7 @@ fn double_well_has_no_known_error() {
 }
 
 #[test]
-fn friction_at_rest_does_not_slow_the_motion() {
+fn static_friction_does_not_slow_the_motion() {
     let text = |law: &str, integrator: &str| {
         format!(
             "[time]\nrate_hz = 1024\nduration_s = 6\nclock = \"simulated\"\n\

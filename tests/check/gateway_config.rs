@@ -24,7 +24,7 @@ fn shows(text: &str, part: &str) {
 }
 
 #[test]
-fn a_gateway_is_a_specimen_with_a_link_and_so_is_one_of_a_test_file() {
+fn gateway_file_is_a_specimen_with_a_link() {
     assert_eq!(served(&gateway("127.0.0.1:1", KNOWN, "")), Ok(()));
     assert_eq!(served(&linked(10, "127.0.0.1:1", "")), Ok(()));
     let element = "protocol = \"openfresco\"";
@@ -32,7 +32,7 @@ fn a_gateway_is_a_specimen_with_a_link_and_so_is_one_of_a_test_file() {
 }
 
 #[test]
-fn what_has_no_effect_or_is_missing_is_refused() {
+fn ineffective_or_missing_keys_are_refused() {
     shows(&complaint("", ""), "`stiffness_n_per_m` is missing");
     let scaled = "axis = [{ scale = 2.0, sign = -1, offset_m = 0.1, offset_n = 5 }]\nsimilitude.length = 10\n";
     let converting = gateway("127.0.0.1:1", &format!("{KNOWN}{scaled}"), "");
@@ -84,7 +84,7 @@ fn what_has_no_effect_or_is_missing_is_refused() {
 }
 
 #[test]
-fn a_gateway_that_would_take_no_zero_refuses_to_be_asked_for_one() {
+fn gateway_without_zeroing_is_not_asked_to() {
     for (key, offset) in [("zero_force", "offset_n"), ("zero_disp", "offset_m")] {
         for more in ["", ", sign = -1", &format!(", {offset} = 0.5")] {
             let axis = format!("{KNOWN}axis = [{{ {key} = \"relative\"{more} }}]\n");
@@ -104,7 +104,7 @@ fn a_gateway_that_would_take_no_zero_refuses_to_be_asked_for_one() {
 }
 
 #[test]
-fn limits_that_contradict_each_other_are_shown_at_their_keys() {
+fn contradicting_limits_are_shown_at_keys() {
     for (limits, words) in [
         ("command_step_m = { warn = 2, trip = 1 }", "warns at 2"),
         ("command_disp_m = { trip = [1, -1] }", "leaves no room"),
@@ -121,7 +121,7 @@ fn limits_that_contradict_each_other_are_shown_at_their_keys() {
 }
 
 #[test]
-fn a_probe_that_cannot_be_is_shown_at_its_key() {
+fn impossible_probe_is_shown_at_its_key() {
     let probe = |known: &str, keys: &str| {
         let file = gateway("127.0.0.1:1", known, keys);
         served(&file.replace("probe = \"none\"\n", "")).unwrap_err()

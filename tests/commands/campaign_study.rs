@@ -113,7 +113,7 @@ mod parquet_table {
     }
 
     #[test]
-    fn the_parquet_table_has_the_bits_of_the_csv_table() {
+    fn parquet_table_has_the_bits_of_the_csv() {
         let folder = computed(EVERY_TYPE);
         let out = folder.path().join("out");
         let (rows, columns) = read(&out.join("table.parquet"));
@@ -160,7 +160,7 @@ mod parquet_table {
     }
 
     #[test]
-    fn equal_results_give_equal_bytes_and_missing_results_a_partial_file() {
+    fn equal_results_give_equal_bytes() {
         let folder = computed(EVERY_TYPE);
         let out = folder.path().join("out");
         let before = fs::read(out.join("table.parquet")).unwrap();
@@ -203,7 +203,7 @@ fn sobol_draws_fill_each_interval_once() {
 }
 
 #[test]
-fn reports_have_the_pictures_of_their_design() {
+fn reports_have_their_designs_pictures() {
     let report = |text: &str| {
         let folder = computed(text);
         fs::read_to_string(folder.path().join("out/report.html")).unwrap()
@@ -549,7 +549,7 @@ fn invalid_tasks_are_in_the_last_line() {
 }
 
 #[test]
-fn schema_of_a_study_has_its_own_tables_and_those_of_a_test() {
+fn study_schema_has_its_and_a_tests_tables() {
     let schema: Value = serde_json::from_str(&say(["schema", "--study"]).stdout).unwrap();
     for key in [
         "campaign", "vary", "sample", "records", "measure", "test", "time", "specimen",

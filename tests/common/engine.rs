@@ -29,7 +29,7 @@ impl Recorder for Tape {
     }
 }
 
-/// What a run left behind.
+/// Outcome, columns and events of a run.
 pub struct Run {
     pub columns: Vec<Column>,
     pub rows: Vec<Vec<f64>>,

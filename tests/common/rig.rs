@@ -1,4 +1,4 @@
-//! A specimen that writes down what is done to it and misbehaves as it is told.
+//! A specimen that records every call and misbehaves on demand.
 
 use std::sync::{Arc, Mutex};
 
@@ -30,10 +30,10 @@ pub enum Phase {
     Retire,
 }
 
-/// What a rig does.
+/// The behaviour of a rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Act {
-    /// What it should.
+    /// Normal operation.
     Serve,
     /// Its link fails.
     Fail(LinkFault),
@@ -176,7 +176,7 @@ pub fn attach(
     experiment.ports.push(spec.build().unwrap());
 }
 
-/// What the port of rig `number` is built from.
+/// The specification of the port of rig `number`.
 pub fn spec(
     number: usize,
     axis: Axis,

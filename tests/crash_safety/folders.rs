@@ -20,13 +20,13 @@ fn as_nobody(arguments: &[&std::ffi::OsStr]) -> Option<Said> {
     dropped.then_some(said)
 }
 
-/// Whoever is not root needs not drop anything.
+/// Without root there are no privileges to drop.
 fn unprivileged(arguments: &[&std::ffi::OsStr]) -> Said {
     as_nobody(arguments).unwrap_or_else(|| crate::common::say(arguments.iter().copied()))
 }
 
 #[test]
-fn a_folder_that_is_read_only_is_told_before_anything_moves() {
+fn read_only_folder_is_reported_early() {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
@@ -65,7 +65,7 @@ fn a_folder_that_is_read_only_is_told_before_anything_moves() {
     }
 }
 
-/// A test in real time that nobody waits for.
+/// A long test in real time; the tests do not wait for its end.
 fn long() -> String {
     let text = FRAME
         .replace("duration_s = 0.5", "duration_s = 600")
@@ -77,7 +77,7 @@ fn long() -> String {
 }
 
 #[test]
-fn a_folder_that_is_moved_in_mid_test_ends_nothing_and_gets_all_that_belongs_to_it() {
+fn folder_moved_mid_test_gets_all_files() {
     let folder = tempfile::tempdir().unwrap();
     let test = Running::start(folder.path(), "run", &long());
     test.moves();
@@ -98,7 +98,7 @@ fn a_folder_that_is_moved_in_mid_test_ends_nothing_and_gets_all_that_belongs_to_
 }
 
 #[test]
-fn a_folder_that_is_deleted_in_mid_test_ends_nothing_and_its_rows_count_as_lost() {
+fn folder_deleted_mid_test_counts_lost_rows() {
     let folder = tempfile::tempdir().unwrap();
     let test = Running::start(folder.path(), "run", &long());
     test.moves();

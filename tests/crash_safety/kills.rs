@@ -21,18 +21,18 @@ fn number(name: &str, usual: u64) -> u64 {
     given.map_or(usual, |text| text.parse().unwrap())
 }
 
-/// What is compared with: the same test, not killed.
+/// Reference: the test without a kill.
 struct Whole {
     rows: Vec<Vec<u64>>,
     ns: u64,
 }
 
-/// What was found after a kill.
+/// State of the folder after a kill.
 #[derive(Debug, PartialEq)]
 enum Left {
     /// It was killed before it had anything to record.
     Nothing,
-    /// So many whole rows, and wall time in s that the rows do not cover, where it is known.
+    /// Number of whole rows, and the wall time in s that the rows do not cover, if known.
     Unfinished(usize, Option<f64>),
     /// It was over already.
     Finished,
@@ -78,7 +78,7 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
     let run = match Run::open(out) {
         Ok(run) => run,
         Err(error) => {
-            // Nothing was recorded: that is told, and nothing breaks.
+            // Nothing was recorded: the command reports this, and nothing breaks.
             assert!(!out.join("samples.json").exists(), "{error}");
             for word in ["report", "replay"] {
                 let said = command(word);
@@ -138,7 +138,7 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
 }
 
 #[test]
-fn a_kill_at_any_instant_costs_the_last_instant_and_nothing_else() {
+fn kill_costs_only_the_last_instant() {
     let home = tempfile::tempdir().unwrap();
     // Two minutes at 1 kHz: on the simulated clock as many rows as a disk takes in a moment.
     let text = FRAME

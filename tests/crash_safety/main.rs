@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use gusset_record::{End, Run};
 
-/// Says something for whoever reads the log of the tests.
+/// Prints a line for readers of the test log.
 fn note(text: &str) {
     let _nobody_reads = writeln!(std::io::stderr(), "{text}");
 }

@@ -64,7 +64,7 @@ fn in_mid_test(folder: &Path, name: &str, transport: &str, keys: &str) -> (Serve
 }
 
 #[test]
-fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_one() {
+fn killed_controller_leaves_a_held_specimen() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -90,14 +90,14 @@ fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_o
 }
 
 #[test]
-fn a_specimen_that_is_killed_ends_the_test_as_planned() {
+fn killed_specimen_ends_the_test_as_planned() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let (mut served, test) = in_mid_test(folder, "run", transport, "max_stale = 400");
         served.kill();
         let (code, said) = test.wait();
-        // UDP: the system may tell that nobody is there, or all is silence.
+        // UDP: the system may report that no server is there, or stay silent.
         let summary = summary(folder, "run");
         match code {
             3 => assert_eq!(summary.status, Status::Failed),
@@ -116,7 +116,7 @@ fn a_specimen_that_is_killed_ends_the_test_as_planned() {
 }
 
 #[test]
-fn a_controller_that_is_stopped_for_a_while_finds_its_specimen_holding_and_goes_on() {
+fn stopped_controller_continues() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -150,7 +150,7 @@ fn a_controller_that_is_stopped_for_a_while_finds_its_specimen_holding_and_goes_
 }
 
 #[test]
-fn a_specimen_that_is_stopped_trips_the_test_at_the_bound_of_stale_ticks() {
+fn stopped_specimen_trips_at_stale_bound() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -174,13 +174,13 @@ fn a_specimen_that_is_stopped_trips_the_test_at_the_bound_of_stale_ticks() {
 }
 
 #[test]
-fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
+fn shortly_stopped_specimen_is_waited_for() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let (served, test) = in_mid_test(folder, "run", transport, "max_stale = 100000");
         served.send("STOP");
-        // The test goes on by the last force that is known.
+        // The test continues with the last known force.
         test.moves();
         served.send("CONT");
         test.moves();
@@ -193,7 +193,7 @@ fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
     }
 }
 
-/// How far in m from where it was left a specimen may be found; more than it moves in the instant that no row tells of.
+/// Allowed distance in m of a specimen from its last position: more than it moves in the instant without a row.
 const NEAR: f64 = 1e-3;
 
 /// The commands of a test on record.
@@ -205,7 +205,7 @@ fn commands(folder: &Path) -> Vec<f64> {
     commands.unwrap_or_default()
 }
 
-/// A specimen that stays where it is left, or begins anew with each controller.
+/// A specimen that keeps its position, or restarts with each controller.
 fn that_remembers(folder: &Path, remembers: bool) -> Served {
     let text = format!(
         "[serve]\nremembers = {remembers}\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"
@@ -238,7 +238,7 @@ fn far_from_its_start(folder: &Path, served: &Served) -> Running {
     test
 }
 
-/// Goes on with the killed test; the words that it begins with are told.
+/// Resumes the killed test, which reports this at its start.
 fn go_on(folder: &Path) -> Running {
     let (killed, next) = (folder.join("killed"), folder.join("next"));
     Running::with(
@@ -263,7 +263,7 @@ fn standing(folder: &Path, name: &str) -> f64 {
 }
 
 #[test]
-fn a_killed_test_goes_on_from_where_its_specimen_says_that_it_stands() {
+fn killed_test_resumes_where_specimen_is() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = killed_on(folder, true);
@@ -282,7 +282,7 @@ fn a_killed_test_goes_on_from_where_its_specimen_says_that_it_stands() {
 }
 
 #[test]
-fn a_killed_test_does_not_go_on_with_a_computed_specimen_that_starts_anew_and_nothing_moves() {
+fn restarted_computed_specimen_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = killed_on(folder, false);
@@ -299,7 +299,7 @@ fn a_killed_test_does_not_go_on_with_a_computed_specimen_that_starts_anew_and_no
 /// A gateway learns with its next test only whether what says that it is a computation stays where a test left it. It is held
 /// before, so that the last command is on record.
 #[test]
-fn a_killed_test_goes_on_through_a_gateway_that_has_not_seen_its_specimen_since() {
+fn killed_test_resumes_through_a_gateway() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let specimen = that_remembers(folder, true);

@@ -66,7 +66,7 @@ impl Led {
         most
     }
 
-    /// The same excess for windows that begin after a command and end with one.
+    /// The excess for windows that begin after a command and end with one.
     fn beyond_its_own_time(&self) -> f64 {
         let (mut last, mut beyond, mut most) = ((Nanos(0), 0.0), 0.0_f64, 0.0_f64);
         for (now, disp) in self.0.lock().unwrap().iter() {
@@ -342,7 +342,7 @@ fn played(seed: u64, rates: &[(u64, u64)]) -> (f64, usize) {
 }
 
 #[test]
-fn no_client_with_a_rate_moves_a_specimen_faster_than_its_limit_and_one_burst() {
+fn rated_client_keeps_speed_and_one_burst() {
     const FAST: (u64, u64) = (1000, 1);
     const SLOW: (u64, u64) = (2, 1);
     let mut commands = 0;
@@ -397,7 +397,7 @@ impl Substructure for Standing {
 }
 
 #[test]
-fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time_say() {
+fn unrated_client_never_outruns_the_clocks() {
     let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
     for seed in 0..SEEDS {
         let (mut chance, led) = (Chance::new(seed), Led::default());

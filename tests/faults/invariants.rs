@@ -153,7 +153,7 @@ fn log_is_readable(played: &Played) -> Result<(), String> {
     Ok(())
 }
 
-/// Every command once and again at most: none is left out, none comes back. A test that goes on goes on counting.
+/// Every command appears once, or twice at most: none is left out, none comes back. A resumed test continues the count.
 fn commands_are_kept_in_order(tap: &[Tapped], goes_on: bool) -> Result<(), String> {
     let (mut last, mut armed) = (None::<u64>, false);
     for tapped in tap {
@@ -216,7 +216,7 @@ fn commands_respect_their_limits(
     let runs = runs.map_or(u64::MAX, |(at, _)| at);
     let leaves = played.entries().find(|(_, to)| *to == "leaving");
     let leaves = leaves.map_or(u64::MAX, |(at, _)| at);
-    // Who is told every step only goes as far in one command as others in as many ticks.
+    // In one command a per-step specimen moves only as far as others in as many ticks.
     let link = loaded.file.specimen[port].link.as_ref();
     let told_by_steps = link.is_some_and(|link| link.commands == CommandPace::EveryStep);
     let whole_step = tick * f64::from(loaded.time.ticks_per_step);
@@ -314,7 +314,7 @@ fn every_command_stands_in_a_row(port: usize, played: &Played) -> Result<(), Str
     Ok(())
 }
 
-/// Nothing moves before the test is armed, after a trip that freezes, or when all is over; on the way out, slowly.
+/// Nothing moves before the test is armed, after a trip that freezes, or after the end; in the shutdown, only slowly.
 fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Result<(), String> {
     let entered = |word: &str| {
         played
@@ -338,7 +338,7 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
         .unwrap_or(f64::INFINITY);
     let allowed = speed * loaded.time.period.value() * SLACK;
     let stood = vec![played.stood(port)];
-    // The first command is none but where the rig stands, too.
+    // The first command must be at the rig's position, too.
     let mut last: Option<(&Vec<f64>, Option<u64>)> = played.seen.get(port).map(|_| (&stood, None));
     let mut of_axes = None;
     for tapped in &played.taps[port] {

@@ -135,7 +135,7 @@ fn a_run_killed_in_its_check_needs_a_reset() {
 }
 
 #[test]
-fn a_gateway_killed_in_its_check_needs_a_reset() {
+fn gateway_killed_in_its_check_needs_reset() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, state) = (folder.path(), folder.path().join("state"));
     let (address, position) = Fake::machine();
@@ -179,7 +179,7 @@ fn a_gateway_killed_in_its_check_needs_a_reset() {
 }
 
 #[test]
-fn an_operator_who_stops_a_run_leaves_a_record() {
+fn operator_who_stops_a_run_leaves_a_record() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, state) = (folder.path(), folder.path().join("state"));
     let (address, position) = Fake::machine();
@@ -335,7 +335,7 @@ fn no_ending_of_a_run_is_unseen() {
 }
 
 #[test]
-fn one_specimen_has_one_record_and_one_holder() {
+fn specimen_has_one_record_and_one_holder() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (address, _) = Fake::machine();

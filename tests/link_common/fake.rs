@@ -1,4 +1,4 @@
-//! A specimen of our own making, which keeps to the protocol until a test makes it do otherwise.
+//! A fake specimen, which keeps to the protocol until a test makes it do otherwise.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -22,12 +22,12 @@ pub struct Fake {
 }
 
 impl Fake {
-    /// Serves one controller on a thread of its own; returns the address.
+    /// Serves one controller on a separate thread; returns the address.
     pub fn start(script: impl FnOnce(Fake) + Send + 'static) -> String {
         Self::start_with(4e5, script)
     }
 
-    /// The same, with another estimate of its stiffness.
+    /// [`Self::start`] with another estimate of its stiffness.
     pub fn start_with(stiffness: f64, script: impl FnOnce(Fake) + Send + 'static) -> String {
         Self::start_when(stiffness, |_| {}, script)
     }
@@ -41,7 +41,7 @@ impl Fake {
         Self::start_as(stiffness, before, |_| {}, |arm| arm, script)
     }
 
-    /// The same, welcoming its controller with what `change` makes of the usual welcome.
+    /// [`Self::start`] with a welcome that `change` has edited.
     pub fn start_welcoming(
         change: impl FnOnce(&mut Welcome) + Send + 'static,
         script: impl FnOnce(Fake) + Send + 'static,
@@ -257,7 +257,7 @@ impl Fake {
         self.reading(sequence, 0.0, force, status)
     }
 
-    /// The same with a displacement.
+    /// The answer with a displacement.
     pub fn reading(&mut self, sequence: u64, disp: f64, force: f64, status: Status) -> Vec<u8> {
         let measured = Measurement {
             sequence,

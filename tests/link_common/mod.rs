@@ -1,4 +1,4 @@
-//! What the tests of links share: test files, a served specimen, a specimen of our own making, rows.
+//! Shared by the tests of links: test files, a served specimen, a fake specimen, rows.
 #![allow(
     dead_code,
     reason = "each test is a separate program and uses its own part"
@@ -256,7 +256,7 @@ impl Served {
         let given = arguments.contains(&"--listen");
         let out = arguments.iter().skip_while(|word| **word != "--out").nth(1);
         let control = out.map_or_else(|| file.with_extension("control.sock"), PathBuf::from);
-        // A hang-up is one for it, also where it is none for these tests.
+        // The server reacts to a hang-up, even where the tests ignore it.
         let mut child = Command::new("env")
             .arg("--default-signal=HUP")
             .arg(assert_cmd::cargo::cargo_bin!("gusset"))

@@ -22,19 +22,19 @@ pub struct Fates {
     pub damaged: u64,
     /// UDP: its end is missing. TCP: it arrives in two parts.
     pub cut: u64,
-    /// Every piece comes so much later.
+    /// Every piece is delayed by this.
     pub delay_us: u64,
-    /// And up to so much later still. Datagrams overtake each other by it.
+    /// The largest additional random delay. Datagrams overtake each other by it.
     pub jitter_us: u64,
-    /// From that piece on and for so many milliseconds nothing passes: UDP loses it, TCP keeps it.
+    /// From the piece with the first number on, nothing passes for this number of milliseconds: UDP loses it, TCP keeps it.
     pub pulled: Option<(u64, u64)>,
     /// TCP: the connection ends at that piece, which arrives by half.
     pub broken: Option<u64>,
-    /// So many pieces pass unharmed first.
+    /// The number of pieces that pass unharmed first.
     pub spared: u64,
 }
 
-/// What was done to the pieces of one direction.
+/// Counts of the pieces of one direction by their fate.
 #[derive(Debug, Default)]
 pub struct Done {
     pub lost: AtomicU64,

@@ -66,7 +66,7 @@ fn serve(folder: &Path, text: &str, protocol: &str, more: &[&str]) -> Served {
 }
 
 #[test]
-fn simulink_commands_follow_the_named_order_and_are_refused_without_one() {
+fn simulink_commands_need_a_named_order() {
     let folder = tempfile::tempdir().unwrap();
     let keyed = format!("{TWO_SPRINGS}[serve.openfresco]\nsignal_order = \"by_axis\"\n");
     let counts = [2, 2, 0, 0, 0, 2, 0, 0, 2, 0];
@@ -129,7 +129,7 @@ fn simulink_commands_no_axis_to_the_time() {
 }
 
 #[test]
-fn the_server_says_at_its_start_where_an_order_will_be_asked_for() {
+fn server_says_where_an_order_is_needed() {
     let folder = tempfile::tempdir().unwrap();
     for (text, protocol, more, is_told) in [
         (TWO_SPRINGS, "openfresco-simulink", &[][..], true),
@@ -151,7 +151,7 @@ fn the_server_says_at_its_start_where_an_order_will_be_asked_for() {
 }
 
 #[test]
-fn an_order_that_has_no_effect_is_refused_before_the_port_is_open() {
+fn order_without_effect_is_refused_early() {
     let folder = tempfile::tempdir().unwrap();
     let keyed = format!("{TWO_SPRINGS}[serve.openfresco]\nsignal_order = \"by_axis\"\n");
     for (text, protocol, more) in [
@@ -179,7 +179,7 @@ fn an_order_that_has_no_effect_is_refused_before_the_port_is_open() {
 }
 
 #[test]
-fn a_client_that_never_commits_passes_zero_and_is_told_that_it_has_no_history() {
+fn client_that_never_commits_has_no_history() {
     let folder = tempfile::tempdir().unwrap();
     let physical = format!("{ONE_SPRING}{LIMITS}[serve.openfresco]\nphysical = true\n");
     for (name, text) in [("physical", physical.as_str()), ("computed", ONE_SPRING)] {
@@ -216,7 +216,7 @@ fn a_client_that_never_commits_passes_zero_and_is_told_that_it_has_no_history() 
 }
 
 #[test]
-fn a_client_that_sends_the_time_and_never_commits_is_told_so_and_iterations_do_not_count() {
+fn iterations_do_not_count_as_commits() {
     let folder = tempfile::tempdir().unwrap();
     let physical = format!("{ONE_SPRING}{LIMITS}[serve.openfresco]\nphysical = true\n");
     for (name, text) in [("physical", physical.as_str()), ("computed", ONE_SPRING)] {
@@ -255,7 +255,7 @@ fn a_client_that_sends_the_time_and_never_commits_is_told_so_and_iterations_do_n
 
 /// As Gusset does before t = 0: the specimen is held while the loop warms up, and steps are committed from then on.
 #[test]
-fn a_client_that_holds_its_first_command_and_commits_from_then_on_is_not_warned_of() {
+fn client_that_commits_later_is_accepted() {
     let folder = tempfile::tempdir().unwrap();
     let served = serve(folder.path(), ONE_SPRING, "openfresco", &[]);
     let mut client = Client::new(&served, [1, 0, 0, 0, 1, 0, 0, 0, 1, 0]);
@@ -275,7 +275,7 @@ fn a_client_that_holds_its_first_command_and_commits_from_then_on_is_not_warned_
 
 /// The second client says hello while the first one still speaks, and repeats it.
 #[test]
-fn a_udp_client_that_waits_takes_over_when_the_first_falls_silent() {
+fn waiting_udp_client_takes_over() {
     let folder = tempfile::tempdir().unwrap();
     let more = ["--transport", "udp"];
     let served = serve(folder.path(), ONE_SPRING, "openfresco", &more);
@@ -308,7 +308,7 @@ fn a_udp_client_that_waits_takes_over_when_the_first_falls_silent() {
 }
 
 #[test]
-fn commanded_forces_are_refused_at_the_sizes() {
+fn commanded_forces_are_refused_at_sizes() {
     let folder = tempfile::tempdir().unwrap();
     for protocol in ["openfresco", "openfresco-controller", "openfresco-simulink"] {
         let served = serve(folder.path(), ONE_SPRING, protocol, &[]);
@@ -323,7 +323,7 @@ fn commanded_forces_are_refused_at_the_sizes() {
 }
 
 #[test]
-fn a_reset_of_the_analysis_is_told_and_recorded_once() {
+fn reset_is_reported_and_recorded_once() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("runs");
     let more = ["--out", out.to_str().unwrap()];

@@ -93,7 +93,7 @@ fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool)
 }
 
 #[test]
-fn a_yielding_specimen_behind_openfresco_under_iterations_and_without() {
+fn yielding_specimen_behind_openfresco() {
     for scheme in ["newton", "explicit"] {
         agree(&THEIRS, BILINEAR, "Steel01:60,8000,0.05", scheme, false);
     }
@@ -112,7 +112,7 @@ fn our_own_protocol_towards_the_specimen() {
 
 /// Newton's second trial trips a gateway without `iterates_within_m`.
 #[test]
-fn a_client_that_iterates_is_refused_with_what_to_configure() {
+fn iterating_client_is_refused_with_advice() {
     let Some(python) = python() else {
         return;
     };
@@ -148,7 +148,7 @@ fn a_client_that_iterates_is_refused_with_what_to_configure() {
 /// Newton's trials go beyond the limit: the connection is closed, which OpenSees 3.7 answers by spinning; the gateway says
 /// why, and serves the next.
 #[test]
-fn a_limit_that_opensees_passes_closes_the_connection_and_is_said_here() {
+fn exceeded_limit_closes_the_connection() {
     let Some(python) = python() else {
         return;
     };

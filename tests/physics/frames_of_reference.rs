@@ -93,10 +93,10 @@ fn the_two_agree_to_second_order() {
     }
 }
 
-/// Beneath a moving base, too, the Newton form is the polynomial of order 2 on nodes a step apart: the velocity of the target that it
-/// takes is a difference, not that of the base as it is now.
+/// Beneath a moving base, too, the Newton form is the polynomial of order 2 on nodes a step apart. The velocity of its target is a
+/// difference, not the present velocity of the base.
 #[test]
-fn a_newton_form_is_its_polynomial_in_both_frames() {
+fn newton_form_is_its_polynomial_everywhere() {
     let commands = |absolute: bool, kind: &str| {
         let excitation = if absolute {
             "base_displacement = { signal = { sine = { amplitude = 0.05, frequency_hz = 1.5, \

@@ -129,7 +129,7 @@ impl Target for Handshake {
             info.bytes_max,
             input.len()
         );
-        // Nobody has the key.
+        // No client has the key.
         assert!(verify_hello(input, &self.key).is_err());
         let session = self.key.session(&[1; 32], &[2; 32], 3);
         assert!(verify_welcome(input, &self.seeds[1], &session).is_err());

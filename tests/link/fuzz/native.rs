@@ -181,7 +181,7 @@ impl Target for Native {
                 let claimed = prefix.get(8..12).map_or(0, |bytes| {
                     u32::from_le_bytes(bytes.try_into().unwrap()) as usize
                 });
-                // Before its header is whole nothing is believed.
+                // Before its header is whole, no length counts.
                 let whole = prefix.len() >= HEADER_LEN;
                 assert!(
                     !whole || claimed <= LARGEST_FRAME,
@@ -193,7 +193,7 @@ impl Target for Native {
         let (side, axes, keyed) = self.terms;
         let mut strict = decoder(self.terms);
         let received = alone(|| strict.open(input).map(|received| received.counter));
-        // Whoever else reads it must not fall over it either.
+        // No other reader may panic on it either.
         for terms in [
             (side.other(), axes, keyed),
             (side, axes, !keyed),
@@ -311,7 +311,7 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
                 });
                 entries.collect()
             };
-            // A history that says one number twice, which no encoder writes, is not kept as it was.
+            // A history that repeats a number, which no encoder writes, is not kept unchanged.
             let mut numbers: Vec<_> = one.earlier().map(|entry| entry.sequence()).collect();
             numbers.insert(0, one.sequence());
             if numbers.windows(2).all(|pair| pair[0] != pair[1]) {

@@ -66,7 +66,7 @@ fn serve(capture: &Capture, dialect: ServerDialect, piece: usize) -> (Vec<Course
 }
 
 #[test]
-fn application_clients_are_served_as_recorded() {
+fn application_clients_match_the_recording() {
     for name in APPLICATION {
         let capture = load(name);
         for piece in PIECES {
@@ -88,7 +88,7 @@ fn application_clients_are_served_as_recorded() {
 }
 
 #[test]
-fn adapter_and_controller_clients_are_served_as_recorded() {
+fn adapter_clients_match_the_recording() {
     for piece in PIECES {
         for name in ADAPTER {
             serve(&load(name), ServerDialect::Application, piece);
@@ -198,7 +198,7 @@ fn command(capture: &Capture, dialect: ClientDialect, piece: usize) {
 }
 
 #[test]
-fn our_client_sends_what_the_real_clients_sent() {
+fn our_client_sends_what_real_clients_sent() {
     for piece in PIECES {
         for name in APPLICATION {
             command(&load(name), ClientDialect::Application, piece);

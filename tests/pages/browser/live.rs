@@ -64,7 +64,7 @@ pub fn finish(mut running: Running, mut said: BufReader<ChildStderr>) -> (Option
 }
 
 #[test]
-fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
+fn operator_holds_continues_and_stops() {
     if installed().is_none() {
         return;
     }
@@ -179,7 +179,7 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
 }
 
 #[test]
-fn a_trip_is_shown_in_the_shutdown_and_stop_freezes_the_specimens() {
+fn trip_is_shown_and_stop_freezes() {
     if installed().is_none() {
         return;
     }

@@ -21,7 +21,7 @@ pub fn installed() -> Option<(PathBuf, PathBuf)> {
     let text =
         "SKIPPED: the browser for the tests of pages is not installed; `tools/test` installs it\n";
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{text}");
-    // Past the capture of the test harness: nobody sees what a passing test prints.
+    // Past the capture of the test harness, which hides the output of a passing test.
     let _ = std::io::stderr().write_all(text.as_bytes());
     None
 }

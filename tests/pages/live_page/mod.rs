@@ -12,7 +12,7 @@ use std::path::Path;
 use crate::common::{FRAME, completed, json, names, run, same_physics, write};
 use web::{Running, ask, call, keep_alive, until, watch};
 
-/// The frame in real time, for so many seconds.
+/// The frame in real time, for this many seconds.
 fn real(home: &Path, seconds: f64) -> std::path::PathBuf {
     let text = FRAME
         .replace("duration_s = 0.5", &format!("duration_s = {seconds:?}"))
@@ -21,7 +21,7 @@ fn real(home: &Path, seconds: f64) -> std::path::PathBuf {
 }
 
 #[test]
-fn ten_viewers_a_slow_one_and_some_that_hang_up_change_no_number_of_the_test() {
+fn viewers_change_no_number_of_the_test() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = real(home, 4.0);
@@ -64,7 +64,7 @@ fn ten_viewers_a_slow_one_and_some_that_hang_up_change_no_number_of_the_test() {
 }
 
 #[test]
-fn a_test_faster_than_real_time_gives_the_same_rows_and_its_viewers_the_end() {
+fn fast_test_gives_its_viewers_the_end() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = write(
@@ -87,7 +87,7 @@ fn a_test_faster_than_real_time_gives_the_same_rows_and_its_viewers_the_end() {
 }
 
 #[test]
-fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
+fn commands_need_the_token() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &["--json"]);
@@ -177,7 +177,7 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
 }
 
 #[test]
-fn a_continue_ends_the_hold_that_it_names_and_no_later_one() {
+fn continue_ends_only_the_hold_it_names() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);
@@ -209,7 +209,7 @@ fn a_continue_ends_the_hold_that_it_names_and_no_later_one() {
 
 /// They ask again and again on connections that stay open, so that none of them is ever silent.
 #[test]
-fn more_clients_than_there_are_places_keep_no_stop_out() {
+fn too_many_clients_keep_no_stop_out() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);
@@ -264,7 +264,7 @@ fn on_the_way_out_no_hold_is_accepted() {
 }
 
 #[test]
-fn beyond_loopback_looking_needs_a_token_too() {
+fn viewers_need_a_token_beyond_loopback() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let given = write(home, "view.token", "a-token-of-the-lab-42\n");
@@ -301,7 +301,7 @@ fn beyond_loopback_looking_needs_a_token_too() {
 }
 
 #[test]
-fn a_port_in_use_or_an_address_of_others_is_refused_before_anything_is_made() {
+fn port_in_use_is_refused_early() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = write(home, "test.toml", FRAME);
@@ -338,7 +338,7 @@ fn a_port_in_use_or_an_address_of_others_is_refused_before_anything_is_made() {
 }
 
 #[test]
-fn what_prometheus_scrapes_is_well_formed_and_agrees_with_the_run() {
+fn prometheus_text_agrees_with_the_run() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = real(home, 3600.0);
@@ -400,7 +400,7 @@ fn what_prometheus_scrapes_is_well_formed_and_agrees_with_the_run() {
 }
 
 #[test]
-fn the_report_is_served_after_the_end_to_viewers_only() {
+fn report_is_served_to_viewers_at_the_end() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);

@@ -11,7 +11,7 @@ use crate::common::{PATIENT, gusset};
 /// A running test with a page.
 pub struct Running {
     child: Child,
-    /// What it says after its page is announced.
+    /// Its messages after the address of its page.
     said: BufReader<ChildStderr>,
     pub address: String,
     pub link: String,
@@ -118,7 +118,7 @@ pub fn until(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// What a server answered.
+/// A server's reply.
 #[derive(Debug)]
 pub struct Reply {
     pub status: u16,
