@@ -1,7 +1,7 @@
-//! A separate binary: it names nothing of the crate, so `rustc --test` builds it in seconds.
+//! A separate binary: it uses nothing of the crate, so `rustc --test` builds it in seconds.
 //!
-//! The compiler keeps the direction of dependencies between the members of the workspace. Here stand the rules that it does not
-//! know.
+//! The compiler keeps the direction of dependencies between the members of the workspace. These tests keep the rules that it does
+//! not know.
 
 #[path = "dependency/cycles.rs"]
 mod cycles;
@@ -9,7 +9,7 @@ mod cycles;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Members, and modules of them, that know no system: no files, sockets, threads, clocks or logs.
+/// Members and modules without system calls: no files, sockets, threads, clocks or logs.
 const PURE: &[&str] = &[
     "quantity/catalog",
     "quantity/finding",
@@ -61,7 +61,7 @@ fn sources() -> Vec<PathBuf> {
     found
 }
 
-/// The file without its tests and without comments: what the program is made of.
+/// The code of the file without its tests and comments.
 fn code_of(path: &Path) -> String {
     // A test may take its material from anywhere.
     let inside = path
@@ -105,7 +105,7 @@ fn pure_modules_do_not_touch_the_system() {
 }
 
 #[test]
-fn unsafe_code_stands_in_one_file_only() {
+fn unsafe_code_is_in_one_file_only() {
     for path in sources() {
         let code = code_of(&path);
         let unsafe_here = code.contains("unsafe {") || code.contains("unsafe fn");

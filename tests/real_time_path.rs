@@ -2,9 +2,9 @@
 //!
 //! A separate binary: it starts itself as a child process, and a system-call filter kills that process.
 //!
-//! Allocations: a run that the operator ends at the first tick is subtracted from a whole one, on this thread; what is left
-//! happened between the two hooks. System calls: a child process runs the loop under a seccomp filter that lets two calls
-//! through and kills the process at any other; a second child that makes one more call must die, so the filter bites.
+//! Allocations: a run that the operator ends at the first tick is subtracted from a whole one, on this thread; the difference
+//! happened between the two hooks. System calls: a child process runs the loop under a seccomp filter that allows two calls and
+//! kills the process at any other. A second child that makes one more call must die, so the filter works.
 
 mod common;
 
@@ -212,7 +212,7 @@ fn late_or_stale_tick_does_not_allocate() {
         experiment.limits.on_miss = OnMiss::Stretch;
         experiment.limits.extrapolate_stale = true;
         let log = Log::default();
-        // The log itself must not grow: what a rig writes down is taken away at once.
+        // The log itself must not grow: each entry of a rig is removed at once.
         let own = log.clone();
         own.lock().unwrap().reserve(64);
         attach(
@@ -237,7 +237,7 @@ fn late_or_stale_tick_does_not_allocate() {
     assert_eq!(whole, once);
 }
 
-/// Says to the child which run it is to make.
+/// Names the run that the child must make.
 const CHILD: &str = "GUSSET_TEST_SECCOMP_CHILD";
 /// The child could not install the filter.
 const NOT_PERMITTED: i32 = 77;
@@ -278,7 +278,7 @@ fn in_the_child() {
     let Ok(mode) = std::env::var(CHILD) else {
         return;
     };
-    // The static load comes on in few exchanges: the call more is one of the test's own.
+    // The static load comes in few exchanges: the extra call is in the test.
     let short = FRAME.replace("duration_s = 2.5", "duration_s = 1");
     let short = format!("safety.ramp_s = 0\n{short}");
     let mut experiment = prepare(&short).experiment;

@@ -119,7 +119,7 @@ fn stale_measurement_allocates_nothing() {
     assert_eq!(fresh, Freshness::Fresh);
     let info = allocation_counter::measure(|| {
         for sequence in 1..50 {
-            // A deadline that has passed already: whatever is known counts, and it is never newer than the command.
+            // The deadline has passed already: the latest known measurement counts, and it is never newer than the command.
             match exchange(&mut link, &mut measured, sequence, 0) {
                 Freshness::Fresh => assert_eq!(measured.sequence, sequence),
                 Freshness::Stale => assert!(measured.sequence < sequence),

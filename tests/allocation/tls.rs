@@ -179,7 +179,7 @@ fn wait_ends_at_its_deadline_as_stale() {
 fn helper_thread_is_always_joined() {
     let _alone = ONE_AT_A_TIME.lock();
     let ends = Ends::new();
-    // Dropped with no word said, in the middle of an exchange, and by a panic.
+    // Dropped without a goodbye, in the middle of an exchange, and by a panic.
     drop(ends.link(Coupling::Lockstep));
     assert_eq!(helpers(), 0);
     let mut link = ends.link(Coupling::Lockstep);
@@ -193,7 +193,7 @@ fn helper_thread_is_always_joined() {
     });
     assert!(panicked.join().is_err());
     assert_eq!(helpers(), 0);
-    // The transport by itself, against a peer that takes no bytes any more: full, then gone, and joined.
+    // The transport alone, against a peer that no longer reads: full, then closed, and joined.
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let server = ends.server.clone();
@@ -214,7 +214,7 @@ fn helper_thread_is_always_joined() {
     let frame = [7; 20_000];
     let a_moment = || Nanos(monotonic_ns() + 1_000_000);
     let mut refused = 0;
-    // The ring alone is full at once; the kernel behind it takes megabytes, and then nothing for as long as one waits.
+    // The ring alone fills at once; the kernel behind it takes megabytes, and then nothing more.
     while refused < 200 {
         match transport.send(&frame) {
             Ok(()) => refused = 0,

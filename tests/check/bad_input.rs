@@ -1,5 +1,5 @@
-//! Every mistake of the list is explained: file, line, caret, what was found, what is allowed; exit code 2, no panic, and
-//! no run folder. Both by `check`, which moves nothing, and by `run`, which must not get as far.
+//! Every mistake of the list is explained: file, line, caret, what was found, what is allowed; exit code 2, no panic, and no run
+//! folder. `check` and `run` both refuse it, and nothing moves.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::common::{FRAME, completed, names, run, say, write};
 use gusset_record::Run;
 
 #[test]
-fn a_syntax_error_is_shown_where_it_stands() {
+fn syntax_error_is_shown_at_its_place() {
     let words = ["the file is not valid TOML", "extra `=`"];
     wrong_line(FRAME, "rate_hz = 200", "rate_hz == 200", "=", &words);
     wrong_line(
@@ -56,7 +56,7 @@ fn unknown_key_lists_the_valid_keys() {
     );
 }
 
-/// The unit of a target is at fault, not the signal that stands before it.
+/// The unit of a target is wrong, not the signal before it.
 #[test]
 fn wrong_unit_is_shown_at_its_place() {
     let target = "target_peak = { value = 0.35, unit = \"mm\" }";
@@ -209,7 +209,7 @@ fn step_must_be_greater_than_zero() {
     }
 }
 
-/// The test runs, and both commands say `words` with a picture of the line that names the record.
+/// The test runs, and both commands print `words` with a picture of the line that names the record.
 #[track_caller]
 fn warned(record: &str, words: &[&str]) -> Vec<Vec<f64>> {
     let folder = tempfile::tempdir().unwrap();

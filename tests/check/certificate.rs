@@ -1,4 +1,4 @@
-//! `gusset check --rehearse`: its go or no-go is what a long simulation then does, and its numbers are those of closed forms.
+//! `gusset check --rehearse`: its go or no-go agrees with a long simulation, and its numbers with closed forms.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -179,7 +179,7 @@ fn trip_probability_is_that_of_its_cause() {
         found["trip_reasons"]["specimen 1, commanded displacement beyond its limit"]
     );
     assert_eq!(line(&found, "probability")["verdict"], "no-go");
-    // The need of 95 % of the trials: 0.01·(1 + 0.1·1.645) less what noise of the sample does.
+    // 95 % of the trials need 0.01·(1 + 0.1·1.645) less the noise of the sample.
     let stroke = line(&found, "stroke");
     assert_eq!(stroke["verdict"], "not known", "{stroke}");
 
@@ -217,7 +217,7 @@ fn tracking_errors_are_delay_and_gain() {
     assert!((delay / steady - 1.0).abs() < tau / 0.5, "{delay} {steady}");
 }
 
-/// The controller of a trial knows what that of the test knows: a gap that is open at rest stiffens no damping rule.
+/// The controllers of a trial and of the test use the same estimate: a gap that is open at rest adds no damping.
 #[test]
 fn a_trial_has_the_damping_of_the_test() {
     let text = "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n[integrator]\nlambda = 4\n\

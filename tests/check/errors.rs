@@ -271,7 +271,7 @@ law.bilinear = { stiffness_n_per_m = 40e6, yield_force_n = 320e3, post_yield_rat
 "#;
 
 #[test]
-fn nearly_critical_delay_is_said_everywhere() {
+fn nearly_critical_delay_is_shown() {
     let said = check(NEARLY_CRITICAL);
     let errors = &said.json["verdict"]["errors"];
     let mode = &errors["modes"][1];

@@ -1,4 +1,4 @@
-//! Mistakes in the file of a gateway are shown where they stand, before anything is connected.
+//! Mistakes in a gateway's file are shown at their place, before anything is connected.
 
 use crate::link_common::{COMPUTED, finish, gateway, gusset, linked, write};
 use gusset_config as config;
@@ -84,7 +84,7 @@ fn ineffective_or_missing_keys_are_refused() {
 }
 
 #[test]
-fn gateway_without_zeroing_is_not_asked_to() {
+fn gateway_refuses_zeroing_it_does_not_do() {
     for (key, offset) in [("zero_force", "offset_n"), ("zero_disp", "offset_m")] {
         for more in ["", ", sign = -1", &format!(", {offset} = 0.5")] {
             let axis = format!("{KNOWN}axis = [{{ {key} = \"relative\"{more} }}]\n");
@@ -152,8 +152,8 @@ fn limits_of_a_test_are_kept_by_its_loop() {
     assert_eq!(limits.size(Limit::CommandStep).trip, 1.0);
 }
 
-/// A gateway with these keys of `[serve]`, to a specimen with these of its table; its verdict and the exit codes of `check` and
-/// `serve`, which is not asked where it would serve.
+/// A gateway with these keys of `[serve]`, to a specimen with these of its table. Returns its verdict and the exit codes of `check`
+/// and `serve`; the latter only where the gateway would refuse.
 fn judged(serve: &str, table: &str, link: &str) -> (serde_json::Value, i32, Option<i32>) {
     let folder = tempfile::tempdir().unwrap();
     let text = gateway("127.0.0.1:1", &format!("{KNOWN}{table}"), "");

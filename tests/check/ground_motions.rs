@@ -1,5 +1,5 @@
-//! Ground motions as other programs write them: `check` reads each with the right unit, step and peak and says what it
-//! read, or refuses it with the true reason.
+//! Ground motions as other programs write them: `check` reads each with the right unit, step and peak and reports them, or refuses
+//! the file with the reason.
 
 use crate::common::refusal::{plain, with_record};
 use crate::common::{Said, say, write};
@@ -18,7 +18,7 @@ fn check(name: &str, bytes: &[u8], keys: &str, options: &[&str]) -> Said {
     say(arguments)
 }
 
-/// What `check` says of the record, as JSON.
+/// The record as `check` reports it in JSON.
 #[track_caller]
 fn record(name: &str, bytes: &[u8], keys: &str) -> Value {
     let said = check(name, bytes, keys, &["--json", "--no-rehearsal"]);
@@ -39,7 +39,7 @@ fn near(found: &Value, wanted: f64) {
 }
 
 #[test]
-fn check_reports_what_it_read_of_a_record() {
+fn check_reports_the_record_it_read() {
     let text = "Time (s),East [cm/s2],North [gal]\n0.00,10,1\n0.02,-98.0665,2\n0.04,30,3\n";
     let keys = "column = { name = \"East [cm/s2]\" }";
     let found = record("a.csv", text.as_bytes(), keys);

@@ -1,4 +1,4 @@
-//! Mistakes in `[specimen.link]` and in the file of a server are shown where they stand, before anything is connected.
+//! Mistakes in `[specimen.link]` and in the file of a server are shown at their place, before anything is connected.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -152,7 +152,7 @@ fn displacement_keys_need_the_signal() {
     assert_eq!(said("limits.force_step_n.trip = 10", "probe_m = 1e-4"), "");
 }
 
-/// A key that judges all specimens together is refused where none of them measures, and warned of where some do not.
+/// A test key that uses all specimens is refused where none of them measures, and gives a warning where some do not.
 #[test]
 fn displacement_test_keys_spare_force_links() {
     let text = |key: &str| {
@@ -358,7 +358,7 @@ fn server_on_a_port_in_use_is_refused() {
     }
 }
 
-/// The exit code of `gusset serve` with these options, or none if it serves, and what it says.
+/// The exit code of `gusset serve` with these options, or none if it serves, and its output.
 fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
     let mut command = crate::link_common::gusset();
     command.arg("serve").arg(file).args(options);

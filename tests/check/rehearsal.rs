@@ -1,5 +1,5 @@
-//! `gusset check` rehearses a test: what it needs of each axis is what the test then does, and a limit that the rehearsal
-//! calls too narrow is one that trips.
+//! `gusset check` rehearses a test: the test then needs of each axis what the rehearsal found, and trips at a limit that the
+//! rehearsal calls too narrow.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -283,7 +283,7 @@ fn stand_ins_begin_at_zero_deformation() {
     ] {
         same(force(&behind(belief, offsets)), off, belief);
     }
-    // What yields does so where it would without an offset.
+    // A specimen with an offset yields where it would without one.
     let plastic =
         "law.bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 1.25e5, yield_force_n = 150 }";
     let (far, near) = (
@@ -421,13 +421,13 @@ fn demand_beyond_the_rig_is_refused() {
         );
         short_page_shows(folder.path(), &["NOT POSSIBLE", key, "TOO MUCH"]);
     }
-    // Nothing is declared, and nothing is said.
+    // Without a declaration there is no message.
     let said = check(folder.path(), &of(""), &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(!said.stdout.contains("of the rig"), "{}", said.stdout);
 }
 
-/// What only the loop knows is tried with every limit: check and run say the same of it.
+/// Quantities that only the loop computes are tried with every limit: check and run agree.
 #[test]
 fn loop_only_limits_are_tried() {
     let folder = tempfile::tempdir().unwrap();
@@ -495,7 +495,7 @@ fn late_dead_sensor_detection_is_reported() {
 }
 
 #[test]
-fn a_test_that_would_stop_is_told() {
+fn test_that_would_stop_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("{FRAME}[safety]\ndivergence_m = 1e-4\n");
     let said = check(folder.path(), &text, &[]);

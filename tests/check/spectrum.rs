@@ -1,4 +1,4 @@
-//! `gusset check` says what a test's modes and delays will do, against closed forms.
+//! `gusset check` predicts the effect of a test's modes and delays, against closed forms.
 
 use std::f64::consts::TAU;
 
@@ -77,7 +77,7 @@ fn stiff_part_reports_its_lost_digits() {
         ("[1e3, 1e10]", [1e3, 1e10], false),
         // Two masses on one another: the digits of their common motion are lost.
         ("[1e3, 1e17]", [1e3, 1e17], true),
-        // One that stands on a rock costs none.
+        // A part that is fixed to rock costs none.
         ("[1e17, 1e3]", [1e17, 1e3], false),
     ] {
         let (found, told) = reciprocal(&building(text));
@@ -181,8 +181,8 @@ fn numbers_are_finite(text: &str) {
     assert!(bad.is_empty(), "{bad:?} in {text}");
 }
 
-/// Ω = π at λ = 8 is beyond √(4λ/(λ − 4)) = 2.83: the recursion grows with nothing delayed. That is said for itself, and no
-/// delay is called critical.
+/// Ω = π at λ = 8 is beyond √(4λ/(λ − 4)) = 2.83: the recursion grows without any delay. This is a separate finding, and no
+/// critical delay is shown.
 #[test]
 fn unstable_without_delay_is_a_finding() {
     let actuator = "[specimen.transfer]\nactuator = { first_order = { time_constant_s = 0.05 } }\n";
@@ -216,7 +216,7 @@ fn unstable_without_delay_is_a_finding() {
         table.contains("NO-GO: UNSTABLE without any delay"),
         "{table}"
     );
-    // A stable one says nothing of it.
+    // A stable one has no such line.
     let (_, table, _) = check(&format!("{TEST}{actuator}"), &["--no-rehearsal"]);
     assert!(!table.contains("without delay"), "{table}");
     let (_, found, _) = check(&format!("{TEST}{actuator}"), &["--no-rehearsal", "--json"]);
@@ -237,7 +237,7 @@ fn coupled(coupling: f64) -> String {
     )
 }
 
-/// The rehearsal, whose law has no such damping, comes to its end: it is the proof that forbids the test.
+/// The rehearsal, whose law has no such damping, completes: the proof forbids the test.
 #[test]
 fn proven_growth_is_refused() {
     for (coupling, possible) in [(500.0, false), (50.0, true)] {
@@ -271,7 +271,7 @@ fn proven_growth_is_refused() {
     }
 }
 
-/// No proof is made for several axes, but they are not passed over: the critical delay of the table is known.
+/// There is no proof for several axes, but they are checked: the critical delay of the table is known.
 #[test]
 fn axes_later_than_allowed_give_a_warning() {
     for (delay, late) in [(0.1, true), (1e-4, false)] {
@@ -289,7 +289,7 @@ fn axes_later_than_allowed_give_a_warning() {
     }
 }
 
-/// An actuator with more delay than the loop bears: what the exit code says, the JSON says, too.
+/// An actuator with more delay than the loop tolerates: the exit code and the JSON agree.
 #[test]
 fn refused_actuator_loop_is_not_valid_json() {
     let with = |delay: f64| format!("{TEST}[specimen.transfer]\ndelay_s = {delay}\n");
@@ -303,8 +303,8 @@ fn refused_actuator_loop_is_not_valid_json() {
     }
 }
 
-/// With more mass in the specimen's force than beside it the loop gain stays above one at every frequency: no delay is short
-/// enough, and the actuator's lag at an infinite frequency is no number.
+/// With more mass in the specimen's force than beside it the loop gain stays above one at every frequency. No delay is short
+/// enough, and the actuator's lag at an infinite frequency does not exist.
 #[test]
 fn no_lag_is_shown_without_a_stable_delay() {
     let text = "[time]\nstep_s = 0.01\nduration_s = 0.1\n[structure.matrices]\nmass = [[20]]\nstiffness = [[0]]\n\

@@ -1,5 +1,5 @@
-//! λ beyond its limit and methods outside of their domain: said with the numbers before anything moves, and refused
-//! where a specimen behind a link would be moved.
+//! λ beyond its limit and methods outside of their domain: reported with the numbers before anything moves, and refused where a
+//! specimen behind a link would move.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -32,7 +32,7 @@ fn limit() -> f64 {
     4.0 * square / (square - 4.0)
 }
 
-/// Exit code, summary or facts, and what was said.
+/// Exit code, summary or facts, and messages.
 fn gusset(command: &str, text: &str) -> (i32, Value, String) {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("test.toml");

@@ -156,7 +156,7 @@ fn simulated_unstable_test_runs_and_reports() {
     assert!(run.stderr.contains("warning") && run.stderr.contains("unstable"));
     let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
     assert!(page.contains("LOOP IS UNSTABLE"));
-    // A stable one says nothing of it.
+    // A stable test has no such finding.
     let other = TempDir::new().unwrap();
     let run = gusset(other.path(), "run", &simulated(0.001), &[]);
     assert_eq!(run.json["verdict"]["outcome"], "clear");
@@ -307,7 +307,7 @@ fn divergence_follows_from_the_rehearsal() {
     // An older resolved file has none, and meant 1 km.
     let older = config::parse(Path::new("resolved.toml"), linked(1, 0.001), &[]).unwrap();
     assert_eq!(older.file.safety.divergence_m, Some(1000.0));
-    // An unstable loop has no peak that means anything.
+    // An unstable loop has no meaningful peak.
     assert_eq!(divergence(&linked(1, 0.015)).0, 1000.0);
 }
 
@@ -377,7 +377,7 @@ fn implausible_structures_are_warned_about() {
     assert_eq!(check.json["warnings"], serde_json::json!([]));
 }
 
-/// Against its own command a specimen follows perfectly: its link cannot tell the delay.
+/// A specimen that reports its own command seems to follow perfectly: its link cannot show the delay.
 #[test]
 fn force_only_link_needs_no_identification() {
     let folder = TempDir::new().unwrap();
@@ -509,7 +509,7 @@ fn specimens_with_the_right_speed_are_clear() {
     }
 }
 
-/// A file whose masses are in t, one stiffness in kN/mm and the record in another unit than it says.
+/// A file whose masses are in t, one stiffness in kN/mm, and the record in a unit other than declared.
 #[test]
 fn numbers_in_another_unit_are_findings() {
     let folder = TempDir::new().unwrap();

@@ -351,7 +351,7 @@ fn soon(arguments: &[&str]) -> Said {
 
 /// Plan, parts, study, test and records are plain files: a pipe would block, and a device never ends.
 #[test]
-fn what_is_no_plain_file_is_refused() {
+fn special_file_is_refused() {
     type Put = fn(&Path);
     let pipe: Put = |path| {
         let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;

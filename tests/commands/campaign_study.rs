@@ -401,7 +401,7 @@ fn wrong_studies_are_refused_at_their_line() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
 
-/// Velocities and displacements beside a record are named and refused, and a pattern leaves them out.
+/// Velocities and displacements in a folder of records are named and refused; a pattern excludes them.
 #[test]
 fn a_folder_of_records_takes_a_pattern() {
     let records = "test = \"frame.toml\"\n[[records]]\nfolder = \"empty\"\nrecord_unit = \"g\"\n";
@@ -447,7 +447,7 @@ fn a_folder_of_records_takes_a_pattern() {
     assert!(said.stdout.contains("1 tasks"), "{}", said.stdout);
 }
 
-/// A limit of the specimen stops the stronger tests: that is no collapse. What is above the criterion before is one.
+/// A limit of the specimen stops the stronger tests: that is no collapse. A peak above the criterion before the trip is one.
 #[test]
 fn a_trip_of_a_specimen_is_no_collapse() {
     let summary = |above: f64| {
@@ -530,7 +530,7 @@ fn impossible_draws_are_drawn_again() {
     }
 }
 
-/// Tasks whose values give no test are in the last line, and the exit code tells.
+/// The last line counts the tasks whose values give no valid test, and the exit code shows them.
 #[test]
 fn invalid_tasks_are_in_the_last_line() {
     let folder = folder(&format!(

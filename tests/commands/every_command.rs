@@ -1,5 +1,5 @@
-//! Every command as a lab's script meets it: help with an example, one JSON document on stdout and nothing else there,
-//! no privileges needed, and wrong usage told by exit code 2.
+//! Every command as a lab's script uses it: help with an example, one JSON document on stdout and nothing else there, no privileges
+//! needed, and exit code 2 for wrong usage.
 
 use std::fs;
 
@@ -157,7 +157,7 @@ fn the_schema_is_json_schema_of_every_table() {
 #[test]
 fn json_prints_one_document_only() {
     let folder = tempfile::tempdir().unwrap();
-    // Such that there is something to warn of: that must go to stderr.
+    // A test with a warning, which must go to stderr.
     let text = format!("{FRAME}[safety]\nexit_speed_m_per_s = 0.01\naccept_error = \"so short\"\n");
     let test = write(folder.path(), "test.toml", &text);
     let test = test.to_str().unwrap();
@@ -194,7 +194,7 @@ fn topics_are_listed_as_json() {
 }
 
 #[test]
-fn a_drill_breaks_down_in_no_rehearsal() {
+fn injected_panic_spares_the_rehearsal() {
     let folder = tempfile::tempdir().unwrap();
     let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.1\n");
     let test = write(folder.path(), "test.toml", &text);
@@ -271,7 +271,7 @@ fn doctor_names_every_topic_with_advice() {
 }
 
 #[test]
-fn doctor_works_for_nobody() {
+fn doctor_works_without_privileges() {
     let mut command = std::process::Command::new("setpriv");
     let nobody = [
         "--reuid=65534",
@@ -478,7 +478,7 @@ fn benchmark_record_needs_its_step_option() {
 }
 
 #[test]
-fn what_is_said_of_a_record_needs_one() {
+fn record_options_need_a_record() {
     for (key, value) in [("--scale", "3"), ("--unit", "g"), ("--record-dt", "0.02")] {
         let said = benchmark(&[key, value]);
         assert_eq!(said.code, Some(2), "{key}: {}", said.stderr);

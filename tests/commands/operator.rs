@@ -9,7 +9,7 @@ use gusset_record::Run;
 use rustix::process::{Pid, Signal, kill_process};
 
 const GUSSET: &str = env!("CARGO_BIN_EXE_gusset");
-/// A test in real time, far longer than anybody waits.
+/// A test in real time, far longer than these tests last.
 const TEST: &str = "title = \"operator\"\n[time]\nrate_hz = 200\nduration_s = 600\nclock = \"real\"\n[structure.shear_building]\n\
     mass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[excitation.ground_acceleration.signal.sine]\namplitude = 1\n\
     frequency_hz = 1\n[[specimen]]\nname = \"rig\"\nstorey = 1\nlaw.linear = { stiffness_n_per_m = 1e5 }\n\
@@ -80,7 +80,7 @@ fn hold_continue_and_stop_are_obeyed() {
     assert!(String::from_utf8_lossy(&late.stderr).contains("this test is over"));
 }
 
-/// It listens, and says nothing: an operator need not wait for its time limit.
+/// The server listens but stays silent: an operator need not wait for its time limit.
 #[test]
 fn operator_can_end_the_wait_for_a_specimen() {
     let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
@@ -233,11 +233,11 @@ fn hold_in_shutdown_is_refused() {
     assert_eq!(test.wait().unwrap().code(), Some(130));
     let ramp = of_state(&run, 5.0, "cmd_1_1");
     let still = ramp.windows(2).filter(|pair| pair[0] == pair[1]).count();
-    // From the first hold, which is said to stand, to the second, and to what ended it.
+    // From the first hold, once it is confirmed, to the second, and to the end of the test.
     assert!(still > 2, "{still} of {} rows", ramp.len());
 }
 
-/// A machine that does not get round to its processes, as far as one of them can tell.
+/// Like a machine that schedules none of the process's threads for a while.
 fn send(to: &Child, signal: Signal) {
     let pid = Pid::from_raw(i32::try_from(to.id()).unwrap()).unwrap();
     kill_process(pid, signal).unwrap();
@@ -288,12 +288,12 @@ fn unresponsive_test_is_retried() {
     );
 }
 
-/// What becomes of the folder of the first of two tests into one place.
+/// The fate of the first test's folder when two tests use one path.
 #[derive(Debug, Clone, Copy)]
 enum Fate {
     Moved,
     Deleted,
-    /// It is a link to the folder that leads elsewhere.
+    /// It is a link, which now leads to another folder.
     Relinked,
 }
 

@@ -1,4 +1,4 @@
-//! Without privileges a test runs and says what it did not get; with `require_realtime` it refuses, and nothing moves.
+//! Without privileges a test runs and reports which settings it did not get; with `require_realtime` it refuses, and nothing moves.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;

@@ -1,4 +1,4 @@
-//! A test file's text through configuration, engine and memory: what the tests of the physics share.
+//! A test file's text through configuration, engine and memory: shared by the tests of the physics.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};

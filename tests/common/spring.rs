@@ -8,7 +8,7 @@ use gusset_quantity::time::Nanos;
 /// Coupling: lockstep.
 pub struct Spring {
     stiffness: f64,
-    /// Where it stands without a force.
+    /// Its position without a force.
     pub place: f64,
     /// Offsets of the displacement sensor and of the load cell.
     pub bias: [f64; 2],
@@ -65,7 +65,7 @@ impl Substructure for Spring {
         (self.hears)(command);
         Ok(())
     }
-    /// Who waits for it gets it.
+    /// A caller that waits gets the answer.
     fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         if wait_ns > 0 {
             return Ok(true);

@@ -1,4 +1,4 @@
-//! Whatever ends a test, the specimen is retired, the folder tells what happened, and the exit code says how it ended.
+//! Whatever ends a test, the specimen is retired, the folder shows the cause, and the exit code shows how it ended.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -21,7 +21,7 @@ fn long(folder: &Path) -> std::path::PathBuf {
     )
 }
 
-/// The binary, for which a hang-up is what `hang_up` says, whatever it is for these tests.
+/// The binary with `hang_up` as its setting for SIGHUP, whatever the setting of these tests.
 fn gusset_that_is(hang_up: &str) -> Command {
     let mut command = Command::new("env");
     command
@@ -139,7 +139,7 @@ fn interrupted(signal: &str, code: i32) {
 }
 
 #[test]
-fn ctrl_c_ends_in_an_orderly_way_with_130() {
+fn ctrl_c_ends_cleanly_with_130() {
     interrupted("INT", 130);
 }
 
@@ -175,15 +175,15 @@ fn sigterm_and_lost_terminal_exit_with_143() {
     interrupted("HUP", 143);
 }
 
-/// Signals that a process ignores, as the system tells: bit n − 1 for signal n.
+/// Signals that a process ignores, from the system: bit n − 1 for signal n.
 fn ignored(process: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     u64::from_str_radix(mask.unwrap().trim(), 16).unwrap()
 }
 
-/// What `nohup` does for a command, that a file at its size limit ends none, and that Ctrl-Z and a terminal's rules for those in
-/// the background stop none.
+/// `nohup` works for every command. A file at its size limit ends none, and Ctrl-Z and a terminal's rules for background processes
+/// stop none.
 #[test]
 fn ignored_hang_up_stays_ignored() {
     const HUNG_UP: u64 = 1;

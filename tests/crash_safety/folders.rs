@@ -1,4 +1,4 @@
-//! Folders that cannot be written: told before anything moves, or at the end, and never by a panic.
+//! Folders that cannot be written: reported before anything moves, or at the end, and never by a panic.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -9,7 +9,7 @@ use crate::common::{FRAME, Said, write};
 use crate::link_common::Running;
 use crate::note;
 
-/// The program as a user who may write only what everybody may.
+/// The program as an unprivileged user.
 fn as_nobody(arguments: &[&std::ffi::OsStr]) -> Option<Said> {
     let mut command = Command::new("setpriv");
     command.args(["--reuid=65534", "--regid=65534", "--clear-groups"]);
@@ -53,7 +53,7 @@ fn read_only_folder_is_reported_early() {
         0,
         "nothing is left behind"
     );
-    // Where not even root can: a file is no folder, and /proc takes none.
+    // Not even root can write there: a file is no folder, and /proc takes none.
     for out in [test.join("below"), Path::new("/proc/gusset").to_owned()] {
         let said = crate::common::run(&test, &out, &[]);
         assert_eq!(said.code, Some(2), "{}", said.stderr);

@@ -33,7 +33,7 @@ fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Sai
         .into()
 }
 
-/// With six to eight files, a library of ours panicked where its signals were set up.
+/// With six to eight files, one of our libraries panicked while it set up its signals.
 #[test]
 fn too_few_files_are_refused_early() {
     let folder = tempfile::tempdir().unwrap();
@@ -163,7 +163,7 @@ fn every_command_reports_the_file_limit() {
     assert_eq!(fs::read(out.join("report.html")).unwrap(), page);
 }
 
-/// As a service's output may be, whose reader is gone or asleep.
+/// Like a service's output whose reader is gone or asleep.
 #[test]
 fn unread_socket_holds_up_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -211,7 +211,7 @@ fn unwritable_log_ends_nothing() {
     assert_eq!(status.code(), Some(0));
     assert_eq!(json(&out, "summary.json")["status"], "completed");
     assert!(out.join("report.html").exists());
-    // The log says most when the disk is full, and lies on it more often than not.
+    // The log writes most when the disk is full, and is often on that disk.
     let test = write(
         folder.path(),
         "long.toml",

@@ -1,7 +1,7 @@
 //! kill −9 at random instants of the whole life of a test, from the start of the program to its last file.
 //!
-//! After each one: no whole row is missing or damaged, the rows are those of a test that was not killed, bit for bit, the
-//! folder says that it is unfinished, and report, export and replay take it as far as it goes.
+//! After each kill no whole row is missing or damaged, and the rows equal those of a test without a kill, bit for bit. The folder
+//! shows that it is unfinished. Report, export and replay use it as far as it goes.
 //!
 //! `GUSSET_KILLS=5000 cargo test --test crash_safety kills -- --nocapture` for more of them; `GUSSET_KILL_SEED` for others.
 

@@ -53,8 +53,8 @@ impl Substructure for Buggy {
     }
 }
 
-/// The frame with two buggy springs side by side in its bottom storey, run into `out`; how it ended, and the last
-/// words of each.
+/// Runs the frame with two buggy springs side by side in its bottom storey into `out`; returns its end, and the retirement of each
+/// spring.
 fn run(out: &Path, fails_at: f64, fails_at_the_end: bool) -> (Finished, [usize; 2]) {
     let loaded = config::parse(Path::new("test.toml"), FRAME.to_owned(), &[]).unwrap();
     let mut test: Prepared = setup::build(&loaded).unwrap();
@@ -145,8 +145,8 @@ fn panic_in_retire_spares_the_next_specimen() {
     );
 }
 
-/// Through the program itself, on both clocks: a specimen that is computed fails on purpose at 0.25 s, another one stands behind a
-/// link. It hears that the test tripped, and the folder is whole.
+/// Through the program itself, on both clocks: a computed specimen panics on purpose at 0.25 s, and another one is behind a link.
+/// The latter is informed of the trip, and the folder is whole.
 #[test]
 fn injected_panic_exits_with_5_and_retires() {
     for clock in ["simulated", "real"] {
@@ -242,7 +242,7 @@ fn injected_panic_after_the_end_is_refused() {
 /// A test with an injected panic resumes from its last row with the same bits as without the panic. It resumes at full pace: a hold
 /// ramp would change the rounding of a yielding spring.
 #[test]
-fn a_test_goes_on_after_its_drill() {
+fn test_resumes_after_an_injected_panic() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let plain = format!("{FRAME}\n[safety]\nease_s = 0\n");

@@ -12,7 +12,7 @@ use crate::link_common::{
 use crate::{is_whole, rows};
 
 const STEPS: u32 = 40;
-/// Far longer than anybody waits.
+/// Far longer than these tests last.
 const LONG: u32 = 3_000_000;
 
 fn specimen(folder: &Path, transport: &str) -> Served {
@@ -44,7 +44,7 @@ fn the_next_one_completes(folder: &Path, address: &str, transport: &str) {
         if code == 0 {
             return;
         }
-        // A UDP server waits half a minute for a controller that says nothing any more: it may come back.
+        // A UDP server waits half a minute for a silent controller: it may come back.
         assert!(
             said.contains("another controller") && attempt < 4000,
             "{said}"
@@ -166,7 +166,7 @@ fn stopped_specimen_trips_at_stale_bound() {
             "{reason}"
         );
         is_whole(folder, "run", true);
-        // It wakes up to a controller that is gone, and takes the next one.
+        // It resumes after its controller is gone, and accepts the next one.
         served.send("CONT");
         served.hears("test over");
         the_next_one_completes(folder, &served.address, transport);
@@ -213,7 +213,7 @@ fn that_remembers(folder: &Path, remembers: bool) -> Served {
     Served::start(folder, &text, &["--transport", "tcp"])
 }
 
-/// A test on such a specimen that was killed in its midst.
+/// A test on such a specimen that was killed midway.
 fn killed_on(folder: &Path, remembers: bool) -> Served {
     let served = that_remembers(folder, remembers);
     far_from_its_start(folder, &served).kill();
@@ -221,7 +221,7 @@ fn killed_on(folder: &Path, remembers: bool) -> Served {
     served
 }
 
-/// A test on what is served, in its midst.
+/// A running test on the served specimen, far from its start.
 fn far_from_its_start(folder: &Path, served: &Served) -> Running {
     let keys = "max_stale = 100000";
     let text = in_real_time(LONG, &served.address, "tcp", keys);
@@ -296,8 +296,8 @@ fn restarted_computed_specimen_is_refused() {
     drop(served);
 }
 
-/// A gateway learns with its next test only whether what says that it is a computation stays where a test left it. It is held
-/// before, so that the last command is on record.
+/// Only with its next test does a gateway learn whether a specimen that calls itself a computation keeps its state. The test is
+/// held before, so that the last command is on record.
 #[test]
 fn killed_test_resumes_through_a_gateway() {
     let folder = tempfile::tempdir().unwrap();

@@ -151,7 +151,7 @@ fn every_ending_says_goodbye_on_every_link() {
     }
 }
 
-/// A clock whose every reading may be anywhere: it jumps by up to an hour, forwards and back, while the test waits.
+/// A clock whose readings jump by up to an hour, forwards and back, while the test waits.
 struct Jumping {
     clock: SimClock,
     waits: std::cell::Cell<u64>,

@@ -77,8 +77,8 @@ fn frame_with(
     (run, commands, told)
 }
 
-/// A specimen that is commanded once a step is held on its way to the target of a step: the step takes the force at the target, which
-/// leaves once more.
+/// A specimen that is commanded once a step is held before it reaches the target of the step. The step needs the force at the
+/// target, so the target is sent once more.
 #[test]
 fn a_target_that_is_not_reached_is_repeated() {
     let run_with = |held: Option<usize>| {
@@ -168,7 +168,7 @@ fn velocity_is_the_slope_of_the_command() {
 fn is_smooth(commands: &[[f64; 4]], allowed: f64) {
     let peak = commands.iter().fold(0.0f64, |m, [.., v]| m.max(v.abs()));
     let tick = DT / f64::from(TICKS);
-    // From rest with a jerk: a parabola through the first four targets knows nothing of what comes.
+    // From rest with a jerk: a parabola through the first four targets cannot predict the next ones.
     for k in 32..commands.len() - 1 {
         let slope = (commands[k + 1][2] - commands[k - 1][2]) / (2.0 * tick);
         let off = (commands[k][3] - slope).abs() / peak;
@@ -190,7 +190,7 @@ fn hold_between_two_steps_moves_nothing() {
     assert!((28..=31).contains(&standing.len()), "{}", standing.len());
     let (first, last) = (standing[0], standing[standing.len() - 1]);
     assert_eq!(last - first + 1, standing.len());
-    // From the step before to the step behind each row is one tick more.
+    // Between the step before and the step after each row there is one tick more.
     let before = (0..first).rev().find(|row| state[*row] == 3.0).unwrap();
     let behind = (last..state.len()).find(|row| state[*row] == 3.0).unwrap();
     for (count, row) in (before..behind).enumerate() {
@@ -213,8 +213,8 @@ fn hold_between_two_steps_moves_nothing() {
     }
 }
 
-/// A partner that answers long after the target was reached: the others wait at four fifths of a step, and come to their pace
-/// again over a fifth of one.
+/// A specimen that answers long after the target was reached: the others wait at four fifths of a step, and return to their pace
+/// over a fifth of one.
 #[test]
 fn pace_returns_gradually_after_a_slow_down() {
     let (run, commands, _) = frame_with(30, &[], Some(45));
@@ -224,7 +224,7 @@ fn pace_returns_gradually_after_a_slow_down() {
     let mut recovered = 0;
     for row in 1..state.len() - 1 {
         if state[row] == Phase::Running.code() && state[row - 1] == Stage::SlowDown.code() {
-            // The target is known from here on; the way begins with a creep.
+            // The target is known from here on; the motion begins slowly.
             let way = way(row + 1);
             assert!(way < 0.1, "row {row}: {way}");
             recovered += 1;
@@ -237,7 +237,7 @@ fn pace_returns_gradually_after_a_slow_down() {
     assert_eq!(run.column("force_1_1"), force);
 }
 
-/// A partner that takes its time with its last answer, the 25th with those of the warm-up: there is no way beyond the end.
+/// A specimen is slow with its last answer, the 25th with those of the warm-up: the command does not move past the end.
 #[test]
 fn all_wait_at_the_last_target_for_answers() {
     let mut hold = None;
@@ -274,7 +274,7 @@ fn all_wait_at_the_last_target_for_answers() {
 
 /// Wherever in a step the operator asks for a hold: during the hold no specimen gets a new target.
 #[test]
-fn in_a_hold_a_far_partner_is_told_nothing() {
+fn hold_sends_no_target_to_a_far_specimen() {
     let mut told_at_last = 0;
     for tick in 0..usize::try_from(TICKS).unwrap() {
         let at = WARM_UP + 8 * 10 + tick;
@@ -286,7 +286,7 @@ fn in_a_hold_a_far_partner_is_told_nothing() {
         let (first, last) = (standing[0], standing[standing.len() - 1]);
         assert!(last - first > 25, "{first} {last}");
         assert!(commands[first..=last].iter().all(|sent| sent[1] == 0.0));
-        // The near one hears of a tick before the far one does.
+        // The near specimen gets each tick's command before the far one.
         let inside = told
             .iter()
             .filter(|near| (first + 1..=last + 1).contains(near));
@@ -360,7 +360,7 @@ fn targeted_displacement_is_no_peak() {
 }
 
 #[test]
-fn test_time_never_runs_back_on_the_way_out() {
+fn test_time_never_runs_back_in_shutdown() {
     let trip = "limits.command_disp_m.trip = [-5e-3, 5e-3]\n";
     let leaves = "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
     let run = run(&tripping(&format!("{trip}{leaves}")));

@@ -1,5 +1,5 @@
-//! Whatever ends a test, every specimen is retired, once, and told nothing more; and while it runs, the order of the calls
-//! is that of the hinge: issue to all, collect from all, accept.
+//! Whatever ends a test, every specimen is retired once and gets no command after that. While the test runs, the order of the calls
+//! is: issue to all, collect from all, accept.
 
 use crate::common::engine::{Run, prepare, run_on, run_under};
 use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
@@ -12,7 +12,7 @@ use gusset_record::{Event, RunFolder};
 use gusset_session::{self as session, Watches};
 
 const STEPS: u32 = 12;
-/// Warm-up and a static load, so that faults before t = 0 are among those tried.
+/// Warm-up and a static load, so that faults before t = 0 are covered.
 const BEFORE: &str = "structure.static_load_n = [100.0, 50.0]\ntiming.warmup_ticks = 3";
 
 /// The two floors with their startup; the static load comes in few parts.
@@ -147,7 +147,7 @@ fn link_failure_at_any_call_retires_all() {
                 assert_eq!(run.outcome.ending, wanted, "{phase:?} {at}");
                 assert_retired(&calls, Retirement::Tripped);
                 assert_nothing_after(&calls, faulty, phase, at);
-                // Where it stands is known from whether its last command has left.
+                // Its position follows from whether its last command has left.
                 let status = run.all(&format!("status_{}", faulty + 1));
                 let unsent = status
                     .last()
@@ -249,7 +249,7 @@ fn overflowing_response_is_never_sent() {
         assert!(value < -1.0);
         let calls = log.lock().unwrap().clone();
         assert_retired(&calls, Retirement::Tripped);
-        // The row of the step that showed it stands, and behind it that of the step that diverged.
+        // The record contains the row of the step that overflowed, and after it that of the step that diverged.
         let rows = run.column("x1").len() as u64;
         assert_eq!((run.outcome.steps, rows), (step, step + 1));
         assert_eq!(run.all("x1").last(), Some(&value));

@@ -111,7 +111,7 @@ fn edges(run: &Run) -> Vec<u64> {
     edges.map(|s| (s * 1e9 / T as f64).round() as u64).collect()
 }
 
-/// Every step once, in order, with the numbers of a run in which nothing was late.
+/// Every step once, in order, with the numbers of a run without lateness.
 fn assert_whole(run: &Run) {
     let calm = self::run(OnMiss::Stretch, &[]);
     assert!(misses(&calm).is_empty() && calm.outcome.pace.misses == 0);
@@ -162,7 +162,7 @@ fn stall_in_the_wait_moves_the_grid() {
     assert_eq!(edges(&run), wanted);
     assert_eq!(run.column("stretched")[9..12], [0.0, 3.0, 3.0]);
     assert_eq!(run.column("skipped_by_wakeup")[9..12], [0.0, 3.0, 0.0]);
-    // A miss is known when its tick is over, so the next row contains it.
+    // A miss is known only after its tick, so the next row contains it.
     assert_eq!(run.column("misses_in_a_row")[10..13], [0.0, 1.0, 0.0]);
     assert_eq!(run.column("misses_in_total")[10..13], [0.0, 1.0, 1.0]);
     assert_counted(&run, 3);
@@ -179,8 +179,8 @@ fn stall_in_the_wait_moves_the_grid() {
     assert!((run.column("wakeup_lateness_s")[10] - 3.4e-3).abs() < 1e-12);
 }
 
-/// Stalled for 2.5 periods in the answer: the next edge has passed by 1.5, so the grid moves by one; the next tick is late
-/// by half a period and its edge stands.
+/// A stall of 2.5 periods in the answer: the next edge is 1.5 periods late, so the grid moves by one; the next tick is late by half
+/// a period and keeps its edge.
 #[test]
 fn stall_in_the_answer_moves_the_next_edge() {
     let run = run(OnMiss::Stretch, &[Answering(30, 2_500_000)]);
@@ -219,7 +219,7 @@ fn several_stalls_add_up() {
 fn short_lateness_keeps_the_next_edge() {
     let catch_up = OnMiss::CatchUp { at_most: 5 };
     for policy in [OnMiss::Stretch, catch_up, OnMiss::Stop] {
-        // Late in waking, but done before its own deadline: no miss. Done after it: a miss, counted, and the edge stands.
+        // Late in waking, but done before its own deadline: no miss. Done after it: a counted miss, and the edge keeps its time.
         let run = run(policy, &[Waiting(10, 900_000), Answering(20, 1_900_000)]);
         assert_whole(&run);
         assert_eq!(misses(&run), [(20, 900_000, 0)], "{policy:?}");
@@ -453,7 +453,7 @@ impl Clock for Reluctant {
     }
 }
 
-/// Between the ready command and the row handed over the clock is read once: that is what the next row tells.
+/// Between the ready command and the recorded row the clock is read once: the next row contains that reading.
 #[test]
 fn next_row_has_the_time_to_record_a_tick() {
     let clock = SimClock::new();

@@ -77,7 +77,7 @@ impl Lab {
         (run, way)
     }
 
-    /// An operator says each of these when the command with that number leaves.
+    /// An operator gives each of these commands when the command with that number leaves.
     fn run_with_operator(mut self, says: &'static [(u64, Operator)]) -> (Run, Vec<f64>) {
         let (ask, requests) = crossbeam_channel::bounded(8);
         self.at = Box::new(move |sequence| {
@@ -459,7 +459,7 @@ fn confirm_and_continue_do_not_mix() {
     use Operator::{Confirm, Continue, Hold};
     let text = format!("{SHORT}\nsafety.confirm = true\nstructure.initial_displacement_m = [0.02]");
     let cases: [Said; 3] = [
-        // Confirmed while somebody else holds it, and before it is read.
+        // Confirmed while somebody else holds it, and before the sensors are read.
         (
             &[(2, Hold), (3, Confirm), (20, Confirm), (300, Continue)],
             ["hold", "read", "confirmed", "continue", "started"],
@@ -557,7 +557,7 @@ fn unknown_zero_prevents_the_return_move() {
 
 /// The shutdown begins at once from a test in motion, at 0.1 m/s and more: the stop alone is 100 m/s².
 #[test]
-fn a_way_out_keeps_its_own_limits() {
+fn shutdown_keeps_its_own_limits() {
     for exit in [Exit::ZeroDisp, Exit::ZeroForce, Exit::Safe(vec![0.01])] {
         let mut lab = Lab::new(SHORT);
         lab.limits
@@ -586,7 +586,7 @@ fn a_way_out_keeps_its_own_limits() {
 
 /// Energy, tangents and lag are those of the test: its last target is none of the shutdown's.
 #[test]
-fn nothing_is_estimated_on_the_way_out() {
+fn nothing_is_estimated_in_the_shutdown() {
     let mut lab = Lab::new(SHORT);
     lab.limits.set(Limit::AddedEnergy, Bound::trip(1.0));
     lab.exits = Exits {
@@ -689,7 +689,7 @@ fn tripping_value_is_always_in_a_row() {
 
 /// An operator's stop is reported with its author when it arrives, before the return move.
 #[test]
-fn a_stop_is_told_when_it_is_heard() {
+fn stop_is_reported_when_it_arrives() {
     let (run, _) = led_after_its_end(0.5).run_with_operator(&[(200, Operator::Stop)]);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
     assert_eq!(run.outcome.left, [EndPosition::Reached]);
@@ -721,9 +721,7 @@ fn a_stop_is_told_when_it_is_heard() {
     assert_eq!((heard + 1, left + 1), (left, safe));
 }
 
-/// A rig that is pushed along for 60 steps, trips as it may, and is led to zero force; `act` says what its measurements are.
-/// Every command from the last of the test on, and how it was left.
-/// The limit that has ended it.
+/// The limit that ended the test.
 fn limit_hit(run: &Run) -> Hit {
     let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
@@ -739,6 +737,8 @@ fn reads(force: f64, times: u64) -> impl FnMut(rig::Phase, u64) -> rig::Act + Se
     }
 }
 
+/// A rig that is pushed along for 60 steps, trips, and unloads; `act` gives its measurements. Returns every command from the last
+/// of the test on, and the run.
 fn led_to_zero_force(
     limits: AxisLimits,
     act: impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static,
@@ -849,7 +849,7 @@ fn wild_load_cell_stays_within_its_bound() {
     assert_eq!(run.outcome.left, [left]);
     let far = way.iter().map(|disp| (disp - way[0]).abs());
     let far = far.fold(0.0, f64::max);
-    // As far as k̂ says, and what is gone until that is seen.
+    // As far as k̂ gives, and the motion until the loop notices.
     assert!(far <= 2.0 * 1e4 / rig::STIFFNESS, "{far}");
 }
 
@@ -918,7 +918,7 @@ fn out_of_range_load_cell_moves_nothing() {
     }
 }
 
-/// Along a sine that ends at its middle, at 79 mm/s, behind an actuator that comes `delay` seconds late.
+/// Along a sine that ends at its middle, at 79 mm/s, behind an actuator with a delay of `delay` seconds.
 fn behind_a_delay(delay: f64, safety: &str, limits: &str) -> String {
     format!(
         "[time]\nrate_hz = 1000\nduration_s = 2\nclock = \"simulated\"\n[safety]\nexit_speed_m_per_s = 0.02\n{safety}\n\
@@ -928,7 +928,7 @@ fn behind_a_delay(delay: f64, safety: &str, limits: &str) -> String {
     )
 }
 
-/// A test that ends in motion leaves its actuator on the way to the last command: no error of following that it had not before.
+/// A test that ends in motion leaves its actuator on the way to the last command: its following error does not grow.
 #[test]
 fn lag_within_its_limit_passes_the_shutdown() {
     let limits = "[specimen.limits]\nfollowing_error_m = { trip = 1e-3 }\nfollowing_time_s = 0.03";
@@ -989,7 +989,7 @@ fn two_trips_in_one_tick_are_both_excused() {
     }
 }
 
-/// A column that yields in tension and is led back from there comes under compression, of which it may carry little.
+/// A column that yields in tension goes into compression as it returns, of which little is allowed.
 #[test]
 fn trip_on_one_side_excuses_no_other_side() {
     let exit = "on_trip = \"zero_displacement\"";

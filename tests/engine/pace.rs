@@ -32,7 +32,7 @@ const STIFFNESS: f64 = 2e5;
 /// Number and test time of every command.
 type Commands = Arc<Mutex<Vec<(u64, f64)>>>;
 
-/// A spring that takes some looks before its answer is there: `late[k % n]` for its command k, from 1.
+/// A spring whose answer takes some polls: `late[k % n]` for its command k, from 1.
 fn slow(late: &[u32]) -> (Spring, Commands) {
     let (late, commands) = (late.to_vec(), Commands::default());
     let heard = Arc::clone(&commands);
@@ -79,9 +79,9 @@ fn ticks_per_step_change_only_the_command() {
     }
     assert_eq!(count(&fine, 11.0), 150 * 19);
     let command: Vec<f64> = fine.all("cmd_1_1").into_iter().collect();
-    // The response is at most 3.2 Hz (the second mode of the frame): sampled at 2 kHz a smooth way turns by (2π 3.2/2000)²
-    // a tick, 1e-4; four times as much for the cubics between the targets. A ramp with a corner at each target would
-    // turn by a whole step's change of slope at once: 20 times (2π 3.2/100)²/20.
+    // The response is at most 3.2 Hz (the second mode of the frame). Sampled at 2 kHz a smooth path turns by (2π 3.2/2000)² a tick,
+    // 1e-4; four times as much for the cubics between the targets. A ramp with a corner at each target would turn by a whole step's
+    // change of slope at once: 20 times (2π 3.2/100)²/20.
     let turn = (std::f64::consts::TAU * 3.2 / 2000.0).powi(2);
     assert!(corner(&command) < 4.0 * turn, "{} {turn}", corner(&command));
     let time = fine.all("time");
@@ -139,8 +139,8 @@ fn slow_specimen_delays_no_other() {
         );
     }
     let (smooth, eased) = (corner(&quick.all("cmd_1_1")), corner(&slow.all("cmd_1_1")));
-    // A stop within one tick would turn by the way of a tick, 2π 3.2/1000 = 0.02 of the amplitude; the slow-down is over 2 ticks
-    // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
+    // A stop within one tick would turn by the motion of a tick, 2π 3.2/1000 = 0.02 of the amplitude. The slow-down takes 2 ticks
+    // here (0.2 N), and the rest of a step after it, a fifth, is made up for in about 5.
     assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
     let pace = |e: &&gusset_record::TimedEvent| matches!(e.kind, gusset_record::Event::Pace { .. });
     assert!(slow.events.iter().filter(pace).count() > 20);
@@ -168,7 +168,7 @@ fn specimen_that_never_answers_is_lost() {
     assert!((300..=303).contains(&waited), "{waited}");
 }
 
-/// Runs a test while an operator says a word at these commands' ticks.
+/// Runs a test while an operator gives a command at each of these ticks.
 fn with_words(text: &str, says: Vec<(u64, Operator)>) -> Run {
     let (ask, requests) = crossbeam_channel::bounded(8);
     let mut experiment = prepare(text).experiment;
@@ -245,7 +245,7 @@ fn recorded_of(
     std::fs::write(&path, text).unwrap();
     let loaded = gusset_config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
     let mut test = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
-    // They are polled as partners on the real clock would be, which a socket under the simulated clock is not.
+    // They are polled as on the real clock; a socket under the simulated clock is not.
     for (port, partner) in test.experiment.ports[1..].iter_mut().zip(partners) {
         port.put_recording(partner).unwrap();
     }
@@ -401,9 +401,8 @@ impl Substructure for Late {
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// One partner does not answer any more and two are slow when the operator stops the test: the specimen before them is brought
-/// home at once, a slow one as soon as it has answered, from where it then stands, and that a link was lost is how the test
-/// ended.
+/// When the operator stops the test, one specimen no longer answers and two are slow. The specimen before them returns at once, a
+/// slow one as soon as it has answered, from its position at that time. The test ends with a lost link.
 #[test]
 fn pending_answer_delays_no_other_shutdown() {
     let home = tempfile::tempdir().unwrap();
@@ -546,7 +545,7 @@ fn a_hold(after: usize, ticks: usize) -> Vec<Operator> {
     words
 }
 
-/// An operator who says these words, one a tick.
+/// An operator who gives one of these commands a tick.
 fn saying(words: &[Operator]) -> Control {
     let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
     for word in words {
@@ -588,7 +587,7 @@ fn hold_does_not_kick_compensated_commands() {
     assert!(off < 0.01, "{off}");
 }
 
-/// A compensator of a real actuator would be asked for less and less: at the hold it is where the target is.
+/// The lead of a real actuator's compensator decays during a hold: its command then equals the target.
 #[test]
 fn compensated_hold_replays_exactly() {
     for (ticks, made) in [
@@ -720,7 +719,7 @@ fn stop_during_a_wait_is_replayed() {
     );
 }
 
-/// At what a partner is found to be lost.
+/// The call at which a specimen is found to be lost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Call {
     Accepted,
@@ -728,7 +727,7 @@ enum Call {
     Pause,
 }
 
-/// A spring whose link is lost at the so manieth call of a kind, and stays so.
+/// A spring whose link is lost at the n-th call of a kind, and stays lost.
 struct Mortal {
     spring: Spring,
     dies_at: Call,

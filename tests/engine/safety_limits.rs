@@ -60,7 +60,7 @@ fn missing_limits_are_refused_with_template() {
     );
     let silent = text.replace("[safety]", "[safety]\nunlimited = \" \"");
     assert!(complaint(&silent).contains("gives no reason"));
-    // What looks like a reason to a program shows nothing to a person.
+    // A reason of invisible characters shows nothing to a person.
     for blank in ["\\u2800", "\\u00a0\\u2800"] {
         let silent = text.replace("[safety]", &format!("[safety]\nunlimited = \"{blank}\""));
         assert!(complaint(&silent).contains("gives no reason"), "{blank}");
@@ -222,7 +222,7 @@ fn both_ends_know_the_others_limits() {
     assert!(!reason.contains("interlock"), "{reason}");
 }
 
-/// Other ends than ours may let pass what they will not do.
+/// A foreign end may accept limits that it will not keep.
 #[test]
 fn narrower_limits_at_the_end_are_refused() {
     type Change = fn(&mut Limits);
@@ -302,7 +302,7 @@ fn check_shows_limits_and_their_effects() {
         "stability_used",
         "an open interlock or emergency stop",
         "every specimen holds its last command",
-        // How a bound is judged, what the other end does by itself, and how everything begins and ends.
+        // How a bound is checked, the reaction of the other end, and the start and end of the test.
         "in motion 30 ms of it more",
         "once the command has gone 100 µm",
         "in 7 s, not counted in the",
@@ -569,8 +569,8 @@ fn check_shows_limits_announced_differently() {
     assert!(!said.contains("command_disp_m * announced"));
 }
 
-/// Two jacks of one specimen that come behind their commands: the first trips, and its way on to its last command is felt by the
-/// second, which stands.
+/// Two jacks of one specimen that lag behind their commands: the first trips, and its remaining motion to its last command loads
+/// the second, which is at rest.
 const COUPLED: &str = "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulated\"\n[safety]\nzero_s = 0.1\n\
     on_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n[[excitation.prescribed_displacement]]\nspecimen = \"a\"\naxis = 1\n\
     signal.sine = { amplitude = 0.02, frequency_hz = 1 }\n[[specimen]]\nname = \"a\"\n\
@@ -579,8 +579,7 @@ const COUPLED: &str = "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulate
     [[specimen.axis]]\nlimits.measured_force_n = { trip = [-20e3, 20e3] }\n\
     [[specimen.axis]]\nlimits.measured_force_n = { trip = [-11e3, 11e3] }\n";
 
-/// One that comes behind, goes a way from tick to tick that is small beside the noise of its sensor, and reaches its second limit
-/// after the first.
+/// A specimen that lags, moves less from tick to tick than the noise of its sensor, and reaches its second limit after the first.
 fn noisy(seed: u32) -> String {
     format!(
         "[time]\nrate_hz = 4096\nduration_s = 2\nclock = \"simulated\"\n[safety]\nzero_s = 0.1\non_trip = \"zero_displacement\"\n\
@@ -702,7 +701,7 @@ fn force_trip_shows_the_specimens_report() {
     }
 }
 
-/// Both trip at the step at which it is first known how late the specimen is: by then it has added more energy than ever before.
+/// Both trip at the first step with a known lag: by then the specimen has added more energy than ever before.
 #[test]
 fn all_trips_of_one_step_are_reported() {
     let with = |late: f64, added: f64| {

@@ -48,8 +48,8 @@ fn acceleration_limit_allows_the_shutdown() {
     }
 }
 
-/// One that trips on what its load cell reads is not led to where there is no force, and is commanded to stay while the other is led:
-/// its own end hears of the stop, too.
+/// A specimen that trips on its load cell's reading is not unloaded, and keeps its place while the other returns: its own end gets
+/// the stop, too.
 #[test]
 fn specimen_kept_in_place_stops_first() {
     let folder = tempfile::tempdir().unwrap();

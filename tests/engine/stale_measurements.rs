@@ -1,5 +1,5 @@
-//! A specimen that lives in its own time may be late: what is known of it is held or extrapolated, a bounded number of times
-//! in a row, each time said; and a reply that comes late never takes the place of a newer one.
+//! A specimen with its own clock may be late. Its measurement is held or extrapolated, a bounded number of times in a row, each
+//! time with a report. A late reply never replaces a newer one.
 
 use std::collections::BTreeMap;
 
@@ -52,7 +52,7 @@ const GAPS: [(u64, Act); 4] = [
 ];
 
 #[test]
-fn a_missing_measurement_is_held_and_said() {
+fn missing_measurement_is_held_and_reported() {
     let (run, _) = run(&GAPS, false, 10);
     assert_eq!(run.outcome.ending, Ending::Completed);
     assert_eq!(stale(&run), [(7, 1), (20, 1), (21, 2), (22, 3)]);
@@ -74,8 +74,8 @@ fn a_missing_measurement_is_held_and_said() {
     );
 }
 
-/// Along the tangent from where it was measured to where it should be: for a spring that is the truth, but for the roundoff of
-/// an estimate that is made of differences.
+/// Along the tangent from the measured displacement to the commanded one: for a spring this is exact, except for the roundoff of an
+/// estimate from differences.
 #[test]
 fn missing_measurement_is_extrapolated() {
     let (run, _) = run(&GAPS, true, 10);
@@ -84,7 +84,7 @@ fn missing_measurement_is_extrapolated() {
     for (force, target) in force.iter().zip(&target) {
         assert!((force - STIFFNESS * target).abs() <= 1e-9 * force.abs());
     }
-    // What came is still what came.
+    // The raw column keeps the raw value.
     assert_eq!(run.column("raw_force_1_1")[22], STIFFNESS * target[19]);
 }
 
@@ -185,7 +185,7 @@ fn ends_at_the_third(script: &[(u64, Act)]) {
     assert_eq!(stopped.outcome.steps, 22, "and not before");
 }
 
-/// Its heartbeat says it, too.
+/// Its heartbeat reports it, too.
 #[test]
 fn status_counts_when_the_answer_is_late() {
     for (status, stop) in [
@@ -249,8 +249,8 @@ fn silent_specimen_stays_others_return() {
     }
 }
 
-/// Reply 20 is lost on the way, reply 21 is there, and at 22 reply 20 comes in, calling itself fresh, with a force that would
-/// throw the structure out: it changes nothing, and the measurement of 22 counts as missing.
+/// Reply 20 is lost, reply 21 is there, and at 22 reply 20 arrives, marked as fresh, with a force that would throw the structure
+/// out. It changes nothing, and the measurement of 22 counts as missing.
 #[test]
 fn a_late_reply_never_replaces_a_newer_one() {
     let late = [(20, Act::Miss), (22, Act::Late(2))];
@@ -265,7 +265,7 @@ fn a_late_reply_never_replaces_a_newer_one() {
     assert_eq!(run.column("seq_1")[20..24], [19.0, 21.0, 21.0, 23.0]);
 }
 
-/// The deadline of a reply lies within the tick: after the command, before the next edge, with room for the work that is left.
+/// The deadline of a reply is within the tick: after the command, before the next edge, with time for the remaining work.
 #[test]
 fn sampled_specimen_has_until_the_next_edge() {
     let clock = SimClock::new();
@@ -365,7 +365,7 @@ fn nothing_is_integrated_before_an_answer() {
     assert_eq!(run.outcome.ending, Ending::Completed);
 }
 
-/// Answers stay away from the middle of the way up until half of the readings at its top are over: those are made later.
+/// No answers arrive from the middle of the loading half until half of the readings at its top are over: those are taken later.
 #[test]
 fn wiring_check_uses_the_right_answers() {
     let amplitude = 1e-3;

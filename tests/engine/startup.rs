@@ -1,5 +1,4 @@
-//! From the agreed connection to the first step: whatever comes first, a specimen is led from where it stands, and nothing
-//! jumps.
+//! From the connection to the first step: whatever comes first, a specimen moves from where it is, and nothing jumps.
 
 use std::sync::{Arc, Mutex};
 
@@ -114,7 +113,7 @@ fn specimen_elsewhere_is_checked_and_ramped() {
 /// Without zeroing, too, the ramp waits for the first answer of every specimen, within the limits for waiting. A specimen without
 /// an answer does not move in the shutdown either.
 #[test]
-fn nobody_is_moved_before_all_have_answered() {
+fn no_specimen_moves_before_all_answered() {
     let stale = Stop::Stale { port: 1, ticks: 21 };
     for (silent, stops, ends) in [
         (8, None, Ending::Completed),
@@ -232,7 +231,7 @@ fn hold_in_the_ramp_comes_to_rest() {
     let stood = &way[350..700];
     assert!(stood.iter().all(|disp| *disp == way[350]));
     assert!(way[350] > way[300] && way[350] < 0.006, "{}", way[350]);
-    // The ramp of 1 s: π/2 of the mean speed, and π²/2 of what the mean speed is in half of it; the easing takes 50 ticks.
+    // The ramp of 1 s: π/2 of the mean speed, and π²/2 of the mean speed in half of it; the hold ramp takes 50 ticks.
     let speed = std::f64::consts::FRAC_PI_2 * 0.02 / 1000.0;
     let bend = speed * std::f64::consts::PI / 1000.0 + speed / 50.0;
     let ramp = &way[..=way.iter().position(|disp| *disp == 0.02).unwrap()];
@@ -243,7 +242,7 @@ fn hold_in_the_ramp_comes_to_rest() {
     for column in ["x1", "force_1_1"] {
         assert_eq!(run.column(column), free.column(column), "{column}");
     }
-    // A linear fall and a linear rise: half of the 50 ticks of each is lost, besides what was stood.
+    // A linear fall and a linear rise: half of the 50 ticks of each is lost, besides the time of the hold.
     let more = way.len() - free_way.len();
     assert!((395..=405).contains(&more), "{more}");
 }
@@ -318,7 +317,7 @@ fn hold_in_the_wiring_check_comes_to_rest() {
             assert_eq!(run.column(column), free.column(column), "{column}");
         }
     }
-    // One who asks for the end in the hold gets it there.
+    // An operator who stops the test in the hold ends it there.
     let says = vec![(900, Operator::Hold), (1200, Operator::Stop)];
     let (run, way) = tried(says);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
@@ -359,7 +358,7 @@ fn sensor_offset_is_no_following_error() {
     ));
 }
 
-/// Told once in ten ticks while the test runs, which it does not yet: 10 mm in 0.05 s are 0.3 m/s.
+/// In the test it is commanded once in ten ticks, but not yet here: 10 mm in 0.05 s are 0.3 m/s.
 #[test]
 fn per_step_velocity_uses_tick_in_startup() {
     let (run, way) = led(EASED, |mut spec| {
@@ -442,7 +441,7 @@ fn startup_tick_uses_its_share_of_the_step() {
     }
 }
 
-/// However short the file wants the ramp: without a limit of its speed a specimen that stands elsewhere is given a second.
+/// However short the ramp in the file: without a limit of its speed a specimen at another place gets one second.
 #[test]
 fn a_short_ramp_is_no_jump() {
     let (run, way) = led("safety.zero_s = 0.005\nsafety.ramp_s = 0.001", |spec| {
@@ -459,7 +458,7 @@ fn a_short_ramp_is_no_jump() {
 
 /// Sensor noise of a specimen at rest is no stiffness: no stiffness limit trips, whatever the noise.
 #[test]
-fn what_stands_still_shows_no_stiffness() {
+fn specimen_at_rest_shows_no_stiffness() {
     for seed in [1, 2, 3, 4, 6, 12] {
         let text = format!(
             "safety.zero_s = 0.2\n[time]\nrate_hz = 500\nduration_s = 1\nclock = \"simulated\"\n\

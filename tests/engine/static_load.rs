@@ -18,8 +18,8 @@ fn test(structure: &str, rest: &str) -> Run {
     ))
 }
 
-/// From t = 0 on every floor is at `at` and stays there. A force balance known to a few roundings of the load, and a few
-/// more in each of 1024 undamped ticks: 10 ε a tick of the displacement, over the share b of the stiffness that is left.
+/// From t = 0 on every floor is at `at` and stays there. A force balance known to a few roundings of the load, and a few more in
+/// each of 1024 undamped ticks: 10 ε a tick of the displacement, over the remaining share b of the stiffness.
 fn assert_stays(run: &Run, at: [f64; 3], share: f64) {
     for (dof, at) in at.into_iter().enumerate() {
         let x = run.column(&format!("x{}", dof + 1));
@@ -130,7 +130,7 @@ fn yielding_specimen_never_moves_backwards() {
 /// On a spring of known stiffness each part of the load is one move, and the next begins at its end: twenty equal parts, each in
 /// one tick where no time is configured.
 #[test]
-fn the_load_comes_on_in_twenty_equal_parts() {
+fn static_load_comes_in_twenty_equal_parts() {
     let run = test(
         LOAD,
         "stiffness_n_per_m = [0, 14e6, 11e6]\n\
@@ -165,7 +165,7 @@ fn moving_base_does_not_push_before_t_0() {
     assert!(moving.column("a1")[0] > 1.0, "and at t = 0 it does push");
 }
 
-/// The exchanges that bring the load on are no ticks of the test: no histogram counts them, warm-up or none.
+/// The exchanges that apply the load are no ticks of the test: no histogram counts them, with or without a warm-up.
 #[test]
 fn exchanges_before_t_0_are_not_timed() {
     let run = test(
@@ -219,7 +219,7 @@ fn static_load_keeps_ramp_and_speed_limit() {
     assert!(ticks > 700 && fastest <= 0.01, "{ticks} {fastest}");
 }
 
-/// What makes up for an actuator that goes 0.9 of the way commands 1/0.9 from the first part of the load on, not at t = 0.
+/// A compensator for an actuator with a gain of 0.9 commands 1/0.9 from the first part of the load on, not at t = 0.
 #[test]
 fn compensator_with_a_gain_reaches_the_load() {
     let run = run(
@@ -255,8 +255,7 @@ fn behind(transfer: &str, rate_hz: u32, rest_n_per_m: f64, law: &str) -> Experim
 
 const SPRING: &str = "{ linear = { stiffness_n_per_m = 4e6 } }";
 
-/// Rows before t = 0 of a test that ran to its end: what was commanded there and which force was read, the last of them at
-/// t = 0.
+/// Rows before t = 0 of a test that completed: its commands there and the forces read, the last of them at t = 0.
 fn brought_on(run: &Run) -> [Vec<f64>; 2] {
     assert_eq!(run.outcome.ending, Ending::Completed);
     let begun = run.rows.len() - run.column("x1").len();
@@ -315,7 +314,7 @@ fn slow_actuator_is_waited_for() {
     }
 }
 
-/// One that yields at half of its load behind 24 ms: it is never driven back by more than a share of the last part.
+/// A specimen that yields at half of its load behind 24 ms: it never moves back by more than a share of the last part.
 #[test]
 fn delay_does_not_overload_a_yielding_one() {
     let law =
@@ -329,8 +328,7 @@ fn delay_does_not_overload_a_yielding_one() {
     assert!(back(&way) < 1e-4 * at, "{}", back(&way));
 }
 
-/// Noise of 0.1 % of the load, a quantum, a bias and an actuator that goes 95 % of its way: the load is carried as well as
-/// they let it be.
+/// Noise of 0.1 % of the load, a quantum, a bias and an actuator with a gain of 95 %: the load is carried to within their errors.
 #[test]
 fn imperfect_sensors_do_not_block_the_load() {
     for transfer in [
@@ -423,7 +421,7 @@ fn slow_actuator_is_not_taken_for_reversed() {
     }
 }
 
-/// One whose force never ceases to change is no specimen that carries a load: 30 s, and the test ends.
+/// A specimen whose force never settles carries no load: after 30 s the test ends.
 #[test]
 fn specimen_that_never_rests_ends_the_test() {
     let creeping = "rate_limit_m_per_s = 1e-6";
@@ -580,8 +578,8 @@ impl Substructure for Lossy {
     }
 }
 
-/// 60 kN on a spring alone, in 20 ticks and 200; nine answers in a row are lost, whenever: the load comes on later for it, never
-/// beyond what it is, and never back.
+/// 60 kN on a spring alone, in 20 ticks and 200; nine answers in a row are lost, at any time. The load arrives later, never above
+/// its value, and never reversed.
 #[test]
 fn missing_answers_do_not_overload() {
     for (ramp_s, every) in [(0.2, 3), (1.0, 11)] {

@@ -129,7 +129,7 @@ fn rig_behind_a_host_gives_the_same_bits() {
             let there = rows(&there);
             assert_eq!(here.len(), there.len());
             for (here, there) in here.iter().zip(&there) {
-                // Numbers of commands count what was sent, ramps and all; how often is the wire's own.
+                // Numbers of commands count all that was sent, ramps included; repetitions belong to the link.
                 if here.0.starts_with("seq_") && !wire.is_empty() {
                     continue;
                 }

@@ -41,7 +41,7 @@ fn burst((commands, seconds): (u64, u64)) -> f64 {
     (2.0 * seconds as f64 / commands as f64).clamp(0.02, 0.1)
 }
 
-/// Where a specimen was led, and when.
+/// Positions of a specimen over time.
 #[derive(Clone, Default)]
 struct Led(Arc<Mutex<Vec<(Nanos, f64)>>>);
 
@@ -130,7 +130,7 @@ struct Client {
     clock: SimClock,
     led: Led,
     rate: (u64, u64),
-    /// Whose guard and latch every session has.
+    /// Every session uses its guard and latch.
     first: Host,
     end: Simulated,
     encoder: Encoder,
@@ -166,10 +166,10 @@ impl Client {
         client
     }
 
-    /// A new session. The old one ends without a word.
+    /// A new session. The old one ends without a goodbye.
     fn connect(&mut self) {
         let host = host(&self.clock, &self.led).guarded_as(&self.first);
-        // The old one goes first: it gives back what it was lent.
+        // The old one is dropped first: it returns what it borrowed.
         self.end = Simulated::new(unused(), self.clock.clone(), 0, true);
         self.end = Simulated::new(host, self.clock.clone(), 0, true);
         self.encoder = Encoder::greeting(Side::Controller);
@@ -299,7 +299,7 @@ fn a_step(chance: &mut Chance, rate: (u64, u64), silent_s: f64) -> f64 {
     if chance.one_in(4) { -step } else { step }
 }
 
-/// Plays one sequence; how far beyond its speed the specimen was led, in m, and in how many commands.
+/// Plays one sequence; returns how far beyond its speed the specimen moved, in m, and in how many commands.
 fn played(seed: u64, rates: &[(u64, u64)]) -> (f64, usize) {
     let mut chance = Chance::new(seed);
     let mut client = Client::new(rates[0]);

@@ -1,4 +1,4 @@
-//! Thousands of tests in which anything can go wrong, each determined by its seed: what must always hold, holds.
+//! Thousands of tests in which anything can go wrong, each determined by its seed; the invariants hold in each.
 //!
 //! GUSSET_FAULT_SEEDS is their number, GUSSET_FAULT_SEED the first of them; `tools/faults` sets both.
 
@@ -202,7 +202,7 @@ fn a_fault(chance: &mut Chance) -> Fault {
     }
 }
 
-/// What happens in the test with this seed.
+/// The faults in the test with this seed.
 pub fn script(seed: u64, chance: &mut Chance) -> Script {
     let faults = chance.below(5);
     let script = Script {
@@ -268,14 +268,14 @@ pub struct Case {
     pub played: Result<Played, String>,
 }
 
-/// Whether the rigs stand where the test begins, as they all once did, or anywhere.
+/// Whether the rigs start where the test begins, as all once did, or anywhere.
 #[derive(Clone, Copy, PartialEq)]
 enum Stand {
     AtZero,
     Anywhere,
 }
 
-/// The test with this seed, and what happens in it. `as_played` changes the test that is played, not the one that is meant.
+/// The test with this seed and its faults. `as_played` changes the test that is played, not the one that is checked.
 fn one_as(
     tests: &[Loaded],
     seed: u64,

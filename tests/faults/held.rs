@@ -74,7 +74,7 @@ fn hold_in_the_wiring_check_is_replayed() {
     );
 }
 
-/// The tick before which the operator says that the test may go on is late, and the test is given up for it.
+/// The tick before the operator's `continue` is late, and the test is given up for it.
 #[test]
 fn test_given_up_at_a_command_is_replayed() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");

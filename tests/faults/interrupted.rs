@@ -55,7 +55,7 @@ fn draw(tests: &[Loaded], seed: u64, chance: &mut Chance) -> Course {
             return Script::default();
         }
         let mut script = script(seed, chance);
-        // Where the actuator of a rig stands that goes elsewhere is not seen from outside.
+        // The position of a rig whose actuator drifts cannot be seen from outside.
         script.fault.retain(|fault| !moves_by_itself(&fault.kind));
         script
     };
@@ -129,7 +129,7 @@ impl Course {
         keep(&recorded, to)?;
         let mut proof = replay(to).map_err(|error| error.to_string())?;
         if recorded.samples.is_empty() {
-            // It was refused where it stands: there is nothing to be proven.
+            // The test was refused: there is nothing to prove.
             proof.short = None;
         }
         let played = recorded.played(step + 1, proof)?;
@@ -137,7 +137,7 @@ impl Course {
     }
 }
 
-/// What became of a test that was to go on.
+/// Outcome of a test that should resume.
 enum Gone {
     On(Box<Played>),
     /// For a good reason.
@@ -306,8 +306,8 @@ fn one(tests: &[Loaded], seed: u64, home: &Path) -> Result<String, String> {
         found.extend(after);
         let completes =
             whole.outcome.as_ref().map(|outcome| &outcome.ending) == Some(&Ending::Completed);
-        // On an eased way a rig comes by the peaks between two targets, too, and a law that yields remembers them; or the last
-        // command was sent and not recorded, and is sent again after one that was.
+        // On a hold ramp a rig passes the peaks between two targets, too, and a law that yields remembers them. Or the last command
+        // was sent but not recorded, and is sent again after a recorded one.
         let eased = course.loaded.file.safety.ease_s > 0.0;
         // The lead of a compensator builds up again.
         let leads = course

@@ -1,4 +1,4 @@
-//! What holds in every test, whatever goes wrong. Each check says what it found.
+//! Invariants of every test, whatever goes wrong. Each check reports its finding.
 
 use gusset_config::{CommandPace, Loaded};
 use gusset_control::engine::{Ending, Phase, Stop};
@@ -16,7 +16,7 @@ const SLACK: f64 = 1.0 + 1e-9;
 
 macro_rules! ensure {
     ($condition:expr, $($words:tt)*) => {
-        // Not `!$condition`: what cannot be compared is not inside.
+        // Not `!$condition`: a comparison with NaN must fail, too.
         let holds: bool = $condition;
         if !holds {
             return Err(format!($($words)*));
@@ -179,7 +179,7 @@ fn commands_are_kept_in_order(tap: &[Tapped], goes_on: bool) -> Result<(), Strin
     Ok(())
 }
 
-/// When each command left, its number, and where it goes.
+/// Each command's time, number and target.
 fn commands(tap: &[Tapped]) -> impl Iterator<Item = (Nanos, u64, &Vec<f64>)> {
     tap.iter().filter_map(|tapped| match tapped {
         Tapped::Sent {
@@ -232,7 +232,7 @@ fn commands_respect_their_limits(
                 to >= low * SLACK && to <= high * SLACK,
                 "command {sequence}, axis {axis}: {to} m is outside of {low} to {high} m"
             );
-            // The first is a step from where the rig stands.
+            // The first is a step from the rig's position.
             let from = last.and_then(|last| last.get(axis)).unwrap_or(&stood);
             let step = (to - from * metres).abs();
             let running = at.0 >= runs && at.0 <= leaves;
@@ -258,14 +258,14 @@ fn commands_respect_their_limits(
     Ok(())
 }
 
-/// Speed before the test of a specimen without a limit of speed: half a cosine of 0.1 m in the second that it is given at least,
-/// the largest probe, and what a static load moves.
+/// Speed before the test of a specimen without a limit of speed: half a cosine of 0.1 m in the second that it gets at least, the
+/// largest wiring check, and the motion under a static load.
 const UNBOUNDED_M_PER_S: f64 = 0.25;
 /// In m, of differences of displacements in mm.
 const ROUNDOFF_M: f64 = 1e-15;
 
-/// Where the actuator of a specimen is driven is where it stood, or a command that was sent, in the order of the commands: with
-/// what is said of those, no step from one to the next is larger than all the commands on the way together may be.
+/// The actuator of a specimen is driven to its first position or to a command that was sent, in the order of the commands. So no
+/// step from one to the next is larger than the sum of the commands between them allows.
 fn is_driven_where_it_was_told(port: usize, played: &Played) -> Result<(), String> {
     let Some(seen) = played.seen.get(port) else {
         return Ok(());

@@ -160,10 +160,10 @@ pub struct Recorded {
     pub samples: Vec<u8>,
     pub events_jsonl: Vec<u8>,
     pub events: Vec<TimedEvent>,
-    /// None of one that was killed.
+    /// None for a killed test.
     pub outcome: Option<Outcome>,
     pub files: Files,
-    /// Where each specimen said that it stands.
+    /// The position that each specimen reported.
     pub stood: Vec<Option<Vec<f64>>>,
     /// How often the clock was looked at.
     pub looks: u64,
@@ -308,7 +308,7 @@ impl Played {
         (reason, cause.exit().code())
     }
 
-    /// Where a specimen of one axis stood before the test, in the unit of its commands.
+    /// The position of a specimen of one axis before the test, in the unit of its commands.
     pub fn stood(&self, port: usize) -> f64 {
         self.seen.get(port).map_or(0.0, |seen| seen.stood)
     }

@@ -9,7 +9,7 @@ use crate::scripts::folder;
 
 const STIFFNESS: f64 = 15e6;
 
-/// The specimen is linear, and every command reaches it: what it measured under each of them is known.
+/// The specimen is linear, and every command reaches it: its measurement at each of them is known.
 #[test]
 fn recovered_forces_match_their_commands() {
     let set = [

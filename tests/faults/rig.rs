@@ -17,7 +17,7 @@ use gusset_quantity::state::{Stateful, Visit};
 
 use crate::campaign::Chance;
 
-/// Where one rig stands, in its own coordinate, and what it reads there.
+/// The position of one rig in its own coordinate, and its readings there.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Place {
     pub stands_m: f64,
@@ -35,7 +35,7 @@ pub struct Seen {
     pub driven: Arc<Mutex<Vec<f64>>>,
 }
 
-/// Draws where the rigs of `loaded` stand, and what the test makes of it.
+/// Draws the positions of the rigs of `loaded`, and adapts the test to them.
 pub fn draw(seed: u64, loaded: &Loaded) -> (Loaded, Vec<Place>) {
     let mut chance = Chance::new(seed.rotate_left(32) ^ 0x0051_A9D5);
     let mut loaded = loaded.clone();
@@ -66,7 +66,7 @@ pub fn draw(seed: u64, loaded: &Loaded) -> (Loaded, Vec<Place>) {
         })
         .collect();
     loaded.file.safety.ramp_s = match chance.below(8) {
-        // A static load comes on as fast as that where nothing else bounds it.
+        // The speed of a static load that nothing else bounds.
         _ if unbounded => chance.between(0.2, 1.0),
         0 => 0.0,
         1 => 1.0,
@@ -203,7 +203,7 @@ impl Rig {
         }
     }
 
-    /// A far end in the units of the link, and what is seen of it from now on.
+    /// A far end in the units of the link, and the record of its motion from now on.
     pub fn host(&mut self, setup: &NativeSetup) -> (Host, Seen) {
         let last = self.seen.driven.lock().unwrap().last().copied();
         let stood = last.unwrap_or(self.seen.stood);

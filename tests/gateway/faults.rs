@@ -62,7 +62,7 @@ fn killed_specimen_spares_the_gateway() {
         let keys = format!("transport = \"{transport}\"");
         let text = through(1_000_000, &between.address, &keys);
         let owned = folder.to_owned();
-        // The words of the gateway decide nothing.
+        // The wording of the gateway decides nothing.
         let is_reworded = transport == "tcp";
         let run_it = if is_reworded { run_reworded } else { run };
         let test = std::thread::spawn(move || run_it(&owned, "killed", &text));
@@ -75,7 +75,7 @@ fn killed_specimen_spares_the_gateway() {
         assert_eq!(ours.left["column"], "lost");
         let reason = ours.reason;
         assert_eq!(reason.contains("reworded"), is_reworded, "{reason}");
-        // The watchdog that was agreed on is the gateway's, which says that it has nothing to hold any more.
+        // The agreed watchdog is the gateway's, which reports that it no longer has a specimen to hold.
         let stands = "; only the server of specimen \"column\" knows its position";
         assert!(
             reason.contains(stands) && !reason.contains(AGREED),
@@ -178,9 +178,9 @@ fn vanished_controller_frees_the_specimen() {
     controller.kill().unwrap();
     controller.wait().unwrap();
     between.hears("without a goodbye");
-    // Nothing tripped: who looked for a limit in its record would look in vain.
+    // Nothing tripped: the record must not suggest a limit.
     specimen.hears("retired because its controller is lost");
-    // The gateway closes its book of the first test before it takes the next one.
+    // The gateway closes its record of the first test before it accepts the next one.
     for attempt in 0.. {
         let name = format!("next-{attempt}");
         let (code, said) = run(folder, &name, &through(STEPS, &between.address, ""));
@@ -218,8 +218,7 @@ fn second_controller_is_refused_quietly() {
     assert_eq!(test.join().unwrap().0, 0);
 }
 
-/// A specimen, a gateway that keeps its tests in `kept`, and a test through it that does not end by itself: its exit code and
-/// what it said.
+/// A specimen, a gateway that keeps its tests in `kept`, and a long test through it: returns its exit code and its output.
 fn a_long_test_that_is_kept(
     folder: &Path,
 ) -> (Served, Served, std::thread::JoinHandle<(i32, String)>) {
@@ -352,7 +351,7 @@ fn operator_who_ended_the_test_is_named() {
     }
 }
 
-/// After a kill −9 the folder says that it is unfinished, and every row up to the last moments is there.
+/// After a kill −9 the folder shows that it is unfinished, and every row up to the last moments is there.
 #[test]
 fn killed_gateways_folder_is_readable() {
     let folder = tempfile::tempdir().unwrap();

@@ -42,7 +42,7 @@ fn command(state: &Path) -> Command {
     command
 }
 
-/// Exit code and words of a command that ends.
+/// Exit code and output of a command that ends.
 fn said(mut command: Command) -> (i32, String) {
     command.stdin(Stdio::null());
     let output = finish(command);
@@ -199,7 +199,7 @@ fn operator_who_stops_a_run_leaves_a_record() {
     assert_eq!(place.units, ["m"]);
     let (code, words) = run_test(&state, &test, "refused");
     assert_eq!(code, 2, "{words}");
-    // The interrupted test knows where it left the specimen.
+    // The interrupted test recorded the last position of the specimen.
     let mut resumed = command(&state);
     resumed.arg("run").arg("--resume").arg(folder.join("first"));
     resumed.arg("--out").arg(folder.join("resumed"));
@@ -212,9 +212,9 @@ fn operator_who_stops_a_run_leaves_a_record() {
     child.wait().unwrap();
 }
 
-/// A first signal leads the wiring check back to where it began, and the run folder replays.
+/// After a first signal the wiring check returns to its start, and the run folder replays.
 #[test]
-fn a_signal_leads_a_wiring_check_back() {
+fn signal_returns_a_wiring_check() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, state) = (folder.path(), folder.path().join("state"));
     let (address, position) = Fake::machine();
@@ -358,7 +358,7 @@ fn specimen_has_one_record_and_one_holder() {
 }
 
 #[test]
-fn what_is_no_plain_file_is_no_record() {
+fn special_file_is_no_record() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let key_of = |address| SpecimenKey::of_link("gusset", address);

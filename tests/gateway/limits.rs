@@ -1,5 +1,5 @@
-//! Every exchange passes the gateway's limits: what trips one is not passed on or is the last, the controller hears of it
-//! in its own protocol's words, and the log names it.
+//! Every exchange passes the gateway's limits. A command that trips one is not passed on, and a measurement that trips one is the
+//! last. The controller is informed in its own protocol, and the log names the limit.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -20,7 +20,7 @@ fn through(address: &str, keys: &str) -> String {
     test_file(STEPS, &format!("{ONE_AXIS}{link}"))
 }
 
-/// The spring of 4e5 N/m whose every command is kept.
+/// A spring of 4e5 N/m that records every command.
 fn spring(told: &Arc<Mutex<Vec<f64>>>) -> String {
     let told = Arc::clone(told);
     Fake::start(move |mut fake| {
@@ -240,7 +240,7 @@ fn trip_refuses_tests_until_it_is_cleared() {
     let reason = refused(folder, "again", &served.address);
     assert!(reason.contains("command_disp_m"), "{reason}");
     served.kill();
-    // Where a server records does not decide what it remembers.
+    // The folder of a server's records does not change its memory.
     let elsewhere = folder.join("elsewhere");
     for (name, arguments) in [
         ("none", &[][..]),
@@ -313,7 +313,7 @@ fn a_folder_that_keeps_no_record_is_refused() {
     assert!(said.contains("GUSSET_STATE"), "{said}");
 }
 
-/// A sensor that says nonsense, and no limit of the measured displacement.
+/// A sensor with an absurd reading, and no limit of the measured displacement.
 #[test]
 fn absurd_measured_displacement_trips() {
     let broken = || {
@@ -355,7 +355,7 @@ fn trip_of_loop(folder: &Path) -> serde_json::Value {
         .unwrap_or_else(|| panic!("{events:?}"))
 }
 
-/// OpenFresco's protocols have no word for a trip: the connection is closed, and the cause stands on our side.
+/// OpenFresco's protocols have no message for a trip: the connection is closed, and the cause is logged on our side.
 #[test]
 fn openfresco_link_is_closed_with_its_cause() {
     let folder = tempfile::tempdir().unwrap();
@@ -382,7 +382,7 @@ fn openfresco_link_is_closed_with_its_cause() {
     assert!(largest < 0.004, "{largest}");
 }
 
-/// A gateway does not say whether a machine is behind it: as fast as it answers it is commanded only by who knows.
+/// A gateway does not report whether a machine is behind it: the simulated clock needs `computed = true`.
 #[test]
 fn simulated_clock_commands_no_machine() {
     let folder = tempfile::tempdir().unwrap();

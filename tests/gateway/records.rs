@@ -248,7 +248,7 @@ fn unavailable_folder_is_refused_early() {
 
 /// Commands one after another, as fast as the server takes them: the writer falls behind.
 #[test]
-fn events_stand_at_their_exchange() {
+fn events_have_the_index_of_their_exchange() {
     let folder = tempfile::tempdir().unwrap();
     let law: SpecimenLaw =
         toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
@@ -365,7 +365,7 @@ fn example_config_runs_with_limits_and_log() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/serve");
     let read = |name: &str| std::fs::read_to_string(config.join(name)).unwrap();
     let rig = Served::start(folder, &read("rig.toml"), &[]);
-    // On the simulated clock the specimen is led faster than its limit of speed allows.
+    // On the simulated clock the specimen moves faster than its limit of speed allows.
     let speed = "command_vel_m_per_s = { warn = 0.8, trip = 1.0 }\n";
     let file = read("gateway.toml").replace("127.0.0.1:4825", &rig.address);
     assert!(file.contains(speed));

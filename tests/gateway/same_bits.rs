@@ -1,5 +1,5 @@
-//! A gateway changes no number: controller → gateway → specimen takes the course of the same test in process, to the last
-//! bit, whatever the two links speak.
+//! A gateway changes no number: controller → gateway → specimen takes the course of the same test in process, to the last bit, with
+//! any pair of protocols.
 
 use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, run, summary,
@@ -77,7 +77,7 @@ fn native_gateway_keeps_bits_on_tcp_and_udp() {
 }
 
 #[test]
-fn two_axes_in_units_of_their_own() {
+fn two_axes_in_different_units() {
     let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[[specimen.axis]]\n";
     passes_through(TCP, TCP, TWO_AXES, TWO_AXES_LAW, units);
     passes_through(UDP, TCP, TWO_AXES, TWO_AXES_LAW, units);

@@ -1,5 +1,5 @@
-//! Whatever takes an address takes a host name, IPv4 and `[IPv6]:port`: real connections on ::1 and over "localhost", both
-//! protocols, TCP and UDP. Only where a machine has no IPv6 loopback this is said loudly and left out.
+//! Every address may be a host name, IPv4 or `[IPv6]:port`: real connections on ::1 and over "localhost", both protocols, TCP and
+//! UDP. A machine without an IPv6 loopback skips this with a clear message.
 
 use std::io::Write;
 use std::net::UdpSocket;

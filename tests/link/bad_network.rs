@@ -33,7 +33,7 @@ fn count(counter: &AtomicU64) -> u64 {
 }
 
 fn same_course(folder: &Path, name: &str) {
-    // The status tells that the specimen held while nothing came.
+    // The status shows that the specimen held while no command arrived.
     assert_eq!(
         columns(folder, "local", "status"),
         columns(folder, name, "status")
@@ -87,7 +87,7 @@ fn lockstep_over_bad_udp_keeps_the_bits() {
             "{fates:?} {link:?} {done:?}"
         );
         if fates.lost + fates.twice + fates.overtaken + fates.damaged + fates.cut == 0 {
-            // A command is said again when its answer stays away, which on a busy machine may be for no reason.
+            // A command is repeated when its answer stays away, which a busy machine alone may cause.
             assert_eq!(link.corrupt, 0);
         }
         all.0 += count(&done.lost);

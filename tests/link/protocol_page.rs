@@ -1,5 +1,5 @@
-//! The page for programmers of the far end says what the program does: every example on it is encoded here from
-//! the values in its caption, and decoded back.
+//! The page for programmers of the far end agrees with the program: every example on it is encoded here from the values in its
+//! caption, and decoded back.
 
 use std::collections::BTreeMap;
 

@@ -77,7 +77,7 @@ fn port_without_a_server_is_refused_there() {
 
 #[test]
 fn silent_host_is_given_up_after_the_limit() {
-    // Somebody has the port and never says a word.
+    // A socket has the port and stays silent.
     let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     for (address, transport) in [
@@ -256,7 +256,7 @@ fn captured_hello_does_not_lock_out_the_key() {
     for index in 0..64 {
         let mut stream = connect_from([127, 0, 0, 2 + index / 16], &served.address);
         stream.write_all(&hello).unwrap();
-        // The welcome: it counts as one that has said who it is.
+        // The welcome: this client has identified itself.
         assert!(stream.read(&mut [0; 4096]).unwrap() > 0);
         strangers.push(stream);
     }
@@ -374,7 +374,7 @@ fn only_the_right_key_connects_and_signs() {
 }
 
 #[test]
-fn a_server_that_wants_no_key_refuses_one() {
+fn server_without_a_key_refuses_one() {
     let folder = tempfile::tempdir().unwrap();
     write(
         folder.path(),

@@ -1,6 +1,6 @@
-//! Several remote specimens get ready at the same time: connecting and arming them takes as long as the slowest, and a
-//! refusal of one releases the others. No clock judges that: the specimens here answer only when all have been asked, so
-//! that a controller which asks one after the other waits in vain.
+//! Several remote specimens are made ready at the same time: connecting and arming them takes as long as the slowest, and a refusal
+//! of one releases the others. The test needs no clock: the specimens answer only when all have been called, so a controller that
+//! calls them one after the other waits in vain.
 
 use std::io::Read;
 use std::net::TcpListener;

@@ -1,5 +1,5 @@
-//! A peer that keeps to OpenSees' `adapter` as its users see it: sizes, then a displacement and a request in turn; it takes
-//! no commit and no second request, answers with displacement and force, and is over after the goodbye.
+//! A peer that follows OpenSees' `adapter` from a user's view: sizes, then a displacement and a request in turn. It takes no commit
+//! and no second request, answers with displacement and force, and ends with the goodbye.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use gusset_record::rt::os::{monotonic_ns, sleep_until_ns};
 
-/// What happens to the pieces that pass. The first four are the number of a hundred that suffer it.
+/// The fate of the pieces that pass. The first four are percentages.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fates {
     /// UDP only, as the next two: TCP mends them.
@@ -193,7 +193,7 @@ impl Pass {
                 quiet_since = monotonic_ns();
                 continue;
             }
-            // A quiet moment: nothing will overtake what is held.
+            // A pause: no later piece will overtake the held one.
             if monotonic_ns() > quiet_since + 20_000_000
                 && let Some(late) = self.held.take()
             {

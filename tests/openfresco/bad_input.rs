@@ -1,6 +1,6 @@
-//! A test whose specimen is behind OpenFresco's protocols and does not behave: exit code 3, a reason that says what to look
-//! at, an event, a complete folder, no hang. The protocols have no checksums, numbers or error messages: what can be
-//! noticed is noticed.
+//! A test whose specimen is behind OpenFresco's protocols and misbehaves: exit code 3, a reason with the place to look at, an
+//! event, a complete folder, no hang. The protocols have no checksums, numbers or error messages: only detectable faults are
+//! detected.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};

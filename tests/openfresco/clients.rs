@@ -1,5 +1,5 @@
-//! `gusset serve` on OpenFresco's protocols and what its clients mean: the order of SimSimulink's signals, clients that never
-//! commit or commit without a time, commanded forces, and analyses that begin again.
+//! `gusset serve` on OpenFresco's protocols and the meaning of its clients' messages: the order of SimSimulink's signals, clients
+//! that never commit or commit without a time, commanded forces, and analyses that begin again.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -20,7 +20,7 @@ const TWO_SPRINGS: &str = "[[specimen]]\nname = \"frame\"\n[[specimen.laws]]\n\
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.1, 0.1] }\n\
                       command_step_m = { trip = 0.05 }\nmeasured_force_n = { trip = [-1e5, 1e5] }\n";
 
-/// A client that sends what a test wants.
+/// A client whose messages the test chooses.
 struct Client(TcpStream);
 
 impl Client {
@@ -51,7 +51,7 @@ impl Client {
             .collect()
     }
 
-    /// The server must close without a word.
+    /// The server must close without a message.
     fn expects_a_close(mut self) {
         let mut answer = Vec::new();
         // A reset is a close, too.
@@ -129,7 +129,7 @@ fn simulink_commands_no_axis_to_the_time() {
 }
 
 #[test]
-fn server_says_where_an_order_is_needed() {
+fn server_reports_where_an_order_is_needed() {
     let folder = tempfile::tempdir().unwrap();
     for (text, protocol, more, is_told) in [
         (TWO_SPRINGS, "openfresco-simulink", &[][..], true),
@@ -203,7 +203,7 @@ fn client_that_never_commits_has_no_history() {
         let names = events(&out, "test-0001");
         assert!(names.contains(&"client_without_commits".to_owned()));
     }
-    // While the test runs, after as many commands as no iteration takes, and once.
+    // While the test runs, after more commands than any iteration takes, and once.
     let served = serve(folder.path(), ONE_SPRING, "openfresco", &[]);
     let mut client = Client::new(&served, [1, 0, 0, 0, 0, 0, 0, 0, 1, 0]);
     for k in 0..30 {
@@ -237,7 +237,7 @@ fn iterations_do_not_count_as_commits() {
             .filter(|text| text.contains("without a commit"))
             .collect();
         assert_eq!(told.len(), 1, "{warnings:?}");
-        // What moves starts from where it is.
+        // A machine starts from its position.
         let is_computed = name == "computed";
         assert_eq!(told[0].contains("initial state"), is_computed, "{told:?}");
     }
@@ -273,7 +273,7 @@ fn client_that_commits_later_is_accepted() {
     assert!(!before.iter().any(told), "{before:?}");
 }
 
-/// The second client says hello while the first one still speaks, and repeats it.
+/// The second client sends its hello while the first one is still active, and repeats it.
 #[test]
 fn waiting_udp_client_takes_over() {
     let folder = tempfile::tempdir().unwrap();

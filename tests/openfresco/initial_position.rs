@@ -1,5 +1,5 @@
-//! Where a specimen stands before its first command, over protocols that cannot tell it or do not bound that command: the
-//! test file says it, the specimen is held there and led away; and what is served and moves is not taken anywhere at once.
+//! The position of a specimen before its first command, over protocols that cannot report it or do not limit that command. The test
+//! file states it, and the specimen is held there and ramped from there. A served machine never jumps.
 
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
@@ -97,8 +97,8 @@ fn resumed_test_uses_the_last_position() {
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
 }
 
-/// OpenFresco's element servers answer displacement 0 always. Only their force is used: a probe finds no dead sensor, no
-/// following error trips, and the start is where the file says, not at 0.
+/// OpenFresco's element servers always answer displacement 0. Only their force is used: a wiring check finds no dead sensor, no
+/// following error trips, and the start is at the position in the file, not at 0.
 #[test]
 fn zero_displacement_server_gives_forces() {
     let folder = tempfile::tempdir().unwrap();
@@ -146,8 +146,8 @@ fn zero_displacement_server_gives_forces() {
     assert!(reason.contains("dead or frozen sensor"), "{reason}");
 }
 
-/// The first command of a client is a step from where the gateway told it to go last, or from where the file says that it
-/// stood: it is judged as such.
+/// The first command of a client is a step from the gateway's last command, or from the position in the file, and is checked as
+/// such.
 #[test]
 fn gateway_knows_its_last_command() {
     let folder = tempfile::tempdir().unwrap();

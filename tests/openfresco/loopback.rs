@@ -1,6 +1,6 @@
-//! Our two ends of OpenFresco's dialects, joined by real sockets: dialect A, B and the controller of D behave as one
-//! and the same specimen. What the real programs say to them is in tests/captures and, live, in the tests with
-//! OpenSees; dialects B and D were not run against the real program here.
+//! Our two ends of OpenFresco's dialects over real sockets: dialects A, B and the controller of D behave as one specimen. The
+//! messages of the real programs are in tests/captures and, live, in the tests with OpenSees; dialects B and D were not run against
+//! the real program here.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};

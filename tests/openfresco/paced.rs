@@ -1,5 +1,5 @@
-//! A gateway that paces and compensates a client of OpenFresco's protocols in front of a rig with a lag: what it records, and how
-//! it ends when either side does.
+//! A gateway that paces and compensates a client of OpenFresco's protocols in front of a rig with a lag: its record, and its end
+//! when either side ends.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -276,7 +276,7 @@ fn client_may_query_but_not_run_ahead() {
     client.0.read_exact(&mut answer).unwrap();
     let force = f64::from_le_bytes(answer[..8].try_into().unwrap());
     assert!((force - 4e2).abs() < 0.05 * 4e2, "{force}");
-    // A target behind a request that is not answered yet is one too many.
+    // A new target before the answer to the last request is one too many.
     client.says(&[5.0]);
     client.says(&[3.0, 0.002, 0.02]);
     runs_on(&bench);
@@ -448,7 +448,7 @@ fn six_forces_for_three_axes_are_refused() {
 }
 
 #[test]
-fn accepted_speed_stands_in_the_summary() {
+fn accepted_speed_is_in_the_summary() {
     let folder = tempfile::tempdir().unwrap();
     let rig = Served::start(folder.path(), RIG, &[]);
     let out = folder.path().join("kept");

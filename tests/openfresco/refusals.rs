@@ -1,5 +1,5 @@
-//! What ends a test over OpenFresco's protocols, and what must not: strangers, silence, nonsense, ends that vanish, steps
-//! that are taken back. Nothing hangs, and the port is free again.
+//! Causes that end a test over OpenFresco's protocols, and others that must not: strangers, silence, nonsense, ends that vanish,
+//! steps taken back. Nothing hangs, and the port is free again.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -180,7 +180,7 @@ fn vanished_server_is_a_fault_and_no_hang() {
     assert_eq!(asked.fault(), LinkFault::Timeout, "{asked}");
     let mut remote = Remote::new(RemoteSettings {
         reply_limit_s: 0.1,
-        // Without a displacement there is nothing to ask before the first command.
+        // Without a displacement there is nothing to query before the first command.
         daq: Counts::new(0, 0, 0, 1, 0),
         ..settings(Peer::Site, Carrier::Datagrams, deaf, 1)
     })

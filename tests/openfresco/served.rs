@@ -1,5 +1,5 @@
-//! What `gusset serve` offers over OpenFresco's protocols, as a client sees it: US units, a transformation between the
-//! client's displacements and the axes, and the controller of SimFEAdapter.
+//! A specimen of `gusset serve` over OpenFresco's protocols, as a client sees it: US units, a transformation between the client's
+//! displacements and the axes, and the controller of SimFEAdapter.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -323,8 +323,8 @@ fn first_two(bytes: &[u8]) -> [f64; 2] {
     [0, 8].map(|at| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()))
 }
 
-/// OpenFresco's SimFEAdapter takes our controller for an adapter element: it commands, requests with 10, never commits, and says
-/// goodbye twice.
+/// OpenFresco's SimFEAdapter takes our controller for an adapter element: it commands, requests with 10, never commits, and sends
+/// two goodbyes.
 #[test]
 fn simfeadapter_bytes_are_answered() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! `gusset serve` on OpenFresco's protocols and what a network brings to an open port: sizes that cannot be, other programs,
-//! cut messages, noise. Each is named, none reaches the specimen, and a test that runs does not notice.
+//! `gusset serve` on OpenFresco's protocols and the traffic at an open port: impossible sizes, other programs, cut messages, noise.
+//! Each is named, none reaches the specimen, and a running test is not disturbed.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};

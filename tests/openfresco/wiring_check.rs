@@ -1,5 +1,5 @@
-//! Which way round a specimen is wired is found out over OpenFresco's dialects, too, and a gateway brings OpenSees' adapter to
-//! a controller that speaks our own protocol.
+//! The wiring check works over OpenFresco's dialects, too. A gateway connects OpenSees' adapter to a controller with the native
+//! protocol.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -211,7 +211,7 @@ fn check_ends_when_its_controller_leaves() {
             controller.kill().unwrap();
             controller.wait().unwrap();
         }
-        // Said when the folder is closed.
+        // Logged when the folder is closed.
         between.hears(match protocol {
             "openfresco" => "without a goodbye; 0 commands",
             _ => "refused: ",
@@ -222,7 +222,7 @@ fn check_ends_when_its_controller_leaves() {
     }
 }
 
-/// Over UDP no connection tells that a controller is gone: that it does not ask to be armed any more does.
+/// Over UDP no connection shows that a controller is gone: the missing requests to arm do.
 #[test]
 fn check_ends_when_its_udp_controller_dies() {
     let folder = tempfile::tempdir().unwrap();

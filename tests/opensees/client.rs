@@ -1,5 +1,5 @@
-//! The real OpenSees commands the real `gusset serve` through `genericClient`: what it computes with our specimen is
-//! what it computes with its own material.
+//! The real OpenSees commands the real `gusset serve` through `genericClient`: its results with our specimen equal those with its
+//! own material.
 
 use crate::programs::{Peer, Server, python};
 
@@ -97,9 +97,9 @@ fn a_linear_and_a_hardening_storey() {
     }
 }
 
-/// `genericClient` adds C·v to the force that it reads, so the server must not report a damping that is in its force:
-/// it would act twice. An explicit scheme, which wants C for its operator, then sees the damper half a step late;
-/// that difference goes with the step.
+/// `genericClient` adds C·v to the force that it reads, so the server must not report a damping that is in its force: it would act
+/// twice. An explicit scheme, which needs C for its operator, then sees the damper half a step late; that difference decreases with
+/// the step.
 #[test]
 fn a_damper_acts_once() {
     let damper = "law = { linear = { stiffness_n_per_m = 8000.0, damping_n_s_per_m = 40.0 } }";

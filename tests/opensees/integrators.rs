@@ -90,7 +90,7 @@ fn theirs(python: &Path, scheme: &str, storeys: &[Storey]) -> Course {
     let output = child.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
-    // An integrator that OpenSees does not know is replaced in silence but for this.
+    // OpenSees silently replaces an integrator that it does not know, except for this message.
     assert!(!errors.contains("unknown integrator"), "{errors}");
     let line = said.lines().find(|line| line.contains("\"course\""));
     let found: Value =

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// Nothing takes this long unless it hangs.
+/// No step takes this long unless it hangs.
 pub const LONG: Duration = Duration::from_secs(60);
 
 /// The interpreter that has OpenSeesPy; `None`, with a clear message, if it is not installed.
@@ -113,7 +113,7 @@ impl Peer {
         Self::spawn(command, false)
     }
 
-    /// Our binary; all that it says is read.
+    /// Our binary; all its output is read.
     pub fn gusset(args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gusset"));
         command.env("GUSSET_STATE", crate::link_common::state_folder());

@@ -1,5 +1,5 @@
-//! OpenSees → a gateway that converts, paces and compensates → a rig behind two actuators: the files of the guide's page, compared
-//! with the model that OpenSees computes by itself, and with the same test of `gusset run`; and how such a test ends.
+//! OpenSees → a gateway that converts, paces and compensates → a rig behind two actuators. The files of the guide's page are
+//! compared with the model in OpenSees alone, and with the same test of `gusset run`; and how such a test ends.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -205,7 +205,7 @@ fn similitude_and_signs_change_nothing() {
             more[0], more[1]
         )
     };
-    // Our own protocol has neither inches nor pounds: this one has.
+    // The native protocol has neither inches nor pounds: OpenFresco's has.
     let rig = format!(
         "[serve]\nprotocol = \"openfresco\"\n[[specimen]]\nname = \"column\"\n{}\n[specimen.coupled]\nstiffness_n_per_m = {springs:?}\n",
         axes(["", ""])

@@ -1,5 +1,5 @@
-//! Whole hybrid tests over OpenFresco's protocols: `gusset run` whose specimen is the real OpenSees, or our own server,
-//! takes the course of the same test with the law in process.
+//! Whole hybrid tests over OpenFresco's protocols: `gusset run` with the real OpenSees, or our own server, as its specimen takes
+//! the course of the same test with the law in process.
 
 use std::path::Path;
 
@@ -184,7 +184,7 @@ fn killed_opensees_exits_with_3() {
         let summary: Value = serde_json::from_str(&summary).unwrap();
         assert_eq!(summary["status"], "failed");
         let reason = summary["reason"].as_str().unwrap();
-        // A UDP peer that dies with our command in its hands leaves nothing behind that could tell us.
+        // A UDP peer that dies while it handles our command leaves no trace for us.
         let silent = transport == "udp" && reason.contains("no reply within the time limit");
         assert!(
             silent || reason.contains("closed the connection"),

@@ -1,4 +1,4 @@
-//! Every integration method runs a computed test from a file, and only those that may command a specimen get one.
+//! Every integration method runs a computed test from a file, and only methods that may command a specimen get one.
 
 use assert_cmd::Command;
 use serde_json::Value;

@@ -1,8 +1,8 @@
 //! A base that is moved and a ground that accelerates are the same earthquake, seen from two frames of reference.
 //!
-//! With x = x_rel + ι x_g the equations of the two are equal; their discretisations are not, and differ by what each
-//! errs. The errors are of the order of the method, so the difference must fall with its power of Δt: the factor between
-//! two halvings is the test, and no number of the program's own.
+//! With x = x_rel + ι x_g the equations of the two are equal; their discretisations differ by their errors. The errors are of the
+//! order of the method, so the difference must fall with its power of Δt: the test is the factor between two halvings, and no
+//! number of the program's own.
 
 use crate::common::engine::{Run, run};
 

@@ -1,5 +1,5 @@
-//! Specimens whose axes are the actuators of a loading unit: the work is the same on both sides, so a hybrid test with them is
-//! the monolithic one; they are served, replayed, resumed and refused like any other specimen.
+//! Specimens whose axes are the actuators of a loading unit. The work is the same on both sides, so a hybrid test with them is the
+//! monolithic one. They are served, replayed, resumed and refused like any other specimen.
 
 use std::path::Path;
 
@@ -202,8 +202,8 @@ fn prescribed_pose_moves_all_actuators() {
     }
 }
 
-/// A platform that goes 100 mm sideways turns its upright actuators: their strokes bend and come back, far beyond what their ends
-/// are apart.
+/// A platform that moves 100 mm sideways turns its upright actuators: their strokes are curved and return, so the difference of the
+/// end points is far too small.
 #[test]
 fn startup_along_poses_keeps_half_the_speed() {
     let at = |axis: u32, value: f64| {
@@ -294,7 +294,8 @@ fn replay_and_resume_find_the_same_bits() {
     same_physics(&whole, &again);
 }
 
-/// A pose beyond what an actuator can reach ends the test before anything is sent there, and names itself; so does `check`.
+/// A pose beyond what an actuator can reach ends the test before any command goes there, and the message names the pose; so does
+/// `check`.
 #[test]
 fn pose_beyond_reach_is_named_early() {
     let home = tempfile::tempdir().unwrap();

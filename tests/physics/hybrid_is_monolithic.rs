@@ -165,7 +165,7 @@ const LAWS: [(&str, bool); 21] = [
     ),
 ];
 
-/// No wildcard: a new kind of law asks to be tested here.
+/// No wildcard: a new kind of law must be added here.
 fn kind(law: &LawSpec) -> usize {
     match law {
         LawSpec::Linear(_) => 0,
@@ -194,7 +194,7 @@ fn every_law_equals_its_element() {
             let hybrid = run(&frame(storeys, &specimen("s", &sees, law)));
             let whole = run(&frame(storeys, &element(from, storey, law)));
             assert_same(&hybrid, &whole, ROUNDOFF, law);
-            // The law did what it is for: no straight line explains its force.
+            // The law was nonlinear: no straight line explains its force.
             let (disp, force) = (hybrid.column("meas_1_1"), hybrid.column("force_1_1"));
             let line = identify(&disp, &disp, &force, 1.0 / 256.0).unwrap();
             assert_eq!(line.unexplained > 1e-3, nonlinear, "{law}: {line:?}");

@@ -1,8 +1,7 @@
-//! The engine against what it does not know: closed forms of free vibration, and a Runge-Kutta integration on a fine grid.
+//! The engine against independent solutions: closed forms of free vibration, and a Runge-Kutta integration on a fine grid.
 //!
-//! The recursion itself has a closed form for one degree of freedom (its two poles, coefficients (27) of the paper): that one
-//! must be met to roundoff. The differential equation is met to the order that the method claims: the factor between two
-//! halvings of Δt is the test.
+//! The recursion itself has a closed form for one degree of freedom (its two poles, coefficients (27) of the paper), which must be
+//! met to roundoff. The differential equation is met to the order of the method: the test is the factor between two halvings of Δt.
 
 use crate::common::engine::{Run, distance, prepare, run};
 use gusset_config::ClockChoice;

@@ -113,7 +113,7 @@ fn initial_stiffness_is_read_before_yield() {
     assert!(part > 100);
     let found = identify(&disp[..part], &disp[..part], &force[..part], DT).unwrap();
     assert!((found.stiffness.value / K - 1.0).abs() < 1e-9, "{found:?}");
-    // Over all of the test it is a secant, smaller: said in the doc comment of `identify`.
+    // Over all of the test it is a secant, smaller, as the doc comment of `identify` states.
     assert!(identify(&disp, &disp, &force, DT).unwrap().stiffness.value < 0.9 * K);
 }
 

@@ -185,8 +185,8 @@ fn late_specimen_shows_energy_and_damping() {
         found.unwrap_or_else(|| panic!("{path}: {:#}", summary["falsified"]))
     };
 
-    // From the rows again: work of the load −m a_g, strain of K0 = 5e5 and 4e5 N/m, and what the specimen's way off its
-    // target took.
+    // From the rows again: work of the load −m a_g, strain energy of K0 = 5e5 and 4e5 N/m, and the work of the specimen's deviation
+    // from its target.
     let run = Run::open(&out).unwrap();
     let [ground, x1, x2, target, meas, force] = rows(
         &run,
@@ -369,7 +369,7 @@ fn critical() -> f64 {
 fn delay_margin_is_negative_before_growth() {
     let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let on_time = largest(&delayed(0.02, "").column("x1"));
-    // The first two periods of 2.2 Hz say nothing: a fit that has just begun overshoots.
+    // The first two periods of 2.2 Hz do not count: a new fit overshoots.
     let early = delayed(0.9, "").column("margin_1_1");
     assert!(early[..600].iter().all(|margin| margin.is_nan()) && early[1200].is_finite());
     for (share, warned) in [(0.5, false), (0.9, false), (1.4, true)] {
@@ -454,7 +454,7 @@ fn benchmark_has_its_published_delay() {
     let [margin, lag, stiffness] =
         ["margin_1_1", "lag_1_1", "stiffness_1_1"].map(|name| run.column(name));
     let mut seen = 0;
-    // Of motions within ten times its declared noise nothing is said.
+    // Motions within ten times its declared noise give no value.
     let first = lag.iter().position(|lag| !lag.is_nan()).unwrap();
     assert!(first < 4 * 4096, "{first}");
     for ((margin, lag), stiffness) in margin.iter().zip(&lag).zip(&stiffness).skip(first) {

@@ -1,4 +1,4 @@
-//! A test whose specimen stands behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
+//! A test whose specimen is behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset_actuator::compensation::CompensationSpec;
@@ -333,8 +333,8 @@ fn compensation_covers_the_velocity_too() {
     let led = off(&run(&format!(
         "{delay}compensation.polynomial = {{ order = 3, delay_s = 0.005 }}\n"
     )));
-    // At resonance the damper alone holds the motion, and is late by ωτ = 0.157 of it where nothing makes up for that; of a
-    // velocity that is led, too, (ωτ)⁴ = 6.1e-4 is left.
+    // At resonance the damper alone holds the motion, and without compensation it is late by ωτ = 0.157 of the motion; with a
+    // compensated velocity, (ωτ)⁴ = 6.1e-4 remains.
     assert!(led < 1e-3 && late > 0.1, "{led} {late}");
 }
 
@@ -659,7 +659,7 @@ fn benchmark_command_prints_its_criteria() {
     let line = &found["lines"][0];
     assert_eq!(line["ticks_at_force_limit"], 0);
     let j = |name: &str| line["criteria"][name].as_f64().unwrap();
-    // A lag of 4 to 5 ms is what the sample controller leaves, whatever the record.
+    // A lag of 4 to 5 ms remains with the sample controller, whatever the record.
     assert!((4.0..5.5).contains(&j("j1")) && (j("delay_ms") - j("j1")).abs() < 0.25);
     for name in ["j2", "j3", "j4", "j5", "j6", "j7", "j8", "j9"] {
         assert!((1.0..60.0).contains(&j(name)), "{name}");

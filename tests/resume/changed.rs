@@ -153,7 +153,7 @@ fn resume_refuses_a_changed_force() {
         &["--accept-changed", "unloaded by hand"],
     );
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    // What differs stands where people look, and not in the events alone.
+    // The difference is shown in the summary and the page, and not in the events alone.
     let summary = common::json(&at("second"), "summary.json");
     let page = std::fs::read_to_string(at("second/report.html")).unwrap();
     let warnings = summary["warnings"].as_array().unwrap().iter();
@@ -256,7 +256,7 @@ fn limited(level: &str) -> String {
 }
 
 #[test]
-fn resume_goes_on_with_wider_limits() {
+fn resume_accepts_wider_limits() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let wide = limited("measured_force_n = { trip = [-1e5, 1e5] }");
@@ -362,7 +362,7 @@ fn resume_refuses_a_command_beyond_a_limit() {
     assert_eq!(said.code, Some(0), "{}", said.stderr);
 }
 
-/// The words of a run folder decide nothing: a program that reads other words judges and resumes it alike.
+/// The texts of a run folder decide nothing: a program that reads other texts checks and resumes it alike.
 #[test]
 fn reworded_run_is_resumed_alike() {
     let home = tempfile::tempdir().unwrap();
@@ -386,10 +386,10 @@ fn reworded_run_is_resumed_alike() {
     ] {
         let said = reworded(&args);
         assert_eq!(said.code, Some(code), "{args:?}: {}", said.stderr);
-        // The resume says how the test ended.
+        // The resume reports how the test ended.
         assert_eq!(said.stderr.contains("reworded"), args.contains(&"--resume"));
     }
-    // The cause is judged, in any words.
+    // The cause decides, in any wording.
     let mut summary = common::json(home.path().join("first").as_path(), "summary.json");
     assert_eq!(summary["cause"], "measured_force_n");
     summary["cause"] = "command_disp_m".into();

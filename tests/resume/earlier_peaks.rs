@@ -39,7 +39,7 @@ fn tripping_force_is_a_resumed_tests_peak() {
         before = name;
     }
 
-    // A recording from before such files had that is still gone on with.
+    // A recording from before such files had that is still resumed.
     let older = at("second").join("resumed.json");
     let mut origin = common::json(&at("second"), "resumed.json");
     origin.as_object_mut().unwrap().remove("peak");

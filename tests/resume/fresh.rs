@@ -1,4 +1,4 @@
-//! A new test on a specimen that bears a force already, as one that has yielded in an earlier test does.
+//! A new test on a specimen that already carries a force, for example because it yielded in an earlier test.
 
 use super::changed::Cell;
 use super::rigs::built;

@@ -1,4 +1,4 @@
-//! A long record takes no more memory to go on with than a short one.
+//! Resuming a long record takes no more memory than a short one.
 
 use serde_json::json;
 

@@ -7,7 +7,7 @@ use super::rigs::{Rig, built, run_rigs, two_rigs};
 use super::*;
 
 #[test]
-fn changed_run_is_refused_damage_goes_back() {
+fn changed_run_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
@@ -261,7 +261,7 @@ fn tripped_test_needs_after_trip() {
     refused(&first, "but the rows end at", &["--after-trip"]);
 }
 
-/// The commands of a test that froze where it tripped are those of one that was interrupted: only its events tell them apart.
+/// A test that froze at its trip has the same commands as an interrupted one: only its events show the difference.
 #[test]
 fn lost_trip_event_needs_after_trip() {
     let home = tempfile::tempdir().unwrap();

@@ -342,7 +342,7 @@ fn static_load_and_given_motion_continue() {
     }
 }
 
-/// A spring behind a lag that takes some looks for its answer, or loses answers and finds some of them later.
+/// A spring behind a lag that takes some polls for its answer, or loses answers and finds some of them later.
 struct Partner {
     coupling: Coupling,
     late: &'static [u32],
@@ -431,7 +431,7 @@ impl Substructure for Partner {
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// A frame of two storeys with a spring in the lower one and a partner in the upper one.
+/// A frame of two storeys with a spring in the lower one and a [`Partner`] in the upper one.
 fn with_partner(ticks: u32, partner: Partner, change: impl Fn(&mut PortSpec)) -> Experiment {
     let mut experiment = prepare(&format!(
         "[time]\nstep_s = 0.01\nduration_s = 2\nclock = \"simulated\"\nticks_per_step = {ticks}\n[integrator]\nlambda = 2\n\

@@ -16,12 +16,12 @@ pub struct Rig {
     ends: Option<(u32, End)>,
     told: u32,
     sequence: u64,
-    /// It does not say where it stands.
+    /// It does not report its position.
     is_mute: bool,
 }
 
 impl Rig {
-    /// One that does not say where it stands, as an actor of OpenFresco.
+    /// A rig that does not report its position, as an actor of OpenFresco.
     fn mute(place: &Arc<Mutex<f64>>) -> Box<dyn Substructure> {
         Box::new(Self {
             place: Arc::clone(place),
@@ -342,7 +342,7 @@ fn resume_works_after_a_failed_startup() {
     put(commands.each_ref().map(|column| column[ramps + 20]));
     goes_on("cut-again", "at-last");
 
-    // Somebody has moved it: refused, and that is no way around being refused.
+    // Somebody has moved it: refused, and a second resume is refused, too.
     for (from, to) in [("third", "refused"), ("refused", "refused-again")] {
         put([5e-3, 0.0]);
         let ended = run_rigs(again(from), rigs(), &at(to), None);
@@ -357,8 +357,8 @@ fn resume_works_after_a_failed_startup() {
     assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
 }
 
-/// What specimens that remember went through once they do not go through again: neither after an end nor after a kill of the test
-/// that led them, wherever its folder is, nor if they came back near to where they were. What was refused has led them nowhere.
+/// Specimens that remember must not repeat their motion: neither after an end nor after a kill of the test that moved them,
+/// wherever its folder is, nor if they returned near to their start. A refused test has moved them nowhere.
 #[test]
 fn interruption_is_resumed_once() {
     let home = tempfile::tempdir().unwrap();
@@ -419,7 +419,7 @@ fn interruption_is_resumed_once() {
             said.stderr
         );
     }
-    // It ended a while ago, and may be gone: what was said of it still holds.
+    // It ended a while ago, and may be gone: its mark still holds.
     copy(&at("first"), &at("kept/first"));
     std::fs::rename(at("second"), at("elsewhere")).unwrap();
     let gone = "is not there any more";
@@ -428,7 +428,7 @@ fn interruption_is_resumed_once() {
     copy(&at("elsewhere"), &at("kept/second"));
     refusal("kept/first", &[&after, "kept/"]);
 
-    // A kill leaves no word of how far it came but its own record.
+    // After a kill only its own record shows how far it came.
     let said = std::fs::read_to_string(&mark).unwrap();
     let unknown = said.replace(&format!("\"reached\": {reached}"), "\"reached\": null");
     assert_ne!(said, unknown);
@@ -446,7 +446,7 @@ fn interruption_is_resumed_once() {
     }
     refusal("first", &["second, as far as step", "--resume"]);
 
-    // One that came to the end of the test.
+    // A run that completed the test.
     std::fs::remove_file(&mark).unwrap();
     put(stands);
     let ended = run_rigs(next(), rigs(), &at("rest"), None);

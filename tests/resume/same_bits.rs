@@ -225,8 +225,8 @@ fn per_step_specimen_gets_its_next_target() {
     }
 }
 
-/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
-/// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
+/// With a hold ramp the first steps take several ticks: a formula that remembers moves in smaller parts. This one is exact whatever
+/// the parts, so that only roundoff differs; others differ by their own error of integration.
 #[test]
 fn hold_ramp_at_start_keeps_the_response() {
     let home = tempfile::tempdir().unwrap();
@@ -289,7 +289,7 @@ fn compensated_test_resumes_from_a_hold() {
         let lead = whole[1].iter().zip(&whole[2]).map(|(c, d)| (c - d).abs());
         let lead = lead.fold(0.0, f64::max);
         let usual = jump(&whole[1]);
-        // Easing takes 80 steps.
+        // The hold ramp takes 80 steps.
         let bound = 1.02 * usual + lead / (80.0 * f64::from(ticks));
         assert!(lead > 5.0 * bound, "{lead} {bound}");
         let holds = |row: &usize| whole[0][*row] == Phase::Holding.code();
@@ -328,7 +328,7 @@ fn compensated_test_resumes_from_a_hold() {
 
 #[test]
 #[expect(clippy::disallowed_methods, reason = "another process is waited for")]
-fn a_killed_test_goes_on() {
+fn killed_test_resumes() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 3.0, 0.0));

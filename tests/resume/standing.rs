@@ -1,4 +1,4 @@
-//! Where a specimen across a link stands, and what it bears there.
+//! The position of a specimen behind a link, and the force that it carries there.
 
 use super::*;
 
@@ -188,7 +188,7 @@ fn concluded(mut test: gusset_setup::Prepared, out: &Path) -> session::Finished 
 
 /// The frame whose bottom storey is the damper.
 fn damped(home: &Path, safety: &str, specimen: &str) -> gusset_setup::Prepared {
-    // What bears a force in motion only bears another one at rest.
+    // A specimen that carries a force only in motion carries another one at rest.
     let safety = format!("[safety]\nunlimited = \"a damper\"\nresume_within_n = 1e6\n{safety}");
     let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
     let linked = law.split("[specimen.law").next().unwrap().to_owned()

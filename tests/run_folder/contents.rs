@@ -115,7 +115,7 @@ fn folder_has_exactly_the_contracts_files() {
 
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("<svg") && page.contains("Frame"));
-    // The script that draws the charts says in a comment where it comes from.
+    // The script that draws the charts names its source in a comment.
     let own = page.replace("http://www.w3.org/", "");
     let own = own.replace(gusset_view::assets::CHART_SCRIPT, "");
     for outside in ["http://", "https://", "src=", "@import"] {
@@ -304,7 +304,7 @@ fn resolved_toml_repeats_the_test_elsewhere() {
     for key in ["steps", "dt", "lambda", "peak", "rate_hz", "inputs"] {
         assert_eq!(one[key], two[key], "{key}");
     }
-    // And what it resolves to is itself, but for the comment beside the automatic λ.
+    // And the resolved file resolves to itself, except for the comment beside the automatic λ.
     let plain = resolved.replace(" # requested \"auto\"", "");
     assert_eq!(
         fs::read_to_string(again.join("resolved.toml")).unwrap(),
@@ -360,7 +360,7 @@ fn both_clocks_and_a_repeat_agree() {
         .as_f64()
         .unwrap();
     assert!(yielded > 1.5e3, "{yielded} N");
-    // What depends on wall time is marked, and is all that is.
+    // Exactly the columns that depend on wall time are marked.
     let run = Run::open(&at("real")).unwrap();
     let marked: BTreeMap<&str, bool> = run
         .layout()
@@ -415,7 +415,7 @@ fn run_is_named_after_its_title_and_start() {
     );
 }
 
-/// A test on the simulated clock whose folder others lay hands on at its last tick, when rows are in the file.
+/// A test on the simulated clock whose folder is changed by others at its last tick, when rows are in the file.
 fn meddled(meddle: fn(&Path), is_required: bool) -> session::Finished {
     let home = tempfile::tempdir().unwrap();
     let mut text = FRAME.replace("duration_s = 0.5", "duration_s = 20");
@@ -441,7 +441,7 @@ fn meddled(meddle: fn(&Path), is_required: bool) -> session::Finished {
 /// Without its final event a run counts as killed.
 #[test]
 fn required_record_without_summary_stops() {
-    // Nothing that is written takes the place of a folder that holds something.
+    // No written file replaces a folder with content.
     let occupy = |run: &Path| fs::create_dir_all(run.join("summary.json/other")).unwrap();
     for (is_required, wanted) in [(false, Cause::Done), (true, Cause::RecordDamaged)] {
         let finished = meddled(occupy, is_required);

@@ -1,4 +1,4 @@
-//! Exports: other programs open them and find the numbers of the log; what cannot be exported is said.
+//! Exports: other programs open them and find the numbers of the log; refused exports give a reason.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ pub fn export(run: &Path, format: &str, out: &Path, more: &[&str]) -> Said {
     say(arguments.iter().chain(more))
 }
 
-/// Exports in every table format; what was said of the last.
+/// Exports in every table format; returns the output of the last.
 fn all_tables(run: &Path, into: &Path, more: &[&str]) -> Said {
     fs::create_dir(into).unwrap();
     let each = TABLES.map(|format| {
@@ -62,8 +62,8 @@ fn octave_opens_every_format() {
     }
 }
 
-/// 700,000 rows of 14 columns: many blocks, many pieces of a column that a library asks for. Gaps, names that a format may not have, a run
-/// without summary.
+/// 700,000 rows of 14 columns: many blocks, many pieces of a column that a library reads. Gaps, names that a format may forbid, a
+/// run without summary.
 #[test]
 fn a_run_of_many_blocks_arrives_whole() {
     let temp = tempfile::tempdir().unwrap();
@@ -116,7 +116,7 @@ fn torn_run_exports_its_sound_rows() {
         "{}",
         said.stderr
     );
-    // An empty table of text is not what `genfromtxt` can read.
+    // `genfromtxt` cannot read an empty table of text.
     if let Some(said) = judge(&run, &out, "step", &["npz", "mat", "hdf5"]) {
         assert!(said.ends_with(" 0 rows"), "{said}");
     }
@@ -182,7 +182,7 @@ fn exported_with(folder: &Path, test: &str, with: &str) -> (Said, std::path::Pat
 
 const ALL: &str = "absolute-acceleration,storey-drift,storey-shear";
 
-/// Without damping the storeys carry what their springs and the specimen give: an equation that the export does not use.
+/// Without damping the storeys carry the forces of their springs and the specimen: an equation that the export does not use.
 #[test]
 fn inertia_shears_equal_storey_forces() {
     let temp = tempfile::tempdir().unwrap();

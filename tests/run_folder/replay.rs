@@ -1,4 +1,4 @@
-//! A recorded test comes out again bit for bit, from its folder alone; and whatever was changed in it is found and named.
+//! A recorded test is replayed bit for bit, from its folder alone; every change in it is found and named.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -53,7 +53,7 @@ fn test_in(home: &Path, more: &str) -> PathBuf {
     path
 }
 
-/// Runs it while an operator says these words, one a tick from the first tick on.
+/// Runs it while an operator gives these commands, one a tick from the first tick on.
 fn record(home: &Path, words: &[Operator]) -> PathBuf {
     record_of(&test_in(home, ""), words)
 }
@@ -94,7 +94,7 @@ fn replay_works_wherever_the_folder_is() {
     assert!(rows > 1537 + 10, "those before t = 0 too");
 }
 
-/// No machine makes a step of 40 000 masses in 20 µs: the test is not begun, and its specimen is led home from there.
+/// No machine makes a step of 40 000 masses in 20 µs: the test does not begin, and its specimen returns from there.
 #[test]
 fn unstarted_test_is_replayed() {
     const SLOW: &str = r#"
@@ -162,7 +162,7 @@ fn holds_happen_again_where_they_happened() {
     }
 }
 
-/// While the sensors are read, while the static load comes on, and in the ramp behind it.
+/// During zeroing, during the static load, and in the ramp after it.
 #[test]
 fn holds_before_the_test_are_replayed() {
     let rows = |run: &Path| Run::open(run).unwrap().columns(&["state"]).unwrap();
@@ -284,11 +284,10 @@ fn trip_outside_the_test_is_replayed() {
     }
 }
 
-/// A test that was never confirmed is not taken for one that was, and the other way round: only the operator's word in the
-/// row tells a refusal of the very first command from a trip in the wait. The first tick of the wait is that of the word after
-/// eleven.
+/// A test that was never confirmed is not taken for one that was, and the other way round. Only the operator's command in the row
+/// distinguishes a refused first command from a trip in the wait. The first tick of the wait is that of the command after eleven.
 #[test]
-fn a_confirmation_stands_in_the_record() {
+fn confirmation_is_in_the_record() {
     use Operator::{Confirm, Continue, Stop};
     let refusing = "[specimen.limits]\ncommand_disp_m = { trip = [-1.0, 1e-9] }\n[safety]\n";
     for (waits, says, refused) in [
@@ -453,7 +452,7 @@ fn damage_or_a_foreign_file_ends_the_proof() {
     assert_eq!(said.status.code(), Some(2), "{said:?}");
     let told = String::from_utf8_lossy(&said.stderr).into_owned();
     assert!(told.contains("resolved.toml was changed"), "{told}");
-    // Where nothing says what it was, the rows show it.
+    // Without any description, the rows show it.
     let events = run.join("events.jsonl");
     let told = std::fs::read_to_string(&events).unwrap();
     let silent = told
@@ -476,7 +475,7 @@ fn damage_or_a_foreign_file_ends_the_proof() {
     assert!(String::from_utf8_lossy(&said.stderr).contains("SHA-256"));
 }
 
-/// Copies the run, spoils the copy, and replays it: the exit code, and what was said.
+/// Copies the run, spoils the copy, and replays it; returns the exit code and the output.
 fn spoilt(run: &Path, spoil: impl FnOnce(&Path)) -> (i32, String) {
     let home = tempfile::tempdir().unwrap();
     let copy = home.path().join("copy");
@@ -663,7 +662,7 @@ fn tripped(home: &Path) -> PathBuf {
     record_of(&test_in(home, limits), &[])
 }
 
-/// What `replay --json` and `report` say of a run with another summary: their exit codes, the keys that differ, and the page.
+/// The verdict of `replay --json` and `report` on a run with another summary: their exit codes, the keys that differ, and the headline.
 fn judged(
     run: &Path,
     edit: impl FnOnce(&mut serde_json::Value),

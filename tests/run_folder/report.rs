@@ -1,5 +1,4 @@
-//! The report command: two runs on one page, tracking metrics with their noise floors, and folders that are not what they
-//! should be.
+//! The report command: two runs on one page, tracking metrics with their noise floors, and damaged folders.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -370,7 +369,7 @@ fn cut_record_never_equals_another() {
 
 /// 30 GB of zeros behind the rows, and more events of a kind than any reader looks at.
 #[test]
-fn a_report_of_endless_files_is_bounded() {
+fn report_of_endless_files_is_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let out = made(folder.path(), "endless", FRAME);
     let run = gusset_record::Run::open(&out).unwrap();

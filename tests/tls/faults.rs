@@ -1,5 +1,5 @@
-//! What happens to a test over TLS while it runs: strangers disturb nothing; a peer that stops, falls silent or goes is a
-//! stated end.
+//! Faults of a test over TLS while it runs: strangers disturb nothing; a peer that stops, falls silent or leaves ends the test in a
+//! stated way.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -43,7 +43,7 @@ fn failed_handshakes_do_not_disturb_a_test() {
         let authority = crate::tls_common::make(folder);
         let served = Served::start(
             folder,
-            // A computed specimen of OpenFresco's protocols lets others wait.
+            // A computed specimen of OpenFresco's protocols makes others wait.
             &if protocol == "gusset" {
                 local()
             } else {
@@ -175,7 +175,7 @@ fn stalling(server: &str, stall: Arc<AtomicBool>) -> String {
                 return;
             }
         }
-        // Held open until the controller goes.
+        // Held open until the controller closes.
         while from.read(&mut buffer).is_ok_and(|count| count > 0) {}
     });
     address
@@ -229,7 +229,7 @@ fn stalled_peer_ends_a_sampled_tls_test() {
         );
     let test = Running::start(folder, "run", &text);
     served.hears("armed for");
-    // Who never answered does not enter the first step at all.
+    // A specimen that never answered does not enter the first step at all.
     test.moves();
     stall.store(true, Ordering::Release);
     fails_for(
@@ -249,7 +249,7 @@ fn client_stalled_in_a_record_is_given_up() {
     let mut half = TcpStream::connect(&served.address).unwrap();
     half.set_read_timeout(Some(Duration::from_secs(60)))
         .unwrap();
-    // A handshake record of 512 bytes of which one comes.
+    // A handshake record of 512 bytes of which one arrives.
     half.write_all(&[22, 3, 1, 2, 0, 1]).unwrap();
     served.hears("no end of the TLS handshake within 5 s");
     // The connection closes, after a TLS alert at most.

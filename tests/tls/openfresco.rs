@@ -1,4 +1,4 @@
-//! OpenFresco's protocols over TLS: who is let in, what is said when plain and TLS meet, and what must not be possible.
+//! OpenFresco's protocols over TLS: accepted clients, messages when plain and TLS meet, and forbidden settings.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -97,7 +97,7 @@ fn unsuitable_certificate_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let authority = crate::tls_common::make(folder);
-    // A client's certificate need not be there, but one that is shown must hold.
+    // A client need not send a certificate, but a certificate that is sent must be valid.
     for required in [true, false] {
         let here = server(folder, required);
         authority.issue(folder, "client", &["controller"], EXPIRED);
@@ -143,7 +143,7 @@ fn stalled_handshake_frees_the_port() {
     let alone = stall();
     assert_eq!(here.end(), End::Tls(TlsFault::SlowHandshake));
     drop(alone);
-    // Nor does he keep anybody else out in the meantime.
+    // Nor does it keep other clients out in the meantime.
     let mut half = stall();
     let mut good = remote(Peer::Element, &here, Some(client(folder)));
     good.open().unwrap();

@@ -1,5 +1,5 @@
-//! What TLS refuses, each in words that say which file or end is wrong: before anything moves, exit code 3; a file of our
-//! own that cannot be used is a mistake of the configuration, exit code 2.
+//! Refusals of TLS, each with the file or end that is wrong: before anything moves, exit code 3. An unusable file of our own is a
+//! mistake of the configuration, exit code 2.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -41,7 +41,7 @@ fn shows(text: &str, part: &str) {
     assert!(text.contains(part), "{part:?} is not in: {text}");
 }
 
-/// One end has a certificate that will not do; what the controller and the server say of it.
+/// One end has an unsuitable certificate; checks the messages of the controller and of the server.
 fn with(spoil: impl Fn(&Authority, &Path), controller: &str, server: &str) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -115,7 +115,7 @@ fn authority_with_only_the_name_is_refused() {
 }
 
 #[test]
-fn client_certificate_is_none_for_a_server() {
+fn client_certificate_does_not_suit_server() {
     with(
         |authority, folder| {
             authority.issue(folder, "other", LOCAL, VALID);
@@ -154,7 +154,7 @@ fn other_host_name_shows_both_names() {
         let (code, said) = run(folder, name, &table(keys));
         assert_eq!(code, 0, "{said}");
     }
-    // Without the name the authority is still asked.
+    // Without the name the authority is still checked.
     Authority::named("another laboratory").issue(folder, "server", LOCAL, VALID);
     let served = Served::start(folder, &local(), TLS);
     let text = over_tls(&served.address, "[specimen.link.tls]\ncheck_name = false");
@@ -245,7 +245,7 @@ fn stalled_handshake_is_given_up() {
     drop(silent);
 }
 
-/// Exit code 2, and what was said, of a test and of a server with these files.
+/// Exit code 2, and the messages, of a test and of a server with these files.
 fn mistakes(spoil: impl Fn(&Authority, &Path, &str)) -> [String; 2] {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

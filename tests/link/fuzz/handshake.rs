@@ -1,4 +1,4 @@
-//! Control messages: what agrees on everything before anything moves.
+//! Control messages: they agree on everything before anything moves.
 
 use gusset_wire::handshake::{
     Arm, Axis, Bye, Capabilities, Control, Hello, Limits, Refuse, RefuseCode, Sampling, Terms,

@@ -31,7 +31,7 @@ enum Role {
     Shadow,
 }
 
-/// An exchange as one end hears it.
+/// An exchange as one end receives it.
 struct Exchange {
     roles: &'static [Role],
     carrier: Carrier,

@@ -175,7 +175,7 @@ fn our_shadow_sends_what_the_real_one_sent() {
                 },
             })
             .unwrap();
-            // What our side has to send before the next answer, message by message.
+            // The messages that our side must send before the next answer.
             let mut due = vec![shadow.open().unwrap().to_vec()];
             let mut ended = false;
             for message in &capture.messages {

@@ -1,4 +1,4 @@
-//! The stage itself: what it must notice, it notices.
+//! The stage itself: it detects every fault that it must.
 
 use super::stage::{assert_quiet, visit};
 

@@ -1,4 +1,4 @@
-//! The live page: what an operator sees and presses, in a real browser, with a test that runs.
+//! The live page: an operator's view and buttons, in a real browser, with a running test.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ impl Drop for Running {
     }
 }
 
-/// Starts a test with its page into `home/run`: what it says after that, its address, its control token.
+/// Starts a test with its page into `home/run`; returns its output after that, its address and its control token.
 pub fn start(home: &Path, text: &str) -> (Running, BufReader<ChildStderr>, [String; 2]) {
     let mut child = gusset()
         .arg("run")
@@ -56,7 +56,7 @@ pub fn start(home: &Path, text: &str) -> (Running, BufReader<ChildStderr>, [Stri
     (running, said, [address, token])
 }
 
-/// Waits for the end of a test: its exit code, and what it said.
+/// Waits for the end of a test; returns its exit code and its output.
 pub fn finish(mut running: Running, mut said: BufReader<ChildStderr>) -> (Option<i32>, String) {
     let mut rest = String::new();
     said.read_to_string(&mut rest).unwrap();

@@ -8,7 +8,7 @@ use super::live::{finish, start};
 use super::stage::{assert_quiet, installed, visit};
 use crate::common::FRAME;
 
-/// What `screen.mjs` finds on the page of a test; the exit code of the test is 130.
+/// The findings of `screen.mjs` on the page of a test; the exit code of the test is 130.
 fn seen(text: &str, more: &[&str]) -> Option<Value> {
     installed()?;
     let home = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Runs one visit script of this folder under Node and gives what it found.
+//! Runs one visit script of this folder under Node and returns its findings.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-/// The scripts' modules and the browser; `None`, said loudly, where they are missing.
+/// The scripts' modules and the browser; `None`, with a clear message, where they are missing.
 ///
 /// # Panics
 /// Where they are missing and CI=true.

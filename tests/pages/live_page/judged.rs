@@ -19,9 +19,9 @@ use crate::common::engine::{prepare, run_on};
 const RATE_HZ: f64 = 200.0;
 const STIFFNESS: f64 = 2e5;
 
-/// A spring in millimetres whose displacement sensor reads 5 mm too much and a tenth too little.
+/// A spring in millimetres whose displacement sensor has an offset of 5 mm and a gain of 0.9.
 struct Crooked {
-    /// Ticks that it takes for an answer.
+    /// Polls that it takes for an answer.
     takes: u32,
     left: u32,
     disp: f64,
@@ -170,7 +170,7 @@ fn about() -> About {
     }
 }
 
-/// A board, and who looks at the rows for it.
+/// A board, and the tap that updates it with rows.
 fn looked_at(experiment: &Experiment, phase: &PhaseCell) -> (Arc<Board>, Tap) {
     let subject = Subject::new(experiment, about());
     let board = Arc::new(Board::new(subject, phase.clone(), None));
@@ -305,7 +305,7 @@ fn every_limit_of_the_test_is_shown() {
     assert_eq!(board.latest().test[place.unwrap()], [0.0, 2.0]);
 }
 
-/// Rows of the warm-up are held back: that is no silence, and the hold is known without them.
+/// Rows of the warm-up are delayed: that is no silence, and the page shows the hold without them.
 #[test]
 fn long_warm_up_raises_no_alarm() {
     let experiment = shaken(false, open());

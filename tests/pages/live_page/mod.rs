@@ -1,5 +1,5 @@
-//! The live page from outside: viewers change nothing, however they behave; who has no token neither sees nor moves
-//! anything; what Prometheus scrapes is well formed.
+//! The live page from outside: viewers change nothing, however they behave; without a token a client neither sees nor moves
+//! anything; the metrics for Prometheus are well formed.
 
 mod exposition;
 mod judged;
@@ -29,7 +29,7 @@ fn viewers_change_no_number_of_the_test() {
     completed(&test, &alone, &["--clock", "simulated"]);
     let running = Running::start(home, "watched", &test, "127.0.0.1", &[]);
     let address = running.address.clone();
-    // Asks for everything and never reads a byte; held to the end.
+    // Requests everything and never reads a byte; connected to the end.
     let slow: Vec<_> = (0..2).map(|_| call(&address, "GET /stream", &[])).collect();
     let viewers: Vec<_> = (0..10)
         .map(|_| {
@@ -38,7 +38,7 @@ fn viewers_change_no_number_of_the_test() {
         })
         .collect();
     for _ in 0..20 {
-        // In mid-stream, in the head of a request, and before a word.
+        // In mid-stream, in the head of a request, and before any byte.
         drop(call(&address, "GET /stream", &[]));
         drop(ask(&address, "GET /stream", &[]));
         drop(std::net::TcpStream::connect(&address).unwrap());
@@ -126,7 +126,7 @@ fn commands_need_the_token() {
     let reply = running.order("hold");
     assert_eq!(reply.status, 202, "{reply:?}");
     running.until_phase("holding");
-    // The phase is known at once; what rows tell is up to a twentieth of a second behind.
+    // The phase is known at once; values of rows are up to a twentieth of a second late.
     let ticks = running.metric("gusset_ticks_total");
     until("rows of the hold", || {
         running.metric("gusset_ticks_total") > ticks + 40.0
@@ -207,7 +207,7 @@ fn continue_ends_only_the_hold_it_names() {
     assert_eq!(events.matches("\"continue_requested\"").count(), 2);
 }
 
-/// They ask again and again on connections that stay open, so that none of them is ever silent.
+/// They repeat requests on open connections, so that none of them is ever silent.
 #[test]
 fn too_many_clients_keep_no_stop_out() {
     let home = tempfile::tempdir().unwrap();
@@ -226,7 +226,7 @@ fn too_many_clients_keep_no_stop_out() {
         scope.spawn(|| {
             while !is_over.load(std::sync::atomic::Ordering::Relaxed) {
                 for mut client in &clients {
-                    // One that was closed for a newcomer comes back no more.
+                    // A connection closed for a newcomer does not return.
                     let _ = std::io::Write::write_all(&mut client, web::KEEP_ALIVE);
                 }
                 gusset_session::pause(std::time::Duration::from_millis(50));
@@ -240,7 +240,7 @@ fn too_many_clients_keep_no_stop_out() {
 }
 
 #[test]
-fn on_the_way_out_no_hold_is_accepted() {
+fn no_hold_is_accepted_in_the_shutdown() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let slowly = [

@@ -59,7 +59,7 @@ impl Running {
         }
     }
 
-    /// Waits for the end: the exit code, and what was said.
+    /// Waits for the end; returns the exit code and the output.
     pub fn end(mut self) -> (Option<i32>, String) {
         let mut said = String::new();
         self.said.read_to_string(&mut said).unwrap();

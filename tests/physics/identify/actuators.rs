@@ -1,5 +1,5 @@
-//! Specimens with several axes that know of each other: a platform held by actuators, and a law between the axes themselves.
-//! One axis moves at a time, the others are held, and what all of them feel is one column of the stiffness.
+//! Specimens with several coupled axes: a platform held by actuators, and a law between the axes themselves. One axis moves at a
+//! time, the others are held, and the forces of all of them are one column of the stiffness.
 
 use std::path::{Path, PathBuf};
 
@@ -110,7 +110,7 @@ const MOTION: [&str; 6] = [
     "0.001",
 ];
 
-/// Number and standard error of what axis `i` (from 0) felt while `j` moved.
+/// Number and standard error of the force of axis `i` (from 0) while `j` moved.
 fn entry(found: &Value, i: usize, j: usize, key: &str) -> (f64, f64) {
     let axis = &found["axes"][j];
     let of = if i == j {
@@ -150,7 +150,7 @@ fn assert_column(found: &Value, share: f64) {
     }
 }
 
-/// While one moves all others stand where they stood.
+/// While one moves all others keep their position.
 fn assert_one_at_a_time(out: &Path) {
     let run = Run::open(out).unwrap();
     let columns = run.columns(&["cmd_1_1", "cmd_1_2", "cmd_1_3"]).unwrap();
@@ -191,8 +191,8 @@ fn every_platform_actuator_is_identified() {
     assert_eq!(metrics.as_array().unwrap().len(), 3);
 }
 
-/// Exact strokes bend: a stroke of A turns the lines of action by A / L, so that forces change by that share, L ≥ 1.1 m;
-/// half of the motion is on either side of zero, and the mean of what bends over a sweep is below its peak.
+/// Exact strokes are curved: a stroke of A turns the lines of action by A / L, so that forces change by that share, L ≥ 1.1 m. Half
+/// of the motion is on either side of zero, and the mean curvature over a sweep is below its peak.
 #[test]
 fn exact_actuators_are_found_nearly() {
     let (_keep, folder) = folder();
@@ -245,7 +245,7 @@ fn served_actuators_are_identified() {
     }
 }
 
-/// Without a word of limits the strokes are a twentieth of what the lengths leave, at the axis that counts double.
+/// Without limits the strokes are a twentieth of the available lengths, at the axis that counts double.
 #[test]
 fn actuators_share_the_remaining_length() {
     let (_keep, folder) = folder();
@@ -267,7 +267,7 @@ fn actuators_share_the_remaining_length() {
 
 const COUPLED: [[f64; 2]; 2] = [[3e6, -1e6], [-1e6, 2e6]];
 
-/// Axes without a geometry that know of each other, at a model scale and with a lever.
+/// Coupled axes without a geometry, at a model scale and with a lever.
 #[test]
 fn coupled_law_is_found_with_its_coupling() {
     let (_keep, folder) = folder();

@@ -114,7 +114,7 @@ fn impossible_bands_are_refused() {
 }
 
 #[test]
-fn a_dead_sensor_ends_with_1_and_says_why() {
+fn dead_sensor_ends_with_1_and_its_reason() {
     // The actuator does not move, and the sensor reads noise only.
     let dead = TEST.replace(
         "actuator.first_order = { time_constant_s = 0.0123 }",
@@ -193,7 +193,7 @@ fn redundant_actuators_are_refused() {
         &far,
         &["actuator 1", "length_m", "29 mm", "--amplitude 0.029"],
     );
-    // The first one says how far it may go, the second one does not.
+    // The first one has a stroke limit, the second one does not.
     refused(
         &unit(three),
         &["--duration", "10"],
@@ -249,7 +249,7 @@ fn link_without_displacement_is_refused() {
     let element = "address = \"127.0.0.1:1\"\nprotocol = \"openfresco\"";
     let delay = "`delay_s` in [specimen.identified]";
     refused(&link(element), &SHORT, &["storey", "forces only", delay]);
-    // What its end does not say shows when it has connected.
+    // Values that its end does not report are known only after connecting.
     let armed = Arc::new(AtomicUsize::new(0));
     let counter = Arc::clone(&armed);
     let change = |welcome: &mut Welcome| {
