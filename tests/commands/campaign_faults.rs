@@ -107,8 +107,8 @@ fn full_disk_stops_a_worker_cleanly() {
         let said = on_a_full_disk(arguments);
         assert_eq!(said.code, Some(2), "{}", said.stderr);
         assert!(said.stderr.contains("chunk-000001"), "{}", said.stderr);
-        let left = fs::read_dir(out.join("parts")).unwrap();
-        assert_eq!(left.count(), 0);
+        let parts = fs::read_dir(out.join("parts")).unwrap();
+        assert_eq!(parts.count(), 0);
     }
     let table = complete(&campaign("run", &out, &[]), &out);
     assert!(table == undisturbed());
@@ -422,14 +422,14 @@ fn leftovers_of_killed_collects_are_removed() {
     let (_folder, out) = planned();
     let table = complete(&campaign("run", &out, &[]), &out);
     let draft = |name: &str| out.join(format!("{name}.partial-0123456789abcdef"));
-    let left = [
+    let leftovers = [
         draft(".table.partial.csv"),
         draft(".table.partial.parquet"),
         draft(".summary.json"),
         draft(".report.html"),
         draft("parts/.chunk-000001-0123456789abcdef.part"),
     ];
-    for path in &left {
+    for path in &leftovers {
         fs::write(path, "half").unwrap();
     }
     let running = out.join(".table.partial.csv.partial-fedcba9876543210");
@@ -438,6 +438,6 @@ fn leftovers_of_killed_collects_are_removed() {
     let own = draft(".notes.txt");
     fs::write(&own, "of the user").unwrap();
     assert!(complete(&campaign("collect", &out, &[]), &out) == table);
-    assert!(left.iter().all(|path| !path.exists()));
+    assert!(leftovers.iter().all(|path| !path.exists()));
     assert!(running.exists() && own.exists());
 }

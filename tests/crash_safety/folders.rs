@@ -87,13 +87,13 @@ fn folder_moved_mid_test_gets_all_files() {
     assert_eq!(code, 130, "{said}");
     assert!(said.contains("was moved to "), "{said}");
     assert!(!said.contains("not written: "), "{said}");
-    let left = gusset_record::Run::open(&folder.path().join("elsewhere")).unwrap();
-    let warnings = &left.summary().unwrap().warnings;
+    let moved = gusset_record::Run::open(&folder.path().join("elsewhere")).unwrap();
+    let warnings = &moved.summary().unwrap().warnings;
     assert!(
         warnings.iter().any(|text| text.contains("was moved to ")),
         "{warnings:?}"
     );
-    assert_eq!(crate::rows(&left).1, gusset_record::End::Clean);
+    assert_eq!(crate::rows(&moved).1, gusset_record::End::Clean);
     assert!(!out.exists());
 }
 

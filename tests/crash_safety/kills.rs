@@ -29,7 +29,7 @@ struct Whole {
 
 /// State of the folder after a kill.
 #[derive(Debug, PartialEq)]
-enum Left {
+enum FolderState {
     /// It was killed before it had anything to record.
     Nothing,
     /// Number of whole rows, and the wall time in s that the rows do not cover, if known.
@@ -73,7 +73,7 @@ fn lost(run: &Run, killed_ns: u64) -> Option<f64> {
     Some(killed_ns.saturating_sub(first_edge_ns) as f64 * 1e-9 - covered)
 }
 
-fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
+fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> FolderState {
     let command = |word: &str| say([word.as_ref(), out.as_os_str()]);
     let run = match Run::open(out) {
         Ok(run) => run,
@@ -85,11 +85,11 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
                 assert_eq!(said.code, Some(2), "{}", said.stderr);
                 assert!(said.stderr.starts_with("error: "), "{}", said.stderr);
             }
-            return Left::Nothing;
+            return FolderState::Nothing;
         }
     };
     if !out.join("samples.bin").exists() {
-        return Left::Nothing;
+        return FolderState::Nothing;
     }
     let (found, end) = rows(&run);
     assert!(matches!(end, End::Clean | End::Torn { .. }), "{end}");
@@ -101,7 +101,7 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
         assert_eq!(found.len(), whole.rows.len());
         assert_eq!(summary.rows_lost, 0);
         assert!(out.join("timing.json").exists());
-        return Left::Finished;
+        return FolderState::Finished;
     }
     // At most the last line of the log is torn.
     let text = fs::read_to_string(out.join("events.jsonl")).unwrap();
@@ -134,7 +134,7 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
         "{}",
         said.stdout
     );
-    Left::Unfinished(found.len(), lost(&run, killed_ns))
+    FolderState::Unfinished(found.len(), lost(&run, killed_ns))
 }
 
 #[test]
@@ -174,14 +174,14 @@ fn kill_costs_only_the_last_instant() {
         };
         let delay = Duration::from_nanos(dice.roll() % longest);
         let killed_ns = kill_after(&test, &out, clock, delay);
-        let left = judge(folder.path(), &out, killed_ns, &whole);
+        let state = judge(folder.path(), &out, killed_ns, &whole);
         note(&format!(
-            "kill {kill} of seed {seed}, {clock}, after {delay:?}: {left:?}"
+            "kill {kill} of seed {seed}, {clock}, after {delay:?}: {state:?}"
         ));
-        match left {
-            Left::Nothing => nothing += 1,
-            Left::Finished => finished += 1,
-            Left::Unfinished(_, lost) => {
+        match state {
+            FolderState::Nothing => nothing += 1,
+            FolderState::Finished => finished += 1,
+            FolderState::Unfinished(_, lost) => {
                 unfinished += 1;
                 losses.extend(lost.filter(|_| real));
             }

@@ -78,9 +78,9 @@ fn killed_controller_leaves_a_held_specimen() {
             assert!(over.contains("without a goodbye"), "{over}");
             assert!(over.contains("the specimen stays where it is"), "{over}");
         }
-        let left = Run::open(&folder.join("killed")).unwrap();
-        assert!(left.summary().is_none());
-        let (rows, end) = rows(&left);
+        let killed = Run::open(&folder.join("killed")).unwrap();
+        assert!(killed.summary().is_none());
+        let (rows, end) = rows(&killed);
         assert!(
             !rows.is_empty() && matches!(end, End::Clean | End::Torn { .. }),
             "{end}"

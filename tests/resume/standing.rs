@@ -133,12 +133,12 @@ fn specimen_at_another_place_is_refused() {
         .unwrap()
         .columns(&["cmd_1_1"])
         .unwrap();
-    let left = Run::open(&at("first"))
+    let recorded = Run::open(&at("first"))
         .unwrap()
         .columns(&["cmd_1_1"])
         .unwrap();
     assert!(
-        commands[0].iter().all(|c| Some(c) == left[0].last()),
+        commands[0].iter().all(|c| Some(c) == recorded[0].last()),
         "nothing moved"
     );
 

@@ -662,7 +662,7 @@ fn tripped(home: &Path) -> PathBuf {
     record_of(&test_in(home, limits), &[])
 }
 
-/// The verdict of `replay --json` and `report` on a run with another summary: their exit codes, the keys that differ, and the headline.
+/// The verdict of `replay --json` and `report` on a run with another summary: exit codes, differing keys, and the headline.
 fn judged(
     run: &Path,
     edit: impl FnOnce(&mut serde_json::Value),

@@ -187,10 +187,10 @@ fn missing_numbers_are_gaps_in_the_report() {
     let out = made(folder.path(), "gaps", FRAME);
     let places =
         ["x1", "v1", "meas_1_1", "force_1_1", "ground", "compute_s"].map(|name| place(&out, name));
-    let holes: Vec<_> = (20..30)
+    let gaps: Vec<_> = (20..30)
         .flat_map(|row| places.map(|at| (row, at, f64::NAN)))
         .collect();
-    changed(&out, &holes);
+    changed(&out, &gaps);
     let said = say(["report".as_ref(), out.as_os_str()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
