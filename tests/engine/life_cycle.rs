@@ -584,7 +584,7 @@ fn shutdown_keeps_its_own_limits() {
     }
 }
 
-/// Energy, tangents and lag are those of the test: its last target is none of the shutdown's.
+/// Energy, tangents and lag are those of the test: the shutdown does not use its last target.
 #[test]
 fn nothing_is_estimated_in_the_shutdown() {
     let mut lab = Lab::new(SHORT);

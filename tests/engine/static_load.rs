@@ -346,7 +346,7 @@ fn imperfect_sensors_do_not_block_the_load() {
     }
 }
 
-/// A specimen whose end multiplies commands by `gain`; `heard` runs before each.
+/// A specimen whose end multiplies commands by `gain` and calls `heard` before each.
 struct Wired<F> {
     inner: Box<dyn Substructure>,
     gain: f64,

@@ -1,5 +1,5 @@
-//! The initial positions of a test's rigs, the readings of their sensors and load cells there, how the test takes its zeros and
-//! ends, and a record of each actuator's motion.
+//! The initial positions of a test's rigs, and the readings of their sensors and load cells there. Also how the test takes its
+//! zeros and ends, and a record of each actuator's motion.
 //!
 //! All of it comes from a separate random stream: everything else in a test with that seed stays unchanged.
 

@@ -256,8 +256,8 @@ const ENDS: [Ends; 7] = [
     Ends::Trip,
 ];
 
-/// After each of 50 tests and identifications that end in any maneuver the specimen is where it began, the end was regular, or the next
-/// one is refused and moves nothing.
+/// 50 tests and identifications end in any maneuver. After each the specimen is where it began or the end was regular; otherwise
+/// the next test is refused and moves nothing.
 #[test]
 fn no_ending_of_a_run_is_unseen() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! `gusset serve --out`: every controller's test has a separate run folder, for a gateway and for a formula alike, with one row per
-//! exchange in the format of every run folder. The example in config/ works.
+//! `gusset serve --out`: every controller's test has a separate run folder, for a gateway and for a formula alike. It has one row
+//! per exchange in the format of every run folder. The example in config/ works.
 
 use std::path::Path;
 

@@ -13,8 +13,8 @@
 //! | wrong axes, names, units, limits | here | openfresco_bad_input |
 //! | N or a count too small, too large, negative | (bounded: wire::native) | openfresco_strangers |
 //! | cut messages | link_faults, link_bad_network | openfresco_bad_input, openfresco_strangers |
-//! | bad checksum | link_faults, link_bad_network | (there is none) |
-//! | wrong key, none, unwanted | here | (there is none) |
+//! | bad checksum | link_faults, link_bad_network | (not in protocol) |
+//! | wrong key, none, unwanted | here | (not in protocol) |
 //! | expired, foreign or wrong certificate | tls_refusals | tls_openfresco |
 //! | a force that is no number | link_faults | openfresco_bad_input |
 //! | a force beyond the sensor's range | link_faults | (limits of the test) |

@@ -360,7 +360,7 @@ fn lag_and_gain_beyond_limits_end_the_test() {
     }
 }
 
-/// Of the floor: ω² = 300, ξ = 0.03, two thirds of the stiffness in the specimen.
+/// The critical delay of the floor: ω² = 300, ξ = 0.03, two thirds of the stiffness in the specimen.
 fn critical() -> f64 {
     sdof(0.03, 2.0 / 3.0, 300f64.sqrt()).unwrap()
 }
@@ -469,7 +469,7 @@ fn benchmark_has_its_published_delay() {
 
 #[test]
 fn late_axis_grows_at_its_tables_delay() {
-    // The table treats the coupling between axes as on time: here there is none.
+    // The table treats the coupling between axes as on time: here the axes are not coupled.
     let floors = FLOORS
         .replace("2e4", "0")
         .replace("duration_s = 1", "duration_s = 4");

@@ -1,4 +1,4 @@
-//! Refusals of TLS, each with the file or end that is wrong: before anything moves, exit code 3. An unusable file of our own is a
+//! Refusals of TLS, each with the file or end that is wrong: before anything moves, exit code 3. An unusable file of the user is a
 //! mistake of the configuration, exit code 2.
 
 use std::io::{Read, Write};
