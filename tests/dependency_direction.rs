@@ -1,7 +1,7 @@
-//! A separate binary: it names nothing of the crate, so `rustc --test` builds it in seconds.
+//! A separate binary: it uses nothing of the crate, so `rustc --test` builds it in seconds.
 //!
-//! The compiler keeps the direction of dependencies between the members of the workspace. Here stand the rules that it does not
-//! know.
+//! The compiler keeps the direction of dependencies between the members of the workspace. These tests keep the rules that it does
+//! not know.
 
 #[path = "dependency/cycles.rs"]
 mod cycles;
@@ -9,7 +9,7 @@ mod cycles;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Members, and modules of them, that know no system: no files, sockets, threads, clocks or logs.
+/// Members and modules without system calls: no files, sockets, threads, clocks or logs.
 const PURE: &[&str] = &[
     "quantity/catalog",
     "quantity/finding",
@@ -78,7 +78,7 @@ fn sources() -> Vec<PathBuf> {
     found
 }
 
-/// The file without its tests and without comments: what the program is made of.
+/// The code of the file without its tests and comments.
 fn code_of(path: &Path) -> String {
     // A test may take its material from anywhere.
     let inside = path
@@ -122,7 +122,7 @@ fn pure_modules_do_not_touch_the_system() {
 }
 
 #[test]
-fn unsafe_code_stands_in_one_file_only() {
+fn unsafe_code_is_in_one_file_only() {
     for path in sources() {
         let code = code_of(&path);
         let unsafe_here = code.contains("unsafe {") || code.contains("unsafe fn");
@@ -201,7 +201,7 @@ fn comments() -> Vec<(PathBuf, String)> {
 }
 
 #[test]
-fn comments_cite_only_documents_of_the_project() {
+fn comments_cite_only_project_documents() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut wrong = Vec::new();
     for (path, text) in comments() {
@@ -262,7 +262,7 @@ fn program() -> String {
 }
 
 #[test]
-fn troubleshooting_quotes_messages_of_the_program() {
+fn troubleshooting_quotes_program_messages() {
     let program = program();
     let page = include_str!("../src/guide/troubleshooting.md");
     let (mut quoted, mut wrong, mut in_table) = (0, Vec::new(), false);

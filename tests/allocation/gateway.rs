@@ -1,4 +1,4 @@
-//! What a server does for an exchange allocates nothing: limits, formula, log.
+//! An exchange on a server allocates nothing: limits, formula, log.
 
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::LimitsSpec;
@@ -9,7 +9,7 @@ use gusset_quantity::units::AxisUnits;
 use gusset_record::Run;
 
 #[test]
-fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
+fn exchange_allocates_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let text = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
     let law: SpecimenLaw = toml::from_str(text).unwrap();

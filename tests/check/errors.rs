@@ -217,7 +217,7 @@ fn double_well_has_no_known_error() {
 }
 
 #[test]
-fn friction_at_rest_does_not_slow_the_motion() {
+fn static_friction_does_not_slow_the_motion() {
     let text = |law: &str, integrator: &str| {
         format!(
             "[time]\nrate_hz = 1024\nduration_s = 6\nclock = \"simulated\"\n\
@@ -271,7 +271,7 @@ law.bilinear = { stiffness_n_per_m = 40e6, yield_force_n = 320e3, post_yield_rat
 "#;
 
 #[test]
-fn nearly_critical_delay_is_said_everywhere() {
+fn nearly_critical_delay_is_shown() {
     let said = check(NEARLY_CRITICAL);
     let errors = &said.json["verdict"]["errors"];
     let mode = &errors["modes"][1];

@@ -1,4 +1,4 @@
-//! What the end-to-end tests share: the binary, a small test file, and a run read back.
+//! Shared by the end-to-end tests: the binary, a small test file, and a run read back.
 #![allow(
     dead_code,
     reason = "every test is a separate crate and uses its share"
@@ -81,7 +81,7 @@ pub fn state_folder() -> PathBuf {
     std::env::temp_dir().join(name)
 }
 
-/// What a command said and how it ended.
+/// Output and exit code of a command.
 #[derive(Debug)]
 pub struct Said {
     pub code: Option<i32>,
@@ -125,7 +125,7 @@ pub fn run(test: &Path, out: &Path, more: &[&str]) -> Said {
     command.args(more).output().unwrap().into()
 }
 
-/// The same, and it must complete.
+/// Runs the test, which must complete.
 pub fn completed(test: &Path, out: &Path, more: &[&str]) -> Said {
     let said = run(test, out, more);
     assert_eq!(said.code, Some(0), "{}", said.stderr);

@@ -1,5 +1,5 @@
-//! A motion that ends early: the wiring check and the motion of an identification go back after a first signal, and every other
-//! maneuver rests. Nothing leaves the range that was passed.
+//! A motion that ends early: the wiring check and the motion of an identification return after a first signal, and every other
+//! maneuver comes to rest. Nothing leaves the range already covered.
 
 use std::sync::{Arc, Mutex};
 
@@ -86,7 +86,7 @@ const KINDS: [Kind; 4] = [
     },
 ];
 
-/// What happens when the commands with these places leave.
+/// The operator's commands, each when the command with that number leaves.
 type Says = Vec<(usize, Operator)>;
 
 /// The run, its commands, and the phase in which each left.
@@ -179,7 +179,7 @@ fn experiment(
     experiment
 }
 
-/// Runs a test in which the operator says these words, each when the command with that place leaves.
+/// Runs a test in which the operator gives these commands, each when the command with that number leaves.
 fn ended(kind: Kind, says: Says) -> Ended {
     ended_or_tripped(kind, says, None)
 }

@@ -22,7 +22,7 @@ fn bits(values: &[f64]) -> Vec<u64> {
 }
 
 #[test]
-fn every_kind_of_load_gives_the_bits_of_a_whole_step() {
+fn every_load_gives_the_whole_steps_bits() {
     let chain = |dofs: usize| {
         format!(
             "[structure.chain]\ndofs = {dofs}\nmass_kg = 150\nstiffness_n_per_m = 2.5e5\ndamping_n_s_per_m = 10\n\

@@ -41,7 +41,7 @@ fn burst((commands, seconds): (u64, u64)) -> f64 {
     (2.0 * seconds as f64 / commands as f64).clamp(0.02, 0.1)
 }
 
-/// Where a specimen was led, and when.
+/// Positions of a specimen over time.
 #[derive(Clone, Default)]
 struct Led(Arc<Mutex<Vec<(Nanos, f64)>>>);
 
@@ -66,7 +66,7 @@ impl Led {
         most
     }
 
-    /// The same excess for windows that begin after a command and end with one.
+    /// The excess for windows that begin after a command and end with one.
     fn beyond_its_own_time(&self) -> f64 {
         let (mut last, mut beyond, mut most) = ((Nanos(0), 0.0), 0.0_f64, 0.0_f64);
         for (now, disp) in self.0.lock().unwrap().iter() {
@@ -130,7 +130,7 @@ struct Client {
     clock: SimClock,
     led: Led,
     rate: (u64, u64),
-    /// Whose guard and latch every session has.
+    /// Every session uses its guard and latch.
     first: Host,
     end: Simulated,
     encoder: Encoder,
@@ -166,10 +166,10 @@ impl Client {
         client
     }
 
-    /// A new session. The old one ends without a word.
+    /// A new session. The old one ends without a goodbye.
     fn connect(&mut self) {
         let host = host(&self.clock, &self.led).guarded_as(&self.first);
-        // The old one goes first: it gives back what it was lent.
+        // The old one is dropped first: it returns what it borrowed.
         self.end = Simulated::new(unused(), self.clock.clone(), 0, true);
         self.end = Simulated::new(host, self.clock.clone(), 0, true);
         self.encoder = Encoder::greeting(Side::Controller);
@@ -299,7 +299,7 @@ fn a_step(chance: &mut Chance, rate: (u64, u64), silent_s: f64) -> f64 {
     if chance.one_in(4) { -step } else { step }
 }
 
-/// Plays one sequence; how far beyond its speed the specimen was led, in m, and in how many commands.
+/// Plays one sequence; returns how far beyond its speed the specimen moved, in m, and in how many commands.
 fn played(seed: u64, rates: &[(u64, u64)]) -> (f64, usize) {
     let mut chance = Chance::new(seed);
     let mut client = Client::new(rates[0]);
@@ -342,7 +342,7 @@ fn played(seed: u64, rates: &[(u64, u64)]) -> (f64, usize) {
 }
 
 #[test]
-fn no_client_with_a_rate_moves_a_specimen_faster_than_its_limit_and_one_burst() {
+fn rated_client_keeps_speed_and_one_burst() {
     const FAST: (u64, u64) = (1000, 1);
     const SLOW: (u64, u64) = (2, 1);
     let mut commands = 0;
@@ -397,7 +397,7 @@ impl Substructure for Standing {
 }
 
 #[test]
-fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time_say() {
+fn unrated_client_never_outruns_the_clocks() {
     let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
     for seed in 0..SEEDS {
         let (mut chance, led) = (Chance::new(seed), Led::default());

@@ -12,7 +12,7 @@ pub fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("config/faults")
 }
 
-/// Plays a script of the folder in the laboratory that stands beside it.
+/// Plays a script of the folder with the laboratory file beside it.
 fn play_script(script: &Script) -> Result<(Played, gusset_config::Loaded), String> {
     let folder = folder();
     let loaded = load(&folder.join("laboratory.toml"), &script.set).map_err(|e| e.to_string())?;
@@ -44,7 +44,7 @@ fn all() -> Vec<(String, Script)> {
     all
 }
 
-/// What is wrong with how a script went, if anything.
+/// The failures of a script.
 fn judge(script: &Script) -> Result<(), String> {
     let (played, loaded) = play_script(script)?;
     let (reason, exit) = played.verdict();
@@ -67,7 +67,7 @@ fn judge(script: &Script) -> Result<(), String> {
 }
 
 #[test]
-fn every_script_takes_the_test_where_it_says() {
+fn scripts_take_the_test_where_they_say() {
     let mut wrong = Vec::new();
     let only = std::env::var("GUSSET_FAULT_SCRIPT").ok();
     for (name, script) in all() {

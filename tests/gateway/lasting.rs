@@ -42,7 +42,7 @@ fn command(state: &Path) -> Command {
     command
 }
 
-/// Exit code and words of a command that ends.
+/// Exit code and output of a command that ends.
 fn said(mut command: Command) -> (i32, String) {
     command.stdin(Stdio::null());
     let output = finish(command);
@@ -135,7 +135,7 @@ fn a_run_killed_in_its_check_needs_a_reset() {
 }
 
 #[test]
-fn a_gateway_killed_in_its_check_needs_a_reset() {
+fn gateway_killed_in_its_check_needs_reset() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, state) = (folder.path(), folder.path().join("state"));
     let (address, position) = Fake::machine();
@@ -179,7 +179,7 @@ fn a_gateway_killed_in_its_check_needs_a_reset() {
 }
 
 #[test]
-fn an_operator_who_stops_a_run_leaves_a_record() {
+fn operator_who_stops_a_run_leaves_a_record() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, state) = (folder.path(), folder.path().join("state"));
     let (address, position) = Fake::machine();
@@ -199,7 +199,7 @@ fn an_operator_who_stops_a_run_leaves_a_record() {
     assert_eq!(place.units, ["m"]);
     let (code, words) = run_test(&state, &test, "refused");
     assert_eq!(code, 2, "{words}");
-    // The interrupted test knows where it left the specimen.
+    // The interrupted test recorded the last position of the specimen.
     let mut resumed = command(&state);
     resumed.arg("run").arg("--resume").arg(folder.join("first"));
     resumed.arg("--out").arg(folder.join("resumed"));
@@ -212,9 +212,9 @@ fn an_operator_who_stops_a_run_leaves_a_record() {
     child.wait().unwrap();
 }
 
-/// A first signal leads the wiring check back to where it began, and the run folder replays.
+/// After a first signal the wiring check returns to its start, and the run folder replays.
 #[test]
-fn a_signal_leads_a_wiring_check_back() {
+fn signal_returns_a_wiring_check() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, state) = (folder.path(), folder.path().join("state"));
     let (address, position) = Fake::machine();
@@ -256,8 +256,8 @@ const ENDS: [Ends; 7] = [
     Ends::Trip,
 ];
 
-/// After each of 50 tests and identifications that end in any maneuver the specimen is where it began, the end was regular, or the next
-/// one is refused and moves nothing.
+/// 50 tests and identifications end in any maneuver. After each the specimen is where it began or the end was regular; otherwise
+/// the next test is refused and moves nothing.
 #[test]
 fn no_ending_of_a_run_is_unseen() {
     let folder = tempfile::tempdir().unwrap();
@@ -335,7 +335,7 @@ fn no_ending_of_a_run_is_unseen() {
 }
 
 #[test]
-fn one_specimen_has_one_record_and_one_holder() {
+fn specimen_has_one_record_and_one_holder() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (address, _) = Fake::machine();
@@ -358,7 +358,7 @@ fn one_specimen_has_one_record_and_one_holder() {
 }
 
 #[test]
-fn what_is_no_plain_file_is_no_record() {
+fn special_file_is_no_record() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let key_of = |address| SpecimenKey::of_link("gusset", address);

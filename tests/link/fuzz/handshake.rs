@@ -1,4 +1,4 @@
-//! Control messages: what agrees on everything before anything moves.
+//! Control messages: they agree on everything before anything moves.
 
 use gusset_wire::handshake::{
     Arm, Axis, Bye, Capabilities, Control, Hello, Limits, Refuse, RefuseCode, Sampling, Terms,
@@ -129,7 +129,7 @@ impl Target for Handshake {
             info.bytes_max,
             input.len()
         );
-        // Nobody has the key.
+        // No client has the key.
         assert!(verify_hello(input, &self.key).is_err());
         let session = self.key.session(&[1; 32], &[2; 32], 3);
         assert!(verify_welcome(input, &self.seeds[1], &session).is_err());
