@@ -101,7 +101,7 @@ fn listed(measure: &Measure, unit: &str, rows: &[Row]) -> String {
     table(&heads, &cells)
 }
 
-/// The value of a test: infinite if the response diverged, and no number if something else stopped the test.
+/// The value of a test: infinite if the response diverged, and NaN if something else stopped the test.
 fn value(one: &Shown, place: usize) -> f64 {
     match one.end {
         End::Diverged => f64::INFINITY,
@@ -265,7 +265,7 @@ mod tests {
         assert_eq!(rows[0].stopped, 2);
         let rows = at_levels(&[1.0], 0, true, &tests(6, End::Stopped));
         assert!(rows[0].fractiles[1].is_nan() && rows[0].fractiles[0] == low);
-        // A residual says nothing about its later value.
+        // A residual does not bound its later value.
         let rows = at_levels(&[1.0], 0, false, &tests(2, End::Stopped));
         assert!(rows[0].fractiles.iter().all(|value| value.is_nan()));
         let value = f64::NAN;
