@@ -1,4 +1,5 @@
-//! What our pages carry with them, so that they open without a network: the chart script of others, unchanged, with its licence.
+//! Files that our pages carry with them, so that they open without a network: an external chart script, unchanged, with its
+//! licence.
 //!
 //! Nothing here is fetched, at build time or later. The report's and the live page's own script and style live with them.
 

@@ -1,4 +1,4 @@
-//! Tests of what a page makes of rows that are missing, of ticks between two steps, and of the row that tripped.
+//! Tests of a page with missing rows, with ticks between two steps, and with the row that tripped.
 
 use super::synthetic::{RATE, columns, hybrid};
 use super::*;

@@ -48,7 +48,7 @@ pub(super) struct Apart {
     pub first: Option<u64>,
 }
 
-/// What came of a comparison.
+/// Result of a comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matched {
     /// Rows of times that both have.
@@ -88,7 +88,7 @@ struct Drawn {
 #[derive(Debug, Clone)]
 struct Pair {
     places: (usize, usize),
-    /// It says how ticks and commands were counted.
+    /// It counts ticks and commands.
     counts: bool,
     /// It is of an equilibrium, which a tick that trips never has.
     is_output: bool,
@@ -198,7 +198,7 @@ impl Matcher {
         state.is_some_and(is_of_test)
     }
 
-    /// Compares a row of each run, if they are of one time; says which of them to go on from.
+    /// Compares a row of each run, if they are of one time; returns which of them to advance.
     pub fn take(&mut self, first: &[f64], second: &[f64]) -> Next {
         let next = self.next(first, second);
         match next {
@@ -249,7 +249,7 @@ impl Matcher {
         }
     }
 
-    /// The result, with rows that only one of the runs has left at its end.
+    /// The result, with rows that only one of the runs still has at its end.
     #[must_use]
     pub fn finish(self, left: (u64, u64)) -> Matched {
         let tables = self.drawn.map(|drawn| drawn.finish(&self.pairs));
@@ -546,7 +546,7 @@ mod tests {
         for (state, time) in [(4.0, 0.0), (5.0, -1.0), (6.0, 1.0), (7.0, 1.0), (8.0, -1.0)] {
             assert!(!is_compared(state, time), "{state}");
         }
-        // A trip of which the rows say no more than where the test stood already, or still earlier, as older ones do.
+        // A trip whose row only repeats the last time, or an earlier one, as in older recordings.
         for (time, is_tick) in [(0.25, true), (0.2, false), (0.1, false)] {
             let found = m.is_running(&at(TRIPPED, time), &at(BETWEEN[0], 0.2), false);
             assert_eq!(found, is_tick, "{time}");

@@ -1,4 +1,4 @@
-//! Events as a timeline: what state the test was in, and what happened when.
+//! Events as a timeline: the states of the test, and the time of each event.
 
 use super::RunView;
 use super::axis::Axis;

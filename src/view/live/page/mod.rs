@@ -128,8 +128,8 @@ pub struct LivePage {
 }
 
 impl LivePage {
-    /// Takes the port. `address` is what [`parse_address`] made; `view` is the viewing token beyond loopback, a
-    /// fresh one if none is given.
+    /// Takes the port. `address` is a result of [`parse_address`]; `view` is the viewing token beyond loopback, a fresh
+    /// one if none is given.
     ///
     /// # Errors
     /// See [`PageError`].
@@ -187,7 +187,7 @@ impl LivePage {
         }
     }
 
-    /// What operating the test takes.
+    /// The token for operating the test.
     #[must_use]
     pub const fn control_token(&self) -> &Token {
         &self.control
