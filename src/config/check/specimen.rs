@@ -9,7 +9,7 @@ use crate::specimen::SpecimenTable;
 use crate::value::MatrixValue;
 use gusset_actuator::transfer::TransferSpec;
 
-/// What gives the displacements that a specimen sees.
+/// Source of the displacements of a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Source {
     /// The structure of the test.
