@@ -44,8 +44,8 @@ struct Entry {
     rest_damping: Rows,
     /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
     stiffness_at_rest: Rows,
-    /// Damping before anything moves, or the reference of the law where that is less: 0 for a damper of a power beyond
-    /// 1.
+    /// Damping before anything moves, or the reference of the law where that is less: 0 for a damper of a power
+    /// beyond 1.
     damping_at_rest: Rows,
     /// Mass that the structure carries for the specimen.
     mass: Rows,

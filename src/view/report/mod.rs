@@ -16,8 +16,8 @@
 //! | `response`, `specimens`, `following`, `indices`, `courses`, `effect`, `identified`, `balance`, `timing` | sections of results |
 //! | `tested`, `sketch`, `scale`, `ground`, `limits`, `events`, `timeline` | sections of the test: model, ends, ground motion, limits, events |
 //! | `compare`, `paired`, `overlays`, `matched` | the page of two runs: values side by side, pictures; their rows, number against number |
-//! | `source`, `sieve`, `holder`, `stale`, `digest`, `passes`, `first`, `axes`, `axis_end`, `tracked`, `shaking`, `worst`,
-//! `table` | rows read in blocks, and the kept results |
+//! | `source`, `sieve`, `holder`, `stale`, `digest`, `passes`, `first` | rows read in blocks, and the kept results |
+//! | `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | kept results of axes, specimens and columns |
 //! | `columns` | columns a digest reads |
 //! | `pictures` | the separate pictures |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
