@@ -39,7 +39,7 @@ pub struct Question<'a> {
 }
 
 impl Question<'_> {
-    /// Asks at the terminal of this process for as long as the question `stands`.
+    /// Asks at the terminal of this process while the question `stands`.
     pub fn ask(&self, stands: impl Fn() -> bool) -> Answered {
         self.ask_at(io::stdin().as_fd(), stands, |text| remark(text))
     }

@@ -1,4 +1,4 @@
-//! The lines that a terminal shows while something runs: drawn over themselves, and out of the way of everything else.
+//! The lines that a terminal shows while something runs: drawn over themselves, and removed before any other output.
 //!
 //! Plain ANSI, on stderr, and nothing at all without a terminal. Any other output (`tell`, the log) first removes the lines
 //! with [`step_aside`]; the next drawing puts them below. The terminal cuts long lines and never wraps them, so that exactly

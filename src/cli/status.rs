@@ -28,7 +28,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// As the user wants it; it also takes a terminal.
+    /// As requested by the user; it also needs a terminal.
     pub fn new(facts: &Facts, args: &RunArgs) -> Self {
         let shown = !args.quiet && screen::is_there();
         Self {

@@ -2,7 +2,7 @@
 
 use super::document::KeyPath;
 
-/// A mistake in the shape of the file: the schema wants one thing, and the file has another.
+/// A mistake in the shape of the file: it differs from the requirement of the schema.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Mistake {
     /// Where.

@@ -222,7 +222,7 @@ fn fit_for(
 /// The operator's line while the loop does not listen to it yet.
 pub(super) struct Line {
     requests: Receiver<Operator>,
-    /// Its other end; without it nothing is taken, for it could not be put back.
+    /// Its other end; without it no command is taken, because it could not be returned.
     desk: Option<Sender<Operator>>,
     /// Commands that must wait for the loop.
     heard: Vec<Operator>,

@@ -26,7 +26,7 @@ pub(super) struct Energetics {
 pub(super) enum Without {
     /// It has no structure.
     Structure,
-    /// Something is in the way, in words.
+    /// The reason that prevents it, in words.
     Because(String),
 }
 

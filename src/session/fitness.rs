@@ -190,7 +190,7 @@ impl Measured<'_> {
             .any(|key| self.cells(key).next().is_some())
     }
 
-    /// Ticks that took longer than `period_us` from their edge to their end, by the near and by the far end of their bins.
+    /// Ticks that took longer than `period_us` from their edge to their end, by the lower and the upper end of their bins.
     fn longer_than(&self, period_us: f64, own_us: f64) -> (u64, u64) {
         let early = self
             .cells("slack")

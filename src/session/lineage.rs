@@ -1,7 +1,7 @@
 //! Which run continued which: `resumed.json` in the folder of a resumed test names the test before it, the rows of that which
 //! count, and their digest.
 //!
-//! [`Lineage`] walks from a run to the first of its ancestors. It is the only way through `resumed.json`: a folder that names
+//! [`Lineage`] walks from a run to the first of its ancestors. Only it reads a chain of `resumed.json`: a folder that names
 //! itself, or one whose ancestors name it again, is refused there.
 
 use std::path::{Component, Path, PathBuf};
@@ -34,12 +34,12 @@ pub(super) fn places(
     places.into_iter().flatten()
 }
 
-/// The way from one folder to another, which are both there; none where they have nothing in common but the root.
+/// The relative path from one existing folder to another; `None` if they have only the root in common.
 pub(super) fn way_from(folder: &Path, to: &Path) -> Option<PathBuf> {
     way_between(&folder.canonicalize().ok()?, &to.canonicalize().ok()?)
 }
 
-/// The way from one folder to another, both absolute; none where they have nothing in common but the root.
+/// The relative path from one folder to another, both absolute; `None` if they have only the root in common.
 fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
     let pairs = from.components().zip(to.components());
     let common = pairs.take_while(|(one, other)| one == other).count();
@@ -80,7 +80,7 @@ pub(super) struct Origin {
     /// versions lack it: their forces refused nothing.
     #[serde(default)]
     pub left_forces: Vec<Vec<[String; 2]>>,
-    /// Per axis: the way of the commands that the record may have lost. Recordings of earlier versions lack it.
+    /// Per axis: the distance of the commands that the record may have lost. Recordings of earlier versions lack it.
     #[serde(default)]
     pub left_ways: Vec<Vec<String>>,
     /// Largest magnitudes of the test so far, including those after the rows that count. Older files omit them.
@@ -288,7 +288,7 @@ impl Lineage {
     }
 }
 
-/// A folder by the one name that it has whichever way leads there.
+/// The canonical path of a folder.
 pub(super) fn itself(folder: &Path) -> PathBuf {
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned())
 }

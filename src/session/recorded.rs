@@ -131,7 +131,7 @@ impl Substructure for Recorded {
 pub(super) enum Replaced {
     /// That of every specimen.
     All,
-    /// That of specimens behind links: formulas go their own way again, and remember it.
+    /// That of specimens behind links: formulas continue by themselves, and remember it.
     Remote,
 }
 

@@ -2,10 +2,10 @@
 //!
 //! The loop retraces all rows, bit for bit: some hundred times faster than the test ran. Digests of the state, written while the
 //! test ran, prove that the state is the same. If no specimen is behind a link, the newest state that a checkpoint kept replaces
-//! the rows before it. Where the last rows are damaged, the test resumes after the last checkpoint that came out
-//! again, and specimens behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and the
-//! resume is refused. Files that were changed since are refused. Nothing is written to the interrupted run. A trip stays latched:
-//! a test that ended with one resumes only with `--after-trip`.
+//! the rows before it. Where the last rows are damaged, the test resumes after the last reproduced checkpoint, and specimens
+//! behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and the resume is refused.
+//! Files that were changed since are refused. Nothing is written to the interrupted run. A trip stays latched: a test that ended
+//! with one resumes only with `--after-trip`.
 
 mod error;
 mod places;

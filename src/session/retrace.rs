@@ -171,7 +171,7 @@ pub(super) struct Retraced {
     pub state: Option<State>,
     /// It is a resumed test, and did.
     pub on_its_way_in: bool,
-    /// Rows that came out again.
+    /// Rows that were reproduced.
     pub rows: u64,
     /// The last checkpoint that did.
     pub verified: Option<Verified>,
@@ -214,8 +214,8 @@ pub(super) fn retrace(
     Ok(traced)
 }
 
-/// Follows a run from the newest state that it kept. None without a state before its last row, or if anything is wrong with the
-/// rows after it: then all rows are to be followed.
+/// Follows a run from the newest state that it kept. `None` without a state before its last row, or if anything is wrong with
+/// the rows after it: then all rows must be followed.
 fn retrace_from_state(
     run: &Run,
     until: Option<u64>,

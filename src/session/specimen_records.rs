@@ -1,8 +1,8 @@
 //! The lasting records of the specimens that a test moves: the position of each before the first motion, until the regular
 //! end.
 //!
-//! A record is written after the specimens are connected and before the loop starts, and again when the loop has ended. The loop itself
-//! knows nothing of it.
+//! A record is written after the specimens are connected and before the loop starts, and again when the loop has ended. The loop
+//! itself does not use it.
 
 use std::path::Path;
 

@@ -189,7 +189,7 @@ fn held(outcome: &Outcome) -> Vec<String> {
     each.map(sentence).collect()
 }
 
-/// Topics of the machine that a reader of a report wants to know.
+/// Topics of the machine for a reader of a report.
 const MACHINE: [&str; 5] = [
     "kernel",
     "processors",

@@ -37,7 +37,7 @@ pub(super) struct Verified {
     pub rows: u64,
 }
 
-/// The first number that came out otherwise.
+/// The first number that was not reproduced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
     /// Row, from 0.

@@ -370,7 +370,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
     }
 }
 
-/// Noise that is meant to be independent, but comes of one seed.
+/// Noise that should be independent, but has one seed.
 pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) {
     let seed = |table: &SpecimenTable| {
         let noisy = table.own_transfer().filter(|spec| spec.is_noisy());

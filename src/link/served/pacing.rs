@@ -22,7 +22,7 @@ use gusset_record::rt::os;
 
 /// Largest speed of a path, of the mean speed.
 pub(super) const FASTEST: f64 = 1.875;
-/// Largest acceleration of a path, of way/time²: 10/√3.
+/// Largest acceleration of a path, in distance/time²: 10/√3.
 pub(super) const HARDEST: f64 = 5.773_502_691_896_258;
 /// Least slowing after a stop in s where an axis declares no limit of acceleration or a compensator leads: the usual hold ramp.
 const SLOWING_S: f64 = 0.25;
@@ -153,7 +153,7 @@ pub(super) struct PacedPath {
     edge_ns: u64,
 }
 
-/// Share of the way, and its slope, at a share of the time.
+/// Share of the distance, and its slope, at a share of the time.
 fn shape(x: f64) -> (f64, f64) {
     // Rounding leads not beyond the target.
     let share = (x * x * x * (10.0 + x * (6.0 * x - 15.0))).min(1.0);
@@ -475,7 +475,7 @@ mod tests {
                 places.extend([target; 3]);
                 from = target;
             }
-            // The largest acceleration is 10/√3 of way/time², and the way at most 2.
+            // The largest acceleration is 10/√3 of distance/time², and the distance at most 2.
             let bound = 20.0 / (f64::sqrt(3.0) * f64::from(ticks) * f64::from(ticks));
             for window in places.windows(3) {
                 let bend = (window[2] - 2.0 * window[1] + window[0]).abs();

@@ -34,7 +34,7 @@ const MOST_SHOWN: u64 = 200_000;
 /// Most points of the design with a fragility curve.
 const MOST_POINTS: u64 = 20;
 
-/// Counts and rows under way.
+/// Counts and rows of a collection in progress.
 #[derive(Default)]
 struct Sheet {
     done: u64,

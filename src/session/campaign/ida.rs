@@ -174,8 +174,8 @@ fn flat(levels: &[f64], rows: &[Row], share: usize, edge: f64) -> (Vec<f64>, Vec
     flattened(levels, &values, edge)
 }
 
-/// Points of a curve over rising levels. It goes flat to `edge` where the values become infinite, and ends there. A value that is not
-/// known leaves a gap.
+/// Points of a curve over rising levels. It continues flat to `edge` where the values become infinite, and ends there. An unknown
+/// value leaves a gap.
 fn flattened(levels: &[f64], values: &[f64], edge: f64) -> (Vec<f64>, Vec<f64>) {
     let (mut x, mut y) = (Vec::new(), Vec::new());
     for (level, value) in levels.iter().zip(values) {

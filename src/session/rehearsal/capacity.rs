@@ -10,7 +10,7 @@ pub struct Used {
     pub key: &'static str,
     /// SI.
     pub unit: &'static str,
-    /// The most that the test needs, either way.
+    /// The largest need of the test in either direction.
     pub needed: f64,
     /// The available value.
     pub capacity: f64,
@@ -68,7 +68,7 @@ impl Needs {
 }
 
 impl Rehearsal {
-    /// Every capacity that the test goes beyond, at its place in the file.
+    /// Every capacity that the test exceeds, at its place in the file.
     #[must_use]
     pub(crate) fn beyond_capacity(&self) -> Vec<Finding> {
         let mut findings = Vec::new();

@@ -42,8 +42,8 @@ impl Held {
     }
 }
 
-/// Rehearses a hold of a test whose undisturbed rehearsal is known, within `budget`. None where there is
-/// nothing to compare it with, nothing moves, or the budget does not suffice.
+/// Rehearses a hold of a test whose undisturbed rehearsal is known, within `budget`. `None` where there is nothing to
+/// compare it with, nothing moves, or the budget does not suffice.
 ///
 /// # Errors
 /// As [`setup::build`].
@@ -99,7 +99,7 @@ const STEPS_AFTER: u64 = 64;
 /// Ticks at rest before the test continues.
 const TICKS_AT_REST: u64 = 16;
 
-/// Where the axes whose way is limited are fastest, and when.
+/// Place and time at which the axes with a limited range are fastest.
 fn fastest(undisturbed: &Rehearsal) -> Option<((usize, usize), f64)> {
     let specimens = undisturbed.specimens.iter().enumerate();
     let axes = specimens.flat_map(|(specimen, needs)| {

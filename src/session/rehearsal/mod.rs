@@ -120,7 +120,7 @@ pub struct Need {
 }
 
 impl Need {
-    /// True if the test goes beyond `levels`.
+    /// True if the test exceeds `levels`.
     fn exceeds(&self, [low, high]: [f64; 2]) -> bool {
         !(self.needed.low >= low && self.needed.high <= high)
     }

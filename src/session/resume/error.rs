@@ -14,7 +14,7 @@ use gusset_record::{FolderError, MissingEnd};
 /// Why a test cannot resume. Nothing was moved.
 #[derive(Debug, Error)]
 pub enum ResumeError {
-    /// It is no run folder, it was changed, or it does not come out again.
+    /// It is no run folder, it was changed, or it cannot be reproduced.
     #[error(transparent)]
     Replay(#[from] ReplayError),
     /// It ended as it should.

@@ -130,7 +130,7 @@ impl Axis {
         // The mean difference while the test ran is the offset of the sensor.
         let (count, sum, [least, most]) = self.errors;
         let beyond = sum / count.max(1.0);
-        // The return move may have led it where a wrong scale reads another offset.
+        // The return move may have moved it to a place where a wrong scale reads another offset.
         let extremes = [least, most].into_iter().filter(|error| error.is_finite());
         let off = extremes
             .chain(self.error_at_last)

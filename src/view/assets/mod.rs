@@ -9,5 +9,5 @@ pub const CHART_SCRIPT: &str = include_str!("uplot.min.js");
 /// The style that belongs to [`CHART_SCRIPT`].
 pub(crate) const CHART_STYLE: &str = include_str!("uplot.min.css");
 
-/// The licence of [`CHART_SCRIPT`]; it goes into every page that carries the script.
+/// The licence of [`CHART_SCRIPT`]; every page with the script contains it.
 pub(crate) const CHART_LICENCE: &str = include_str!("LICENSE-uplot.txt");

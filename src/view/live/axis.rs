@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn loop_and_histories_use_the_same_end() {
-        // In millimetres and kilonewtons, the other way round, at a third of the structure's lengths.
+        // In millimetres and kilonewtons, with reversed sign, at a third of the structure's lengths.
         let axis = WatchedAxis {
             marks: Vec::new(),
             has_margin: false,

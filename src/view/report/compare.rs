@@ -16,7 +16,7 @@ use super::text::{NOTHING, count, escape, exact, number, plural, quantity, short
 
 /// A smaller number is shown without a prefix.
 const SMALLEST_PREFIXED: f64 = 1e-12;
-/// Rows of a table of settings, and letters of a value in it.
+/// Rows of a table of settings, and characters of a value in it.
 const MOST_LISTED: usize = 60;
 const MOST_SHOWN: usize = 120;
 

@@ -1,4 +1,4 @@
-//! Timing histograms as they come out of `timing.json`: percentiles, and counts regrouped for a logarithmic axis.
+//! Timing histograms as read from `timing.json`: percentiles, and counts regrouped for a logarithmic axis.
 //!
 //! Invariant: regrouping moves counts between bins and never changes their sum. Percentiles are the recorded ones, not
 //! computed again from the regrouped counts.

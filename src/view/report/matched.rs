@@ -18,7 +18,7 @@ const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];
 const BLOCK: usize = 1024;
 /// Columns of which pictures are made.
 const MOST_DRAWN: usize = 60;
-/// Times that are apart by no more than this share of themselves, and of a second, are the same: steps may be 1e-9 apart.
+/// Times whose difference is at most this share of themselves, and of a second, are equal: steps may be 1e-9 apart.
 const SAME: f64 = 2e-9;
 
 /// The first number that is not the same.
@@ -123,8 +123,8 @@ pub enum Next {
 }
 
 impl Matcher {
-    /// For rows of these columns; `rows` is about how many there are. None if the runs have no columns of step, sub-tick, state
-    /// and time, or nothing else, in common.
+    /// For rows of these columns; `rows` is their approximate number. `None` if the runs have no columns of step, sub-tick,
+    /// state and time, or nothing else, in common.
     #[must_use]
     pub fn new(first: &[Column], second: &[Column], rows: u64) -> Option<Self> {
         let at = |name: &str| {
@@ -440,8 +440,8 @@ mod tests {
         "seq_1",
     ];
 
-    /// Step, tick in it, state and time of rows, with the displacement of the last step, a force that goes with the time, and the
-    /// number of the command; run against run.
+    /// Compares rows of two runs: step, tick in it, state and time, with the displacement of the last step, a force that follows
+    /// the time, and the number of the command.
     fn matched(first: &[[f64; 4]], second: &[[f64; 4]]) -> Matched {
         let names = columns(&OF_TICKS);
         let mut m = Matcher::new(&names, &names, 100).unwrap();
@@ -472,7 +472,7 @@ mod tests {
         m.finish(((first.len() - i) as u64, (second.len() - j) as u64))
     }
 
-    /// Four steps of two ticks each, and in the second run a hold that eases in and out in the third step.
+    /// Four steps of two ticks each, and in the second run a hold with its ramps in the third step.
     #[test]
     fn rows_match_by_time_despite_a_hold() {
         let straight: Vec<[f64; 4]> = (0..=8)
@@ -507,7 +507,7 @@ mod tests {
         assert_eq!(steps.get("a:x1").unwrap(), [0.0, 1.0, 4.0, 9.0, 16.0]);
         assert_eq!(ticks.get("a:force_1_1").unwrap().len(), 9);
         assert!(ticks.get("a:x1").is_none() && found.table_of("force_1_1") == Some(ticks));
-        // The other way round, and with a trip in place of a step.
+        // The runs exchanged, and with a trip instead of a step.
         let back = matched(&held, &straight);
         assert_eq!((back.rows, back.alone), (9, (4, 0)));
         let mut tripped = straight[..7].to_vec();

@@ -1,4 +1,4 @@
-//! Numbers and words as a person reads them, safe to put into HTML and SVG.
+//! Numbers and words for readers, safe for HTML and SVG.
 //!
 //! Invariant: a result of [`escape`] contains no character that a browser or an XML parser could take for markup,
 //! whatever the text of a title is. No layout here.

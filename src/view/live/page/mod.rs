@@ -1,8 +1,8 @@
 //! The live page: one server on a separate thread, off the loop's processor.
 //!
-//! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
-//! have been put on their processors; open until every viewer has received the end and fetched the report. It closes after 0.9 s in
-//! which no viewer reads anything, and after five seconds at the latest.
+//! Bound before anything moves, so that a port in use counts as wrong usage. Served once the other threads are on their
+//! processors, and open until every viewer has received the end and fetched the report. It closes after 0.9 s in which no viewer
+//! reads anything, and after five seconds at the latest.
 //!
 //! | client | may |
 //! |---|---|
