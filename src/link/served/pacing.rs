@@ -486,7 +486,7 @@ mod tests {
         /// A stop on a path without declared acceleration limits: at rest within half of the time of the path, or 0.25
         /// s.
         #[test]
-        fn a_stop_on_the_way_slows_down(ticks in 4u32..1000, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
+        fn stop_on_a_path_slows_down(ticks in 4u32..1000, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
             let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE };
             let mut path = PacedPath::new(pacing, 1, 1);
             let stop = (share * f64::from(ticks)) as u32;
@@ -516,7 +516,7 @@ mod tests {
 
         /// A stop begins in the next tick, takes the time that a declared acceleration needs, and keeps it.
         #[test]
-        fn a_stop_takes_the_time_of_its_limit(
+        fn stop_takes_the_time_of_its_limit(
             ticks in 40u32..400,
             longer in 1.0..50.0f64,
             is_first in proptest::bool::ANY,
