@@ -26,7 +26,7 @@ struct Aside<W> {
     broken: bool,
 }
 
-/// What says that it is full instead of waiting.
+/// A writer that reports that it is full instead of waiting.
 trait Hasty {
     /// As [`Write::write`]; [`io::ErrorKind::WouldBlock`] where there is no room.
     fn offer(&mut self, bytes: &[u8]) -> io::Result<usize>;
@@ -80,7 +80,7 @@ impl<W: Hasty> Aside<W> {
 /// Stderr, so that it does not make its writer wait. All users of a file share its blocking mode, which is not ours to
 /// change.
 enum Stderr {
-    /// A regular file, which has no reader; and what cannot be opened.
+    /// A regular file, which has no reader; and a file that cannot be opened.
     Plain,
     /// A pipe or a terminal, opened again.
     Anew(File),

@@ -1,4 +1,4 @@
-//! The operator at the terminal where a test was started: what was read while zeroing, and whether to go on.
+//! The operator at the terminal of the test: shows the readings of the zeroing, and asks whether to continue.
 
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Who attends a test where it was started.
+/// Helper at the terminal where a test was started.
 pub struct Attendant {
     /// The specimens'.
     pub names: Vec<String>,
@@ -40,7 +40,7 @@ pub struct Attendant {
     pub units: Vec<Vec<[&'static str; 2]>>,
     /// The run folder.
     pub run: PathBuf,
-    /// Where the test stands.
+    /// State of the test.
     pub phase: PhaseCell,
     /// The operator's end of the line.
     pub operator: Sender<Operator>,
@@ -98,7 +98,7 @@ impl Attendant {
         answered == Answered::Yes
     }
 
-    /// Says that what was read is right, and nothing else: who holds the test still does.
+    /// Confirms the readings, and nothing else: an active hold continues.
     fn confirm(&self) {
         while self.phase.glimpse().unconfirmed
             && matches!(

@@ -27,7 +27,7 @@ pub(super) fn obey(judged: &Judged) -> anyhow::Result<()> {
     }
 }
 
-/// Shows the findings of a verdict, and refuses what it judges (a "test" or a "gateway") if it forbids it.
+/// Shows the findings of a verdict. Refuses the judged subject (a "test" or a "gateway") if it forbids it.
 pub(super) fn obey_verdict(verdict: &Verdict, locator: &Locator, what: &str) -> anyhow::Result<()> {
     let found = locator.diagnose_all(verdict.shown(false));
     if !verdict.forbids() {
@@ -55,7 +55,7 @@ pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolde
     .context("the run folder cannot be made")
 }
 
-/// The loop hears the signals and the desk; its notices are attended to from now on.
+/// Connects the loop with the signals and the control socket, and attends to its notices from now on.
 pub(super) fn attended(
     signals: &Signals,
     facts: &Facts,

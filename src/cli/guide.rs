@@ -129,7 +129,7 @@ fn no_such_topic(topic: &str) -> String {
         names.push(&entry.path);
         names.extend(entry.path.rsplit('.').next());
     }
-    // A name with other letters than those of a slip is no help.
+    // A name that differs by more than a slip is no help.
     let is_a_slip =
         |name: &&str| strsim::osa_distance(&topic.to_lowercase(), name) <= topic.len() / 4;
     let near = match nearest(topic, &names).filter(is_a_slip) {
@@ -160,7 +160,7 @@ fn paged(text: &str) -> bool {
         return false;
     };
     if let Some(mut input) = child.stdin.take() {
-        // A reader who has seen enough closes the pager.
+        // A reader may close the pager early.
         let _closed_early = writeln!(input, "{text}");
     }
     child.wait().is_ok()
@@ -174,7 +174,7 @@ fn is_on_path(program: &str) -> bool {
     std::env::split_paths(&folders).any(|folder| folder.join(program).is_file())
 }
 
-/// Writes the web pages. A folder with other files is refused, so that none of them is replaced.
+/// Writes the web pages. A folder with other files is refused, so that no file is replaced.
 fn write_manual(folder: &Path) -> anyhow::Result<Exit> {
     let files = guide::manual();
     let old = files_of_a_manual(folder);
@@ -191,7 +191,7 @@ fn write_manual(folder: &Path) -> anyhow::Result<Exit> {
         .iter()
         .filter(|name| !files.iter().any(|file| file.name == **name))
     {
-        // A page that the guide no longer has; that it is gone already is no error.
+        // A page that the guide no longer has; a missing file is not an error.
         let _gone = fs::remove_file(folder.join(name));
     }
     for file in &files {

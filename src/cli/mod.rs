@@ -1,8 +1,8 @@
-//! The commands. Only this module prints; what a command does is the library's business.
+//! The commands. Only this module prints; the library does the work of a command.
 //!
-//! One JSON document goes to stdout with `--json`, everything else to stderr; progress goes to stderr and only to
-//! a terminal. Text leaves through `tell` and `answer` and never by the print macros, which panic when a terminal
-//! has hung up or the disk under a log is full: that must not end a test.
+//! One JSON document goes to stdout with `--json`, everything else to stderr; progress goes to stderr and only to a
+//! terminal. All text is written by `tell` and `answer`, never by the print macros. Those panic when a terminal has
+//! hung up or the disk under a log is full, which must not end a test.
 
 mod args;
 mod aside;

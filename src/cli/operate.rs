@@ -1,4 +1,4 @@
-//! `gusset stop`, `hold` and `continue`: what an operator says to a running test.
+//! `gusset stop`, `hold` and `continue`: the operator's requests to a running test.
 //!
 //! A test that does not answer is not over: the command retries, and a stop or a hold waits in the socket. A continue names
 //! the hold that it ends, and the test carries it out only while its sender is connected.
@@ -19,7 +19,7 @@ use gusset_session::{Answer, Request, Unanswered, ask, pause};
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How long the command retries if a test does not answer.
 const SILENCE: Duration = Duration::from_secs(60);
-/// A desk that just closes hangs up on who waits at it: of that nothing is said.
+/// A control socket that just closes hangs up on waiting clients: shorter silences are not reported.
 const WORTH_A_WORD: Duration = Duration::from_secs(1);
 /// Time between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -47,7 +47,7 @@ pub fn operate(args: &OperateArgs, order: Order) -> anyhow::Result<Exit> {
 type Refusal = (Exit, String);
 
 fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
-    // Who wants it to go on looks first what that means: said blindly, the same word could do more than was meant.
+    // `continue` first checks the state of the test: sent blindly, it could do more than intended.
     let mut word = match order {
         Order::Stop => Some(Request::Stop),
         Order::Hold => Some(Request::Hold),
@@ -71,7 +71,7 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
                         word = Some(to_go_on(seen));
                         continue;
                     }
-                    // Somebody else did, meanwhile.
+                    // Confirmed elsewhere, meanwhile.
                     Some(Request::Confirm) if !accepted && !seen.unconfirmed => is_told = true,
                     Some(Request::Continue { hold }) if !accepted && seen.hold_number != hold => {
                         return Err(another_hold(hold, seen));
@@ -128,7 +128,7 @@ const fn to_go_on(seen: Glimpse) -> Request {
     }
 }
 
-/// The hold that was to end is not the one that stands.
+/// The hold to be ended is not the present one.
 fn another_hold(named: u32, seen: Glimpse) -> Refusal {
     let latest = seen.hold_number;
     let text = format!(
@@ -200,7 +200,7 @@ fn not_taken(phase: Phase) -> Refusal {
     refusal(phase).unwrap_or_else(|| (Exit::Stopped, full.to_owned()))
 }
 
-/// Where nothing is held or gone on with; none where it is.
+/// Why a hold or `continue` is impossible in this phase; `None` if it is possible.
 fn refusal(phase: Phase) -> Option<Refusal> {
     match phase {
         Phase::Leaving => {
@@ -233,7 +233,7 @@ fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String
         Request::Hold if now.stands => return Some(Ok(format!("holding ({phase})"))),
         Request::Confirm if now.phase == Phase::Zeroing => {}
         Request::Confirm => {
-            // By somebody else, meanwhile.
+            // From elsewhere, meanwhile.
             let held = if now.hold {
                 ", and the test is on hold"
             } else {
@@ -241,7 +241,7 @@ fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String
             };
             return Some(Ok(format!("{phase}: the readings are confirmed{held}")));
         }
-        // Held no more, and about to go on; or its loop does not listen yet.
+        // No longer held, and about to continue; or its loop does not listen yet.
         Request::Continue { .. }
             if now.hold || matches!(now.phase, Phase::Holding | Phase::Connected) => {}
         Request::Continue { .. } if now.unconfirmed => {

@@ -110,8 +110,8 @@ impl Course {
     }
 }
 
-/// The remaining time in words, if a share of the work was done in `elapsed_s` and the share `left` is still to be done.
-/// Nothing before a hundredth is done: an estimate would jump.
+/// The remaining time in words, if a share of the work was done in `elapsed_s` and the share `left` remains. `None`
+/// before a hundredth is done: an estimate would jump.
 pub fn remaining(done: f64, left: f64, elapsed_s: f64) -> Option<String> {
     let is_known = done >= 0.01 && left.is_finite() && elapsed_s.is_finite();
     is_known.then(|| format!("about {} left", rounded(elapsed_s * left / done)))
@@ -131,7 +131,7 @@ fn rounded(seconds: f64) -> String {
     }
 }
 
-/// One line that tells how far the test is: on a terminal, and nowhere else.
+/// One line with the progress of the test: on a terminal, and nowhere else.
 pub struct ProgressLine {
     show: bool,
     duration: f64,
@@ -140,7 +140,7 @@ pub struct ProgressLine {
 }
 
 impl ProgressLine {
-    /// `wanted` is whether the user wants one; it also takes a terminal.
+    /// `wanted` is whether the user wants a line; it also needs a terminal.
     pub fn new(facts: &Facts, wanted: bool) -> Self {
         Self {
             show: wanted && screen::is_there(),

@@ -16,15 +16,15 @@ use rustix::termios::{QueueSelector, tcflush, tcgetpgrp};
 use super::log::remark;
 use gusset_session::pause;
 
-/// Time between two looks whether it still stands.
+/// Time between two checks whether the question is still open.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What came of it.
+/// Result of a question.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answered {
     /// Yes.
     Yes,
-    /// It does not stand any more.
+    /// The question is no longer open.
     Over,
     /// No user can answer here.
     Nobody,
@@ -39,7 +39,7 @@ pub struct Question<'a> {
 }
 
 impl Question<'_> {
-    /// Asks at the terminal of this process for as long as the question `stands`.
+    /// Asks at the terminal of this process while the question `stands`.
     pub fn ask(&self, stands: impl Fn() -> bool) -> Answered {
         self.ask_at(io::stdin().as_fd(), stands, |text| remark(text))
     }
@@ -79,7 +79,7 @@ impl Question<'_> {
             };
             let said = String::from_utf8_lossy(line.get(..end).unwrap_or_default());
             let said = said.trim();
-            // As long as the line took to come somebody else could answer.
+            // While the line was typed, the question may have been answered elsewhere.
             match said.to_lowercase().as_str() {
                 "" | "y" | "yes" if stands() => return Answered::Yes,
                 "" | "y" | "yes" => {}

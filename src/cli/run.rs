@@ -41,7 +41,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
     let control = conduct::attended(&signals, &facts, &folder, args.test_run.yes)?;
-    // Who is not looked at is not tapped.
+    // A board without viewers is not fed.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&judged.test, folder.path(), control.phase.clone()));
     let mut watches = Watches {
@@ -78,7 +78,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
             finished.summary.rows_lost
         ));
     }
-    // The test is over: what follows is only talk and must not hide how it ended.
+    // The test is over: the rest only prints and must not hide how it ended.
     if args.json
         && let Err(error) = answer(serde_json::to_string_pretty(&finished.summary)?)
     {

@@ -28,7 +28,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// As the user wants it; it also takes a terminal.
+    /// As requested by the user; it also needs a terminal.
     pub fn new(facts: &Facts, args: &RunArgs) -> Self {
         let shown = !args.quiet && screen::is_there();
         Self {
@@ -124,11 +124,11 @@ impl<'a> Sight<'a> {
         }
     }
 
-    /// The phase; that nothing comes any more is said before everything else.
+    /// The phase; a lack of new rows is shown before everything else.
     fn phase(&self) -> String {
         let seen = self.board.glimpse();
         let phase = seen.phase;
-        // The slowest tests make a row in some seconds; then the period says what is long.
+        // The slowest tests make a row in some seconds; then the limit follows from the period.
         if self.age_s > 2.0_f64.max(3.0 * self.board.subject.tick_s) {
             return format!("NO ROWS SINCE {:.0} s ({})", self.age_s, phase.word());
         }
@@ -249,7 +249,7 @@ impl<'a> Sight<'a> {
         ];
         let rest = rest.into_iter().flatten();
         let rest: Vec<_> = rest.filter(&mut fits).collect();
-        // A picture of what the numbers say already is the first to go.
+        // A picture that repeats the numbers is the first to be omitted.
         let bars = [20, 10].map(|width| bar(self.share(), width));
         let bar = bars.into_iter().find(fits);
         let tail = must.split_off(2);

@@ -1,4 +1,4 @@
-//! The study file of `gusset campaign`: a test file, and tables that say what varies and what is measured.
+//! The study file of `gusset campaign`: a test file, and tables of the varied keys and the measures.
 //!
 //! A study names its test file with `test`, or contains the tables of the test itself.
 

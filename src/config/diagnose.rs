@@ -1,4 +1,4 @@
-//! A user's mistake as a picture: file, line, caret, what was found, what is allowed, what was probably meant.
+//! A user's mistake as a picture: file, line, caret, found value, allowed values, probable intention.
 //!
 //! A check that finds a mistake writes a [`Finding`]: a path into the test file and words. The [`Locator`](super::Locator) knows
 //! the place of that path (a line of the file, or the `--set` argument that overrides it) and makes a [`Diagnostic`] of it, which
@@ -134,7 +134,7 @@ pub struct Diagnostic {
     pub place: (Place, String),
     /// A second place that it is about.
     pub beside: Option<(Place, String)>,
-    /// One line: what is wrong.
+    /// One line: the mistake.
     pub headline: String,
     /// Allowed values, and remedies.
     pub help: Vec<String>,
@@ -311,7 +311,7 @@ fn with_comma(source: &Arc<Source>, span: Range<usize>) -> Diagnostic {
     }
 }
 
-/// The editing parser's complaint, should it refuse what the reading one accepts.
+/// The error of the editing parser, in case it refuses a text that the reading one accepts.
 pub(crate) fn second_parser(source: &Arc<Source>, error: &toml_edit::TomlError) -> Diagnostic {
     broken(
         source,

@@ -9,7 +9,7 @@ use toml_edit::{Array, ArrayOfTables, Item, Table, TableLike, Value};
 
 use super::document::Segment;
 
-/// Segments that were left when the path could not be followed, and why not.
+/// Number of remaining segments when the path could not be followed, and why not.
 pub(crate) type Refusal = (usize, String);
 /// Remaining segments of a path.
 pub(crate) type Rest<'a> = &'a [(Segment, Range<usize>)];

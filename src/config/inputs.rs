@@ -1,8 +1,8 @@
 //! Files that a test names: records, matrices, force tables. Read once, remembered for the run folder.
 //!
 //! A path in a test file is relative to that file. Each input keeps its bytes, its SHA-256 and a name that is unique in
-//! the run folder's `inputs/`, so that the folder alone is enough to run the test again. What the bytes mean is not
-//! decided here.
+//! the run folder's `inputs/`, so that the folder alone is enough to run the test again. The meaning of the bytes is
+//! not decided here.
 
 use std::io;
 use std::path::{Path, PathBuf};

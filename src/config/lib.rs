@@ -1,7 +1,7 @@
 //! The files that a user writes: test files, files of `gusset serve` and fault scripts. Schema, reading, checks, diagnostics.
 //!
-//! This module knows no engine. It says what a file contains, and the module `setup` builds an experiment from that. A view may
-//! use it too. Each table of a file has its own Rust file.
+//! This module knows no engine. It reads the content of a file, and the module `setup` builds an experiment from that. A view
+//! may use it too. Each table of a file has its own Rust file.
 //!
 //! [`load`] reads a test file with the `--set` arguments. The [`TestFile`] that it returns has no mistake that the file alone can
 //! show. Otherwise a [`ConfigError`] shows every mistake with file, line and caret. Later modules report a mistake by its path,
@@ -282,7 +282,7 @@ fn open(
     }
     let locator = Locator::new(source, original, overrides).with_written(renamed::written(&moves));
     let effective = document.to_string();
-    // The overridden text is ours; if it did not parse the fault would not be the user's, but he must hear of it.
+    // The overridden text is ours. If it did not parse, the fault would not be the user's, but the user must see it.
     let mut root = document::Node::parse(&effective).map_err(|errors| {
         let source = Arc::new(Source {
             name: "the test file with its overrides".to_owned(),

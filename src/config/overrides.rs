@@ -1,8 +1,8 @@
 //! `--set KEY=VALUE`: one key of the test file, replaced or added from the command line.
 //!
 //! The key is a dotted path whose indices count from 0 (`specimen[0].storey` or `specimen.0.storey`). The value is TOML;
-//! what is not TOML is a bare text, so that `--set time.clock=simulated` needs no quotes. The document's comments and
-//! order survive. A complaint about an overridden value points into the argument. No override may undo another.
+//! any other value is a bare text, so that `--set time.clock=simulated` needs no quotes. The document's comments and
+//! order survive. An error in an overridden value points into the argument. No override may undo another.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -131,7 +131,7 @@ impl Override {
         self.segments.iter().map(|(s, _)| s.clone()).collect()
     }
 
-    /// Overrides `path` instead: the new name of what the argument names.
+    /// Overrides `path` instead: the new name of the argument's key.
     pub(super) fn moved_to(&mut self, path: &KeyPath) {
         let last = self.segments.last().map_or(0..0, |(_, span)| span.clone());
         let named = self.segments.clone();
@@ -153,7 +153,7 @@ impl Override {
             return Err(self.refuse(0, headline, "a key, not an index"));
         };
         put_in_table(document.as_table_mut(), first, rest, &self.value).map_err(|(left, why)| {
-            // `left` segments were still to go when it went wrong.
+            // `left` segments remained when it failed.
             self.refuse(self.segments.len() - left, &why, "no such entry")
         })
     }
@@ -175,7 +175,7 @@ impl Override {
         Some(diagnostic)
     }
 
-    /// Where KEY=VALUE stands.
+    /// Place of KEY=VALUE.
     fn argument(&self) -> Range<usize> {
         FLAG.len()..self.value_span.end
     }
@@ -257,7 +257,7 @@ fn refusal(
     })
 }
 
-/// The document with every override applied, in order, or what is wrong with each of them.
+/// The document with every override applied, in order, or the errors of the overrides.
 pub(crate) fn apply_all(document: &mut DocumentMut, overrides: &[Override]) -> Vec<Diagnostic> {
     let each = overrides.iter().enumerate();
     each.filter_map(|(index, one)| {

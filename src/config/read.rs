@@ -56,8 +56,8 @@ pub(crate) fn read<T: DeserializeOwned>(root: &Node) -> Reading<T> {
         if !session.explains(&mistake) {
             session.mistakes.push(mistake);
         }
-        // Each pass leaves out one more path; the root, or a path twice, means that nothing is left to try. The bound
-        // keeps a long array of wrong values from costing its square.
+        // Each pass omits one more path; the root, or a path twice, means that no further pass helps. The bound keeps a
+        // long array of wrong values from costing its square.
         let enough = session.mistakes.len() > MOST_SHOWN;
         if enough || skip.segments().is_empty() || session.skip.contains(&skip) {
             return Reading {
@@ -69,7 +69,7 @@ pub(crate) fn read<T: DeserializeOwned>(root: &Node) -> Reading<T> {
     }
 }
 
-/// What earlier passes found.
+/// Findings of earlier passes.
 #[derive(Debug, Default)]
 struct Session {
     mistakes: Vec<Mistake>,

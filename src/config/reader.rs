@@ -17,7 +17,7 @@ use super::words::{SPLIT_NUMBERS, found_in_words, number_in_quotes, wanted_in_wo
 /// An error of the reading.
 #[derive(Debug)]
 pub(crate) struct Fault {
-    /// What.
+    /// Kind of the error.
     pub kind: Kind,
     /// Where.
     pub path: Option<KeyPath>,
@@ -186,7 +186,7 @@ impl<'de> Reader<'de> {
                     }),
                 })
             }
-            // It is refused; serde does not say which names there are.
+            // It is refused; serde does not list the names.
             _ => self.visit(visitor).map_err(|mut error| {
                 if let Kind::WrongType { wanted, .. } = &mut error.0.kind {
                     let one = names.first().copied().unwrap_or("name");

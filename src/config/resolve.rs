@@ -82,7 +82,7 @@ struct Paths<'a> {
     placed: Vec<String>,
 }
 
-/// Keys that hold paths: `file`, `path`, and what ends in `_file`.
+/// Keys that hold paths: `file`, `path`, and keys that end in `_file`.
 fn holds_a_path(key: &str) -> bool {
     matches!(key, "file" | "path") || key.ends_with("_file")
 }

@@ -29,7 +29,7 @@ const MOST_TICKS: u32 = 10_000;
 /// Step numbers are recorded as doubles, which count exactly up to here (2^53).
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
-/// Most ticks a second of wall time: on the real clock beyond what any machine keeps, on the simulated one as finely as it counts.
+/// Most ticks a second of wall time: on the real clock beyond any machine, on the simulated one the resolution of its count.
 const fn highest_hz(clock: ClockChoice) -> f64 {
     match clock {
         ClockChoice::Real => 1e6,

@@ -3,9 +3,9 @@
 /// The nearest of `allowed` to `found`, if it is near enough to be meant.
 ///
 /// A name that lacks its unit (`duration` for `duration_s`) or has another (`step_ms` for `step_s`) is near; so is one
-/// with a few letters wrong.
+/// with a few wrong characters.
 pub fn nearest<'a, S: AsRef<str> + ?Sized>(found: &str, allowed: &[&'a S]) -> Option<&'a S> {
-    /// Below this share of right letters a suggestion would be a guess.
+    /// Below this share of right characters a suggestion would be a guess.
     const NEAR_ENOUGH: f64 = 0.6;
     let found = found.to_lowercase().replace('-', "_");
     let stem = |name: &str| name.split('_').next().unwrap_or_default().to_owned();

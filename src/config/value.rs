@@ -1,6 +1,6 @@
 //! Values that TOML alone cannot type: exact rates, λ, an estimate that is a number or a matrix, a choice of DOFs.
 //!
-//! Each says in its own words what it accepts, and writes itself back so that it reads again as the same value.
+//! Each defines its accepted values in words, and writes itself back so that it reads again as the same value.
 
 use std::borrow::Cow;
 use std::fmt;

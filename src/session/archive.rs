@@ -27,7 +27,7 @@ pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Event 
     };
     add("test.toml", sha256(&files.test));
     add("resolved.toml", sha256(files.resolved.as_bytes()));
-    // Who changes what a column is called, or its unit, changes what was measured.
+    // A changed name or unit of a column changes the measured quantity.
     add("samples.json", sha256(layout.to_json().as_bytes()));
     for input in folder.inputs() {
         add(&input.path, input.sha256.clone());

@@ -27,7 +27,7 @@ fn in_words(numbers: &[f64]) -> String {
     words.join(" ")
 }
 
-/// Specimens say again where they stood when a recorded test was connected to them.
+/// Makes specimens report the positions that they had when a recorded test connected them.
 pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderError> {
     // Positions reported to an interrupted test were valid then only.
     for port in &mut *ports {
@@ -56,7 +56,7 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
 /// Why there is no loop.
 #[derive(Debug)]
 pub(super) enum Unconnected {
-    /// Who cannot take part, in words.
+    /// The specimens that cannot take part, in words.
     Refused(String),
     /// Which specimen does not do for this test, in words: it measures no displacement, or has lost its state since the interruption.
     Unfit(String),
@@ -68,7 +68,7 @@ pub(super) enum Unconnected {
 pub(super) struct Connections {
     /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// Specimens (from 0) that do not say that they are computed.
+    /// Specimens (from 0) that do not declare themselves computed.
     pub moving: Vec<usize>,
 }
 
@@ -175,8 +175,7 @@ pub(super) fn connect(
     Err(why)
 }
 
-/// What of the test judges no specimen of `without`, whose ends do not say that they measure displacement, in words. True if that is
-/// all of them: then it judges nothing.
+/// Checks of the test that apply to no specimen of `without`, which measure no displacement, in words. True if none remains.
 fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
     let keys = &ports.first()?.startup().needs_measured_disp().of_the_test;
     if without.is_empty() || keys.is_empty() {
@@ -223,7 +222,7 @@ fn fit_for(
 /// The operator's line while the loop does not listen to it yet.
 pub(super) struct Line {
     requests: Receiver<Operator>,
-    /// Its other end; without it nothing is taken, for it could not be put back.
+    /// Its other end; without it no command is taken, because it could not be returned.
     desk: Option<Sender<Operator>>,
     /// Commands that must wait for the loop.
     heard: Vec<Operator>,
@@ -246,18 +245,18 @@ impl Line {
         self.heard.iter().any(|word| word.is_end())
     }
 
-    /// The loop hears all of it.
+    /// Returns all commands to the loop.
     fn put_back(&mut self) {
         if let Some(desk) = &self.desk {
             for word in self.heard.drain(..) {
-                // Who says more than there is room for is not told: an end always has room.
+                // A command beyond the available room is dropped: a stop always has room.
                 let _ = word.say_into(desk);
             }
         }
     }
 }
 
-/// A port that has said what it has to say.
+/// A port with its introduction.
 type Said = (Port, Result<Introduction, Unavailable>);
 
 /// Connects each linked specimen on a separate thread, because connecting waits. When the operator asks for an end, a thread that

@@ -44,7 +44,7 @@ enum Way {
     None,
     /// Into this step.
     To(u64),
-    /// Its record does not say.
+    /// Its record does not show it.
     Unknown,
 }
 
@@ -57,7 +57,7 @@ pub struct WentOn {
     pub after: u64,
     /// Last step that it was in, if that is known.
     pub reached: Option<u64>,
-    /// What became of it.
+    /// Its present state.
     pub now: Now,
 }
 
@@ -66,7 +66,7 @@ pub struct WentOn {
 pub enum Now {
     /// It runs.
     Running,
-    /// It came to the last step of the test.
+    /// It reached the last step of the test.
     Complete,
     /// It ended before that.
     Ended,
@@ -166,7 +166,7 @@ fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
         place.ok_or_else(|| FolderError::NoColumn(name.to_owned()))
     };
     let places = [place("state")?, place("step")?];
-    // The operator ended the test in the second one, with a command of the test on its way.
+    // In the second state the operator ended the test while a command was unanswered.
     let is_of_test = |state: f64| Part::of(state) == Some(Part::Test) || state == NOT_AWAITED;
     let path = run.path().join("samples.bin");
     let io = |source| FolderError::Io {
@@ -188,7 +188,7 @@ fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
 /// The last test that resumed the one in `folder`; `None` if no test did.
 ///
 /// # Errors
-/// What its folder says of that cannot be read.
+/// The entry of its folder cannot be read.
 pub(super) fn last_of(folder: &Path) -> Result<Option<WentOn>, FolderError> {
     let all = read(folder)?;
     let mut told = all.iter().rev().filter_map(|one| one.told(folder));
@@ -216,7 +216,7 @@ fn change<R>(
         let path = path.to_owned();
         |source| FolderError::Io { path, source }
     };
-    // Not the folder: who claims that runs into it.
+    // Not the folder: another process that claims it would meet the lock.
     let path = folder.join("events.jsonl");
     let held = File::open(&path).map_err(io(&path))?;
     // A file system without locks keeps no other process out; the change is still made there.

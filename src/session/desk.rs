@@ -1,4 +1,4 @@
-//! The operator's desk: a socket in the run folder, through which other programs speak to a running test.
+//! The operator's control socket in the run folder, through which other programs control a running test.
 //!
 //! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. A `continue` names
 //! the hold that it ends: `{"request": "continue", "hold": 1}`. Nothing here can delay the loop: it polls a bounded
@@ -32,10 +32,10 @@ const LONGEST_ANSWER: u64 = 16_384;
 /// Callers that are listened to at once. If one more comes, the one that has been here longest without a request is closed: no
 /// caller waits for a silent one.
 const MOST_CALLERS: usize = 64;
-/// Until what cannot be done just now is tried again.
+/// Pause before a failed operation is repeated.
 const BREATH: Duration = Duration::from_millis(10);
 
-/// What can be asked of a running test.
+/// Requests to a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "request", deny_unknown_fields)]
 pub enum Request {
@@ -43,13 +43,14 @@ pub enum Request {
     Stop,
     /// Stop test time.
     Hold,
-    /// Go on after a hold. Nothing is confirmed by it. Refused if another hold stands by now, and if its sender has left.
+    /// Continue after a hold. It confirms nothing. Refused if another hold is active by now, and if its sender has
+    /// disconnected.
     Continue {
         /// The hold that it ends ([`Glimpse::hold_number`]).
         hold: u32,
     },
     /// Confirms the readings of the sensors. Accepted only while the test waits for that. It ends no hold. Refused if its
-    /// sender has left.
+    /// sender has disconnected.
     Confirm,
     /// Where in its life it is.
     Phase,
@@ -80,13 +81,13 @@ pub enum Unanswered {
     /// Nothing listens there: no test runs, or no longer.
     #[error("no test is running here: {0}")]
     Over(io::Error),
-    /// Somebody may listen there, and speaks to others only.
+    /// Another user's test may listen there.
     #[error("only who started the test may speak to it: {0}")]
     Barred(io::Error),
-    /// Somebody may listen there who did not answer.
+    /// A test may listen there, but did not answer.
     #[error("the test does not answer ({})", in_words(.error))]
     Silent {
-        /// The request lies in the socket. The test carries it out when it comes to it, unless it lets specimens move.
+        /// The request is in the socket. The test carries it out later, unless it lets specimens move.
         left: bool,
         /// The system's word.
         error: io::Error,
@@ -175,22 +176,22 @@ impl Drop for Desk {
     fn drop(&mut self) {
         self.open = None;
         if let Some(thread) = self.thread.take() {
-            // It waits for nothing but this and what comes, and removes the socket.
+            // It only waits for this and for clients, and removes the socket.
             let _ = thread.join();
         }
     }
 }
 
-/// The desk's thread: it waits for all at once, and for each only so long.
+/// The thread of the control socket: it waits for all clients at once, and for each for a limited time.
 struct Counter {
     socket: ControlSocket,
-    /// Readable when the desk closes.
+    /// Readable when the control socket closes.
     closed: UnixStream,
     callers: Vec<Caller>,
     serve: Serve,
 }
 
-/// Who has come and not said a whole line.
+/// A client that has not sent a whole line yet.
 pub(super) struct Caller {
     stream: UnixStream,
     pub(super) line: Vec<u8>,
@@ -198,7 +199,7 @@ pub(super) struct Caller {
 }
 
 impl Counter {
-    /// Waits until there is something to do; false if the desk closes.
+    /// Waits until there is work; false if the control socket closes.
     fn waits(&self) -> bool {
         let mut ends = vec![PollFd::new(&self.closed, PollFlags::IN)];
         ends.push(PollFd::new(&self.socket, PollFlags::IN));
@@ -286,7 +287,7 @@ enum Heard {
 }
 
 impl Caller {
-    /// True if the other end is closed. One that only says nothing more still listens.
+    /// True if the other end is closed. A client that only sends nothing more still listens.
     fn has_left(&self) -> bool {
         let mut end = [PollFd::new(&self.stream, PollFlags::empty())];
         let looked = poll(&mut end, Some(&Timespec::default()));
@@ -358,7 +359,7 @@ pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     read_line(&stream).map_err(Unanswered::silent(true))
 }
 
-/// A connection to a desk. One that is not taken up in time is not waited for.
+/// A connection to a control socket. It must be accepted in time.
 pub(super) fn reach(folder: &Path, name: &str) -> io::Result<UnixStream> {
     connect(folder, name, PATIENCE)
 }
@@ -540,7 +541,7 @@ mod tests {
         assert_eq!(receiver.try_recv(), Ok(Operator::EndHold(2)));
     }
 
-    /// What waits behind a full desk until its sender has given up must not move a specimen later.
+    /// A command that waits in a full queue until its sender has disconnected must not move a specimen later.
     #[test]
     fn command_of_a_lost_sender_is_dropped() {
         let folder = tempfile::tempdir().unwrap();
@@ -608,11 +609,11 @@ mod tests {
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
         let call = || UnixStream::connect(folder.path().join(SOCKET)).unwrap();
-        // Each of them alone would be waited for as long as the one who speaks waits in all.
+        // Each of them alone would delay the next client until its own time limit.
         let silent: Vec<UnixStream> = (0..8).map(|_| call()).collect();
         assert!(ask(folder.path(), Request::Stop).unwrap().accepted);
         assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
-        // One who says something all the time, but no line, has no more time than others.
+        // A client that keeps sending bytes, but no line, has no more time than others.
         let mut slow = call();
         let is_hung_up = (0..120).any(|_| {
             crate::pause(Duration::from_millis(100));

@@ -26,7 +26,7 @@ pub(super) struct Energetics {
 pub(super) enum Without {
     /// It has no structure.
     Structure,
-    /// Something is in the way, in words.
+    /// The reason that prevents it, in words.
     Because(String),
 }
 
@@ -164,7 +164,7 @@ impl Energetics {
         (0..=last).map(at).collect()
     }
 
-    /// The modes at rest, and what delays of the specimens add to their damping.
+    /// The modes at rest, and the damping that delays of the specimens add.
     fn modes(&self) -> Result<Vec<Mode>, String> {
         let modes: Vec<Mode> = self
             .analysis

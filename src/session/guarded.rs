@@ -1,6 +1,6 @@
 //! Runs a test on the loop's thread.
 //!
-//! The life cycle of the engine catches a panic and retires every specimen. What it means for the exit code is decided elsewhere.
+//! The life cycle of the engine catches a panic and retires every specimen. The exit code is decided elsewhere.
 
 use super::connect::Unconnected;
 use gusset_control::engine::{Connected, Control, Outcome};

@@ -1,9 +1,9 @@
-//! What became of the record while the test ran: others may have moved, deleted or changed what was being written.
+//! State of the record after the test: other programs may have moved, deleted or changed its files meanwhile.
 
 use gusset_record::{FolderError, Meddled, Recorded, Run, RunFolder, Whereabouts};
 use gusset_setup::Facts;
 
-/// Finds the folder again and counts as lost what cannot be read in it any more.
+/// Finds the folder again and counts unreadable parts as lost.
 pub(super) fn look_over(folder: &mut RunFolder, facts: &mut Facts, recorded: &mut Recorded) {
     match folder.find_again() {
         Whereabouts::There => {}
@@ -53,7 +53,7 @@ fn meddled(folder: &RunFolder, recorded: &Recorded) -> Vec<String> {
 fn readable(folder: &RunFolder) -> Result<u64, FolderError> {
     let mut journal = Run::open(folder.path())?.journal()?;
     let mut rows = 0;
-    // What cannot be read ends the rows, too.
+    // An unreadable row ends the rows, too.
     while let Ok(Some(_)) = journal.next_row() {
         rows += 1;
     }

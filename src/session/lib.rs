@@ -1,4 +1,4 @@
-//! One test from the prepared experiment to the finished run folder: the threads, and what each owns.
+//! One test from the prepared experiment to the finished run folder: the threads, and the objects of each.
 //!
 //! | thread | owns | talks through |
 //! |---|---|---|
@@ -141,7 +141,7 @@ pub enum SessionError {
 pub struct Finished {
     /// How it ended; its row has the exit code and the status.
     pub cause: Cause,
-    /// The run folder. Others may move or delete it at any time: what is added to it is written by itself.
+    /// The run folder. Other programs may move or delete it at any time: additions check for it.
     pub folder: RunFolder,
     /// Content of summary.json.
     pub summary: Summary,
@@ -171,8 +171,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// anything connects. `progress` is called about ten times a second.
 ///
 /// # Errors
-/// [`SessionError`] if the test could not be started: nothing was moved, and the folder is gone again. How a started
-/// test ended is not an error but [`Finished`].
+/// [`SessionError`] if the test could not be started: nothing was moved, and the folder is removed. The end of a
+/// started test is not an error but [`Finished`].
 pub fn run(
     test: impl Into<Subject>,
     mut folder: RunFolder,
@@ -343,7 +343,7 @@ fn carry_out(
     }
 }
 
-/// Shows the progress until the loop's thread says how it ended.
+/// Shows the progress until the loop's thread reports its end.
 fn wait_for_the_end(
     done: &mpsc::Receiver<Ended>,
     writer: &Writer,

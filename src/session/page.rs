@@ -49,7 +49,7 @@ pub struct Page {
     pub identified: Vec<IdentifiedAxis>,
     /// How each axis followed its target, in words.
     pub followed: Vec<String>,
-    /// What of the record is not there any more, in words.
+    /// Missing parts of the record, in words.
     pub damaged: Vec<String>,
     /// One of that is a damaged row.
     pub has_damaged_rows: bool,
@@ -315,7 +315,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     })
 }
 
-/// What says that a run continues itself, if it does.
+/// Error of a run that continues itself, if it does.
 fn circle(folder: &Path) -> Option<String> {
     let mut generations = Lineage::of(folder).filter_map(Result::ok);
     generations.find_map(|generation| match generation.parent {
@@ -381,7 +381,7 @@ fn damages(run: &Run, told: &Events, rows: RowsEnd) -> Vec<String> {
     });
     let ended = ended.map(|end| end.to_string());
     let missing = missing.map(|end| end.to_string());
-    // A loop that broke down did not say that it was over.
+    // A loop that broke down did not report its end.
     let ended_itself = run.summary().is_some_and(|s| s.status != Status::Failed);
     let events = if !told.is_there {
         Some("events.jsonl is not there: what happened is not told here")

@@ -30,7 +30,7 @@ pub(super) struct Ready {
     pub granted: Option<Granted>,
 }
 
-/// Writes what is known before the test, asks for real-time conditions and starts the threads.
+/// Writes the facts before the test, requests real-time conditions and starts the threads.
 pub fn prepare(
     experiment: Experiment,
     facts: &Facts,
@@ -50,7 +50,7 @@ pub fn prepare(
         .map_err(|e| SessionError::Recording(e.to_string()))?;
     let (sample_in, sample_out) = crossbeam_channel::bounded(1024);
 
-    // The loop's thread first: it says what it was granted before anything else is set up or moved.
+    // The loop's thread first: it reports its grants before anything else is set up or moved.
     let plan = real.then(|| rt_plan(&facts.timing, period_ns(facts.rate_hz)));
     let (onlooker, when_placed) = (watches.onlooker.take(), watches.when_placed.take());
     let (before_first_tick, after_last_tick) = (watches.before_first_tick, watches.after_last_tick);

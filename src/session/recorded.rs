@@ -72,7 +72,7 @@ impl Substructure for Recorded {
             into.status = Status(at(self.status) as u32);
             into.sequence = recorded;
             *answered = Some(tape.row);
-            // Ticks in which nothing moves share a number: there the row says how old its measurement is.
+            // Ticks in which nothing moves share a number: there the row shows the age of its measurement.
             let stale = issued == recorded && into.status.has(Status::STALE);
             Ok(if issued > recorded || stale {
                 Freshness::Stale
@@ -82,14 +82,14 @@ impl Substructure for Recorded {
         })
     }
 
-    /// A partner that takes several ticks answers in the row in which it answered. Who is waited for answers, unless the row
-    /// says that the operator ended the wait.
+    /// A partner that takes several ticks answers in the row of its recorded answer. A partner that the loop waits for
+    /// answers, unless the operator ended the wait in this row.
     fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         let is_here = with(&self.tape, |tape| {
             tape.ran_out |= tape.next().is_none();
             let row = tape.next().ok_or(LinkFault::Closed)?;
             if Status(at(Some(row), self.status) as u32).has(Status::OWED) {
-                // Who was asked for it was waited for, too, where the wait ended in this row.
+                // If the wait ended in this row, a partner that was checked was also waited for.
                 return Ok(wait_ns == 0 && tape.waits_in_vain_next());
             }
             Ok(wait_ns > 0 || at(Some(row), self.sequence) as u64 >= self.issued)
@@ -131,7 +131,7 @@ impl Substructure for Recorded {
 pub(super) enum Replaced {
     /// That of every specimen.
     All,
-    /// That of specimens behind links: formulas go their own way again, and remember it.
+    /// That of specimens behind links: formulas continue by themselves, and remember it.
     Remote,
 }
 

@@ -1,8 +1,9 @@
-//! A recorded test once more: what was measured goes through the same loop, and every number must come out bit for bit.
+//! A recorded test once more: its measurements pass through the same loop, and every number must be reproduced bit for
+//! bit.
 //!
-//! The folder alone is enough: `resolved.toml` and the copies of its inputs make the experiment; in place of each specimen
-//! stands a reader of the recorded rows. What was decided while the test ran is a column, so holds and stale measurements
-//! happen again where they happened. The simulated clock keeps time; columns that depend on the wall clock are not compared.
+//! The folder alone is enough: `resolved.toml` and the copies of its inputs make the experiment; a reader of the recorded
+//! rows replaces each specimen. Every decision of the running test is a column, so holds and stale measurements happen again
+//! in the same rows. The simulated clock keeps time; columns that depend on the wall clock are not compared.
 
 use std::io::Read;
 use std::path::Path;
@@ -30,19 +31,19 @@ pub struct Replay {
     pub time: f64,
     /// The first that is not.
     pub difference: Option<Difference>,
-    /// What ends the proof before the end of the test; none if all of it is proven.
+    /// Cause that ends the proof before the end of the test; `None` if all of it is proven.
     pub short: Option<String>,
-    /// The recording says which files it is of, and they are the same.
+    /// The recording lists its files, and they are unchanged.
     pub files_proven: bool,
-    /// Keys of the summary that are not what the loop comes to; none of a run without a summary, or one that is not proven to its
-    /// end.
+    /// Keys of the summary that differ from the result of the loop; empty for a run without a summary, or one that is not proven
+    /// to its end.
     pub summary: Vec<SummaryDifference>,
-    /// The summary is of an earlier version: what differs there proves nothing.
+    /// The summary is of an earlier version: its differences prove nothing.
     pub is_of_an_earlier_version: bool,
 }
 
 impl Replay {
-    /// True if every recorded number came out again, and the summary says what the loop comes to.
+    /// True if every recorded number was reproduced, and the summary agrees with the loop.
     #[must_use]
     pub const fn is_exact(&self) -> bool {
         let summary_agrees = self.summary.is_empty() || self.is_of_an_earlier_version;
@@ -82,7 +83,7 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     Ok(found)
 }
 
-/// How the test ended if the loop trips in the tick after the last row: the command that was too much never left.
+/// How the test ended if the loop trips in the tick after the last row: the command beyond the limit never left.
 fn trip_of_the_next_tick(run: &Run) -> Result<Option<Outcome>, ReplayError> {
     let test = prepared(run, Replaced::All, false)?;
     let recording = Recording::of(run)?;

@@ -1,8 +1,8 @@
 //! The control socket of a server: through it the operator of a specimen clears its latched trip.
 //!
-//! It is made as that of a running test is ([`super::desk`]): one line of JSON in, one out. `{"request": "reset"}` is answered
-//! with `{"trip": …, "place": …}`, what was cleared in words, or `null` where nothing was recorded. `{"request": "show"}` clears
-//! nothing.
+//! Its protocol is that of a running test ([`super::desk`]): one line of JSON in, one out. The answer to `{"request": "reset"}`
+//! is `{"trip": …, "place": …}`, the cleared entries in words, or `null` where nothing was recorded. `{"request": "show"}`
+//! clears nothing.
 
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileTypeExt;
@@ -116,8 +116,8 @@ struct ResetAnswer {
 }
 
 impl ServerControl {
-    /// Listens at `place`, and calls `carry_out` for each request: it returns the record in words. A socket that a killed
-    /// server has left is replaced.
+    /// Listens at `place`, and calls `carry_out` for each request: it returns the record in words. The socket of a killed
+    /// server is replaced.
     ///
     /// # Errors
     /// [`ControlError`].
@@ -191,7 +191,7 @@ pub enum ResetError {
     },
 }
 
-/// Asks the server that is controlled at `place`; what is recorded of its specimen.
+/// Sends a request to the server that is controlled at `place`; returns the record of its specimen.
 ///
 /// # Errors
 /// [`ResetError`].

@@ -2,10 +2,10 @@
 //!
 //! The loop retraces all rows, bit for bit: some hundred times faster than the test ran. Digests of the state, written while the
 //! test ran, prove that the state is the same. If no specimen is behind a link, the newest state that a checkpoint kept replaces
-//! the rows before it. Where the last rows are damaged, the test resumes after the last checkpoint that came out
-//! again, and specimens behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and the
-//! resume is refused. Files that were changed since are refused. Nothing is written to the interrupted run. A trip stays latched:
-//! a test that ended with one resumes only with `--after-trip`.
+//! the rows before it. Where the last rows are damaged, the test resumes after the last reproduced checkpoint, and specimens
+//! behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and the resume is refused.
+//! Files that were changed since are refused. Nothing is written to the interrupted run. A trip stays latched: a test that ended
+//! with one resumes only with `--after-trip`.
 
 mod error;
 mod places;
@@ -49,15 +49,15 @@ const WIDENED: &str = "wider_limits";
 pub struct Allowed<'a> {
     /// It may resume although it tripped.
     pub after_trip: bool,
-    /// Why it may go on although a specimen changed since the interruption: it stands elsewhere, its force is another one, or it is
-    /// computed by a server that does not keep its state.
+    /// Why it may resume although a specimen changed since the interruption: its position or force differs, or a server computes
+    /// it without keeping its state.
     pub changed: Option<&'a str>,
     /// Limits that it widens, as `KEY=VALUE`, and why.
     pub wider: Option<(&'a [String], &'a str)>,
 }
 
-/// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
-/// interrupted. `after_trip`: see [`Allowed`].
+/// Prepares the test in `folder` for a resume. `test`: the test file, if one was given; it must be the interrupted one.
+/// `after_trip`: see [`Allowed`].
 ///
 /// # Errors
 /// See [`ResumeError`].
@@ -339,8 +339,8 @@ fn end_before(run: &Run, after_trip: bool) -> Result<String, ResumeError> {
     Ok(text)
 }
 
-/// The state after the last good row; where the record is damaged, that of the last checkpoint, the trouble with what comes
-/// after it, and what is to be said of it.
+/// The state after the last good row. For a damaged record: that of the last checkpoint, the damage after it, and the text
+/// about it.
 fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
     let traced = retrace(run, None, Replaced::Remote)?;
     let Some(trouble) = traced.trouble.clone() else {
@@ -391,11 +391,11 @@ fn check_way_back(
     })
 }
 
-/// The files are those that the test was made of, as its first events say.
+/// Checks that the files are those of the test, by its first events.
 fn check_files(run: &Run, test: Option<&Path>, origin: Option<&Origin>) -> Result<(), ResumeError> {
     let folder = run.path();
     if !check_files_of(run)? {
-        // It was killed before it wrote anything; one that was to go on with another is no beginning.
+        // It was killed before it wrote anything; a resumed test is not a beginning.
         if origin.is_none() && run.rows_made()? == 0 {
             return Err(ResumeError::NotBegun(folder.to_owned()));
         }

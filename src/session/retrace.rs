@@ -65,7 +65,7 @@ pub(super) fn recorded_file(folder: &Path, sets: &[String]) -> Result<Loaded, Co
     Ok(loaded)
 }
 
-/// Builds the test of a run folder, with the state that its ancestors came to, if it has any.
+/// Builds the test of a run folder, with the final state of its ancestors, if it has any.
 fn prepared_from(
     run: &Run,
     sets: &[String],
@@ -80,7 +80,7 @@ fn prepared_from(
     check_inputs(run)?;
     let mut loaded = recorded_file(folder, sets)?;
     if !keys {
-        // No specimen is spoken to: what only a link needs is not asked for.
+        // No specimen is connected: the needs of a link are not checked.
         for link in loaded
             .file
             .specimen
@@ -101,7 +101,7 @@ fn prepared_from(
 /// State of a test that is resumed: the numerical side, the ports, and the rest.
 type State = (Side, Vec<Port>, Resumption);
 
-/// Makes an experiment continue as its `resumed.json` says, with the state that its ancestors came to.
+/// Makes an experiment continue from its `resumed.json`, with the final state of its ancestors.
 fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
     let (side, ports, mut resumption) = state;
     resumption.left = origin.places();
@@ -112,7 +112,7 @@ fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
     experiment.resume = Some(resumption);
 }
 
-/// The state that the ancestors of a test came to, the first of them first; none for a test without any. An ancestor that ended
+/// The final state of the ancestors of a test, the first of them first; `None` for a test without any. An ancestor that ended
 /// before its first step has changed nothing: the state is that of those before it.
 fn state_of(
     mut ancestors: Vec<Ancestor>,
@@ -171,13 +171,13 @@ pub(super) struct Retraced {
     pub state: Option<State>,
     /// It is a resumed test, and did.
     pub on_its_way_in: bool,
-    /// Rows that came out again.
+    /// Rows that were reproduced.
     pub rows: u64,
     /// The last checkpoint that did.
     pub verified: Option<Verified>,
-    /// What ended it before its time.
+    /// Cause that ended it before its time.
     pub trouble: Option<String>,
-    /// True if it came to the last step of the test.
+    /// True if it reached the last step of the test.
     pub completed: bool,
     /// Step and rows of the state that was restored; none if all rows were retraced.
     pub restored: Option<(u64, u64)>,
@@ -214,8 +214,8 @@ pub(super) fn retrace(
     Ok(traced)
 }
 
-/// Follows a run from the newest state that it kept. None without a state before its last row, or if anything is wrong with the
-/// rows after it: then all rows are to be followed.
+/// Follows a run from the newest state that it kept. `None` without a state before its last row, or if anything is wrong with
+/// the rows after it: then all rows must be followed.
 fn retrace_from_state(
     run: &Run,
     until: Option<u64>,
@@ -225,7 +225,7 @@ fn retrace_from_state(
     let Some(kept) = kept else {
         return Ok(None);
     };
-    // The state holds what the test had of its ancestors.
+    // The state contains everything from the ancestors.
     let experiment = prepared_from(run, &[], None, false, &mut setup::build)?.experiment;
     let rows = kept.rows..until.unwrap_or(u64::MAX);
     let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;

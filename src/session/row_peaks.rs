@@ -21,7 +21,7 @@ pub(super) fn peak_of(
     before: Option<&Peak>,
 ) -> Result<Peak, FolderError> {
     let summary = run.summary().map(|summary| &summary.peak);
-    // A loop that broke down said nothing of them.
+    // A loop that broke down did not write them.
     let told = summary.filter(|peak| **peak != Peak::default());
     let mut peak = match told {
         Some(peak) => peak.clone(),
@@ -68,7 +68,7 @@ fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
     Ok(peaks.finish(names))
 }
 
-/// Largest magnitudes of rows, as the loop counts them. All who need the peaks of a record fold its rows with this.
+/// Largest magnitudes of rows, as the loop counts them. Every reader of the peaks of a record folds its rows with this.
 pub(super) struct RowPeaks {
     state: usize,
     /// Columns of displacements, velocities and accelerations: DOF from 0, and place.

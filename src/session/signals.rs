@@ -1,4 +1,4 @@
-//! SIGINT, SIGQUIT, SIGTERM, SIGHUP and the like become a request to the loop: an orderly end, never a sudden one.
+//! SIGINT, SIGQUIT, SIGTERM, SIGHUP and the like become a request to the loop: a clean end, never a sudden one.
 
 use std::future::poll_fn;
 use std::io;
@@ -29,8 +29,8 @@ const INTERRUPTING: [SignalKind; 2] = [SignalKind::interrupt(), SignalKind::quit
 /// Those of signal(7) that the C library leaves to programs.
 const REAL_TIME: std::ops::RangeInclusive<i32> = 34..=64;
 
-/// A stray SIGUSR1 or SIGALRM, the timers' SIGPROF, a failing power supply's SIGPWR, SIGXCPU, by which the kernel warns who exceeds
-/// RLIMIT_CPU or RLIMIT_RTTIME, and all real-time signals end a process as SIGTERM does.
+/// These signals end a process as SIGTERM does: a stray SIGUSR1 or SIGALRM, the timers' SIGPROF, a failing power supply's SIGPWR,
+/// all real-time signals, and SIGXCPU, the kernel's warning beyond RLIMIT_CPU or RLIMIT_RTTIME.
 fn terminating() -> impl Iterator<Item = SignalKind> {
     let strays = [
         Raw::HUP,
@@ -64,7 +64,7 @@ pub struct Taken {
 }
 
 impl Taken {
-    /// Within an asynchronous runtime, which hears them.
+    /// Within an asynchronous runtime, which receives them.
     ///
     /// # Errors
     /// The system gives no handler.

@@ -1,4 +1,5 @@
-//! The recorded rows of a test, fed to the loop in place of its specimens, and compared with what the loop makes of them.
+//! The recorded rows of a test, fed to the loop in place of its specimens, and compared with the rows that the loop
+//! makes.
 //!
 //! The rows contain all decisions of the test: the commands of the operator, stale measurements, and when a slow specimen
 //! answered. So each of them happens again in the same row. Checkpoints are compared as they come. Columns are found by
@@ -24,7 +25,7 @@ use gusset_record::{
     WarmUpRows,
 };
 
-/// Columns that say where within a step a row stands.
+/// Columns that place a row within a step.
 const MOMENT: [&str; 2] = ["sub_tick", "time"];
 
 /// A checkpoint that was replayed as recorded.
@@ -36,7 +37,7 @@ pub(super) struct Verified {
     pub rows: u64,
 }
 
-/// The first number that came out otherwise.
+/// The first number that was not reproduced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
     /// Row, from 0.
@@ -88,7 +89,7 @@ pub(super) struct Tape {
     journal: Journal<Box<dyn Read + Send>>,
     /// Compared columns: name, place in the recording, place in the rows of the loop.
     compared: Vec<(String, usize, usize)>,
-    /// The row that comes; empty if none is left.
+    /// The next row; empty after the last.
     coming: Vec<f64>,
     /// The row before it.
     passed: Vec<f64>,
@@ -115,9 +116,9 @@ pub(super) struct Tape {
     pub verified: Option<Verified>,
     operator: Sender<Operator>,
     pub difference: Option<Difference>,
-    /// What ends the rows before the end of the recording.
+    /// Cause that ends the rows before the end of the recording.
     pub short: Option<String>,
-    /// The rows ended while the loop would have gone on: they do not say how the test ended.
+    /// The rows ended while the loop would have continued: they do not show how the test ended.
     pub ran_out: bool,
     /// At the end of the rows the loop continues into the next tick: a trip before a command leaves has no row.
     pub goes_on: bool,
@@ -125,7 +126,7 @@ pub(super) struct Tape {
 
 impl Tape {
     /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line. The loop begins with the first of
-    /// `rows`: what comes before it is passed over, and need not be complete but for the row right before it.
+    /// `rows`. The rows before it are passed over, and only the one right before it must be complete.
     pub(crate) fn new(
         recording: Recording,
         layout: &Layout,
@@ -191,7 +192,7 @@ impl Tape {
         self.journal.end()
     }
 
-    /// True if nothing is left to feed.
+    /// True after the last row to feed.
     pub(crate) fn is_over(&self) -> bool {
         let Some(next) = self.next() else {
             return true;
@@ -226,7 +227,7 @@ impl Tape {
         [Phase::Tripped.code(), Phase::Leaving.code(), NOT_AWAITED].contains(&state)
     }
 
-    /// How a specimen was lost that the row that comes says is lost.
+    /// How a specimen was lost that the next row marks as lost.
     pub(crate) fn fault_next(&self) -> LinkFault {
         match Cause::of_column(at(self.next(), self.places[3])) {
             Some(Cause::LinkNotFinite) => LinkFault::NotFinite,
@@ -240,7 +241,7 @@ impl Tape {
         at(self.next(), self.places[0]) == NOT_AWAITED
     }
 
-    /// Whether anybody has answered since the row before: there was an exchange.
+    /// Whether any specimen has answered since the row before: there was an exchange.
     pub(crate) fn has_an_answer_next(&self) -> bool {
         let (before, next) = (Some(&self.passed), self.next());
         let mut places = self.sequences.iter();
@@ -267,7 +268,7 @@ impl Tape {
         })
     }
 
-    /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
+    /// Repeats the operator's commands before the next row. After a difference the loop may end.
     fn say(&mut self) {
         let commands = if self.difference.is_some() {
             OperatorCommands::STOP
@@ -304,7 +305,7 @@ impl Tape {
         is_after_the_test(state) && sub_tick == 0.0 && time.to_bits() == (step * self.dt).to_bits()
     }
 
-    /// Compares the row that was just made, and says what the operator said before the next.
+    /// Compares the row that was just made, and repeats the operator's commands before the next.
     fn compare(&mut self, made: &[f64]) {
         if self.coming.is_empty() {
             return;
@@ -373,7 +374,7 @@ fn compared(recorded: &[Column], made: &[Column]) -> Vec<(String, usize, usize)>
     pairs.collect()
 }
 
-/// The checkpoints of a recording, read as the replay comes to them.
+/// The checkpoints of a recording, read as the replay reaches them.
 struct Checkpoints {
     events: EventLines,
     /// The next one: its step and digest.
@@ -407,7 +408,7 @@ impl Checkpoints {
     /// The recorded digest of the checkpoint of this step, if it has one. Call this with ascending steps.
     fn of_step(&mut self, step: u64) -> Option<u64> {
         while self.coming.as_ref().is_some_and(|(at, _)| *at < step) {
-            // What cannot be read any more proves nothing.
+            // Unreadable checkpoints prove nothing.
             self.read().ok()?;
         }
         let (_, digest) = self.coming.as_ref().filter(|(at, _)| *at == step)?;
@@ -427,7 +428,7 @@ pub(super) fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
         .unwrap_or(f64::NAN)
 }
 
-/// One tape for the recorder and all specimens. The lock is never contended: all are on one thread.
+/// One replay source for the recorder and all specimens. The lock is never contended: all are on one thread.
 pub(super) type Shared = Arc<Mutex<Tape>>;
 
 pub(super) fn with<T>(tape: &Shared, act: impl FnOnce(&mut Tape) -> T) -> T {

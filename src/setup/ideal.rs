@@ -479,7 +479,7 @@ impl IdealPort {
             }
         };
         for (i, row) in rows.iter().enumerate() {
-            // A solver wants a symmetric tangent.
+            // A solver needs a symmetric tangent.
             for (j, own) in row.iter().enumerate() {
                 let value = 0.5 * (own + rows[j][i]);
                 for (p, a) in &self.axes[i].row {

@@ -107,7 +107,8 @@ pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
     build_trial(loaded, &trial::NOMINAL)
 }
 
-/// Makes the rehearsal with specimens behind links that move at the velocities of the test. None if no force differs by that.
+/// Makes the rehearsal with specimens behind links that move at the velocities of the test. `None` if no force differs by
+/// that.
 ///
 /// # Errors
 /// As [`build`].

@@ -54,7 +54,7 @@ pub(super) fn native(
         (LinkCoupling::Sampled, ClockChoice::Real) => Coupling::Sampled,
         _ => Coupling::Lockstep,
     };
-    // A partner that is commanded once a step counts steps.
+    // A per-step partner counts steps.
     let ticks = time.ticks_between_commands(link);
     let period_s = time.between_commands_s(link);
     let (per_second, seconds) = time.period.inverse().terms();
@@ -219,8 +219,8 @@ pub(super) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>)
         .collect()
 }
 
-/// The configuration for the run folder: a key is never copied there, so it is named in a way that holds from anywhere;
-/// so are certificates.
+/// The configuration for the run folder: a key is never copied there, so it gets a path that is valid from anywhere; so
+/// do certificates.
 pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile {
     let mut named = file.clone();
     for link in named.specimen.iter_mut().filter_map(|s| s.link.as_mut()) {

@@ -44,8 +44,8 @@ struct Entry {
     rest_damping: Rows,
     /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
     stiffness_at_rest: Rows,
-    /// Damping before anything moves, or the reference of the law where that is less: 0 for a damper of a power beyond
-    /// 1.
+    /// Damping before anything moves, or the reference of the law where that is less: 0 for a damper of a power
+    /// beyond 1.
     damping_at_rest: Rows,
     /// Mass that the structure carries for the specimen.
     mass: Rows,
@@ -109,7 +109,7 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
     Ok(Specimens(entries))
 }
 
-/// Order of the way between two targets.
+/// Order of the interpolation between two targets.
 fn order(loaded: &Loaded) -> Order {
     match loaded.file.time.prediction_order {
         1 => Order::Linear,
@@ -493,7 +493,7 @@ pub(super) fn build(site: &mut Site<'_>, specs: Vec<PortSpec>) -> Result<Vec<Por
         };
         let link = site.loaded.file.specimen[index].link.as_ref();
         let stands = link.is_some_and(|link| is_known_to_stand(link, port.axes()));
-        // The stand-in of a specimen without a measured position is led like the specimen itself, from zero
+        // The stand-in of a specimen without a measured position starts like the specimen itself, from zero
         // deformation: it is not queried.
         if site.trial.is_some() && stands {
             let unbent = port.path().sent().to_vec();

@@ -24,9 +24,9 @@
 //!
 //! - no compensation: while the lag is below the critical delay, about 2ξ/(pω) of the governing mode;
 //! - polynomial on nodes a delay apart, delay as assumed: the chain is H(θ) = 1 − (1 − e^{−iθ})^{n+1}, θ = ωτ; its added damping
-//!   is not negative for θ ≤ π/3 (n = 2) and θ ≤ π/2 (n = 3), slightly negative for n = 1 and everywhere negative near 0 for
-//!   n = 4; above that a lightly damped higher mode is driven. On nodes a step apart the weights grow as (τ/Δt)ⁿ and with them
-//!   what noise does;
+//!   is not negative for θ ≤ π/3 (n = 2) and θ ≤ π/2 (n = 3), slightly negative for n = 1 and everywhere negative near 0 for n =
+//!   4; above that a lightly damped higher mode is driven. On nodes a step apart the weights and the effect of noise grow as
+//!   (τ/Δt)ⁿ;
 //! - Newton form: as the polynomial of order 2 on nodes a step apart, for the family's own v and w;
 //! - inverse: as the polynomial of order 1 on nodes a step apart; exact for a first-order lag;
 //! - model inverse: while the true actuator's phase stays within the structure's damping of the model's;
@@ -106,7 +106,7 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         disp
     }
 
-    /// The last target of [`Compensator::lead`] was foretold and came out as `disp`.
+    /// The last target of [`Compensator::lead`] was predicted; its final value is `disp`.
     fn amend(&mut self, disp: f64) {
         let _ = disp;
     }

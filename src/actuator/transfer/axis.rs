@@ -297,7 +297,7 @@ impl Axis {
         if state.x[DISP].abs() > stroke {
             let end = stroke.copysign(state.x[DISP]);
             if let Dynamics::Servo(servo) = &self.dynamics {
-                // The way that it did not go has not bled the cylinder.
+                // The displacement that it did not make has not bled the cylinder.
                 state.x[FORCE] += servo.bled(state.x[DISP] - end);
                 state.x[FORCE] = state.x[FORCE].clamp(-force, force);
                 self.stopped = true;

@@ -121,7 +121,7 @@ impl Delay {
         mix(self.head, motion, (at - self.beyond) / (end - self.beyond))
     }
 
-    /// `dt` in whole ticks of the grid, if it goes from entry to entry.
+    /// `dt` in whole ticks of the grid, if it leads from entry to entry.
     fn ticks(&mut self, dt: f64) -> Option<usize> {
         if self.grid == 0.0 {
             self.lay_out(dt);

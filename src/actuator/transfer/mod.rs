@@ -260,7 +260,7 @@ impl Transfer {
         }
     }
 
-    /// Where a force passes the actuators' limit they stall on their way. Real-time: yes.
+    /// If a force exceeds the actuators' limit, they stall within the tick. Real-time: yes.
     fn stall(&mut self, dt: f64, force: &mut [f64]) {
         let too_much = |axes: &[Axis], force: &[f64]| {
             let mut pairs = axes.iter().zip(force);

@@ -173,7 +173,7 @@ impl Sensor {
         let sensed = value + self.bias + self.drift * elapsed + deviation * normal;
         let within = sensed.clamp(-self.range, self.range);
         let read = if self.quantum > 0.0 {
-            // Half to even, as converters are specified; std's round goes through no library.
+            // Half to even, as converters are specified; std's `round` needs no library.
             (within / self.quantum).round_ties_even() * self.quantum
         } else {
             within

@@ -251,7 +251,7 @@ fn limits_of_rate_stroke_and_force_hold() {
     let out = follow(&mut short, DT, 100, |t| t);
     assert_eq!(out[99], [0.01, 1000.0]);
     assert!(short.is_saturated());
-    // Stalls where 1e5 N/m gives 500 N, at 5 mm, to 2⁻¹⁹ of a tick's way.
+    // Stalls where 1e5 N/m gives 500 N, at 5 mm, to 2⁻¹⁹ of a tick's step.
     let mut weak = behind("force_limit_n = 500", spring(1e5, 0.0));
     let out = follow(&mut weak, DT, 100, |t| t);
     assert!((out[99][0] - 0.005).abs() < DT / 2e5 && out[99][1] <= 500.0);

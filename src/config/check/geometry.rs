@@ -1,4 +1,4 @@
-//! `[specimen.geometry]`: a geometry that is one, and that fits what the specimen sees.
+//! `[specimen.geometry]`: a valid geometry that fits the coordinates of the specimen.
 
 use super::Findings;
 use crate::diagnose::Finding;

@@ -1,7 +1,7 @@
 //! Keys without an effect in their file: a warning reports each, with its reason.
 //!
-//! A key counts as given where it differs from its default, so that a file that writes its defaults down (as
-//! `resolved.toml` does) is not told of them. What contradicts another key is no idle key but an error, and said elsewhere.
+//! A key counts as given where it differs from its default, so that a file that states its defaults (like `resolved.toml`)
+//! gets no reports. A key that contradicts another is not idle but an error, which is reported elsewhere.
 
 mod specimen;
 

@@ -1,4 +1,4 @@
-//! `[specimen.link]`: numbers inside their ranges, and what our own protocol cannot say.
+//! `[specimen.link]`: numbers inside their ranges, and keys that our own protocol does not support.
 
 use super::Findings;
 use crate::diagnose::Finding;
@@ -170,7 +170,7 @@ pub(super) fn check_pace(
                 .beside(at.key("link").key("coupling"), "sampled here"),
         );
     } else if file.timing.warmup_ticks == Some(0) {
-        // The record must tell its first answer from what was read before.
+        // The record must separate its first answer from earlier readings.
         let warm_up = KeyPath::root().key("timing").key("warmup_ticks");
         let text =
             "a specimen that is commanded once per step needs a warm-up of at least one tick";
@@ -279,7 +279,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
     }
 }
 
-/// What OpenFresco's protocols have no place for.
+/// Keys that OpenFresco's protocols do not support.
 fn check_openfresco(link: &LinkSpec, axes: usize, at: &KeyPath, findings: &mut Findings) {
     let more = link.openfresco.iter();
     for (key, found, allowed) in more.flat_map(|more| more.out_of_range(axes)) {

@@ -1,4 +1,4 @@
-//! `[safety]`, and what belongs to it at the specimens.
+//! `[safety]`, and related keys of the specimens.
 
 use super::{Finding, Findings, KeyPath, TestFile};
 use crate::{ExitChoice, ShareSpec, ZeroChoice};

@@ -9,7 +9,7 @@ use crate::specimen::SpecimenTable;
 use crate::value::MatrixValue;
 use gusset_actuator::transfer::TransferSpec;
 
-/// What gives the displacements that a specimen sees.
+/// Source of the displacements of a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Source {
     /// The structure of the test.
@@ -370,7 +370,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
     }
 }
 
-/// Noise that is meant to be independent, but comes of one seed.
+/// Noise that should be independent, but has one seed.
 pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) {
     let seed = |table: &SpecimenTable| {
         let noisy = table.own_transfer().filter(|spec| spec.is_noisy());

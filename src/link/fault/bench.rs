@@ -23,7 +23,7 @@ pub struct Bench {
     faults: Vec<Fault>,
     units: Vec<AxisUnits>,
     dice: Dice,
-    /// Which of the faults happen to the command at hand.
+    /// Which faults apply to the present command.
     happen: Vec<bool>,
     first: u64,
     /// Wall time in s from one command to the next, and the command that was committed last; from `first`.
@@ -33,7 +33,7 @@ pub struct Bench {
     /// Position of the actuators: committed, and as last tried.
     place: Vec<f64>,
     tried: Vec<f64>,
-    /// The command at hand, and whether a fault concerns it.
+    /// The present command, and whether a fault concerns it.
     command: CommandAtHand,
     vel: Vec<f64>,
     /// The last measurement of the sensors.
@@ -112,7 +112,7 @@ impl Bench {
         self.happen.contains(&true)
     }
 
-    /// The faults that happen to the command at hand.
+    /// The faults of the present command.
     fn happening(&self) -> impl Iterator<Item = &Fault> {
         happening(&self.faults, &self.happen)
     }

@@ -18,7 +18,7 @@ impl Queue {
         self.put(at, bytes);
     }
 
-    /// `frame` in a buffer that is to be given back, with [`Queue::put`] or [`Queue::discard`].
+    /// `frame` in a buffer that returns with [`Queue::put`] or [`Queue::discard`].
     pub(crate) fn copy(&mut self, frame: &[u8]) -> Vec<u8> {
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();

@@ -1,4 +1,4 @@
-//! Why a set-up failed, and what to do about it.
+//! Why a set-up failed, and the remedy.
 
 use thiserror::Error;
 

@@ -30,7 +30,7 @@ pub enum HostFault {
          or operator-splitting integrator)"
     )]
     TakenBack {
-        /// Test time in s that the client goes back to.
+        /// Test time in s to which the client returns.
         time: f64,
     },
     /// OpenSees gave up more than a step.

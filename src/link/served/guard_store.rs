@@ -1,8 +1,8 @@
 //! The guard of a served specimen between sessions.
 //!
-//! A specimen that moves has one guard for as long as the server's process holds it. The guard keeps the history of commands, and
-//! the speed allowance goes with it. So an Arm, a new session or a new client begins where the last command ended. It is lent to
-//! one session at a time. A computed specimen that does not remember has a new guard for each Arm.
+//! A specimen that moves has one guard for as long as the server's process holds it. The guard keeps the history of commands and
+//! the speed allowance. So an Arm, a new session or a new client begins where the last command ended. It is lent to one session
+//! at a time. A computed specimen that does not remember has a new guard for each Arm.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -1,8 +1,8 @@
 //! The latch of a served specimen: a trip, or a motion without a regular end, that lasts until the operator at this end clears it.
 //!
-//! The trip stops its own session for good, and the latch refuses every later one. Of a physical specimen the latch is in the
-//! lasting record of the specimen, so that it outlives a crash and a new start. A computed specimen that
-//! remembers has its latch in memory, as it has its state. A lost link is no trip, but the motion that it ended stays recorded.
+//! The trip stops its own session for good, and the latch refuses every later one. The latch of a physical specimen is in its
+//! lasting record, so that it outlives a crash and a new start. A computed specimen that remembers has its latch in memory,
+//! like its state. A lost link is no trip, but the motion that it ended stays recorded.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -100,7 +100,7 @@ impl Latch {
         self.latched().kept.clone()
     }
 
-    /// Why no session begins, and what its operator does about it: a trip is latched, a motion has not ended regularly, or the record
+    /// Why no session begins, and the operator's remedy: a trip is latched, a motion has not ended regularly, or the record
     /// cannot be written.
     #[must_use]
     pub fn refusal(&self) -> Option<String> {

@@ -22,7 +22,7 @@ use gusset_record::rt::os;
 
 /// Largest speed of a path, of the mean speed.
 pub(super) const FASTEST: f64 = 1.875;
-/// Largest acceleration of a path, of way/time²: 10/√3.
+/// Largest acceleration of a path, in distance/time²: 10/√3.
 pub(super) const HARDEST: f64 = 5.773_502_691_896_258;
 /// Least slowing after a stop in s where an axis declares no limit of acceleration or a compensator leads: the usual hold ramp.
 const SLOWING_S: f64 = 0.25;
@@ -153,7 +153,7 @@ pub(super) struct PacedPath {
     edge_ns: u64,
 }
 
-/// Share of the way, and its slope, at a share of the time.
+/// Share of the distance, and its slope, at a share of the time.
 fn shape(x: f64) -> (f64, f64) {
     // Rounding leads not beyond the target.
     let share = (x * x * x * (10.0 + x * (6.0 * x - 15.0))).min(1.0);
@@ -475,7 +475,7 @@ mod tests {
                 places.extend([target; 3]);
                 from = target;
             }
-            // The largest acceleration is 10/√3 of way/time², and the way at most 2.
+            // The largest acceleration is 10/√3 of distance/time², and the distance at most 2.
             let bound = 20.0 / (f64::sqrt(3.0) * f64::from(ticks) * f64::from(ticks));
             for window in places.windows(3) {
                 let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
@@ -486,7 +486,7 @@ mod tests {
         /// A stop on a path without declared acceleration limits: at rest within half of the time of the path, or 0.25
         /// s.
         #[test]
-        fn a_stop_on_the_way_slows_down(ticks in 4u32..1000, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
+        fn stop_on_a_path_slows_down(ticks in 4u32..1000, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
             let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE };
             let mut path = PacedPath::new(pacing, 1, 1);
             let stop = (share * f64::from(ticks)) as u32;
@@ -516,7 +516,7 @@ mod tests {
 
         /// A stop begins in the next tick, takes the time that a declared acceleration needs, and keeps it.
         #[test]
-        fn a_stop_takes_the_time_of_its_limit(
+        fn stop_takes_the_time_of_its_limit(
             ticks in 40u32..400,
             longer in 1.0..50.0f64,
             is_first in proptest::bool::ANY,

@@ -285,8 +285,8 @@ impl<'a> Readiness<'a> {
         self.served.latch.begins(place).map_err(TestEnd::failed)
     }
 
-    /// A small motion shows which way round each axis is wired. An unwanted test ends the motion, which goes back to its start; the
-    /// message gives the position if it does not reach it.
+    /// A small motion shows the sign of each axis. An unwanted test ends the motion, which returns to its start; the message
+    /// gives the position if it does not reach it.
     fn check_wiring(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<(), TestEnd> {
         let checked = self.move_a_little(start, wanted);
         let rounding = self.rounding();
@@ -321,7 +321,7 @@ impl<'a> Readiness<'a> {
         let mut unwanted = None;
         let mut asks = || wanted().inspect_err(|over| unwanted = Some(over.clone()));
         if let Err(end) = self.follow(&mut probe, &mut sequence, &mut asks) {
-            // Only a specimen that still answers, and has not tripped, goes back.
+            // Only a specimen that still answers, and has not tripped, returns.
             if unwanted.is_none() || self.served.tripped().is_some() {
                 return Err(end);
             }
@@ -331,7 +331,7 @@ impl<'a> Readiness<'a> {
         self.verdict(&probe)
     }
 
-    /// Commands the motion of the check, or its way back, to its end.
+    /// Commands the motion of the check, or its return, to its end.
     fn follow(
         &mut self,
         probe: &mut Probe,

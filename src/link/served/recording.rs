@@ -67,7 +67,7 @@ impl Recording {
         Some(format!("recording into {}", record.path().display()))
     }
 
-    /// The present, if something is recorded: only the record wants to know the time. Real-time: yes.
+    /// The present time, if something is recorded: only the record needs it. Real-time: yes.
     pub(crate) fn now_ns(&self) -> u64 {
         self.open.as_ref().map_or(0, |_| os::monotonic_ns())
     }

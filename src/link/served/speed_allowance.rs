@@ -3,9 +3,9 @@
 //! For a specimen that moves, this is wall time, whatever test time the client sends. The allowance is the specimen's: it fills
 //! with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm and a new session
 //! fill nothing, and a silence or a hold fills no more than the burst. The burst is [`BURST_S`], or two periods of the announced
-//! rate where that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more than v·(T
-//! + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its motion, however
-//! seldom commands come. The limits that the client announced are judged by its own period instead.
+//! rate where that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more
+//! than v·(T + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its
+//! motion, however seldom commands come. The limits that the client announced are judged by its own period instead.
 //!
 //! A client that announced its rate has one period for each command, lost ones included, as far as the allowance lasts. Before
 //! its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall time since its
@@ -139,8 +139,8 @@ impl SpeedAllowance {
         })
     }
 
-    /// True if no command came for longer than two periods, so that the specimen has come to rest. After an Arm that holds for
-    /// every specimen, else for one that moves: a formula, or a client without a rate, may take its time from step to step.
+    /// True if no command came for longer than two periods, so that the specimen has come to rest. After an Arm this applies
+    /// to every specimen, else only to one that moves: a formula, or a client without a rate, may pause between steps.
     /// Real-time: yes.
     pub(crate) fn has_rested(&self, now: Nanos) -> bool {
         let silent = |last: Nanos| now.since(last) as f64 * 1e-9 > self.two_periods();

@@ -217,7 +217,7 @@ fn latched(served: &ServedSpecimen) -> Option<String> {
 }
 
 #[test]
-fn a_number_too_large_to_convert_is_latched() {
+fn too_large_number_is_latched() {
     for (stiffness, trips) in [
         (K, false),
         (f64::NAN, true),
@@ -301,7 +301,7 @@ fn first_command_steps_from_the_measurement() {
 
 /// A controller with another position of the specimen does not lead it there by the wiring check.
 #[test]
-fn a_check_begins_where_it_was_measured() {
+fn check_begins_at_the_measured_position() {
     for (limit, start, begins) in [
         ("", 9e-4, true),
         ("", 1.1e-3, false),
@@ -871,7 +871,7 @@ fn resumed_first_step_uses_announced_speed() {
 /// After each of 50 sessions with random endings the specimen is where the session began, the session had a regular end, or the next
 /// session is refused before it commands anything.
 #[test]
-fn no_ending_leaves_a_specimen_unseen() {
+fn irregular_end_refuses_the_next_session() {
     let folder = tempfile::tempdir().unwrap();
     let key = SpecimenKey::of_link("gusset", "127.0.0.1:4823").unwrap();
     let record = LastingRecord::hold(folder.path(), &key).unwrap();

@@ -20,7 +20,8 @@ struct Known {
     /// Its position at the start of the last test, and at its end.
     found: Vec<f64>,
     left: Vec<f64>,
-    /// Whether the specimen stays at its last position: a computed one may begin again in each test. None until it is known.
+    /// Whether the specimen stays at its last position: a computed one may begin again in each test. `None` until it is
+    /// known.
     stays: Option<bool>,
     /// Position before the first test from the file, for a specimen that does not report its position; empty without one.
     said: Vec<f64>,

@@ -23,7 +23,7 @@ pub(super) const PACING: Pacing = Pacing {
 
 type Act = Box<dyn FnOnce() + Send>;
 
-/// A rig that is at its command at once. It notes displacements, and does something at one of them.
+/// A rig that follows its command at once. It notes displacements, and acts at one of them.
 #[derive(Clone, Default)]
 pub(super) struct Acting {
     pub told: Arc<Mutex<Vec<f64>>>,

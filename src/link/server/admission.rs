@@ -1,8 +1,8 @@
 //! The admission of waiting clients: how many may wait, and which one gives way to a newcomer.
 //!
 //! A client waits from its first byte until its handshake is complete. A handshake proves nothing, because it may be a copy
-//! of another one. So the number of waiting clients is limited, in all and for each address.
-//! One machine cannot keep out the others: the client that gives way is of the address with the most waiting clients.
+//! of another one. So the number of waiting clients is limited, in all and for each address. One machine cannot keep out
+//! the others: a client of the address with the most waiting clients gives way.
 
 use std::net::{IpAddr, SocketAddr};
 

@@ -159,7 +159,8 @@ impl Host {
         self
     }
 
-    /// The specimen behind this gateway answers with forces only. The handshake says that no displacement is measured.
+    /// The specimen behind this gateway answers with forces only. The handshake announces that no displacement is
+    /// measured.
     #[must_use]
     pub const fn without_measured_disp(mut self) -> Self {
         self.gateway.lacks_disp = true;

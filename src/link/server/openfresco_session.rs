@@ -61,7 +61,8 @@ enum Interruption {
     Goodbye,
 }
 
-/// Targets that may wait behind the one under way. AlphaOS sends two at the end of a step and one of the next step without a request.
+/// Targets that may wait behind the present one. AlphaOS sends two at the end of a step and one of the next step without a
+/// request.
 const MOST_WAITING: usize = 3;
 
 impl Ahead {

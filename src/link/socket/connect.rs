@@ -39,7 +39,7 @@ pub enum ConnectError {
         /// Where to.
         address: String,
     },
-    /// No way to the machine.
+    /// The machine cannot be reached.
     #[error(
         "{address} is unreachable: {reason}; is the address right, the cable in, and a route there?"
     )]

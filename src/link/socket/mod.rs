@@ -332,7 +332,7 @@ mod tests {
     }
 
     /// A peer with Nagle's algorithm sends its second small message when the first is acknowledged. A kernel that has
-    /// seen us answer would put that off by 40 ms; a loaded machine may be as slow now and then, but not always.
+    /// seen us answer would delay that by 40 ms; a loaded machine may be as slow now and then, but not always.
     #[test]
     fn nagle_peer_gets_acknowledgements_at_once() {
         let (mut ours, mut theirs) = tcp_pair(SocketOptions::default());

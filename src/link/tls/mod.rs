@@ -10,10 +10,10 @@
 //! | `thread` | the session on a separate thread: the loop's |
 //!
 //! **The exception to the promise of no allocation.** Encrypting and decrypting allocates. So on the loop's side the
-//! whole exchange lives on a helper thread; the loop's own thread hands bytes over through two rings and one
-//! atomic, allocates nothing, takes no lock and waits no longer than its deadline, as over plain TCP. The
-//! helper thread costs two more changes of thread for each exchange and no promise about time: frames signed with a
-//! pre-shared key are the real-time way through a network that is not trusted. A server's data thread decrypts by itself.
+//! whole exchange lives on a helper thread. The loop's own thread hands bytes over through two rings and one atomic,
+//! allocates nothing, takes no lock and waits no longer than its deadline, as over plain TCP. The helper thread costs two
+//! more changes of thread for each exchange, and gives no promise about time. For real time through an untrusted network,
+//! use frames signed with a pre-shared key. A server's data thread decrypts by itself.
 //!
 //! Versions 1.2 and 1.3; no resumption, no early data: a session is one test. The cryptography is ring's (ISC and Apache
 //! 2.0): C and prebuilt assembly that the compiler driver of the linker builds, no cmake, no system library. aws-lc

@@ -141,7 +141,7 @@ fn drawn(columns: &[Column], collapsed: &[bool], most_dots: usize) -> String {
     )
 }
 
-/// Names for the axes: the end of a key that tells it from the others.
+/// Names for the axes: the shortest unique end of a key.
 fn short_names(columns: &[Column]) -> Vec<String> {
     let ending = |name: &str, parts: usize| {
         let all: Vec<&str> = name.split('.').collect();

@@ -37,7 +37,7 @@ struct Column {
     levels: Vec<i16>,
 }
 
-/// A Parquet file under way.
+/// A Parquet file that is being written.
 pub(super) struct ParquetTable {
     path: PathBuf,
     writer: SerializedFileWriter<BufWriter<AtomicFile>>,

@@ -1,4 +1,4 @@
-//! The course of a rehearsal, as its rows tell it: errors of tracking and of response, nothing kept but sums.
+//! The course of a rehearsal, from its rows: errors of tracking and of response, kept as sums only.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -120,7 +120,7 @@ impl Course {
         sheet.kept.take()
     }
 
-    /// The errors. What did not move has none: 0.
+    /// The errors. A part that did not move has an error of 0.
     #[must_use]
     pub fn errors(&self, dofs: &[usize]) -> Errors {
         let sheet = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -70,7 +70,7 @@ impl Plan {
         self.numbers.iter().all(is_of_transfer) && self.spreads.iter().all(|[k, ..]| *k == 0.0)
     }
 
-    /// What varies, in words.
+    /// The varied values, in words.
     #[must_use]
     pub(crate) fn words(&self, loaded: &Loaded) -> Vec<String> {
         let mut words: Vec<_> = self.numbers.iter().map(Uncertain::words).collect();

@@ -1,9 +1,9 @@
 //! Whether a test may be carried out: many rehearsals of it, each with other draws of its uncertain values.
 //!
-//! Every trial is the whole test on the simulated clock with the limits that will hold, and beside it the same structure with
-//! ideal actuators and sensors, which is what its response is compared with. Controller's estimates (k̂, ĉ, λ) stay those of
-//! the file: what is drawn is the truth, which the controller does not know. Nothing is spoken to, nothing moves, and nothing
-//! is written. What is in no draw is not judged.
+//! Every trial is the whole test on the simulated clock with the limits of the test. Beside it runs the same structure with
+//! ideal actuators and sensors, the reference of its response. The controller's estimates (k̂, ĉ, λ) stay those of the file:
+//! the draws are the truth, which the controller does not know. Nothing connects, nothing moves, and nothing is written. A
+//! value without a draw is not judged.
 
 mod course;
 mod draw;
@@ -31,12 +31,12 @@ use gusset_setup::{self as setup, Trial};
 /// Draws of one trial that the file could not be with, before that is an error.
 pub(crate) const MOST_ATTEMPTS: u64 = 50;
 
-/// What one trial came to.
+/// Result of one trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rehearsed {
     /// From 1.
     pub number: u64,
-    /// Draws before it that no test can be made of, a negative mass for example.
+    /// Draws before it that are impossible as a test, a negative mass for example.
     pub impossible: u64,
     /// Where it ended before its last step, in s of test time, and why.
     pub stopped: Option<(f64, Stop)>,
@@ -71,7 +71,8 @@ pub struct Band {
 }
 
 impl Band {
-    /// Of these; none of none. Linear between neighbours, so that 95 % of twenty is below the largest.
+    /// Band of these values; `None` without any. Linear between neighbours, so that 95 % of twenty is below the
+    /// largest.
     #[must_use]
     pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
@@ -98,7 +99,7 @@ impl Trials {
         stopped.count() as u64
     }
 
-    /// Share of all draws that no test can be made of.
+    /// Share of all draws that are impossible as a test.
     #[must_use]
     pub(crate) fn impossible(&self) -> f64 {
         let impossible: u64 = self.all.iter().map(|one| one.impossible).sum();
@@ -115,7 +116,7 @@ impl Trials {
         reasons
     }
 
-    /// Band of a value over the trials that came to their end.
+    /// Band of a value over the completed trials.
     #[must_use]
     pub fn band(&self, of: impl Fn(&Rehearsed) -> Option<f64>) -> Option<Band> {
         let whole = self.all.iter().filter(|one| one.stopped.is_none());

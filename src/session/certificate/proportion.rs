@@ -1,4 +1,4 @@
-//! How probable is what happened `hits` times of `trials`?
+//! Probability behind `hits` of `trials`.
 
 /// The interval of Clopper and Pearson (1934) that holds the probability with at least 95 %: zero hits are no proof of
 /// probability zero. `hits` counts at most as `trials`; without any trial everything is possible.

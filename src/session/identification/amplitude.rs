@@ -20,7 +20,7 @@ struct Room {
     unit: &'static str,
 }
 
-/// How far an axis goes, and why.
+/// Amplitude of an axis, and its reason.
 pub(super) fn amplitude(
     asked: Option<f64>,
     table: &SpecimenTable,

@@ -1,8 +1,8 @@
 //! Stiffness and damping between the axes of a specimen as matrices: as its axes count, as the structure sees them, and of the
 //! coordinates of a platform where the axes are the actuators that hold it.
 //!
-//! A column is what all axes felt while one moved and the others were held. Invariant: every matrix is symmetric to the last bit
-//! and without negative eigenvalues, as a test file takes it.
+//! A column holds the forces of all axes while one moved and the others were held. Invariant: every matrix is symmetric to the
+//! last bit and without negative eigenvalues, as a test file requires.
 
 use nalgebra::DMatrix;
 
@@ -108,7 +108,7 @@ fn at_axes(known: &[(&Axis, &Identification)], to_hz: f64) -> Matrices {
     }
 }
 
-/// The nearest matrix without negative eigenvalues: what noise makes of a small one is nothing.
+/// The nearest matrix without negative eigenvalues: it removes the effect of noise on a small one.
 fn without_negative(matrix: DMatrix<f64>) -> DMatrix<f64> {
     let eigen = matrix.clone().symmetric_eigen();
     if eigen.eigenvalues.iter().all(|value| *value >= 0.0) {
@@ -121,7 +121,7 @@ fn without_negative(matrix: DMatrix<f64>) -> DMatrix<f64> {
 /// One half, twice.
 fn mirrored(matrix: DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-        // Without a sign on what is zero.
+        // Zeros get no sign.
         matrix[(i.min(j), i.max(j))] + 0.0
     })
 }

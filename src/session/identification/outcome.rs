@@ -18,15 +18,15 @@ const RUNNING: f64 = Phase::Running.code();
 /// Points of a force–displacement loop that are kept for its picture.
 const MOST_POINTS: usize = 4000;
 
-/// What one axis is, or why that is not known.
+/// Properties of one axis, or why they are not known.
 #[derive(Debug)]
 pub struct Axis {
     /// The axis and its motion.
     pub driven: Driven,
     /// The identified properties.
     pub found: Result<Identification, IdentifyError>,
-    /// What every other axis of the specimen felt while it was held, by its number from 0; those that felt nothing are not
-    /// there.
+    /// Forces of every other axis of the specimen while it was held, by its number from 0; axes without a force are
+    /// absent.
     pub felt: Vec<(usize, Felt)>,
     /// N/m of the structure per N/m of the specimen, and N s/m likewise.
     pub to_structure: (f64, f64),

@@ -108,8 +108,8 @@ fn asked(args: &Request, shape: Shape, band: Band, axes: &[Driven]) -> String {
 }
 
 impl Plan {
-    /// The motion, the test that makes it, and its rehearsal. The last may refuse the motion. An amplitude that was not requested
-    /// is halved until no limit of the file would trip.
+    /// The motion, its test, and its rehearsal. The last may refuse the motion. An amplitude that was not requested is halved
+    /// until no limit of the file would trip.
     ///
     /// # Errors
     /// The motion is refused, or the test that makes it cannot be built.
@@ -121,7 +121,7 @@ impl Plan {
         loop {
             let plan = Self::of(args, loaded, halved)?;
             let driven = loaded.beside(&plan.said(args), &plan.file)?;
-            // A linear stand-in shows forces, and limits that are not those of the command.
+            // A linear stand-in shows forces, and limits other than those of the command.
             let full = FullRehearsal::of(&driven)?;
             if full.is_possible() || args.amplitude.is_some() || halved == MOST_HALVED {
                 return Ok((plan, driven, full));

@@ -78,7 +78,7 @@ pub(super) fn text(
     Ok(Some(text))
 }
 
-/// Leaves out what says nothing.
+/// Removes values that equal their defaults.
 fn without_defaults(document: &mut DocumentMut, file: &TestFile) {
     document.remove("integrator");
     for (key, says_nothing) in [
@@ -148,7 +148,7 @@ fn without_zeros(item: Option<&mut Item>) {
     }
 }
 
-/// Puts what was found into a table, and says in a comment how well it is known.
+/// Puts the results into a table, and their uncertainty into a comment.
 fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Plan) -> String {
     let mut remark = String::new();
     let mut said = |text: String| remark += &format!("# {text}\n");
@@ -257,7 +257,7 @@ fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], to_hz
     table.damping_n_s_per_m = Some(value(&estimate.damping));
 }
 
-/// Actuator and sensors, and what makes up for them: those of the first axis.
+/// Actuator and sensors, and their compensation: those of the first axis.
 fn actuator(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
     let Some((axis, found)) = known.first() else {
         return;

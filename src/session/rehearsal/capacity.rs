@@ -3,21 +3,21 @@
 use super::{AxisNeed, Needs, Rehearsal, StandIn};
 use gusset_config::{Finding, KeyPath};
 
-/// One number of a capacity, and what the test needs of it.
+/// One number of a capacity, and the test's need of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Used {
     /// The key of `[specimen.capacity]`.
     pub key: &'static str,
     /// SI.
     pub unit: &'static str,
-    /// The most that the test needs, either way.
+    /// The largest need of the test in either direction.
     pub needed: f64,
-    /// What there is.
+    /// The available value.
     pub capacity: f64,
 }
 
 impl Used {
-    /// True if the rig can give it; a need that is no number it cannot.
+    /// True if the rig can give it; a NaN need is never within.
     #[must_use]
     pub fn is_within(&self) -> bool {
         self.needed <= self.capacity
@@ -46,7 +46,7 @@ pub const NEEDS: [Most; 4] = [
 ];
 
 impl Needs {
-    /// What of the declared capacity axis `axis` uses; what nothing is known of is left out.
+    /// Used part of the declared capacity of axis `axis`; unknown needs are omitted.
     #[must_use]
     pub fn used(&self, axis: usize) -> Vec<Used> {
         let (Some(capacity), Some(need)) = (self.capacity, self.found.get(axis)) else {
@@ -68,7 +68,7 @@ impl Needs {
 }
 
 impl Rehearsal {
-    /// Every capacity that the test goes beyond, at its place in the file.
+    /// Every capacity that the test exceeds, at its place in the file.
     #[must_use]
     pub(crate) fn beyond_capacity(&self) -> Vec<Finding> {
         let mut findings = Vec::new();

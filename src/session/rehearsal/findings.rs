@@ -1,4 +1,4 @@
-//! A rehearsal judged: which limits of the file the test would meet, and where they stand.
+//! A rehearsal judged: the limits of the file that the test would meet, and their places.
 
 use super::hold::depends_on_pace;
 use super::{Held, Need, Needs, Rehearsal};
@@ -36,7 +36,7 @@ impl Rehearsal {
         findings
     }
 
-    /// A warning where the machine at hand needs much of a tick for what a tick computes.
+    /// A warning if this machine needs much of a tick for its computation.
     fn slow(&self, loaded: &Loaded) -> Option<Finding> {
         let period = loaded.time.period.value();
         let took = self.tick_s?;
@@ -76,7 +76,7 @@ impl Rehearsal {
         })
     }
 
-    /// What ended the rehearsal before the test's end.
+    /// Cause that ended the rehearsal before the test's end.
     pub(super) fn end(&self, loaded: &Loaded) -> Option<Finding> {
         let at = short(self.time);
         let named = |port| named(loaded, port);
@@ -201,8 +201,8 @@ fn deaf(loaded: &Loaded, needs: &Needs, specimen: usize) -> Vec<Finding> {
     deaf.collect()
 }
 
-/// Beyond this condition number the actuators hold their platform badly: what they do wrong shows twenty times as large in its
-/// weakest direction as in its strongest.
+/// Beyond this condition number the actuators hold their platform badly: their error is twenty times as large in its weakest
+/// direction as in its strongest.
 const WEAK: f64 = 20.0;
 
 /// A warning where the platform comes near to where its actuators cannot hold it.
@@ -289,8 +289,8 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
     )
 }
 
-/// Where a limit stands: with its axis, or with the whole specimen.
-/// Levels are merged: the level decides, and not the limit.
+/// Place of a limit: with its axis, or with the whole specimen. Levels are merged: the level decides, and not the
+/// limit.
 fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Limit, level: &str) -> KeyPath {
     let common = KeyPath::root()
         .key("specimen")
@@ -306,7 +306,7 @@ fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Limit, level: 
     }
 }
 
-/// Where a key of the limits of an axis stands: its own, or that of its specimen.
+/// Place of a key of the limits of an axis: its own, or that of its specimen.
 fn limit(loaded: &Loaded, specimen: usize, axis: usize, key: &'static str) -> KeyPath {
     let at = KeyPath::root().key("specimen").index(specimen);
     let own = at.key("axis").index(axis).key("limits").key(key);

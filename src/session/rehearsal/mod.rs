@@ -1,12 +1,12 @@
-//! A test rehearsed on the simulated clock: what will it ask of each axis, and do the limits allow that?
+//! A test rehearsed on the simulated clock: its needs of each axis, and whether the limits allow them.
 //!
-//! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; for one
-//! behind a link stands what the test file declares of it ([`StandIn`]). Limits are lifted meanwhile, so that the whole need
-//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]), as is what the rig can give
-//! ([`Rehearsal::beyond_capacity`]). Nothing is spoken to, nothing moves, and nothing is written.
+//! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; the
+//! declared stand-in ([`StandIn`]) replaces one behind a link. Limits are lifted meanwhile, so that the whole need shows and
+//! not only its beginning. They are compared afterwards ([`Rehearsal::findings`]), like the capacity of the rig
+//! ([`Rehearsal::beyond_capacity`]). Nothing connects, nothing moves, and nothing is written.
 //!
-//! Limits of what only the loop knows (following error, tangents, added energy …) are tried by one more rehearsal, in which every
-//! limit holds ([`try_limits`]).
+//! Only the loop knows some limited quantities (following error, tangents, added energy …). One more rehearsal tries them, in
+//! which every limit holds ([`try_limits`]).
 //!
 //! A separate rehearsal covers an operator's hold ([`rehearse_hold`]), where the test is fastest.
 //!
@@ -109,7 +109,7 @@ impl StandIn {
 /// Need of a test for one quantity of one axis, SI at the specimen's scale, and its limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Need {
-    /// Of what.
+    /// The quantity.
     pub quantity: Limit,
     /// The extremes that are needed. A size begins at 0.
     pub needed: Extreme,
@@ -120,7 +120,7 @@ pub struct Need {
 }
 
 impl Need {
-    /// True if the test goes beyond `levels`.
+    /// True if the test exceeds `levels`.
     fn exceeds(&self, [low, high]: [f64; 2]) -> bool {
         !(self.needed.low >= low && self.needed.high <= high)
     }
@@ -174,11 +174,11 @@ pub struct Needs {
     pub axes: Vec<Vec<Need>>,
     /// All that was found of each axis, limited or not.
     pub found: Vec<AxisNeed>,
-    /// How far its platform went, if the axes are the actuators of one.
+    /// Extremes of its platform's pose, if the axes are the actuators of one.
     pub poses: Option<Poses>,
     /// Ticks in which the actuator–specimen iteration did not converge.
     pub unsettled: u64,
-    /// What its rig can give, if the file says it.
+    /// Capacity of its rig, if declared.
     pub capacity: Option<CapacityTable>,
 }
 
@@ -243,7 +243,7 @@ fn name_stand_ins(specimens: &mut [Needs], loaded: &Loaded) {
     }
 }
 
-/// What happens to the limits of a test that is rehearsed.
+/// Treatment of the limits of a rehearsed test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Staging {
     /// They hold.
@@ -252,8 +252,8 @@ pub enum Staging {
     WithoutLimits,
 }
 
-/// Carries an experiment out on the simulated clock, and keeps what it asks of each axis, specimen by specimen. What stands
-/// behind its ports must not be a link.
+/// Carries an experiment out on the simulated clock, and keeps its needs of each axis, specimen by specimen. Its ports must
+/// not lead to a link.
 #[must_use]
 pub fn staged(
     experiment: Experiment,

@@ -81,7 +81,7 @@ struct Counts {
 }
 
 impl Pace {
-    /// Counts one more row, and says how many there are.
+    /// Counts one more row, and returns the count.
     fn count(&self) -> u64 {
         self.0.rows.fetch_add(1, Ordering::Relaxed) + 1
     }

@@ -1,4 +1,4 @@
-//! Limits of what only the loop knows: it judges them in a rehearsal in which every limit holds.
+//! Limits of quantities that only the loop knows: it judges them in a rehearsal in which every limit holds.
 
 use super::findings::short;
 use super::prompter::Prompter;
@@ -11,7 +11,7 @@ use gusset_setup as setup;
 /// Result of a rehearsal with all limits.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Tried {
-    /// No limit is left to be tried, none trips, or one trips that is known already.
+    /// No further limit must be tried, none trips, or one trips that is known already.
     Nothing,
     /// This limit, which only the loop knows, trips.
     Trips(Finding),
@@ -19,7 +19,7 @@ pub enum Tried {
     BeyondBudget(Finding),
 }
 
-/// Rehearses a test whose undisturbed rehearsal is known and met no limit, within `budget`, with its limits.
+/// Rehearses a test with its limits, within `budget`, if its undisturbed rehearsal is known and met no limit.
 ///
 /// # Errors
 /// As [`setup::build`].
@@ -70,7 +70,7 @@ pub fn try_limits(
     })
 }
 
-/// True if there is a trip level for what only the loop knows.
+/// True if a quantity that only the loop knows has a trip level.
 fn is_judged_in_the_loop(limits: &AxisLimits) -> bool {
     limits
         .levels()

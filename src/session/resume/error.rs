@@ -1,4 +1,4 @@
-//! Why a test cannot go on.
+//! Why a test cannot resume.
 
 use std::path::PathBuf;
 
@@ -11,10 +11,10 @@ use gusset_config::ConfigError;
 use gusset_control::port::limits::Hit;
 use gusset_record::{FolderError, MissingEnd};
 
-/// Why a test cannot go on. Nothing was moved.
+/// Why a test cannot resume. Nothing was moved.
 #[derive(Debug, Error)]
 pub enum ResumeError {
-    /// It is no run folder, it was changed, or it does not come out again.
+    /// It is no run folder, it was changed, or it cannot be reproduced.
     #[error(transparent)]
     Replay(#[from] ReplayError),
     /// It ended as it should.
@@ -42,7 +42,7 @@ pub enum ResumeError {
     /// It ended before t = 0.
     #[error("{}: this test ended before its first step: run it again from its beginning", .0.display())]
     NotBegun(PathBuf),
-    /// Nothing says what its files were.
+    /// The events do not list its files.
     #[error("{}: its events do not say which files it was made of, so that nothing proves that they are the same", .0.display())]
     Unproven(PathBuf),
     /// Another test than the one that was interrupted.
@@ -57,7 +57,7 @@ pub enum ResumeError {
         /// SHA-256 of the file as given.
         found: String,
     },
-    /// Its summary, which would say how it ended, cannot be read.
+    /// Its summary, which contains its end, cannot be read.
     #[error("{}/summary.json is damaged: {fault}: whether the test was interrupted is not known", folder.display())]
     Summary {
         /// The folder.
@@ -65,7 +65,7 @@ pub enum ResumeError {
         /// The fault.
         fault: String,
     },
-    /// Rows at its end are missing, and what was done to the specimens in those steps is not known.
+    /// Rows at its end are missing, and the motions of the specimens in those steps are not known.
     #[error("{}: {missing}: what the specimens went through after that cannot be retraced", folder.display())]
     Short {
         /// The folder.
@@ -82,7 +82,7 @@ pub enum ResumeError {
     Tripped {
         /// The folder.
         folder: PathBuf,
-        /// False where the record does not tell whether it tripped.
+        /// False if the record does not show whether it tripped.
         certain: bool,
         /// Everything that tripped.
         names: String,
@@ -107,7 +107,7 @@ pub enum ResumeError {
         /// Names of the specimens.
         specimens: String,
     },
-    /// A key that is no limit was to be changed.
+    /// The changed key is not a limit.
     #[error("`--set {0}`: a resumed test keeps its configuration; only its limits may be widened")]
     NoLimit(String),
     /// A limit was to be narrowed, or added.

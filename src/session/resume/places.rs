@@ -1,7 +1,7 @@
-//! Where the specimens of an interrupted test were left, and how far off they may stand.
+//! End positions of the specimens of an interrupted test, and their tolerances.
 //!
-//! By the last commands on record, and by how far the sensors were ever off their commands while the test ran. What was
-//! killed, what was lost, and what failed in a tick without a row may have gone further than its record.
+//! They follow from the last recorded commands, and from the largest errors of the sensors while the test ran. After a
+//! kill, a loss, or a failure in a tick without a row, a specimen may have moved further than its record.
 
 use std::collections::VecDeque;
 
@@ -15,7 +15,7 @@ use gusset_quantity::substructure::Status as LinkStatus;
 use gusset_record::summary::{Peak, Status};
 use gusset_record::{Row, Run};
 
-/// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
+/// Wall time in s of which the record may be lost, and the time before it that gives the last speed.
 const LOST_S: f64 = 0.05;
 const LATEST_S: f64 = 1.0;
 /// A specimen may be off by this multiple of its largest recorded error.
@@ -26,11 +26,11 @@ const NOTHING: f64 = 1e-9;
 const FORCE_SHARE: f64 = 0.02;
 const NOISE: f64 = 5.0;
 
-/// How far off specimens may be, as the test file and the record say.
+/// Tolerances of specimens, from the test file and the record.
 pub(super) struct Tolerances<'a> {
-    /// How far in m each axis may stand from where it was left; none: as the record says.
+    /// How far in m each axis may be from its end position; `None`: as far as the record allows.
     pub within_m: Option<f64>,
-    /// How far in N the force of each axis may differ; none: as the record says.
+    /// How far in N the force of each axis may differ; `None`: as far as the record allows.
     pub within_n: Option<f64>,
     /// Root mean square of the noise that each specimen's load cells are declared to have, N.
     pub noise_n: &'a [f64],
@@ -61,7 +61,7 @@ struct Axis {
     command: Option<f64>,
     /// Displacement and force of the last row that has both.
     measured: Option<[f64; 2]>,
-    /// Forces where it stood as `found`: number and sum.
+    /// Forces at the position `found`: number and sum.
     stood: (f64, f64),
     /// The last commands, and how many of them are kept.
     latest: VecDeque<f64>,
@@ -93,7 +93,7 @@ impl Axis {
             status,
         } = self.columns;
         let [command, disp, force] = [command, disp, force].map(at);
-        // An old measurement says nothing of the command beside it.
+        // An old measurement does not belong to the command beside it.
         let is_old = LinkStatus(at(status) as u32).has(LinkStatus::STALE);
         let error = disp - command;
         self.error_at_last = (!is_old).then_some(error);
@@ -130,7 +130,7 @@ impl Axis {
         // The mean difference while the test ran is the offset of the sensor.
         let (count, sum, [least, most]) = self.errors;
         let beyond = sum / count.max(1.0);
-        // The return move may have led it where a wrong scale reads another offset.
+        // The return move may have moved it to a place where a wrong scale reads another offset.
         let extremes = [least, most].into_iter().filter(|error| error.is_finite());
         let off = extremes
             .chain(self.error_at_last)

@@ -1,6 +1,6 @@
-//! What tripped an interrupted test, by its events and by the causes in its rows.
+//! Causes of the trip of an interrupted test, from its events and from the causes in its rows.
 //!
-//! Rows are written before events. If the process ends in between, only the rows tell that the test tripped. Recordings of
+//! Rows are written before events. If the process ends in between, only the rows show that the test tripped. Recordings of
 //! versions up to 0.2.0 have no column `cause`. There, a row with the state *tripped* needs an event that explains it.
 
 use super::ResumeError;
@@ -50,7 +50,7 @@ impl Trips {
 #[derive(Debug, Default)]
 struct Told {
     trips: Vec<String>,
-    /// An event says what ended the test, whether it is a trip or not.
+    /// An event contains the cause of the end, whether it is a trip or not.
     explained: bool,
     unreadable: usize,
     /// The last line is one of those, and was never finished.

@@ -421,7 +421,7 @@ fn wiring_check_moves_one_actuator_at_once() {
             .filter(|(disp, rest)| (*disp - rest).abs() > 1e-12);
         assert!(moved.count() <= 1);
     }
-    // A load cell that is wired the other way round.
+    // A load cell with reversed wiring.
     let reversed: Law = Arc::new(|disp: &[f64]| {
         let mut forces = springs()(disp);
         forces[1] = -forces[1];
@@ -474,7 +474,7 @@ fn paced_target_moves_from_rest_to_rest() {
         assert_eq!((answer.disp, answer.force), (wanted.disp, wanted.force));
         assert_eq!(answer.sequence, sequence);
         assert!(told[19][1].iter().all(|vel| vel.abs() < 1e-9));
-        // At the half of the time the platform is half way.
+        // At half the time the platform is at half the distance.
         let poses = told
             .iter()
             .map(|[disp, _]| port_of_platform().signals_at(disp).unwrap());

@@ -1,7 +1,7 @@
 //! The loading unit of a specimen: its actuators in place of the coordinates of its platform.
 //!
 //! From here on the axes of the specimen are actuators. Their rows are those of small displacements, J·B at the reference
-//! pose, so that K0, C0 and their proof follow as for any other specimen; the port itself goes by the whole geometry.
+//! pose, so that K0, C0 and their proof follow as for any other specimen; the port itself uses the whole geometry.
 
 use std::collections::BTreeMap;
 

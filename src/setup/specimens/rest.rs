@@ -10,8 +10,8 @@ use gusset_config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
 /// Share of the effect of a shifted zero that counts as roundoff.
 const ROUNDOFF: f64 = 1e-9;
 
-/// Warns where the structure feels a force of the law under `key` while every axis is at its offset, and the offsets are the
-/// cause.
+/// Warns where the structure receives a force of the law under `key` while every axis is at its offset, and the offsets are
+/// the cause.
 pub(super) fn says_its_force(
     site: &mut Site<'_>,
     at: &KeyPath,

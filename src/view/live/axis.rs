@@ -13,7 +13,7 @@ use gusset_quantity::catalog::phase::Part;
 /// Points of the loop in one bin at most: a longer bin is thinned while it is filled.
 const MOST_POINTS: usize = 512;
 
-/// What one row says of an axis, SI at the specimen's own scale.
+/// Values of one axis in one row, SI at the specimen's scale.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Now {
     pub command: f64,
@@ -36,7 +36,7 @@ pub(super) struct Told {
 /// Past values of an axis.
 #[derive(Debug, Clone)]
 pub(super) struct AxisTap {
-    /// The command, and what was measured last.
+    /// The command, and the last measurement.
     pub now: Now,
     /// Values as drawn; NaN where nothing was measured.
     pub drawn: Now,
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn loop_and_histories_use_the_same_end() {
-        // In millimetres and kilonewtons, the other way round, at a third of the structure's lengths.
+        // In millimetres and kilonewtons, with reversed sign, at a third of the structure's lengths.
         let axis = WatchedAxis {
             marks: Vec::new(),
             has_margin: false,

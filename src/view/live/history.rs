@@ -83,7 +83,7 @@ pub(super) fn corners(points: &[[f32; 2]]) -> Vec<[f32; 2]> {
     kept.into_iter().map(|place| points[place]).collect()
 }
 
-/// What was, finely and coarsely.
+/// Past values, finely and coarsely.
 #[derive(Debug, Default)]
 pub struct History {
     recent: VecDeque<Arc<Bin>>,

@@ -42,7 +42,7 @@ pub(super) struct Stall {
 pub(super) struct Latency {
     buckets: [u64; BOUNDS.len() + 1],
     sum: f64,
-    /// In ns, two digits: what a picture and a percentile need.
+    /// In ns, two digits: enough for a picture and a percentile.
     histogram: Option<Histogram<u64>>,
 }
 
@@ -77,7 +77,7 @@ impl Latency {
         }
     }
 
-    /// Counts one value in s; what is no number is not counted, what is early is late by 0.
+    /// Counts one value in s. NaN is not counted, and an early value counts as late by 0.
     pub fn count(&mut self, seconds: f64) {
         self.count_some(seconds, 1);
     }

@@ -1,4 +1,4 @@
-//! The limits that are shown: what they are called, their levels, and how much of them a value uses up.
+//! The displayed limits: their names, their levels, and the used share of them.
 
 use serde::Serialize;
 

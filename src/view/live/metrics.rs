@@ -1,7 +1,7 @@
-//! What Prometheus scrapes: the text exposition format 0.0.4.
+//! Metrics for Prometheus: the text exposition format 0.0.4.
 //!
-//! Base units, counters that end in `_total`, one HELP and one TYPE per family. What is not known yet is left out, not 0.
-//! Made from the board alone.
+//! Base units, counters that end in `_total`, one HELP and one TYPE per family. An unknown value is omitted, not 0. Made
+//! from the board alone.
 
 use super::board::{Board, Snapshot};
 use super::exposition::Text;

@@ -38,7 +38,7 @@ pub struct GoesOn {
     pub after: u64,
 }
 
-/// λ in use and what is known of its limit before the test.
+/// λ in use and its known limit before the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LambdaUse {
     /// In use; null for infinite.
@@ -72,7 +72,7 @@ pub struct Subject {
     pub test: Vec<TestMark>,
     /// λ.
     pub lambda: Option<LambdaUse>,
-    /// What every bin of the history holds, in order: two numbers each.
+    /// Content of every bin of the history, in order: two numbers each.
     pub channels: Vec<Channel>,
     /// Places of the other values in a row.
     #[serde(skip)]
@@ -159,7 +159,7 @@ pub enum ChannelKind {
     Lateness,
 }
 
-/// Places in a row of what belongs to no specimen.
+/// Places in a row of values that belong to no specimen.
 #[derive(Debug, Clone, Default)]
 #[expect(missing_docs, reason = "each is the place of the column of that name")]
 pub struct Places {

@@ -1,6 +1,6 @@
 //! Reads the rows on the writer's thread: present values, peaks, counts, and the thinned history.
 //!
-//! It allocates sixty times a second and never waits: what the board does not take now it takes at the next turn.
+//! It allocates sixty times a second and never waits: values that the board does not take now follow at the next turn.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -16,7 +16,7 @@ use gusset_motion::metrics::{self, Identified, Peak, Tracking};
 pub(super) const FIRST_LOADING: f64 = 0.2;
 /// Parts of a logarithmic frequency axis.
 const BINS: usize = 420;
-/// Points of the largest picture that a loop is drawn in, and how far a point that is left out may lie from the line.
+/// Points of the largest picture that a loop is drawn in, and how far an omitted point may lie from the line.
 const WIDTH: f64 = 480.0;
 const TOLERANCE: f64 = 0.12;
 /// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
@@ -107,7 +107,7 @@ impl Grid {
                 .collect();
             is_even(&times, dt).then_some((Even::Some(rows), dt))
         };
-        // Where rows are missing stands one without a state: it is kept, and its time is not even.
+        // Missing rows are replaced by one without a state: it is kept, and its time is not even.
         at(those(&|state| state != HOLDING), tick_s).or_else(|| {
             let mut rows = those(&|state| state == RUNNING);
             rows.dedup_by(|later, kept| {
@@ -177,7 +177,7 @@ impl AxisDigest {
         found
     }
 
-    /// What needs rows at even times, `dt` s apart.
+    /// Computes the results that need rows at even times, `dt` s apart.
     fn follow(&mut self, time: &[f64], target: &[f64], meas: &[f64], force: &[f64], dt: f64) {
         let n = target.len().min(meas.len());
         let of = |values: &[f64]| Spectrum::of(values, dt);
@@ -209,8 +209,8 @@ impl AxisDigest {
         self.initial = metrics::identify(&late[..first], meas, force, dt);
     }
 
-    /// Leaves out what would compare the command with the target, or take the command for a measurement. The loop stays: it
-    /// is of the force over the command.
+    /// Removes results that would compare the command with the target, or take the command for a measurement. The loop
+    /// stays: it is of the force over the command.
     pub(crate) fn forget_measured_disp(&mut self) {
         (self.tracking, self.course, self.peak_disp, self.absorbed) = (None, None, None, None);
         (self.whole, self.initial) = (None, None);
@@ -232,7 +232,7 @@ impl AxisDigest {
     }
 }
 
-/// Energy that went into the specimen, straight across what was not measured.
+/// Energy into the specimen, straight across missing measurements.
 fn absorbed(meas: &[f64], force: &[f64]) -> Option<f64> {
     let known = meas.iter().zip(force);
     let known = known.filter(|(d, f)| d.is_finite() && f.is_finite());
@@ -271,7 +271,7 @@ fn drawn(x: &[f64], y: &[f64]) -> Points {
             }
             continue;
         }
-        // Half of what may be left out later.
+        // Half of the later tolerance.
         let moved =
             |last: (f64, f64)| (at.0 - last.0).abs().max((at.1 - last.1).abs()) > 0.5 * TOLERANCE;
         if last.is_none_or(moved) {
@@ -306,7 +306,7 @@ fn close_up(time: &[f64], cmd: &[f64], meas: &[f64]) -> (usize, usize) {
     let n = time.len().min(cmd.len()).min(meas.len());
     let peak = metrics::peak(&cmd[..n]);
     let middle = peak.map_or(n / 2, |p| p.index);
-    // Noise about zero is no swing: only what passes a tenth of the peak on both sides counts.
+    // Noise about zero is not a swing: only a motion beyond a tenth of the peak on both sides counts.
     let bound = 0.1 * peak.map_or(0.0, |p| p.value.abs());
     let (mut crossings, mut side, mut span) = (0, None, None);
     for (i, &c) in cmd[..n].iter().enumerate().filter(|(_, c)| c.abs() > bound) {

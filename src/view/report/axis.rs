@@ -1,4 +1,4 @@
-//! One axis of a picture: its range, where a value falls on it, where its ticks stand.
+//! One axis of a picture: its range, the place of a value on it, and the places of its ticks.
 //!
 //! Invariant: `lo < hi`, both finite, and for a logarithmic axis both positive; so [`Axis::place`] never
 //! divides by zero. Numbers too large to take differences of are treated like NaN: they are gaps.

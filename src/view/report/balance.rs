@@ -1,4 +1,4 @@
-//! The section on energy: where it came from and where it went.
+//! The section on energy: its sources and sinks.
 
 use super::canvas::Ink;
 use super::charts::Quantity;

@@ -135,7 +135,7 @@ impl HistogramChart<'_> {
     }
 }
 
-/// Where the label of a mark stands: `row` from above, left or right of its line.
+/// Place of a mark's label: `row` from above, left or right of its line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Label {
     at: f64,

@@ -1,9 +1,9 @@
 //! The one place where a picture is drawn: plotters' SVG backend, on a canvas several times the display size.
 //!
-//! plotters places every point on a whole unit, so the canvas has [`FINE`] units per display unit and every
-//! length is multiplied by it; the size in the first line is set back and `viewBox` left. Colours are drawn as sentinels and
-//! replaced at the end: by classes in a page, whose style sheet knows light, dark and paper, or by neutral mid-tones
-//! in a picture that must stand on any background. Sentinels cannot be forged: quotes in text arrive escaped.
+//! plotters places every point on a whole unit. So the canvas has [`FINE`] units per display unit, and every length is
+//! multiplied by it. The size in the first line is set back and `viewBox` stays. Colours are drawn as sentinels and replaced
+//! at the end: by classes in a page, whose style sheet has light, dark and paper colours, or by neutral mid-tones in a
+//! picture for any background. Sentinels cannot be forged: quotes in text arrive escaped.
 
 use std::fmt::Write as _;
 
@@ -46,7 +46,7 @@ const INKS: [(&str, &str); 11] = [
     ("grid", "#8b949e\" stroke-opacity=\"0.22"),
     ("frame", "#8b949e"),
     ("alarm", "#e5484d"),
-    // Okabe and Ito (2008), safe for colour-blind readers; black is left to text.
+    // Okabe and Ito (2008), safe for colour-blind readers; black is reserved for text.
     ("s0", "#0072b2"),
     ("s1", "#d55e00"),
     ("s2", "#009e73"),
@@ -72,7 +72,7 @@ impl Ink {
     }
 }
 
-/// Where a picture will stand.
+/// Place of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Skin {
     /// Inside the page, which has a style sheet.
@@ -89,7 +89,7 @@ pub(super) enum Anchor {
     Right,
 }
 
-/// How a piece of text stands.
+/// Style of a piece of text.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lettering {
     /// Font size in display units.
@@ -172,7 +172,7 @@ pub(super) struct Canvas<'a> {
     backend: SVGBackend<'a>,
 }
 
-/// Draws a picture of `width` × `height` display units and returns it as SVG; `label` is what a screen reader says.
+/// Draws a picture of `width` × `height` display units and returns it as SVG; `label` is the text for screen readers.
 pub(super) fn picture(
     width: f64,
     height: f64,
@@ -214,7 +214,7 @@ pub(super) fn picture(
     out
 }
 
-/// Copies `body` with every sentinel replaced and every needless attribute left out.
+/// Copies `body` with every sentinel replaced and every needless attribute omitted.
 fn inked(body: &str, skin: Skin, out: &mut String) {
     let body = body.replace(" opacity=\"1\"", "").replace(" \"/>", "\"/>");
     let mut rest = body.as_str();

@@ -1,4 +1,4 @@
-//! What all pictures have in common: title, frame, grid, numbers and names of both axes.
+//! Common parts of all pictures: title, frame, grid, numbers and names of both axes.
 //!
 //! A picture draws itself into an [`Area`] of a [`Canvas`], so that a page shows one and a wide picture shows several.
 //! Data that cannot be drawn leave a sentence in the area, never an empty frame and never a panic.
@@ -93,7 +93,7 @@ pub(super) fn title(canvas: &mut Canvas<'_>, area: Area, words: &str, room: f64)
     );
 }
 
-/// A sentence in the middle of `area`, where a picture would stand.
+/// A sentence in the middle of `area`, instead of a picture.
 pub(super) fn sentence(canvas: &mut Canvas<'_>, area: Area, heading: &str, words: &str) {
     title(canvas, area, heading, area.w);
     let at = (area.x + area.w / 2.0, area.y + area.h / 2.0);
@@ -121,7 +121,7 @@ pub(super) fn right_of(across: &Scaled, x: Axis, wide: f64) -> f64 {
 }
 
 impl Plot {
-    /// Draws frame, grid, numbers and names, and says where the lines go.
+    /// Draws frame, grid, numbers and names, and returns the area of the lines.
     pub fn frame(
         canvas: &mut Canvas<'_>,
         area: Area,

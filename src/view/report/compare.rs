@@ -17,12 +17,12 @@ use gusset_proof::RecordedVerdict;
 
 /// A smaller number is shown without a prefix.
 const SMALLEST_PREFIXED: f64 = 1e-12;
-/// Rows of a table of settings, and letters of a value in it.
+/// Rows of a table of settings, and characters of a value in it.
 const MOST_LISTED: usize = 60;
 const MOST_SHOWN: usize = 120;
 
-/// Two runs on one page: `matched` is what comes of their rows, or why they cannot be compared row by row. `names` are what
-/// the runs are called.
+/// Two runs on one page: `matched` is the result for their rows, or why they cannot be compared row by row. `names` are the
+/// names of the runs.
 #[must_use]
 pub fn compare(
     first: &RunView,
@@ -60,7 +60,7 @@ pub fn compare(
     zoomable(&title, &body)
 }
 
-/// What came of the comparison in one sentence.
+/// Result of the comparison in one sentence.
 #[must_use]
 pub fn verdict(matched: &Result<Matched, String>) -> String {
     match matched {
@@ -133,7 +133,7 @@ fn alone(found: &Matched) -> Option<String> {
     })
 }
 
-/// What of each run's record is not there, in words; each sentence says of which run.
+/// Missing parts of each run's record, in words; each sentence names its run.
 #[must_use]
 pub fn damages(first: &RunView, second: &RunView) -> Vec<String> {
     let of = |run: &RunView, which: &str| {
@@ -272,7 +272,7 @@ fn settings(first: &RunView, second: &RunView) -> String {
         |list: &[(String, String)]| -> HashMap<String, String> { list.iter().cloned().collect() };
     let (of_left, of_right) = (known(&left), known(&right));
     let nothing = || NOTHING.to_owned();
-    // What both say otherwise, and what only one of them says.
+    // Values that differ, and values that only one run has.
     let mut kinds: [Vec<Vec<String>>; 3] = Default::default();
     for (key, value) in left {
         match of_right.get(&key) {

@@ -1,4 +1,4 @@
-//! How the tracking of one axis changed over the test: errors in moving windows, and what was estimated while the test ran.
+//! Tracking of one axis over the test: errors in moving windows, and estimates made while the test ran.
 
 use super::canvas::Ink;
 use super::charts::Quantity;

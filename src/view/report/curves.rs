@@ -82,7 +82,7 @@ pub struct Curves<'a> {
 
 /// Height of one row of the legend.
 const ROW: f64 = 18.0;
-/// Largest distance of a left-out point from the drawn line, in display units.
+/// Largest distance of an omitted point from the drawn line, in display units.
 const TOLERANCE: f64 = 0.15;
 /// Length of a dash and of the gap after it, in display units.
 const DASH: (f64, f64) = (6.0, 4.0);

@@ -144,7 +144,7 @@ fn or_dash(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
     value.map_or_else(|| NOTHING.to_owned(), write)
 }
 
-/// Value, noise floor and what is left of it.
+/// Value, noise floor and the difference.
 fn cells(judged: &Judged, write: impl Fn(f64) -> String) -> [String; 3] {
     [
         write(judged.value),

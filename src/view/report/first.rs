@@ -34,7 +34,7 @@ struct Read {
 
 /// The first pass: everything that needs every row once, and the first batch of whole columns.
 pub(super) struct First<'a> {
-    /// Places of the columns that it wants.
+    /// Places of the required columns.
     pub wanted: Vec<usize>,
     columns: Vec<Column>,
     /// Places in a block.

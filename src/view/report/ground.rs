@@ -1,4 +1,4 @@
-//! The section on what shook the ground.
+//! The section on the ground motion.
 
 use super::canvas::Ink;
 use super::charts::Quantity;

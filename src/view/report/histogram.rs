@@ -1,4 +1,4 @@
-//! Timing histograms as they come out of `timing.json`: percentiles, and counts regrouped for a logarithmic axis.
+//! Timing histograms as read from `timing.json`: percentiles, and counts regrouped for a logarithmic axis.
 //!
 //! Invariant: regrouping moves counts between bins and never changes their sum. Percentiles are the recorded ones, not
 //! computed again from the regrouped counts.
@@ -86,7 +86,7 @@ pub(super) fn read(timings: &Timings) -> Vec<Timing> {
     let mut found = Vec::new();
     for (key, entry) in known.chain(others) {
         found.push(timing(key.clone(), entry));
-        // Round trips stand once for all specimens and once for each, which says more where there are several.
+        // Round trips are shown once for all specimens and, if there are several, once for each.
         if entry.specimens.len() > 1 {
             let parts = entry.specimens.iter();
             found.extend(parts.map(|(part, entry)| timing(format!("{key} · {part}"), entry)));
@@ -113,7 +113,7 @@ pub(super) struct LogBins {
 
 /// Bins per decade: a bin is 12 % wide.
 const PER_DECADE: f64 = 20.0;
-/// One nanosecond: what is recorded as zero is shown here.
+/// One nanosecond: a recorded zero is shown here.
 const SMALLEST_US: f64 = 1e-3;
 /// A year: keeps a damaged file from asking for a picture without end.
 const LARGEST_US: f64 = 3.2e13;

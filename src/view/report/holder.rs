@@ -43,7 +43,7 @@ impl Item {
     }
 }
 
-/// Columns that are held whole: at the ends of steps, and at every tick. Where rows are missing stands one without a number.
+/// Columns that are held whole: at the ends of steps, and at every tick. A NaN entry replaces missing rows.
 #[derive(Debug, Clone)]
 pub(super) struct Holder {
     /// Their places in a block, and they themselves.
@@ -122,7 +122,7 @@ pub(super) fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]
     Ok(holder.finish(&columns))
 }
 
-/// What sorts the rows of `source`, of which blocks have these columns.
+/// The sorter of the rows of `source`, whose blocks have these columns.
 pub(super) fn sieve(source: &dyn Source, columns: &[Column]) -> Sieve {
     let at = |name: &str| columns.iter().position(|c| c.name == name);
     let is_served = source.columns().iter().any(|c| c.name == COMMITS);

@@ -1,4 +1,4 @@
-//! Tests of what a page makes of rows that are missing, of ticks between two steps, and of the row that tripped.
+//! Tests of a page with missing rows, with ticks between two steps, and with the row that tripped.
 
 use super::synthetic::{RATE, columns, hybrid};
 use super::*;
@@ -163,13 +163,13 @@ fn lines_and_loops_break_at_missing_steps() {
     let rows = rows::Rows::new(&digest);
     for name in ["x1", "ground", "meas_1_1"] {
         let (time, values) = (rows.time_of(name).unwrap(), rows.get(name).unwrap());
-        let holes: Vec<f64> = time
+        let gaps: Vec<f64> = time
             .iter()
             .zip(values.iter())
             .filter(|(_, v)| v.is_nan())
             .map(|(t, _)| *t)
             .collect();
-        assert_eq!(holes, [(2999.0 + 5000.0) / 2.0 / RATE], "{name}");
+        assert_eq!(gaps, [(2999.0 + 5000.0) / 2.0 / RATE], "{name}");
     }
     let axis = &digest.axes[0];
     assert_eq!(axis.hysteresis.0.iter().filter(|x| x.is_nan()).count(), 1);

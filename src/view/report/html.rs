@@ -98,7 +98,7 @@ pub fn details(summary: &str, markup: &str) -> String {
     )
 }
 
-/// Names and what they mean, as texts.
+/// Names and their meanings, as texts.
 pub fn definitions(pairs: &[(String, String)]) -> String {
     let rows = pairs
         .iter()
@@ -106,7 +106,7 @@ pub fn definitions(pairs: &[(String, String)]) -> String {
     format!("<dl>\n{}</dl>\n", rows.collect::<String>())
 }
 
-/// A picture of the page; `label` is the text that a screen reader says.
+/// A picture of the page; `label` is the text for screen readers.
 pub(super) fn figure(
     width: f64,
     height: f64,

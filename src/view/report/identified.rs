@@ -13,7 +13,7 @@ use super::tracked::{Tracked, tracking};
 use gusset_motion::metrics::Estimate;
 use gusset_record::COMMITS;
 
-/// A share in percent; below what matters it is only said to be small.
+/// A share in percent; a negligible one is only called small.
 fn small_percent(share: f64) -> String {
     if share < 1e-4 {
         "below 0.01".to_owned()
@@ -49,7 +49,7 @@ pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
 pub struct IdentifiedAxis {
     /// Name of the specimen, and the axis where there are several.
     pub name: String,
-    /// k̂ of the first loading, N/m: what belongs into K0.
+    /// k̂ of the first loading, N/m: the value for K0.
     pub stiffness: Option<Estimate>,
     /// ĉ of the whole test, N s/m.
     pub damping: Option<Estimate>,
@@ -79,7 +79,7 @@ pub fn identified(run: &RunView) -> Vec<IdentifiedAxis> {
         .collect()
 }
 
-/// How each axis followed its target, in words; axes whose rows are not enough for that are left out.
+/// How each axis followed its target, in words; axes with too few rows are omitted.
 #[must_use]
 pub fn followed(run: &RunView) -> Vec<String> {
     let digest = run.digested();
@@ -135,7 +135,7 @@ pub fn missing_metrics(run: &RunView) -> Vec<String> {
 
 /// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
 pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<String> {
-    // A server does not know what test its controller makes.
+    // A server does not know its controller's test.
     let is_served = rows.get(COMMITS).is_some();
     if axes.is_empty() || !rows.dofs().is_empty() || is_served {
         return None;

@@ -1,4 +1,4 @@
-//! Where a test left its specimens, in sentences.
+//! End positions of the specimens, in sentences.
 
 use super::RunView;
 use super::axis_end::{AxisEnd, FORCE, MEASURED};
@@ -10,7 +10,7 @@ use crate::TestFile;
 /// Specimens that are listed one by one.
 const MOST_TOLD: usize = 8;
 
-/// How each specimen was left, the gravest first; nothing where the summary does not tell.
+/// The end position of each specimen, the gravest first; empty if the summary does not contain them.
 pub(super) fn sentences(run: &RunView, rows: &Rows<'_>) -> Vec<String> {
     let test = &run.test.file;
     let left = run.summary.iter().flat_map(|summary| &summary.left);

@@ -1,5 +1,5 @@
-//! The table of limits: what would have ended the test, how it was judged and who watched it; and what the specimens do at
-//! either end of a test.
+//! The table of limits: the limits of the test, how they were judged and by which program, and the motions of the
+//! specimens at either end of a test.
 
 use super::RunView;
 use super::columns::SpecimenAxis;
@@ -103,7 +103,7 @@ fn farthest(
     }
 }
 
-/// What ends every test, and what a trip, a late tick and the end do.
+/// Causes that end every test, and the consequences of a trip, a late tick and the end.
 fn consequences(limits: &LimitsView) -> String {
     let always = limits.always.join("; ");
     let each = [
@@ -128,7 +128,7 @@ fn one_line(text: &str) -> String {
     text.lines().map(str::trim).collect::<Vec<_>>().join(" ")
 }
 
-/// What belongs to specimens beside the sizes; of those that are alike once.
+/// Facts about specimens beside the sizes; equal ones are shown once.
 fn of_specimens(specimens: &[SpecimenLimitsView]) -> String {
     let mut told: Vec<(String, Vec<&str>)> = Vec::new();
     for specimen in specimens {

@@ -18,7 +18,7 @@ const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];
 const BLOCK: usize = 1024;
 /// Columns of which pictures are made.
 const MOST_DRAWN: usize = 60;
-/// Times that are apart by no more than this share of themselves, and of a second, are the same: steps may be 1e-9 apart.
+/// Times whose difference is at most this share of themselves, and of a second, are equal: steps may be 1e-9 apart.
 const SAME: f64 = 2e-9;
 
 /// The first number that is not the same.
@@ -48,7 +48,7 @@ pub(super) struct Apart {
     pub first: Option<u64>,
 }
 
-/// What came of a comparison.
+/// Result of a comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matched {
     /// Rows of times that both have.
@@ -88,7 +88,7 @@ struct Drawn {
 #[derive(Debug, Clone)]
 struct Pair {
     places: (usize, usize),
-    /// It says how ticks and commands were counted.
+    /// It counts ticks and commands.
     counts: bool,
     /// It is of an equilibrium, which a tick that trips never has.
     is_output: bool,
@@ -123,8 +123,8 @@ pub enum Next {
 }
 
 impl Matcher {
-    /// For rows of these columns; `rows` is about how many there are. None if the runs have no columns of step, sub-tick, state
-    /// and time, or nothing else, in common.
+    /// For rows of these columns; `rows` is their approximate number. `None` if the runs have no columns of step, sub-tick,
+    /// state and time, or nothing else, in common.
     #[must_use]
     pub fn new(first: &[Column], second: &[Column], rows: u64) -> Option<Self> {
         let at = |name: &str| {
@@ -198,7 +198,7 @@ impl Matcher {
         state.is_some_and(is_of_test)
     }
 
-    /// Compares a row of each run, if they are of one time; says which of them to go on from.
+    /// Compares a row of each run, if they are of one time; returns which of them to advance.
     pub fn take(&mut self, first: &[f64], second: &[f64]) -> Next {
         let next = self.next(first, second);
         match next {
@@ -249,7 +249,7 @@ impl Matcher {
         }
     }
 
-    /// The result, with rows that only one of the runs has left at its end.
+    /// The result, with rows that only one of the runs still has at its end.
     #[must_use]
     pub fn finish(self, left: (u64, u64)) -> Matched {
         let tables = self.drawn.map(|drawn| drawn.finish(&self.pairs));
@@ -440,8 +440,8 @@ mod tests {
         "seq_1",
     ];
 
-    /// Step, tick in it, state and time of rows, with the displacement of the last step, a force that goes with the time, and the
-    /// number of the command; run against run.
+    /// Compares rows of two runs: step, tick in it, state and time, with the displacement of the last step, a force that follows
+    /// the time, and the number of the command.
     fn matched(first: &[[f64; 4]], second: &[[f64; 4]]) -> Matched {
         let names = columns(&OF_TICKS);
         let mut m = Matcher::new(&names, &names, 100).unwrap();
@@ -472,7 +472,7 @@ mod tests {
         m.finish(((first.len() - i) as u64, (second.len() - j) as u64))
     }
 
-    /// Four steps of two ticks each, and in the second run a hold that eases in and out in the third step.
+    /// Four steps of two ticks each, and in the second run a hold with its ramps in the third step.
     #[test]
     fn rows_match_by_time_despite_a_hold() {
         let straight: Vec<[f64; 4]> = (0..=8)
@@ -507,7 +507,7 @@ mod tests {
         assert_eq!(steps.get("a:x1").unwrap(), [0.0, 1.0, 4.0, 9.0, 16.0]);
         assert_eq!(ticks.get("a:force_1_1").unwrap().len(), 9);
         assert!(ticks.get("a:x1").is_none() && found.table_of("force_1_1") == Some(ticks));
-        // The other way round, and with a trip in place of a step.
+        // The runs exchanged, and with a trip instead of a step.
         let back = matched(&held, &straight);
         assert_eq!((back.rows, back.alone), (9, (4, 0)));
         let mut tripped = straight[..7].to_vec();
@@ -546,7 +546,7 @@ mod tests {
         for (state, time) in [(4.0, 0.0), (5.0, -1.0), (6.0, 1.0), (7.0, 1.0), (8.0, -1.0)] {
             assert!(!is_compared(state, time), "{state}");
         }
-        // A trip of which the rows say no more than where the test stood already, or still earlier, as older ones do.
+        // A trip whose row only repeats the last time, or an earlier one, as in older recordings.
         for (time, is_tick) in [(0.25, true), (0.2, false), (0.1, false)] {
             let found = m.is_running(&at(TRIPPED, time), &at(BETWEEN[0], 0.2), false);
             assert_eq!(found, is_tick, "{time}");

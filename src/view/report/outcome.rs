@@ -1,6 +1,6 @@
-//! How a run ended, in plain words, from its summary; and what can be said without one.
+//! How a run ended, in plain words, from its summary; and the facts that are known without one.
 //!
-//! It never guesses: what is absent is said to be absent.
+//! It never guesses: an absent value is reported as absent.
 
 use std::collections::BTreeSet;
 
@@ -166,7 +166,7 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         sentences.push("Lines of events.jsonl are damaged: see the events.".to_owned());
     }
     if let Some(reason) = summary.reason.as_ref().filter(|r| {
-        // That a completed test came to its end is in the headline.
+        // The headline already reports that a completed test reached its end.
         !r.trim().is_empty() && known != Some(Status::Completed)
     }) {
         sentences.push(ended(&format!("Reason: {reason}")));
@@ -344,7 +344,7 @@ fn misses(run: &RunView) -> (u64, Option<String>) {
         .filter(|(_, n)| *n > 0)
         .map(|(class, n)| format!("{}: {}", class_words(*class), count(*n)))
         .collect();
-    // Only where every miss has a class can it be said that none was our own.
+    // Only if every miss has a class can the text exclude our own misses.
     let is_other = |class: &Option<MissCause>| {
         class.is_some_and(|class| !matches!(class, MissCause::Ours | MissCause::Unknown))
     };
@@ -389,7 +389,7 @@ fn feature_words(want: &str) -> String {
     .to_owned()
 }
 
-/// Sentences on what the operating system refused, and what to do about it.
+/// Sentences on the refusals of the operating system, and their remedies.
 pub(super) fn refused(run: &RunView) -> Vec<String> {
     let features = run
         .summary
@@ -520,7 +520,7 @@ mod tests {
             v.headline.ends_with("; 5\u{a0}findings of the verdict"),
             "{v:?}"
         );
-        // Each once, and all of them before what may be folded.
+        // Each once, and all of them before the part that may be folded.
         assert_eq!(v.warnings, 6, "{v:?}");
         let v = of_verdict(vec![], false, vec!["units are odd"]);
         assert_eq!((v.tone, v.warnings), (Tone::Warning, 1));

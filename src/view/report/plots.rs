@@ -21,7 +21,7 @@ const EVEN: f64 = 0.02;
 pub(super) const WHOLE: f64 = 1040.0;
 pub(super) const HALF: f64 = 510.0;
 
-/// A history of this size; `label` is what a screen reader says.
+/// A history of this size; `label` is the text for screen readers.
 pub(super) fn history((width, height): (f64, f64), label: &str, chart: &TimeChart<'_>) -> String {
     let svg = picture(width, height, Skin::Page, label, |canvas| {
         chart.draw(canvas, Area::whole(width, height));
@@ -188,7 +188,7 @@ pub(super) fn base64(bytes: &[u8]) -> String {
     out
 }
 
-/// A note on what the histories show of the rows.
+/// A note on the rows that the histories show.
 pub(super) fn note_on_histories(rows: &Rows<'_>) -> String {
     let every = rows.digest().every;
     if every <= 1 {

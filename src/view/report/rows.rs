@@ -62,7 +62,7 @@ impl<'a> Rows<'a> {
         self.digest.earlier.as_ref().map(|earlier| earlier.step)
     }
 
-    /// Which steps are in these rows, where the test was gone on with and others are in another folder.
+    /// The steps in these rows, if the test was resumed and other steps are in another folder.
     pub(crate) fn steps(&self) -> Option<String> {
         self.digest.earlier.as_ref()?;
         let (first, last) = self.digest.passed.range?;

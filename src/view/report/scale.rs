@@ -1,5 +1,5 @@
-//! The two ends of a specimen: its own, in its own units, and the structure's. Where they are not one to one, a page says of which
-//! a number is.
+//! The two ends of a specimen: its own, in its own units, and the structure's. Where they are not one to one, a page names the
+//! end of a number.
 
 use super::columns::SpecimenAxis;
 use super::html::note;

@@ -25,7 +25,7 @@ pub struct ScatterMatrix<'a> {
     pub variables: &'a [Variable<'a>],
     /// True for tests in the colour of `marked_as`.
     pub marked: &'a [bool],
-    /// What `marked` means.
+    /// Meaning of `marked`.
     pub marked_as: &'a str,
     /// Correlation of each pair.
     pub correlations: &'a [Vec<f64>],

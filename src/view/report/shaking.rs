@@ -26,7 +26,7 @@ impl Shaking {
         gusset_motion::metrics::peak(ground).filter(|peak| peak.value != 0.0)?;
         let is_accel = unit != "m";
         let span = dt * ground.len() as f64;
-        // Longer periods than the record say nothing; shorter ones than two samples are not in it.
+        // Longer periods than the record are meaningless; shorter ones than two samples are not in it.
         let (shortest, longest) = (0.02f64.max(2.0 * dt), 10.0f64.min(span));
         let wanted = if is_accel && longest > shortest {
             periods(shortest, longest, PERIODS)

@@ -70,7 +70,7 @@ impl Course {
         (first >= 0.0 && last >= first).then_some((first as u64, last as u64))
     }
 
-    /// One more row; what is missing before it. `step` is not a number where steps do not count it.
+    /// Takes one more row; returns the gap before it. `step` is NaN where steps do not count it.
     fn follow(&mut self, time: f64, step: f64) -> Option<Gap> {
         self.rows += 1;
         self.first = self.first.or(Some(step));
@@ -329,7 +329,7 @@ mod tests {
         let running = [(0.0, 0.0, RUNNING), (1.0, 1.0, RUNNING)];
         for (trip, ends) in [
             ((2.0, 2.0, TRIPPED), vec![0.0, 1.0, 2.0]),
-            // Between two steps; and one of which only what had been is on record.
+            // Between two steps; and one whose row only repeats earlier values.
             ((1.0, 1.5, TRIPPED), vec![0.0, 1.0]),
             ((1.0, 1.0, TRIPPED), vec![0.0, 1.0]),
         ] {

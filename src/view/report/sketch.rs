@@ -1,6 +1,6 @@
 //! A sketch of the test: storeys or degrees of freedom, and where the specimens sit.
 //!
-//! Drawn from the resolved configuration. It shows what is connected to what, not how anything looks.
+//! Drawn from the resolved configuration. It shows connections, not the look of the specimens.
 
 use super::canvas::{Anchor, Canvas, Ink, Lettering};
 use super::charts::{Area, LABEL};

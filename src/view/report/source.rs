@@ -41,8 +41,8 @@ pub trait Source {
         &[]
     }
 
-    /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per wanted column, all
-    /// of one length.
+    /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per column, all of one
+    /// length.
     ///
     /// # Errors
     /// The rows cannot be read.
@@ -52,7 +52,7 @@ pub trait Source {
 /// Rows of a block.
 pub const BLOCK: usize = 2048;
 
-/// Rows in memory: one vector per column. What is longer than the shortest is left out.
+/// Rows in memory: one vector per column. Entries beyond the shortest column are omitted.
 pub(super) struct Memory<'a> {
     pub columns: &'a [Column],
     pub data: &'a [Vec<f64>],

@@ -34,7 +34,7 @@ pub(super) struct Stale {
     specimens: Vec<Watched>,
 }
 
-/// Name of the column that says how a specimen's measurement is.
+/// Name of the column with the state of a specimen's measurement.
 pub(super) fn status_of(specimen: u32) -> String {
     column::STATUS.of_specimen(specimen)
 }
@@ -67,7 +67,7 @@ impl Stale {
         }
     }
 
-    /// The block with no number where nothing was measured.
+    /// The block with NaN where nothing was measured.
     pub(crate) fn left_out<'a>(&self, block: &'a [Vec<f64>]) -> Cow<'a, [Vec<f64>]> {
         let mut out = Cow::Borrowed(block);
         for of in &self.specimens {
@@ -108,7 +108,7 @@ mod tests {
         run.columns.iter().position(|c| c.name == name).unwrap()
     }
 
-    /// A test whose specimen follows to the last bit, and the same with four answers that stayed away at the peak of the force: the
+    /// A test whose specimen follows to the last bit, and the same with four overdue answers at the peak of the force: the
     /// measured displacement was held, the force estimated too large. With the row of the first of them.
     fn without_answers() -> (RunView, RunView, usize) {
         let whole = hybrid(4.0, 0);

@@ -1,9 +1,9 @@
 //! Columns that have become short enough for a page: the smallest and the largest value of every few rows.
 //!
-//! Invariant: every value is one of the rows at the time beside it, no finite extreme is lost, and all columns have one length. Of
-//! `every` rows two are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there.
-//! Where rows are missing stands an entry without a number, so that no line is drawn across. What a page says in numbers is marked
-//! before the rows are thinned: an entry does not keep which row was the last.
+//! Invariant: every value is one of the rows at the time beside it, no finite extreme is lost, and all columns have one length.
+//! Of `every` rows two stay, in the order in which the extremes came. For a short test `every` is one, and all rows are kept. A
+//! NaN entry replaces missing rows, so that no line is drawn across. Numbers of a page are marked before the rows are thinned: an
+//! entry does not keep which row was the last.
 
 use std::collections::HashMap;
 
@@ -56,7 +56,7 @@ impl Marks {
     }
 }
 
-/// One column on its way.
+/// One column during thinning.
 #[derive(Debug, Clone)]
 struct Thinning {
     /// Row in the bucket, its time and its value.
@@ -139,8 +139,7 @@ impl Thinner {
         }
     }
 
-    /// Marks that rows are missing here: nothing is known at this time. A gap that is narrower than what becomes two entries is
-    /// none to be seen.
+    /// Marks that rows are missing here: nothing is known at this time. A gap narrower than two entries is not visible.
     pub(crate) fn gap(&mut self, gap: Gap) {
         if gap.rows < self.every as u64 {
             // Without thinning every gap is wide enough.

@@ -1,4 +1,4 @@
-//! The tested model in a few lines, from the resolved test. Absent tables are left out.
+//! The tested model in a few lines, from the resolved test. Absent tables are omitted.
 
 use super::RunView;
 use super::columns::{Combination, MOST_DOFS, SpecimenAxis, Storey};
@@ -7,7 +7,7 @@ use crate::{Excitation, SpecimenTable, Structure, TestFile, Variant};
 use gusset_record::summary::ClockKind;
 use gusset_record::{Event, EventLine};
 
-/// Numbers from 1 of the specimens whose measured displacement is the command, as the events tell.
+/// Numbers from 1 of the specimens whose measured displacement is the command, from the events.
 #[must_use]
 pub fn without_disp(events: &[EventLine]) -> Vec<u32> {
     let repeats = events.iter().filter_map(|line| match line.event {

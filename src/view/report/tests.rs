@@ -225,7 +225,7 @@ fn separate_pictures_are_well_formed() {
 }
 
 #[test]
-fn a_users_text_never_becomes_markup() {
+fn user_text_never_becomes_markup() {
     let evil = "<script>alert(\"x\")</script>'&\u{0}\u{1b}[0m";
     let mut run = hybrid(1.0, 2);
     run.title = evil.to_owned();

@@ -1,7 +1,7 @@
-//! Numbers and words as a person reads them, safe to put into HTML and SVG.
+//! Numbers and words for readers, safe for HTML and SVG.
 //!
-//! Invariant: what [`escape`] returns contains no character that a browser or an XML parser could take for
-//! markup, whatever a user put into a title. No layout here.
+//! Invariant: a result of [`escape`] contains no character that a browser or an XML parser could take for markup,
+//! whatever the text of a title is. No layout here.
 
 use std::borrow::Cow;
 
@@ -43,7 +43,7 @@ pub(super) fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// False for what a browser would obey or hide, and for what XML 1.0 forbids even when it is escaped.
+/// False for characters that a browser would obey or hide, and for those that XML 1.0 forbids even when escaped.
 fn is_shown(c: char) -> bool {
     matches!(c, '\t' | '\n' | '\r') || !(is_hidden(c) || matches!(c, '\u{fffe}' | '\u{ffff}'))
 }
@@ -58,7 +58,7 @@ pub(super) fn shortened(text: &str, most: usize) -> String {
     out
 }
 
-/// A unit with its decimal prefix, and what a number in the plain unit is divided by.
+/// A unit with its decimal prefix, and the divisor of a number in the plain unit.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Scaled {
     /// Divisor.
@@ -154,7 +154,7 @@ fn with_sign_and_groups(text: &str) -> String {
     let (whole, rest) = digits.split_at(digits.find('.').unwrap_or(digits.len()));
     let mut out = String::from(sign);
     for (i, c) in whole.chars().enumerate() {
-        // Four digits stand well together; five and more do not.
+        // Four digits are readable without a space; five and more are not.
         if i > 0 && whole.len() > 4 && (whole.len() - i).is_multiple_of(3) {
             out.push('\u{202f}');
         }
@@ -183,7 +183,8 @@ pub(super) fn exact(value: f64, unit: &str) -> String {
     format!("{}\u{a0}{unit}", trimmed(value / factor, 9))
 }
 
-/// A test time in s with the digits that tell its tick from the next, `tick_s` later; those of [`exact`] where that is not known.
+/// A test time in s with enough digits to distinguish its tick from the next, `tick_s` later; those of [`exact`] where that is
+/// not known.
 pub(super) fn moment(time: f64, tick_s: Option<f64>) -> String {
     let ticks = tick_s.map(|tick| (time / tick).abs());
     let digits = ticks.filter(|ticks| *ticks >= 1.0 && ticks.is_finite());

@@ -1,4 +1,4 @@
-//! Events as a timeline: what state the test was in, and what happened when.
+//! Events as a timeline: the states of the test, and the time of each event.
 
 use super::RunView;
 use super::axis::Axis;
@@ -30,7 +30,7 @@ pub(super) fn timeline(run: &RunView) -> String {
     let is_simulated = run.is_simulated();
     let wall_ns = |line: &EventLine| utc::instant(line.wall.as_deref()?);
     let first = run.events.iter().find_map(wall_ns);
-    // Before there is a loop neither clock goes.
+    // Before the loop starts neither clock runs.
     let has_time = |line: &&EventLine| line.time.is_some();
     let mut timed = run.events.iter().filter(has_time);
     let is_clocked = timed.all(|e| loop_seconds(e).is_some());

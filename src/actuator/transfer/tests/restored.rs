@@ -46,7 +46,8 @@ fn all() -> Vec<String> {
     all
 }
 
-/// Test time of a tick: held in each twentieth to twenty-sixth of forty, eased around it, and nothing in the first.
+/// Test time of a tick: held in each twentieth to twenty-sixth of forty, with hold ramps around it, and nothing in the
+/// first.
 fn tick_dt(k: usize) -> f64 {
     match k % 40 {
         _ if k == 0 => 0.0,

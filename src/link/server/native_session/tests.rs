@@ -461,7 +461,7 @@ fn first_command_must_match_the_arm() {
         (true, 2e-3, 0),
         // The first step of a small motion.
         (false, 1e-4, 0),
-        // The first is lost: the next has a way.
+        // The first is lost: the next has a distance.
         (false, 2e-3, 1),
     ] {
         let (host, told) = gateway(None);

@@ -23,7 +23,7 @@ const VISCOUS: &str = "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per
 /// Doubles of a vector.
 const N: usize = 4;
 
-/// A client of one axis that commands displacements and, if it is `timed`, times, and wants forces.
+/// A client of one axis that commands displacements and, if it is `timed`, times, and requests forces.
 struct Client {
     codec: Codec,
     role: Role,

@@ -208,8 +208,8 @@ proptest! {
         }
         prop_assert!(last_vel.abs() < 1e-9, "{last_vel}");
         let n = f64::from(TICKS);
-        // The ramp to the first target is half a cosine: π/2 of the mean speed, π²/2 of way/time². Its acceleration does not vanish
-        // at its ends, which a path of 10 ticks spreads over one tick.
+        // The ramp to the first target is half a cosine: π/2 of the mean speed, π²/2 of distance/time². Its acceleration does not
+        // vanish at its ends, which a path of 10 ticks spreads over one tick.
         let (speed, mut accel) = (1.875 * STEP_M / n, 7.7 * STEP_M / (n * n));
         if targets.iter().any(|(_, next)| matches!(next, Next::Dies(_))) {
             // A stop uses the declared acceleration of 700 m/s².

@@ -3,7 +3,7 @@
 use super::*;
 use gusset_link::served::RecordSettings;
 
-/// A rig whose replies take two looks of the gateway.
+/// A rig whose replies take two polls of the gateway.
 #[derive(Clone)]
 struct Slow {
     rig: Rig,

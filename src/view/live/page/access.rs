@@ -64,7 +64,7 @@ pub enum TokenError {
     Unusable {
         /// Which.
         path: String,
-        /// What.
+        /// The text.
         found: String,
     },
 }
@@ -202,7 +202,7 @@ impl AccessRules {
         let host = text(headers, header::HOST).ok_or(STRANGE_HOST)?;
         let name = without_port(host).ok_or(STRANGE_HOST)?;
         let ours = match name.parse::<IpAddr>() {
-            // A name server has no say over addresses.
+            // A name server cannot redirect addresses.
             Ok(ip) => !self.loopback || super::is_loopback(ip),
             Err(_) => {
                 let name = name.strip_suffix('.').unwrap_or(name);

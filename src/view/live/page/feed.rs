@@ -1,4 +1,4 @@
-//! What viewers are sent: server-sent events, made once and handed to each of them.
+//! Events for viewers: server-sent events, made once and handed to each of them.
 //!
 //! Every viewer has a place in the history and takes new bins from there, thirty times a second and as long as its connection
 //! takes bytes. A slow viewer gets fewer and larger events, and skips bins that are no longer kept. Nothing is queued beyond
@@ -103,7 +103,7 @@ impl Feed {
         self.made.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Brings up to date what was made, if it is old enough.
+    /// Updates the made events, if they are old enough.
     fn refreshed(&self) -> MutexGuard<'_, Made> {
         let mut made = self.made();
         let now = monotonic_ns();

@@ -1,8 +1,8 @@
 //! The live page: one server on a separate thread, off the loop's processor.
 //!
-//! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
-//! have been put on their processors; open until every viewer has received the end and fetched the report. It closes after 0.9 s in
-//! which no viewer reads anything, and after five seconds at the latest.
+//! Bound before anything moves, so that a port in use counts as wrong usage. Served once the other threads are on their
+//! processors, and open until every viewer has received the end and fetched the report. It closes after 0.9 s in which no viewer
+//! reads anything, and after five seconds at the latest.
 //!
 //! | client | may |
 //! |---|---|
@@ -128,8 +128,8 @@ pub struct LivePage {
 }
 
 impl LivePage {
-    /// Takes the port. `address` is what [`parse_address`] made; `view` is the viewing token beyond loopback, a
-    /// fresh one if none is given.
+    /// Takes the port. `address` is a result of [`parse_address`]; `view` is the viewing token beyond loopback, a fresh
+    /// one if none is given.
     ///
     /// # Errors
     /// See [`PageError`].
@@ -187,7 +187,7 @@ impl LivePage {
         }
     }
 
-    /// What operating the test takes.
+    /// The token for operating the test.
     #[must_use]
     pub const fn control_token(&self) -> &Token {
         &self.control

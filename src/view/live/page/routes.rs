@@ -211,7 +211,7 @@ async fn operate(
             why: why.map(Word::from),
         })
     };
-    // Without the token, no answer says which requests exist.
+    // Without the token, no answer reveals which requests exist.
     let is_one = REQUESTS.contains(&what.as_str());
     if let Err(refusal) = site.access.control(&headers) {
         if is_one && let Some(times) = site.refused.count(monotonic_ns()) {
@@ -290,7 +290,7 @@ fn unsent(request: Operator, connection: &Connection) -> Option<&'static str> {
 
 const OVER: &str = "the test is over";
 
-/// Why the loop would not hear this where it is seen, if it would not.
+/// Why the loop would ignore this request in its present state, if it would.
 fn unheard(request: Operator, seen: Glimpse) -> Option<&'static str> {
     match seen.phase {
         _ if request == Operator::Stop => None,

@@ -247,7 +247,7 @@ fn hold_with_a_target_keeps_it_back() {
 }
 
 #[test]
-fn one_target_may_wait_and_two_are_refused() {
+fn second_waiting_target_is_refused() {
     for further in [1, 2] {
         let mut caller = Caller::armed();
         let target = caller.command(1, 0.01);

@@ -23,7 +23,7 @@ fn doubles(values: &[f64]) -> Vec<u8> {
         .collect()
 }
 
-/// Serves a client that commands 0 and 10 mm, and sends `early` with that. On the way to 10 mm it does `act`. It
+/// Serves a client that commands 0 and 10 mm, and sends `early` with that. During the path to 10 mm it does `act`. It
 /// closes after this number of answers. Returns how its test ended, and the commands of the rig.
 fn served(
     role: Role,
