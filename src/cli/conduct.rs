@@ -77,7 +77,7 @@ pub(super) fn attended(
         requests: signals.requests(),
         notices,
         phase,
-        desk: Some(signals.operator()),
+        request_socket: Some(signals.operator()),
     })
 }
 

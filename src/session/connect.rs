@@ -223,7 +223,7 @@ fn fit_for(
 pub(super) struct Line {
     requests: Receiver<Operator>,
     /// Its other end; without it no command is taken, because it could not be returned.
-    desk: Option<Sender<Operator>>,
+    request_socket: Option<Sender<Operator>>,
     /// Commands that must wait for the loop.
     heard: Vec<Operator>,
 }
@@ -232,14 +232,14 @@ impl Line {
     pub(crate) fn of(control: &Control) -> Self {
         Self {
             requests: control.requests.clone(),
-            desk: control.desk.clone(),
+            request_socket: control.request_socket.clone(),
             heard: Vec::new(),
         }
     }
 
     /// True once an end of the test was asked for.
     fn asks_for_the_end(&mut self) -> bool {
-        if self.desk.is_some() {
+        if self.request_socket.is_some() {
             self.heard.extend(self.requests.try_iter());
         }
         self.heard.iter().any(|word| word.is_end())
@@ -247,10 +247,10 @@ impl Line {
 
     /// Returns all commands to the loop.
     fn put_back(&mut self) {
-        if let Some(desk) = &self.desk {
+        if let Some(request_socket) = &self.request_socket {
             for word in self.heard.drain(..) {
                 // A command beyond the available room is dropped: a stop always has room.
-                let _ = word.say_into(desk);
+                let _ = word.say_into(request_socket);
             }
         }
     }
@@ -301,20 +301,20 @@ mod tests {
 
     #[test]
     fn early_commands_are_not_lost() {
-        let (desk, requests) = crossbeam_channel::bounded(4);
+        let (request_socket, requests) = crossbeam_channel::bounded(4);
         let control = Control {
-            desk: Some(desk.clone()),
+            request_socket: Some(request_socket.clone()),
             ..Control::from(requests.clone())
         };
         let mut line = Line::of(&control);
-        desk.try_send(Operator::Hold).unwrap();
-        desk.try_send(Operator::Continue).unwrap();
+        request_socket.try_send(Operator::Hold).unwrap();
+        request_socket.try_send(Operator::Continue).unwrap();
         assert!(!line.asks_for_the_end());
         assert!(requests.is_empty());
         line.put_back();
         let heard: Vec<Operator> = requests.try_iter().collect();
         assert_eq!(heard, [Operator::Hold, Operator::Continue]);
-        desk.try_send(Operator::Stop).unwrap();
+        request_socket.try_send(Operator::Stop).unwrap();
         assert!(line.asks_for_the_end());
     }
 }

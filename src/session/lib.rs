@@ -23,7 +23,6 @@ mod compare;
 mod connect;
 mod continued;
 mod derived;
-mod desk;
 mod earlier_rows;
 mod energetics;
 pub mod fitness;
@@ -35,12 +34,14 @@ mod judged;
 mod kept;
 mod lineage;
 mod page;
+mod playback;
 mod ready;
 mod reason;
 mod recorded;
 pub mod rehearsal;
 mod replay;
 mod replay_error;
+mod request_socket;
 mod reset;
 mod resume;
 mod retrace;
@@ -49,7 +50,6 @@ mod sampling;
 mod signals;
 mod specimen_records;
 mod summary;
-mod tape;
 pub(crate) mod unaware;
 mod watches;
 
@@ -64,27 +64,27 @@ pub use checksum::altered;
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};
 pub use derived::{Derived, DerivedError, FloorPeaks, derived, floor_peaks};
-pub use desk::{Answer, Request, Unanswered, ask};
 pub use judged::{Judged, Subject};
 pub use page::{Page, PageError, conclude, hero, write_report};
+pub use playback::Difference;
 pub use ready::missing;
 pub use reason::ending;
 pub use replay::{Replay, replay, replay_rows};
 pub use replay_error::ReplayError;
+pub use request_socket::{Answer, Request, Unanswered, ask};
 pub use reset::{
     ControlError, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, ask_server,
 };
 pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
 pub use signals::{Signal, Signals, Taken};
 pub use specimen_records::SpecimenRecords;
-pub use tape::Difference;
 pub use watches::{Attendance, Watches};
 
 use connect::{Connections, Line};
 use continued::Word;
-use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
+use request_socket::RequestSocket;
 use specimen_records::HeldRecords;
 
 use gusset_config::ConfigError;
@@ -194,11 +194,11 @@ pub fn run(
         ..
     } = test;
     let control = control.into();
-    let desk = control
-        .desk
+    let request_socket = control
+        .request_socket
         .clone()
         .map(|asks| (asks, control.phase.clone()));
-    if desk.is_some() {
+    if request_socket.is_some() {
         folder.claim();
     }
     let line = Line::of(&control);
@@ -214,8 +214,9 @@ pub fn run(
     let records = watches.specimen_records.take();
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
-            let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase));
-            if let Some(Err(error)) = &desk {
+            let request_socket =
+                request_socket.map(|(asks, phase)| RequestSocket::open(folder.path(), asks, phase));
+            if let Some(Err(error)) = &request_socket {
                 let text = format!("other programs cannot reach this test: {error}");
                 ready.writer.note(Event::said(Remark::Warning, text));
             }

@@ -13,10 +13,10 @@ use super::agreement::{
     SummaryDifference, may_trip_after_its_rows, of_an_earlier_version, with_events, with_loop,
 };
 use super::checksum::check_files;
+use super::playback::{Comparing, Difference, Playback, Recording, with};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::retrace::{prepared, same_columns};
-use super::tape::{Comparing, Difference, Recording, Tape, with};
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Outcome};
 use gusset_record::{End, Layout, MissingEnd, Run};
 
@@ -126,18 +126,18 @@ fn follow(
 ) -> Result<(Replay, Outcome, bool), ReplayError> {
     same_columns(layout.columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let mut tape = Tape::new(recording, layout, &experiment, operator, 0..u64::MAX, false);
-    tape.goes_on = goes_on;
-    let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, layout, Replaced::All)?;
+    let mut playback = Playback::new(recording, layout, &experiment, operator, 0..u64::MAX, false);
+    playback.goes_on = goes_on;
+    let playback = Arc::new(Mutex::new(playback));
+    put_recorded(&mut experiment, &playback, layout, Replaced::All)?;
     let compared = layout.columns().iter().filter(|c| !c.timing).count();
-    let recorder = Box::new(Comparing(Arc::clone(&tape)));
+    let recorder = Box::new(Comparing(Arc::clone(&playback)));
     let test = Connected::for_a_replay(experiment, recorder);
     let outcome = test.run(&Control::from(requests)).into_outcome();
-    let (found, ran_out) = with(&tape, |tape| {
-        let left = !tape.is_over() && tape.difference.is_none();
-        let short = match (tape.end(), &outcome.ending) {
-            _ if tape.short.is_some() => tape.short.take(),
+    let (found, ran_out) = with(&playback, |playback| {
+        let left = !playback.is_over() && playback.difference.is_none();
+        let short = match (playback.end(), &outcome.ending) {
+            _ if playback.short.is_some() => playback.short.take(),
             _ if left => Some(match outcome.ending {
                 Ending::Stopped(stop) => format!("the replay stops where the test did not: {stop}"),
                 Ending::Completed => "the test continued after the end of the replay".to_owned(),
@@ -146,16 +146,16 @@ fn follow(
             (Some(end), _) => Some(end.to_string()),
         };
         let found = Replay {
-            rows: tape.row,
+            rows: playback.row,
             columns: compared,
-            time: tape.time,
-            difference: tape.difference.take(),
+            time: playback.time,
+            difference: playback.difference.take(),
             short,
             files_proven: false,
             summary: Vec::new(),
             is_of_an_earlier_version: false,
         };
-        (found, tape.ran_out)
+        (found, playback.ran_out)
     });
     Ok((found, outcome, ran_out))
 }

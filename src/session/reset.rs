@@ -1,6 +1,6 @@
 //! The control socket of a server: through it the operator of a specimen clears its latched trip.
 //!
-//! Its protocol is that of a running test ([`super::desk`]): one line of JSON in, one out. The answer to `{"request": "reset"}`
+//! Its protocol is that of a running test ([`super::request_socket`]): one line of JSON in, one out. The answer to `{"request": "reset"}`
 //! is `{"trip": …, "place": …}`, the cleared entries in words, or `null` where nothing was recorded. `{"request": "show"}`
 //! clears nothing.
 
@@ -11,7 +11,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::desk::{Caller, Desk, SOCKET, in_a_line, reach, read_line, write_line};
+use super::request_socket::{
+    Caller, RequestSocket, SOCKET, in_a_line, reach, read_line, write_line,
+};
 
 /// Where a server is controlled: a folder and the name of the socket in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,7 +78,7 @@ pub enum ControlError {
 /// The control socket of a server; closed and removed when dropped.
 #[derive(Debug)]
 pub struct ServerControl {
-    _desk: Desk,
+    _desk: RequestSocket,
 }
 
 /// A request to a server.
@@ -152,9 +154,9 @@ impl ServerControl {
                 },
             })
         };
-        let desk = Desk::listen(&place.folder, &place.name, Box::new(serve));
+        let request_socket = RequestSocket::listen(&place.folder, &place.name, Box::new(serve));
         Ok(Self {
-            _desk: desk.map_err(wrong)?,
+            _desk: request_socket.map_err(wrong)?,
         })
     }
 }

@@ -16,9 +16,9 @@ use std::path::Path;
 
 use super::checksum::{check_files as check_files_of, read, rows_sha256, sha256};
 use super::continued;
-use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
+use super::request_socket::{Request, Unanswered, ask};
 use super::retrace::{
     Build, Retraced, prepared_by, prepared_to_resume, recorded_file, retrace, take_over,
     unusable_states,

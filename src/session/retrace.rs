@@ -11,10 +11,10 @@ use super::checksum::check_inputs;
 use super::connect::put_standing;
 use super::earlier_rows::may_be_absent;
 use super::lineage::{Ancestor, Origin, ancestors};
+use super::playback::{Comparing, Playback, Recording, Verified, with};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::row_peaks::earlier_peaks;
-use super::tape::{Comparing, Recording, Tape, Verified, with};
 use gusset_config::{self as config, ConfigError, Loaded};
 use gusset_control::engine::{
     Connected, Control, Ending, Experiment, Resumption, Retraced as Followed, Side,
@@ -228,13 +228,13 @@ fn retrace_from_state(
     // The state contains everything from the ancestors.
     let experiment = prepared_from(run, &[], None, false, &mut setup::build)?.experiment;
     let rows = kept.rows..until.unwrap_or(u64::MAX);
-    let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;
+    let (test, playback, control) = recorded_test(run, experiment, rows, replaced)?;
     let Ok(followed) = test.retrace_from(&kept.state, &control) else {
         return Ok(None);
     };
     let traced = Retraced {
         restored: Some((kept.step, kept.rows)),
-        ..judged(followed, &tape, until)
+        ..judged(followed, &playback, until)
     };
     let is_whole = traced.trouble.is_none() && (traced.completed || traced.state.is_some());
     Ok(Some(traced).filter(|_| is_whole))
@@ -248,8 +248,8 @@ fn follow(
     replaced: Replaced,
 ) -> Result<Retraced, ReplayError> {
     let rows = 0..until.unwrap_or(u64::MAX);
-    let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;
-    Ok(judged(test.retrace(&control), &tape, until))
+    let (test, playback, control) = recorded_test(run, experiment, rows, replaced)?;
+    Ok(judged(test.retrace(&control), &playback, until))
 }
 
 /// A test whose specimens are replaced by these rows of a run.
@@ -258,37 +258,37 @@ fn recorded_test(
     mut experiment: Experiment,
     rows: Range<u64>,
     replaced: Replaced,
-) -> Result<(Connected, Arc<Mutex<Tape>>, Control), ReplayError> {
+) -> Result<(Connected, Arc<Mutex<Playback>>, Control), ReplayError> {
     same_columns(run.layout().columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
     let recording = Recording::of(run)?;
-    let tape = Tape::new(recording, run.layout(), &experiment, operator, rows, true);
-    let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, run.layout(), replaced)?;
-    let recorder = Box::new(Comparing(Arc::clone(&tape)));
+    let playback = Playback::new(recording, run.layout(), &experiment, operator, rows, true);
+    let playback = Arc::new(Mutex::new(playback));
+    put_recorded(&mut experiment, &playback, run.layout(), replaced)?;
+    let recorder = Box::new(Comparing(Arc::clone(&playback)));
     let test = Connected::for_a_replay(experiment, recorder);
-    Ok((test, tape, Control::from(requests)))
+    Ok((test, playback, Control::from(requests)))
 }
 
 /// Compares a retraced test with its record.
-fn judged(followed: Followed, tape: &Arc<Mutex<Tape>>, until: Option<u64>) -> Retraced {
+fn judged(followed: Followed, playback: &Arc<Mutex<Playback>>, until: Option<u64>) -> Retraced {
     let Followed { ending, state } = followed;
     let completed = ending == Ending::Completed;
     let state = state.filter(|_| !completed);
-    with(tape, |tape| {
-        let damage = tape.end().filter(|end| {
+    with(playback, |playback| {
+        let damage = playback.end().filter(|end| {
             use gusset_record::End::{Clean, Torn};
             // A kill ends the file in the middle of a row.
             !matches!(end, Clean | Torn { .. })
         });
-        let trouble = match (&tape.difference, &ending) {
+        let trouble = match (&playback.difference, &ending) {
             (Some(difference), _) => Some(format!(
                 "`{}` of row {} (step {}) does not come out again",
                 difference.column, difference.row, difference.step
             )),
-            _ if tape.short.is_some() => tape.short.take(),
+            _ if playback.short.is_some() => playback.short.take(),
             _ if damage.is_some() && until.is_none() => damage.map(|end| end.to_string()),
-            (None, Ending::Stopped(stop)) if !tape.is_over() => {
+            (None, Ending::Stopped(stop)) if !playback.is_over() => {
                 Some(format!("the loop stops where the test did not: {stop}"))
             }
             _ => None,
@@ -296,8 +296,8 @@ fn judged(followed: Followed, tape: &Arc<Mutex<Tape>>, until: Option<u64>) -> Re
         Retraced {
             state,
             on_its_way_in: false,
-            rows: tape.row,
-            verified: tape.verified,
+            rows: playback.row,
+            verified: playback.verified,
             trouble,
             completed,
             restored: None,

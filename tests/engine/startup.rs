@@ -480,7 +480,7 @@ fn specimen_at_rest_shows_no_stiffness() {
 fn waiting_in_simulated_time_makes_few_rows() {
     let (ask, requests) = crossbeam_channel::bounded(4);
     let control = Control {
-        desk: Some(ask.clone()),
+        request_socket: Some(ask.clone()),
         ..Control::from(requests)
     };
     let says = std::thread::spawn(move || {

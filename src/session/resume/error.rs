@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::continued::{Now, WentOn};
-use crate::desk::Unanswered;
 use crate::replay_error::ReplayError;
+use crate::request_socket::Unanswered;
 use gusset_config::ConfigError;
 use gusset_control::port::limits::Hit;
 use gusset_record::{FolderError, MissingEnd};

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::axis::is_drawable;
 use super::columns::SpecimenAxis;
-use super::sieve::{HOLDING, RUNNING, TRIPPED, is_even};
+use super::row_filter::{HOLDING, RUNNING, TRIPPED, is_even};
 use super::table::Table;
 use super::thin;
 use gusset_motion::metrics::fourier::{Spectrum, evaluate};

@@ -1,13 +1,13 @@
 //! The digest of the rows for a page.
 //!
-//! Only rows of the running test are physics ([`super::sieve`]). Of them only those with an answer of the specimen are
+//! Only rows of the running test are physics ([`super::row_filter`]). Of them only those with an answer of the specimen are
 //! measurements ([`super::stale`]). Quantities that need steps at even times are absent where some steps are missing.
 
 use super::axes::AxisDigest;
 use super::axis_end::AxisEnd;
 use super::columns::SpecimenAxis;
+use super::row_filter::Passed;
 use super::shaking::Shaking;
-use super::sieve::Passed;
 use super::source::Earlier;
 use super::table::Table;
 use super::worst::WorstTick;

@@ -7,8 +7,8 @@ use super::columns::{
     Combination, ERROR, MOST_AXES, MOST_DOFS, MOST_LINES, SpecimenAxis, TAIL, spread,
 };
 use super::digest::Digest;
-use super::holder::{Holder, Item, sieve};
-use super::sieve::{Sieve, Stretch};
+use super::holder::{Holder, Item, row_filter};
+use super::row_filter::{RowFilter, Stretch};
 use super::source::Source;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
@@ -41,7 +41,7 @@ pub(super) struct First<'a> {
     state: Option<usize>,
     step: Option<usize>,
     time: Option<usize>,
-    sieve: Sieve,
+    row_filter: RowFilter,
     holder: Holder,
     /// Columns at the ends of steps, and at every tick.
     parts: [Part; 2],
@@ -233,7 +233,7 @@ impl<'a> First<'a> {
             state: at("state"),
             step: at("step"),
             time: at("time"),
-            sieve: sieve(source, &columns),
+            row_filter: row_filter(source, &columns),
             holder,
             parts,
             energy_thinner: Thinner::new(steps, 7, Some(0)),
@@ -268,7 +268,7 @@ impl<'a> First<'a> {
                 }
             }
         }
-        let sorted = self.sieve.sort(block);
+        let sorted = self.row_filter.sort(block);
         for (kind, (stretches, block)) in sorted.iter().zip([block, measured]).enumerate() {
             for stretch in stretches {
                 self.holder.take(kind, stretch, block);
@@ -278,7 +278,7 @@ impl<'a> First<'a> {
         for stretch in &sorted[1] {
             self.stale.count(stretch, block);
         }
-        self.ends.take(measured, self.sieve.ways());
+        self.ends.take(measured, self.row_filter.ways());
     }
 
     /// `kind` 0 for ends of steps, 1 for ticks.
@@ -342,7 +342,7 @@ impl<'a> First<'a> {
         digest.recorded = self.recorded;
         digest.ends = self.ends.finish();
         digest.stale = self.stale.found();
-        digest.passed = self.sieve.passed();
+        digest.passed = self.row_filter.passed();
         digest.counted = self.step.is_some();
         digest.interval = digest.passed.step_s.filter(|_| digest.passed.is_even);
         digest.every = self.parts[0]

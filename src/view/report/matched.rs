@@ -5,7 +5,7 @@
 //! never compared. Two missing values are equal; other values are equal only bit by bit.
 
 use super::first::is_of_tick;
-use super::sieve::{BETWEEN, RUNNING, TRIPPED};
+use super::row_filter::{BETWEEN, RUNNING, TRIPPED};
 use super::table::{Table, Thinner};
 use gusset_quantity::catalog::column::{
     ACCEL, DISP, FORCE, GROUND, MEASURED, SEQUENCE, TARGET, VEL,

@@ -6,17 +6,17 @@
 //!
 //! Invariant: nothing here fails. A run without rows, with NaN in them, without a summary or killed in the middle still
 //! gives a page that names the missing parts; a user's text never becomes markup. Physics comes only from rows in which
-//! the test was running: a structure's from ends of steps, a specimen's from all ticks (see `sieve`). No file is read or
+//! the test was running: a structure's from ends of steps, a specimen's from all ticks (see `row_filter`). No file is read or
 //! written: the caller owns the run folder.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; zooming of histories |
-//! | `outcome`, `left`, `figures` | the verdict in words; end positions of specimens; key figures |
+//! | `outcome`, `end_positions`, `figures` | the verdict in words; end positions of specimens; key figures |
 //! | `response`, `specimens`, `following`, `indices`, `courses`, `effect`, `identified`, `balance`, `timing` | sections of results |
 //! | `tested`, `sketch`, `scale`, `ground`, `limits`, `events`, `timeline` | sections of the test: model, ends, ground motion, limits, events |
 //! | `compare`, `paired`, `overlays`, `matched` | the page of two runs: values side by side, pictures; their rows, number against number |
-//! | `source`, `sieve`, `holder`, `stale`, `digest`, `passes`, `first` | rows read in blocks, and the kept results |
+//! | `source`, `row_filter`, `holder`, `stale`, `digest`, `passes`, `first` | rows read in blocks, and the kept results |
 //! | `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | kept results of axes, specimens and columns |
 //! | `columns` | columns a digest reads |
 //! | `pictures` | the separate pictures |
@@ -38,6 +38,7 @@ mod courses;
 mod curves;
 mod digest;
 mod effect;
+mod end_positions;
 mod events;
 mod figures;
 mod first;
@@ -45,15 +46,14 @@ mod following;
 mod ground;
 mod histogram;
 mod holder;
-#[cfg(test)]
-mod holes;
 mod html;
 mod identified;
 mod indices;
-mod left;
 mod limits;
 mod lines;
 mod matched;
+#[cfg(test)]
+mod missing_rows;
 mod outcome;
 mod overlays;
 mod page;
@@ -62,11 +62,11 @@ mod passes;
 mod pictures;
 mod plots;
 mod response;
+mod row_filter;
 mod rows;
 mod scale;
 mod scatter;
 mod shaking;
-mod sieve;
 mod sketch;
 mod source;
 mod specimens;

@@ -62,7 +62,7 @@ fn page(run: &RunView, digest: &Digest) -> String {
         escape(title)
     );
     let part = rows.part().map(|part| format!("This page is of {part}."));
-    let left = left::sentences(run, &rows);
+    let left = end_positions::sentences(run, &rows);
     let more: Vec<String> = part.into_iter().chain(left).collect();
     body += &banner(run, rows.after(), &more);
     body += &tiles(run, &rows, &axes, &timings);

@@ -7,7 +7,7 @@ use super::columns::SpecimenAxis;
 use super::digest::Digest;
 use super::html::{note, section};
 use super::lines::Line;
-use super::sieve::Passed;
+use super::row_filter::Passed;
 use super::source::Earlier;
 use super::table::{Marks, Table};
 use super::text::{count, moment};

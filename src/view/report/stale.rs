@@ -6,7 +6,7 @@
 
 use std::borrow::Cow;
 
-use super::sieve::Stretch;
+use super::row_filter::Stretch;
 use gusset_quantity::catalog::column::{self, Kind};
 use gusset_quantity::substructure::Status;
 use gusset_record::Column;

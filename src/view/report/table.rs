@@ -7,7 +7,7 @@
 
 use std::collections::HashMap;
 
-use super::sieve::Gap;
+use super::row_filter::Gap;
 use gusset_record::Column;
 
 /// Rows of a test of which every row is kept: 20 s at 6.5 kHz.

@@ -85,7 +85,7 @@ impl Recording {
 }
 
 /// The recorded rows, as far as the loop has come.
-pub(super) struct Tape {
+pub(super) struct Playback {
     journal: Journal<Box<dyn Read + Send>>,
     /// Compared columns: name, place in the recording, place in the rows of the loop.
     compared: Vec<(String, usize, usize)>,
@@ -124,7 +124,7 @@ pub(super) struct Tape {
     pub goes_on: bool,
 }
 
-impl Tape {
+impl Playback {
     /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line. The loop begins with the first of
     /// `rows`. The rows before it are passed over, and only the one right before it must be complete.
     pub(crate) fn new(
@@ -136,7 +136,7 @@ impl Tape {
         only_the_test: bool,
     ) -> Self {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
-        let mut tape = Self {
+        let mut playback = Self {
             journal: recording.journal,
             compared: compared(layout.columns(), &experiment.columns()),
             coming: Vec::new(),
@@ -161,10 +161,10 @@ impl Tape {
             ran_out: false,
             goes_on: false,
         };
-        tape.pass_over(rows.start);
-        tape.fill();
-        tape.say();
-        tape
+        playback.pass_over(rows.start);
+        playback.fill();
+        playback.say();
+        playback
     }
 
     /// Passes over the rows with numbers below `rows`: the loop has their state already.
@@ -429,11 +429,11 @@ pub(super) fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
 }
 
 /// One replay source for the recorder and all specimens. The lock is never contended: all are on one thread.
-pub(super) type Shared = Arc<Mutex<Tape>>;
+pub(super) type Shared = Arc<Mutex<Playback>>;
 
-pub(super) fn with<T>(tape: &Shared, act: impl FnOnce(&mut Tape) -> T) -> T {
-    match tape.lock() {
-        Ok(mut tape) => act(&mut tape),
+pub(super) fn with<T>(playback: &Shared, act: impl FnOnce(&mut Playback) -> T) -> T {
+    match playback.lock() {
+        Ok(mut playback) => act(&mut playback),
         Err(poisoned) => act(&mut poisoned.into_inner()),
     }
 }
@@ -444,20 +444,20 @@ pub(super) struct Comparing(pub Shared);
 impl Recorder for Comparing {
     /// Where the rows of the test come next, nothing of the warm-up was kept.
     fn warm_up(&mut self) -> WarmUpRows {
-        with(&self.0, |tape| match tape.phase() {
+        with(&self.0, |playback| match playback.phase() {
             Some(state) if Part::Test.has(state) => WarmUpRows::Never,
             _ => WarmUpRows::AsTheyCome,
         })
     }
 
     fn row(&mut self, row: &[f64]) -> bool {
-        with(&self.0, |tape| tape.compare(row));
+        with(&self.0, |playback| playback.compare(row));
         true
     }
 
     fn event(&mut self, event: TimedEvent) -> bool {
         if let Event::Checkpoint { digest, .. } = event.kind {
-            with(&self.0, |tape| tape.check(event.tick, digest));
+            with(&self.0, |playback| playback.check(event.tick, digest));
         }
         true
     }
@@ -472,7 +472,7 @@ mod tests {
         [structure.shear_building]\nmass_kg = [1e3]\nstiffness_n_per_m = [1e5]\n";
 
     /// The rows of `numbers`, each with its number as step and time, and the state of a running test.
-    fn tape(numbers: &[u64], rows: Range<u64>) -> Tape {
+    fn playback(numbers: &[u64], rows: Range<u64>) -> Playback {
         let loaded = gusset_config::parse("test.toml".as_ref(), TEST.to_owned(), &[]).unwrap();
         let experiment = gusset_setup::build(&loaded).unwrap().experiment;
         let layout = Layout::new(experiment.columns()).unwrap();
@@ -488,28 +488,28 @@ mod tests {
         let samples = Box::new(std::io::Cursor::new(bytes));
         let recording = Recording::without_checkpoints(samples, &layout);
         let (operator, _) = crossbeam_channel::bounded(4);
-        Tape::new(recording, &layout, &experiment, operator, rows, true)
+        Playback::new(recording, &layout, &experiment, operator, rows, true)
     }
 
     #[test]
     fn a_recording_can_begin_with_any_row() {
         for first in 0..6 {
-            let tape = tape(&[0, 1, 2, 3, 4, 5, 6], first..6);
-            assert_eq!((tape.row, tape.short.as_deref()), (first, None));
-            assert_eq!(at(tape.next(), 0), first as f64);
+            let playback = playback(&[0, 1, 2, 3, 4, 5, 6], first..6);
+            assert_eq!((playback.row, playback.short.as_deref()), (first, None));
+            assert_eq!(at(playback.next(), 0), first as f64);
             let before = (first > 0).then(|| (Phase::Running.code(), first as f64 - 1.0));
-            assert_eq!(tape.before, before);
-            assert!(!tape.is_over());
+            assert_eq!(playback.before, before);
+            assert!(!playback.is_over());
         }
-        assert!(tape(&[0, 1, 2, 3], 3..3).is_over());
+        assert!(playback(&[0, 1, 2, 3], 3..3).is_over());
     }
 
     /// Rows that were lost long before are no trouble; the one right before the first, and the first itself, are needed.
     #[test]
     fn only_rows_around_the_first_are_needed() {
         let of = |numbers: &[u64]| {
-            let tape = tape(numbers, 4..9);
-            (tape.short.is_none(), tape.next().is_some())
+            let playback = playback(numbers, 4..9);
+            (playback.short.is_none(), playback.next().is_some())
         };
         assert_eq!(of(&[0, 3, 4, 5]), (true, true));
         assert_eq!(of(&[3, 4, 5]), (true, true));

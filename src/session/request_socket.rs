@@ -112,7 +112,7 @@ impl Unanswered {
 
 /// The listening end; closed and removed when dropped.
 #[derive(Debug)]
-pub struct Desk {
+pub struct RequestSocket {
     /// The thread ends when this does.
     open: Option<UnixStream>,
     thread: Option<JoinHandle<()>>,
@@ -121,7 +121,7 @@ pub struct Desk {
 /// Makes the answer to a caller whose line is whole; an error closes the connection.
 type Serve = Box<dyn FnMut(&Caller) -> io::Result<Vec<u8>> + Send>;
 
-impl Desk {
+impl RequestSocket {
     /// Listens in `folder`.
     ///
     /// # Errors
@@ -163,7 +163,7 @@ impl Desk {
             }
         };
         let thread = std::thread::Builder::new()
-            .name("gusset-desk".into())
+            .name("gusset-requests".into())
             .spawn(work)?;
         Ok(Self {
             open: Some(open),
@@ -172,7 +172,7 @@ impl Desk {
     }
 }
 
-impl Drop for Desk {
+impl Drop for RequestSocket {
     fn drop(&mut self) {
         self.open = None;
         if let Some(thread) = self.thread.take() {
@@ -381,7 +381,7 @@ mod tests {
         std::fs::create_dir_all(&folder).unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let phase = PhaseCell::default();
-        let desk = Desk::open(&folder, sender, phase.clone()).unwrap();
+        let request_socket = RequestSocket::open(&folder, sender, phase.clone()).unwrap();
         phase.set(Phase::Running);
         let answer = ask(&folder, Request::Hold).unwrap();
         assert!(answer.accepted);
@@ -396,7 +396,7 @@ mod tests {
         let heard: Vec<Operator> = receiver.try_iter().collect();
         let [hold, go_on, stop] = [Operator::Hold, Operator::EndHold(0), Operator::Stop];
         assert_eq!(heard, [hold, go_on, stop, stop]);
-        drop(desk);
+        drop(request_socket);
         let over = ask(&folder, Request::Phase).unwrap_err();
         assert!(matches!(over, Unanswered::Over(_)), "{over}");
         assert!(!folder.join(SOCKET).exists());
@@ -407,7 +407,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
+        let _desk = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         let held = Glimpse {
             phase: Phase::Ramping,
             hold: true,
@@ -434,7 +434,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
+        let _desk = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         for (hold, unconfirmed) in [(false, false), (true, false), (true, true), (false, true)] {
             let seen = Glimpse {
                 phase: Phase::Zeroing,
@@ -497,7 +497,7 @@ mod tests {
     fn nonsense_gets_no_answer() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let _desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
+        let _desk = RequestSocket::open(folder.path(), sender, PhaseCell::default()).unwrap();
         for text in [
             "",
             "GET / HTTP/1.1\r\n\r\n",
@@ -522,7 +522,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
+        let _desk = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         let second = Glimpse {
             hold: true,
             stands: true,
@@ -566,7 +566,7 @@ mod tests {
             stream.shutdown(std::net::Shutdown::Write).unwrap();
             here.extend(stays.then_some(stream));
         }
-        let _desk = Desk::on(socket, sender, cell).unwrap();
+        let _desk = RequestSocket::on(socket, sender, cell).unwrap();
         let heard: Vec<_> = (0..3).map(|_| receiver.recv().unwrap()).collect();
         assert_eq!(heard, [Operator::Hold, Operator::Stop, Operator::Confirm]);
         assert!(receiver.try_recv().is_err());
@@ -579,8 +579,8 @@ mod tests {
         let open = || {
             fs::create_dir(&path).unwrap();
             let (sender, receiver) = crossbeam_channel::bounded(4);
-            let desk = Desk::open(&path, sender, PhaseCell::default()).unwrap();
-            (desk, receiver)
+            let request_socket = RequestSocket::open(&path, sender, PhaseCell::default()).unwrap();
+            (request_socket, receiver)
         };
         let (first, _first_hears) = open();
         fs::rename(&path, &moved).unwrap();
@@ -607,7 +607,8 @@ mod tests {
     fn silent_clients_delay_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
+        let request_socket =
+            RequestSocket::open(folder.path(), sender, PhaseCell::default()).unwrap();
         let call = || UnixStream::connect(folder.path().join(SOCKET)).unwrap();
         // Each of them alone would delay the next client until its own time limit.
         let silent: Vec<UnixStream> = (0..8).map(|_| call()).collect();
@@ -629,7 +630,7 @@ mod tests {
         assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
         drop(crowd);
         let mut last = call();
-        drop(desk);
+        drop(request_socket);
         assert!(matches!(last.read(&mut [0]), Ok(0) | Err(_)));
     }
 }

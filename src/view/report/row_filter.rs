@@ -112,7 +112,7 @@ pub(super) fn is_even(time: &[f64], dt: f64) -> bool {
 
 /// Sorts rows as they pass.
 #[derive(Debug, Clone)]
-pub(super) struct Sieve {
+pub(super) struct RowFilter {
     state: Option<usize>,
     step: Option<usize>,
     time: Option<usize>,
@@ -154,7 +154,7 @@ pub(super) struct Passed {
     pub is_even: bool,
 }
 
-impl Sieve {
+impl RowFilter {
     /// For blocks with state, step and time at these places; without a state all rows are ends of steps.
     pub(crate) fn new(
         places: [Option<usize>; 3],
@@ -281,12 +281,12 @@ mod tests {
         ticks: u64,
         block: usize,
     ) -> (Vec<Gap>, Vec<f64>, Vec<Gap>, Vec<f64>, Passed) {
-        let mut sieve = Sieve::new([Some(0), Some(1), Some(2)], step_s, ticks);
+        let mut row_filter = RowFilter::new([Some(0), Some(1), Some(2)], step_s, ticks);
         let (mut gaps, mut times) = ([vec![], vec![]], [vec![], vec![]]);
         for part in rows.chunks(block) {
             let column = |of: fn(&(f64, f64, f64)) -> f64| part.iter().map(of).collect();
             let block: Vec<Vec<f64>> = vec![column(|r| r.2), column(|r| r.0), column(|r| r.1)];
-            for (kind, stretches) in sieve.sort(&block).iter().enumerate() {
+            for (kind, stretches) in row_filter.sort(&block).iter().enumerate() {
                 for stretch in stretches {
                     gaps[kind].extend(stretch.gap);
                     times[kind].extend(stretch.of(&block[2]));
@@ -294,7 +294,7 @@ mod tests {
             }
         }
         let ([a, c], [b, d]) = (gaps, times);
-        (a, b, c, d, sieve.passed())
+        (a, b, c, d, row_filter.passed())
     }
 
     #[test]
@@ -314,10 +314,10 @@ mod tests {
             (2.0, 2.5, 7.0),
         ];
         for block in [1, 5, 100] {
-            let (gaps, steps, holes, ticks, passed) = sorted(&rows, Some(1.0), 2, block);
+            let (gaps, steps, missing, ticks, passed) = sorted(&rows, Some(1.0), 2, block);
             assert_eq!(steps, [0.0, 1.0, 2.0]);
             assert_eq!(ticks, [0.0, 0.5, 1.0, 1.2, 1.2, 1.7, 2.0, 2.5]);
-            assert!(gaps.is_empty() && holes.is_empty());
+            assert!(gaps.is_empty() && missing.is_empty());
             assert!(passed.is_even && passed.missing_ticks == 0);
             // The zeroing and a trip before the test; the repeated trip and the shutdown.
             assert_eq!((passed.before, passed.leaving), (2, 2));
@@ -351,12 +351,12 @@ mod tests {
             .collect();
         // As the interval is known, and as the first two rows show it.
         for step_s in [Some(0.25), None] {
-            let (gaps, steps, holes, _, passed) = sorted(&rows, step_s, 1, 3);
+            let (gaps, steps, missing, _, passed) = sorted(&rows, step_s, 1, 3);
             let gap = Gap {
                 time: 0.25 * 5.0,
                 rows: 3,
             };
-            assert_eq!((gaps, holes), (vec![gap], vec![gap]));
+            assert_eq!((gaps, missing), (vec![gap], vec![gap]));
             assert_eq!(steps.len(), 7);
             assert_eq!((passed.missing_steps, passed.missing_ticks), (3, 3));
             assert_eq!(passed.range, Some((0, 9)));
@@ -369,8 +369,8 @@ mod tests {
             (0.0, 0.75, 11.0),
             (1.0, 1.0, RUNNING),
         ];
-        let (gaps, _, holes, _, passed) = sorted(&rows, Some(1.0), 4, 100);
-        assert_eq!((gaps.len(), holes.len(), passed.missing_ticks), (0, 1, 1));
+        let (gaps, _, missing, _, passed) = sorted(&rows, Some(1.0), 4, 100);
+        assert_eq!((gaps.len(), missing.len(), passed.missing_ticks), (0, 1, 1));
         assert!(passed.is_even);
     }
 }
