@@ -103,6 +103,7 @@ fn missing_end(run: &Run, found: &Replay) -> Option<String> {
 ///
 /// # Errors
 /// [`ReplayError::Columns`]. A number that differs is no error but [`Replay::difference`].
+#[cfg(any(test, feature = "test-doubles"))]
 pub fn replay_rows(
     experiment: Experiment,
     layout: &Layout,

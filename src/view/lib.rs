@@ -14,7 +14,7 @@
 //! This member knows no loop that it could disturb: it reads what was recorded, or what passes. It moves nothing. Begin reading
 //! with [`report`].
 
-pub mod assets;
+mod assets;
 mod lenient;
 mod limits;
 pub mod live;

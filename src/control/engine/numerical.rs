@@ -366,7 +366,7 @@ impl RowForces for StepForces<'_> {
 
 /// State and memory of the numerical side before t = 0.
 #[derive(Debug)]
-pub struct Scratch {
+pub(crate) struct Scratch {
     state: State,
     memory: TestState,
 }

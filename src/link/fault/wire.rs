@@ -60,7 +60,7 @@ impl OneWay {
 
 /// A transport on which a script is played.
 #[derive(Debug)]
-pub struct FaultyWire<T> {
+pub(crate) struct FaultyWire<T> {
     inner: T,
     /// What happens to the connection, once after each arming, and what of it has not happened yet.
     events: Vec<Fault>,

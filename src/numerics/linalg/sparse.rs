@@ -169,6 +169,7 @@ impl Sparse {
         self.lower.bytes() + size_of_val(&self.inverse_pivots[..])
     }
 
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lower.set_lanes(lanes);
     }

@@ -220,7 +220,11 @@ fn a_removed_key_is_refused_and_passed_over_in_a_run_folder_at_its_default() {
 
 #[test]
 fn the_schema_lists_neither_removed_keys_nor_old_names() {
-    let schema = [json_schema(), serve_json_schema()].concat();
+    let schema = [
+        json_schema(),
+        gusset_config::schema_of::<gusset_config::ServeFile>(),
+    ]
+    .concat();
     for key in [
         "catch_up_remote",
         "prefault_stack_kb",

@@ -1,6 +1,7 @@
 //! What two ends agree on, and the secret that they share.
 
 use super::*;
+use crate::handshake::layout::layout_text;
 
 #[test]
 fn a_specimen_says_on_what_the_ends_disagree() {
