@@ -4,6 +4,7 @@
 //! stands a reader of the recorded rows. What was decided while the test ran is a column, so holds and stale measurements
 //! happen again where they happened. The simulated clock keeps time; columns that depend on the wall clock are not compared.
 
+#[cfg(any(test, feature = "test-doubles"))]
 use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, Mutex};

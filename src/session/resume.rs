@@ -25,6 +25,7 @@ use super::retrace::{
 };
 use super::row_peaks::{earlier_peaks, peak_of};
 pub use error::ResumeError;
+#[cfg(any(test, feature = "test-doubles"))]
 use gusset_config::Loaded;
 use gusset_control::port::Port;
 use gusset_quantity::units::duration;

@@ -16,9 +16,11 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
 
+#[cfg(any(test, feature = "test-doubles"))]
+use super::Lanes;
 use super::dissection::nested_dissection;
 use super::panels::{Columns, Panels};
-use super::{Lanes, NotPositiveDefinite, SymMatrix, check_pivot};
+use super::{NotPositiveDefinite, SymMatrix, check_pivot};
 
 /// Where the factor has entries.
 #[derive(Debug)]
