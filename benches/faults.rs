@@ -12,7 +12,7 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use gusset_actuator::specimen::{Specimen, Uniaxial};
+use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config as config;
 use gusset_config::LimitsSpec;
 use gusset_config::fault_script::Script;
@@ -109,9 +109,8 @@ impl Recorder for Kept {
 fn host(setup: &NativeSetup, script: Option<Script>) -> Host {
     let spec: LawSpec = toml::from_str(LAW).expect("a law");
     let build = move || {
-        let law = spec.build().map_err(|error| error.to_string())?;
-        let specimen = Uniaxial::new(vec![law]).map_err(|error| error.to_string())?;
-        Ok(Box::new(specimen) as Box<dyn Specimen>)
+        let law = SpecimenLaw::Law(spec.clone()).build(1);
+        law.map_err(|error| error.to_string())
     };
     let own: LimitsSpec =
         toml::from_str("command_disp_m = { trip = [-0.06, 0.06] }").expect("limits");
@@ -154,7 +153,7 @@ fn run(reached: Reached, memory: &mut Vec<u8>) -> Found {
         let script = (reached == Reached::BadNetwork)
             .then(|| toml::from_str::<Script>(FAULTS).expect("a script"));
         let host = host(setup, script);
-        Box::new(Simulated::new(host, of_wire.clone(), delay_ns, false))
+        Box::new(Simulated::new(host, of_wire.clone(), delay_ns, false, None))
     };
     let test = setup::build_over(&loaded, &mut dial).expect("a test that can be built");
     let mut experiment = test.experiment;
@@ -167,7 +166,9 @@ fn run(reached: Reached, memory: &mut Vec<u8>) -> Found {
     let recorder = Box::new(kept.clone());
     let test = Connected::new(experiment, Box::new(clock), recorder);
     let began = cpu_s();
-    let outcome = test.run(&Control::unattended()).into_outcome();
+    let outcome = test
+        .run(&Control::from(crossbeam_channel::never()))
+        .into_outcome();
     let seconds = cpu_s() - began;
     assert_eq!(
         outcome.ending,

@@ -16,7 +16,6 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use gusset_config::Carrier;
-use gusset_link::native::unlimited_axis;
 use gusset_link::secret::read_key;
 use gusset_link::server::{Host, ServeOptions, Server};
 use gusset_link::{
@@ -27,13 +26,13 @@ use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
+use gusset_record::rt::os::{monotonic_ns, process_cpus};
 use gusset_record::writer::{Clocks, Writer, WriterSettings};
 use gusset_record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
 use gusset_wire::Side;
-use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
-use gusset_wire::native::{Decoder, Encoder, Frame, Kind, Moment, frame_len};
+use gusset_wire::native::{Decoder, Encoder, Frame, Moment};
 
 const ROUNDS: usize = 7;
 const EXCHANGES: usize = 20_000;
@@ -61,13 +60,18 @@ fn pin(end: End) {
         End::Far => cpus.first(),
     };
     if let Some(cpu) = chosen {
-        pin_to(&[*cpu]).unwrap();
+        let mut set = rustix::thread::CpuSet::new();
+        set.set(*cpu);
+        rustix::thread::sched_setaffinity(None, &set).unwrap();
     }
 }
 
 fn spinning() -> SocketOptions {
     SocketOptions {
-        wait: Wait::SPIN,
+        wait: Wait {
+            spin_first_ns: u64::MAX,
+            spin_last_ns: 0,
+        },
         ..SocketOptions::default()
     }
 }
@@ -239,10 +243,10 @@ fn measure(recorder: &mut RingRecorder, mut exchange: impl FnMut(u64)) -> Times 
 }
 
 fn lengths(keyed: bool) -> (usize, usize) {
-    (
-        frame_len(Kind::Command, AXES, keyed),
-        frame_len(Kind::Measurement, AXES, keyed),
-    )
+    // Words of the header, of what stands before the vectors, and of the vectors.
+    let (command, measurement) = (4 + 3 + 2 * AXES, 4 + 4 + 2 * AXES + 4 * (1 + AXES));
+    let trailer = if keyed { 20 } else { 4 };
+    (8 * command + trailer, 8 * measurement + trailer)
 }
 
 /// Nothing but the system's calls.
@@ -390,7 +394,12 @@ fn whole(end: &mut dyn Bare, length: usize) -> bool {
 
 fn axes() -> Vec<Axis> {
     (1..=AXES)
-        .map(|j| unlimited_axis(format!("axis {j}"), Unit::Metre, Unit::Newton))
+        .map(|j| Axis {
+            name: format!("axis {j}"),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        })
         .collect()
 }
 

@@ -93,7 +93,7 @@ fn ticks(sets: &[&str]) -> (Vec<u64>, Vec<u64>, u64) {
     let before = move || mark.lock().expect("one thread").clear();
     let outcome = Connected::new(test.experiment, Box::new(clock), Box::new(recorder))
         .watched(Some(Box::new(before)), None)
-        .run(&Control::unattended())
+        .run(&Control::from(crossbeam_channel::never()))
         .into_outcome();
     let all = readings.lock().expect("one thread").clone();
     let between = |from: usize| {

@@ -321,7 +321,7 @@ fn in_the_child() {
         };
         Connected::new(experiment, clock, Box::new(recorder))
             .watched(Some(Box::new(before)), Some(Box::new(after)))
-            .run(&Control::unattended());
+            .run(&Control::from(crossbeam_channel::never()));
     });
     while !done.load(Ordering::Acquire) {
         if thread.is_finished() {

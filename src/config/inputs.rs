@@ -17,7 +17,7 @@ use super::input_store::{InputStore, read_input};
 use super::suggest;
 
 /// Folder of the run folder that holds the copies.
-pub const INPUTS_FOLDER: &str = "inputs";
+pub(crate) const INPUTS_FOLDER: &str = "inputs";
 
 /// One file that the test read.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -73,7 +73,7 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
-pub use campaign::{LoadedStudy, load_study, parse_study};
+pub use campaign::{LoadedStudy, load_study};
 pub use campaign_table::{
     CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,
     SpanTable, StudyFile, SyntheticTable, VaryTable,
@@ -90,12 +90,11 @@ pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };
 pub use fault_rules::{ScriptError, check_script};
-use fault_script::Script;
 pub use gusset_quantity::text::printable;
 pub use input_store::InputStore;
 pub use input_store::read_input;
-pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
-pub use levels::{BoundSpec, LimitsError, RangeSpec};
+pub use inputs::{Input, InputError, Inputs};
+pub use levels::{BoundSpec, RangeSpec};
 pub use limit_table::LimitsSpec;
 pub use link_table::{
     Carrier, CommandPace, LinkCoupling, LinkSpec, Offer, ProbeChoice, Protocol, StaleChoice,
@@ -109,7 +108,7 @@ pub use safety::{DIVERGENCE_M, ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
-pub use script::{load_script, parse_script};
+pub use script::parse_script;
 pub use serve::{ServedFile, is_for_a_server, load_serve_file, specimens_of};
 pub use serve_table::{ServeFile, ServeTable};
 pub use specimen::{DrillTable, SimilitudeTable, SpecimenTable};
@@ -447,12 +446,6 @@ pub fn json_schema() -> String {
     schema_of::<TestFile>()
 }
 
-/// The JSON Schema of the file of `gusset serve`, for editors.
-#[must_use]
-pub fn serve_json_schema() -> String {
-    schema_of::<ServeFile>()
-}
-
 /// The JSON Schema of the study file of `gusset campaign`: the tables of a study and those of a test, which are needed unless
 /// `test` names another file.
 #[must_use]
@@ -477,13 +470,9 @@ pub fn study_json_schema() -> String {
     in_toml_schema(schema)
 }
 
-/// The JSON Schema of a fault script.
+/// The JSON Schema of any of the files that a user writes.
 #[must_use]
-pub fn script_json_schema() -> String {
-    schema_of::<Script>()
-}
-
-fn schema_of<T: JsonSchema>() -> String {
+pub fn schema_of<T: JsonSchema>() -> String {
     in_toml_schema(schemars::schema_for!(T))
 }
 

@@ -4,18 +4,10 @@ use std::path::Path;
 
 use super::fault_rules::{ScriptError, check_script};
 use super::fault_script::Script;
-use super::{ConfigError, Finding, KeyPath, Purpose, judge, open, read_text};
+use super::{ConfigError, Finding, KeyPath, Purpose, judge, open};
 use gusset_quantity::catalog::phase::Phase;
 
-/// Reads the fault script at `path`.
-///
-/// # Errors
-/// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
-pub fn load_script(path: &Path) -> Result<Script, ConfigError> {
-    parse_script(path, read_text(path)?)
-}
-
-/// [`load_script`] for a text that is already in memory.
+/// Reads the text of the fault script at `path`.
 ///
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.

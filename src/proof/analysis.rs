@@ -14,7 +14,7 @@ use gusset_numerics::spectral::{Apparent, Locus};
 /// Largest structure of which anything is analysed: some dozens of factorisations and a few vectors of its size.
 const LARGEST: usize = 50_000;
 /// Largest structure of which all modes are found.
-pub const ALL_MODES: usize = 100;
+pub(crate) const ALL_MODES: usize = 100;
 /// Modes that are found of a larger one.
 const LOWEST: usize = 6;
 /// Largest structure whose delays are analysed: eigenvalues of four times as many rows.

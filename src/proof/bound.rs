@@ -14,7 +14,7 @@ pub fn growing(per_second: f64) -> String {
 
 /// What grows in the recursion with nothing delayed.
 #[must_use]
-pub fn diverging(radius: f64) -> String {
+pub(crate) fn diverging(radius: f64) -> String {
     format!("it grows by a factor {radius:.6} in a step of the recursion at this Δt and λ")
 }
 

@@ -189,6 +189,7 @@ impl<S: Store> Appender<S> {
     }
 
     /// The store.
+    #[cfg(any(test, feature = "test-doubles"))]
     #[must_use]
     pub(crate) const fn store(&self) -> &S {
         &self.store

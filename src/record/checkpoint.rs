@@ -30,7 +30,7 @@ use super::checksum::Checksum;
 use gusset_quantity::state::{Layout, TestState};
 
 /// The newest state of a run folder, and the one before it.
-pub const STATE_FILES: [&str; 2] = ["state.bin", "state-before.bin"];
+pub(crate) const STATE_FILES: [&str; 2] = ["state.bin", "state-before.bin"];
 
 /// A state that is not finished has this name.
 const PARTIAL: &str = ".state.bin.partial";

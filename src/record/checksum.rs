@@ -12,7 +12,7 @@ pub struct Checksum([u8; Self::BYTES]);
 
 impl Checksum {
     /// Its length.
-    pub const BYTES: usize = 32;
+    pub(crate) const BYTES: usize = 32;
 
     /// The SHA-256 of these bytes.
     #[must_use]

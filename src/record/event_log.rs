@@ -95,6 +95,7 @@ impl<S: Store> EventLog<S> {
     }
 
     /// The store.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(crate) const fn store(&self) -> &S {
         self.lines.store()
     }

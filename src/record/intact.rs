@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// True if both are of one file or folder, whatever it is called.
 #[must_use]
-pub fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
+pub(crate) fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
     (one.dev(), one.ino()) == (other.dev(), other.ino())
 }
 

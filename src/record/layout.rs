@@ -169,7 +169,7 @@ impl Layout {
     ///
     /// # Errors
     /// [`LayoutError`] that names the mismatch.
-    pub fn from_json(text: &str) -> Result<Self, LayoutError> {
+    pub(crate) fn from_json(text: &str) -> Result<Self, LayoutError> {
         let described: Described = serde_json::from_str(text)?;
         if described.format != FORMAT || described.version != VERSION {
             return Err(LayoutError::Version {

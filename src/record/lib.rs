@@ -33,12 +33,14 @@ mod event_log;
 pub mod events;
 pub mod export;
 pub mod folder;
+#[cfg(any(test, feature = "test-doubles"))]
 pub mod image;
 mod intact;
 pub mod journal;
 pub mod lasting;
 pub mod layout;
 pub mod listing;
+#[cfg(any(test, feature = "test-doubles"))]
 pub mod memory;
 pub mod miss;
 mod missing;
@@ -54,14 +56,16 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
-pub use checkpoint::{Checkpoint, CheckpointFault, STATE_FILES, StateFaults, StateFolder};
+pub use checkpoint::{Checkpoint, CheckpointFault, StateFaults, StateFolder};
 pub use checksum::Checksum;
 pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
 pub use folder::{FolderError, RunFolder, make_free};
+#[cfg(any(test, feature = "test-doubles"))]
 pub use image::FolderImage;
-pub use intact::{Extent, Meddled, is_same_file};
+pub use intact::{Extent, Meddled};
 pub use journal::{End, Journal, Row};
 pub use layout::{COMMITS, Layout};
+#[cfg(any(test, feature = "test-doubles"))]
 pub use memory::MemoryRecorder;
 pub use miss::MissClasses;
 pub use miss::{ON_MISS, late_words};

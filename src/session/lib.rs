@@ -59,7 +59,8 @@ use std::time::Duration;
 use thiserror::Error;
 
 pub use agreement::SummaryDifference;
-pub use bare::{bare_loop, loop_round};
+pub use bare::bare_loop;
+pub(crate) use bare::loop_round;
 pub use checksum::altered;
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};
@@ -69,13 +70,17 @@ pub use page::{Page, PageError, conclude, hero, write_report};
 pub use playback::Difference;
 pub use ready::missing;
 pub use reason::ending;
-pub use replay::{Replay, replay, replay_rows};
+#[cfg(any(test, feature = "test-doubles"))]
+pub use replay::replay_rows;
+pub use replay::{Replay, replay};
 pub use replay_error::ReplayError;
 pub use request_socket::{Answer, Request, Unanswered, ask};
 pub use reset::{
     ControlError, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, ask_server,
 };
-pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
+#[cfg(any(test, feature = "test-doubles"))]
+pub use resume::resume_over;
+pub use resume::{Allowed, ResumeError, resume, resume_allowed};
 pub use signals::{Signal, Signals, Taken};
 pub use specimen_records::SpecimenRecords;
 pub use watches::{Attendance, Watches};

@@ -5,6 +5,7 @@
 //! rows replaces each specimen. Every decision of the running test is a column, so holds and stale measurements happen again
 //! in the same rows. The simulated clock keeps time; columns that depend on the wall clock are not compared.
 
+#[cfg(any(test, feature = "test-doubles"))]
 use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -104,6 +105,7 @@ fn missing_end(run: &Run, found: &Replay) -> Option<String> {
 ///
 /// # Errors
 /// [`ReplayError::Columns`]. A number that differs is no error but [`Replay::difference`].
+#[cfg(any(test, feature = "test-doubles"))]
 pub fn replay_rows(
     experiment: Experiment,
     layout: &Layout,

@@ -25,12 +25,15 @@ use super::retrace::{
 };
 use super::row_peaks::{earlier_peaks, peak_of};
 pub use error::ResumeError;
+#[cfg(any(test, feature = "test-doubles"))]
 use gusset_config::Loaded;
 use gusset_control::port::Port;
 use gusset_quantity::units::duration;
 use gusset_record::summary::Status;
 use gusset_record::{MissingEnd, Run, ToldBy};
-use gusset_setup::{self as setup, Dial, Facts, Prepared};
+#[cfg(any(test, feature = "test-doubles"))]
+use gusset_setup::Dial;
+use gusset_setup::{self as setup, Facts, Prepared};
 use places::{Tolerances, places, ticks_lost};
 use trips::Trips;
 
@@ -89,6 +92,7 @@ pub fn resume_allowed(
 ///
 /// # Errors
 /// As [`resume`].
+#[cfg(any(test, feature = "test-doubles"))]
 pub fn resume_over(
     folder: &Path,
     after_trip: bool,

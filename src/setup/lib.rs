@@ -166,6 +166,7 @@ pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
 ///
 /// # Errors
 /// As [`build`].
+#[cfg(any(test, feature = "test-doubles"))]
 pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
     build_as(loaded, None, Some(dial))
 }

@@ -13,7 +13,7 @@
 //!
 //! This member has no access to a loop: it reads records, or passing rows. It moves nothing. Begin reading with [`report`].
 
-pub mod assets;
+mod assets;
 mod lenient;
 mod limits;
 pub mod live;

@@ -8,7 +8,7 @@
 use super::WireError;
 
 /// Bytes of a MAC: BLAKE3's 32, cut to the first 16.
-pub const MAC_LEN: usize = 16;
+pub(crate) const MAC_LEN: usize = 16;
 /// Bytes of a nonce. Fresh random bytes for every handshake, from the operating system.
 pub const NONCE_LEN: usize = 32;
 /// Bytes of a proof.
@@ -83,7 +83,7 @@ pub struct SessionKey([u8; 32]);
 impl SessionKey {
     /// The MAC of `bytes`. Real-time: yes.
     #[must_use]
-    pub fn mac(&self, bytes: &[u8]) -> [u8; MAC_LEN] {
+    pub(crate) fn mac(&self, bytes: &[u8]) -> [u8; MAC_LEN] {
         let hash = blake3::keyed_hash(&self.0, bytes);
         let mut mac = [0; MAC_LEN];
         for (short, long) in mac.iter_mut().zip(hash.as_bytes()) {

@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::Carrier;
-use gusset_link::native::unlimited_axis;
 use gusset_link::server::{Host, ServeOptions, Server};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions};
 use gusset_numerics::law::{LawSpec, LinearSpec};
@@ -16,12 +15,17 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os::monotonic_ns;
-use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
 
 fn axes() -> Vec<Axis> {
     (1..=2)
-        .map(|j| unlimited_axis(format!("axis {j}"), Unit::Metre, Unit::Newton))
+        .map(|j| Axis {
+            name: format!("axis {j}"),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        })
         .collect()
 }
 

@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::{Carrier, ServeTlsSpec, TlsSpec};
-use gusset_link::native::unlimited_axis;
 use gusset_link::server::{Host, ServeError, ServeOptions, Server};
 use gusset_link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
@@ -17,13 +16,18 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os::monotonic_ns;
-use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 
 /// Threads are counted, so these tests run one after another.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 fn axes() -> Vec<Axis> {
-    vec![unlimited_axis("axis 1".into(), Unit::Metre, Unit::Newton)]
+    vec![Axis {
+        name: "axis 1".into(),
+        disp_unit: Unit::Metre,
+        force_unit: Unit::Newton,
+        limits: Limits::NONE,
+    }]
 }
 
 fn options(carrier: Carrier, listen: &str) -> (Host, ServeOptions) {
@@ -157,7 +161,11 @@ fn wait_ends_at_its_deadline_as_stale() {
     let patience = Nanos(monotonic_ns()).plus(20_000_000_000);
     assert_eq!(link.collect(patience, &mut measured), Ok(Freshness::Fresh));
     // The next command is not out yet, so there is nothing to wait for but the deadline.
-    for wait in [Wait::SPIN, Wait::SLEEP, Wait::default()] {
+    let spins = Wait {
+        spin_first_ns: u64::MAX,
+        spin_last_ns: 0,
+    };
+    for wait in [spins, Wait::SLEEP, Wait::default()] {
         let options = SocketOptions {
             wait,
             ..SocketOptions::default()

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::common::{FRAME, Said, run, say, write};
-use gusset_session::rehearsal::{Budget, StandIn, rehearse};
+use gusset_session::rehearsal::{Budget, rehearse};
 use serde_json::Value;
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
@@ -518,22 +518,6 @@ fn runaway_without_a_bound_is_refused() {
     for words in ["the test would stop at", "diverged"] {
         assert!(said.stderr.contains(words), "{words}: {}", said.stderr);
     }
-}
-
-#[test]
-fn rehearsal_budget_reports_progress() {
-    let folder = tempfile::tempdir().unwrap();
-    let test = write(folder.path(), "test.toml", FRAME);
-    let loaded = gusset_config::load(&test, &[]).unwrap();
-    let built = gusset_setup::build(&loaded).unwrap();
-    let found = rehearse(&loaded, Some(built.experiment), &mut Budget::new(64 * 20)).unwrap();
-    assert!(found.is_out_of_budget());
-    assert_eq!(found.specimens[0].stand_in, StandIn::Itself);
-    // 64 DOFs count for a tick at least: 20 ticks of 101 are left.
-    assert!(found.time > 0.0 && found.time < 0.4, "{}", found.time);
-    assert_eq!(found.findings(&loaded), []);
-    let beyond = found.beyond_budget().unwrap();
-    assert_eq!(beyond.numbers, [("rehearsed_s", found.time)]);
 }
 
 /// `check` reports the time of a tick, and warns if it leaves little time on the real clock.

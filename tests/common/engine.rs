@@ -81,7 +81,11 @@ pub fn run_with_facts(text: &str) -> (Run, Facts) {
 
 /// Runs an experiment on a clock of the test's own.
 pub fn run_on(experiment: Experiment, clock: impl Clock + 'static) -> Run {
-    run_under(experiment, clock, &Control::unattended())
+    run_under(
+        experiment,
+        clock,
+        &Control::from(crossbeam_channel::never()),
+    )
 }
 
 /// Runs an experiment with an operator.

@@ -13,7 +13,7 @@ pub mod spring;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use gusset_record::{Journal, Layout, Run, journal};
+use gusset_record::{Journal, Run, journal};
 
 /// A frame of two storeys at 200 Hz whose bottom storey is a Bouc–Wen specimen: half a second, simulated clock.
 pub const FRAME: &str = r#"title = "Frame"
@@ -190,13 +190,15 @@ pub fn copy(from: &Path, to: &Path) {
 /// Writes another number into one row, with the checksum that belongs to it.
 pub fn change(run: &Path, row: u64, column: &str, value: f64) {
     let layout = std::fs::read_to_string(run.join("samples.json")).unwrap();
-    let layout = Layout::from_json(&layout).unwrap();
-    let index = layout.index_of(column).unwrap();
+    let layout: serde_json::Value = serde_json::from_str(&layout).unwrap();
+    let columns = layout["columns"].as_array().unwrap();
+    let index = columns.iter().position(|found| found["name"] == column);
+    let index = index.unwrap();
     let path = run.join("samples.bin");
     let mut bytes = std::fs::read(&path).unwrap();
-    let stride = layout.stride();
+    let stride = layout["stride"].as_u64().unwrap() as usize;
     let at = row as usize * stride;
-    let mut journal = Journal::new(&bytes[at..at + stride], layout.columns().len());
+    let mut journal = Journal::new(&bytes[at..at + stride], columns.len());
     // A row by itself does not follow from 0, but is read.
     let (sequence, mut values) = {
         let read = journal.next_row().unwrap().unwrap();

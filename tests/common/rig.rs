@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use gusset_control::engine::Experiment;
-use gusset_control::port::{Axis, AxisSpec, PortSpec};
+use gusset_control::port::{Axis, AxisSpec, Exits, PortSpec};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -185,6 +185,19 @@ pub fn attach_of(
     let number = experiment.ports.len();
     let mut spec = spec(number, axis, coupling, log, act);
     spec.dofs = dofs;
+    experiment.ports.push(spec.build().unwrap());
+}
+
+/// Adds the next rig, which ends with these exits.
+pub fn attach_leaving(
+    experiment: &mut Experiment,
+    axis: Axis,
+    exits: Exits,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) {
+    let mut spec = spec(experiment.ports.len(), axis, Coupling::Sampled, log, act);
+    spec.exits = exits;
     experiment.ports.push(spec.build().unwrap());
 }
 

@@ -103,7 +103,11 @@ fn a_target_that_is_not_reached_is_repeated() {
         spec.per_step = true;
         let port = spec.build().unwrap();
         experiment.ports.push(port);
-        let run = run_under(experiment, SimClock::new(), &Control::unattended());
+        let run = run_under(
+            experiment,
+            SimClock::new(),
+            &Control::from(crossbeam_channel::never()),
+        );
         let told = told.lock().unwrap().clone();
         (run, told)
     };

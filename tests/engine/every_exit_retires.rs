@@ -2,7 +2,7 @@
 //! is: issue to all, collect from all, accept.
 
 use crate::common::engine::{Run, prepare, run_on, run_under};
-use crate::common::rig::{Act, Call, Log, Phase, attach, attach_of, storey, two_floors};
+use crate::common::rig::{self, Act, Call, Log, Phase, attach, attach_of, storey, two_floors};
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset_control::port::{Axis, Exit};
 use gusset_quantity::catalog::ending::Cause;
@@ -361,21 +361,17 @@ fn link_failure_in_shutdown_fails_the_test() {
     let log = Log::default();
     let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 3");
     for number in 0..2 {
-        attach(
-            &mut experiment,
-            storey(number),
-            Coupling::Lockstep,
-            &log,
-            move |phase, sequence| {
-                if (number, phase, sequence) == (1, Phase::Collect, u64::from(STEPS) + 3 + 10) {
-                    Act::Fail(LinkFault::Closed)
-                } else {
-                    Act::Serve
-                }
-            },
-        );
-        experiment.ports[number].exits_mut().at_end = Exit::ZeroDisp;
-        experiment.ports[number].exits_mut().speed = 1e-6;
+        let act = move |phase, sequence| {
+            if (number, phase, sequence) == (1, Phase::Collect, u64::from(STEPS) + 3 + 10) {
+                Act::Fail(LinkFault::Closed)
+            } else {
+                Act::Serve
+            }
+        };
+        let mut spec = rig::spec(number, storey(number), Coupling::Lockstep, &log, act);
+        spec.exits.at_end = Exit::ZeroDisp;
+        spec.exits.speed = 1e-6;
+        experiment.ports.push(spec.build().unwrap());
     }
     let run = run_on(experiment, SimClock::new());
     let lost = Stop::Link {

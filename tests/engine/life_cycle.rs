@@ -755,15 +755,14 @@ fn led_to(
     let mut experiment = rig::two_floors(60, "timing.warmup_ticks = 0");
     experiment.limits.stale_in_a_row = 100;
     let axis = rig::storey(0);
-    rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
-    let mut port = experiment.ports.pop().unwrap();
-    port.set_limits(PERIOD, |_| (limits, (1.0, 1.0)));
-    *port.exits_mut() = Exits {
+    let mut spec = rig::spec(0, axis, Coupling::Sampled, &log, act);
+    (spec.tick, spec.axes[0].limits) = (PERIOD, limits);
+    spec.exits = Exits {
         on_trip: exit.clone(),
         at_end: exit,
         speed: 0.5,
     };
-    experiment.ports.push(port);
+    experiment.ports.push(spec.build().unwrap());
     let run = run_on(experiment, SimClock::new());
     let leaving = Phase::Leaving.code();
     let commands = run.all("cmd_1_1").into_iter().zip(run.all("state"));

@@ -144,14 +144,14 @@ fn experiment(
         Some(_) => experiment.ports.remove(0).watched(|_, _| Box::new(spring)),
         None => {
             let axis = Axis::plain(vec![(0, 1.0)]);
-            PortSpec::new(
-                "rig",
-                Box::new(spring),
-                1,
-                vec![AxisSpec::new(axis, STIFFNESS)],
-            )
-            .build()
-            .unwrap()
+            let axes = vec![AxisSpec::new(axis, STIFFNESS)];
+            let mut spec = PortSpec::new("rig", Box::new(spring), 1, axes);
+            spec.exits = Exits {
+                at_end: (kind.exit)(),
+                on_trip: Exit::Freeze,
+                speed: 0.05,
+            };
+            spec.build().unwrap()
         }
     };
     let mut limits = AxisLimits::NONE;
@@ -160,11 +160,6 @@ fn experiment(
         limits.set(Limit::CommandAccel, Bound::trip(ACCEL));
     }
     port.set_limits(PERIOD, |_| (limits, (1.0, 1.0)));
-    *port.exits_mut() = Exits {
-        at_end: (kind.exit)(),
-        on_trip: Exit::Freeze,
-        speed: 0.05,
-    };
     if kind.probes {
         *port.startup_mut().wiring_mut() = WiringCheck::Probe {
             amplitude: vec![AMPLITUDE],

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use crate::common::engine::{Run, run_on};
 use crate::common::rig::{self, Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset_control::engine::{EndPosition, Ending, Phase as Ended, Stop};
-use gusset_control::port::{Exit, Pace, WiringCheck, Zero};
+use gusset_control::port::{Exit, Exits, Pace, WiringCheck, Zero};
 use gusset_quantity::substructure::{Coupling, Retirement, Status};
 use gusset_quantity::time::{Clock, SimClock};
 use gusset_record::Event;
@@ -213,10 +213,12 @@ fn silent_specimen_stays_others_return() {
                     Phase::Collect if number == port && sequence >= 20 => ill,
                     _ => Act::Serve,
                 };
-                let coupling = Coupling::Sampled;
-                attach(&mut experiment, storey(number), coupling, &log, act);
-                experiment.ports[number].exits_mut().on_trip = Exit::ZeroDisp;
-                experiment.ports[number].exits_mut().speed = 0.05;
+                let exits = Exits {
+                    on_trip: Exit::ZeroDisp,
+                    speed: 0.05,
+                    ..Exits::default()
+                };
+                rig::attach_leaving(&mut experiment, storey(number), exits, &log, act);
             }
             let run = run_on(experiment, SimClock::new());
             let wanted = match ill {

@@ -11,7 +11,6 @@ use gusset_control::port::{
     Axis, AxisSpec, Exit, Exits, Pace, Port, PortSpec, Reference, WiringCheck, Zero,
 };
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
 use gusset_record::Event;
 
@@ -20,7 +19,13 @@ const STIFFNESS: f64 = 2e5;
 
 /// Half a second at 1 kHz with a spring in the only storey, made ready by `ready`: the run and every command.
 fn led(more: &str, ready: impl FnOnce(PortSpec) -> Port) -> (Run, Vec<f64>) {
-    led_by(more, ready, |_| {}, &Control::unattended(), [0.0; 2])
+    led_by(
+        more,
+        ready,
+        |_| {},
+        &Control::from(crossbeam_channel::never()),
+        [0.0; 2],
+    )
 }
 
 /// Like `led`; `hears` gets the number of commands so far at each command, and the sensors read `bias` at rest.
@@ -131,12 +136,15 @@ fn no_specimen_moves_before_all_answered() {
                 _ => rig::Act::Serve,
             };
             let axis = rig::storey(number);
-            rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
-            let port = &mut experiment.ports[number];
-            (port.exits_mut().on_trip, port.exits_mut().speed) = (Exit::Safe(vec![0.002]), 0.5);
+            let mut exits = Exits {
+                on_trip: Exit::Safe(vec![0.002]),
+                speed: 0.5,
+                ..Exits::default()
+            };
             if stops.is_some() {
-                port.exits_mut().at_end = Exit::Safe(vec![0.002]);
+                exits.at_end = Exit::Safe(vec![0.002]);
             }
+            rig::attach_leaving(&mut experiment, axis, exits, &log, act);
         }
         let (ask, requests) = crossbeam_channel::bounded(16);
         for _ in 0..stops.unwrap_or(0) {
@@ -340,7 +348,7 @@ fn sensor_offset_is_no_following_error() {
             (spec.axes[0].limits, spec.axes[0].reference) = (limits, reference);
             spec.build().unwrap()
         };
-        let nobody = Control::unattended();
+        let nobody = Control::from(crossbeam_channel::never());
         led_by(EASED, ready, |_| {}, &nobody, [bias, 0.0])
             .0
             .outcome
@@ -413,20 +421,18 @@ fn startup_tick_uses_its_share_of_the_step() {
         heard.lock().unwrap().push(command.dt)
     });
     let axis = Axis::plain(vec![(0, 1.0)]);
-    let port = PortSpec::new(
+    let mut spec = PortSpec::new(
         "rig",
         Box::new(spring),
         1,
         vec![AxisSpec::new(axis, STIFFNESS)],
-    )
-    .build();
-    let mut port = port.unwrap();
-    *port.exits_mut() = Exits {
+    );
+    spec.exits = Exits {
         on_trip: Exit::Freeze,
         at_end: Exit::ZeroDisp,
         speed: 0.05,
     };
-    experiment.ports.push(port);
+    experiment.ports.push(spec.build().unwrap());
     let period = experiment.period.value();
     let run = run_on(experiment, SimClock::new());
     assert_eq!(run.outcome.ending, Ending::Completed);
@@ -469,7 +475,11 @@ fn specimen_at_rest_shows_no_stiffness() {
              disp_sensor = {{ noise_rms_m = 5e-5 }}\nforce_sensor = {{ noise_rms_n = 300 }}\n"
         );
         let experiment = prepare(&text).experiment;
-        let run = run_under(experiment, SimClock::new(), &Control::unattended());
+        let run = run_under(
+            experiment,
+            SimClock::new(),
+            &Control::from(crossbeam_channel::never()),
+        );
         assert_eq!(run.outcome.ending, Ending::Completed, "{seed}");
     }
 }

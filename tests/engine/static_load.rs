@@ -2,7 +2,7 @@
 
 use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
-use gusset_control::port::{Exit, Trend, WiringCheck};
+use gusset_control::port::{Trend, WiringCheck};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
@@ -244,10 +244,21 @@ fn compensator_with_a_gain_reaches_the_load() {
 
 /// 20 kN on each of two floors; the lower storey is mostly the specimen, behind `transfer`.
 fn behind(transfer: &str, rate_hz: u32, rest_n_per_m: f64, law: &str) -> Experiment {
+    behind_with("", transfer, rate_hz, rest_n_per_m, law)
+}
+
+/// The same with more keys of `[safety]`.
+fn behind_with(
+    safety: &str,
+    transfer: &str,
+    rate_hz: u32,
+    rest_n_per_m: f64,
+    law: &str,
+) -> Experiment {
     prepare(&format!(
         "[time]\nrate_hz = {rate_hz}\nduration_s = 0.25\n[structure]\nstatic_load_n = [20e3, 20e3]\n\
          [structure.shear_building]\nmass_kg = [10e3, 10e3]\nstiffness_n_per_m = [{rest_n_per_m}, 8e6]\n\
-         [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n[safety]\nzero_s = 0\nramp_s = 1\n\
+         [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n[safety]\nzero_s = 0\nramp_s = 1\n{safety}\
          [[specimen]]\nname = \"s\"\nstorey = 1\nlaw = {law}\n[specimen.transfer]\n{transfer}\n"
     ))
     .experiment
@@ -387,7 +398,8 @@ fn slow_actuator_is_not_taken_for_reversed() {
         "delay_s = 0.1",
     ] {
         let listened_to = || {
-            let mut experiment = behind(
+            let mut experiment = behind_with(
+                "on_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n",
                 transfer,
                 500,
                 0.5e6,
@@ -399,10 +411,8 @@ fn slow_actuator_is_not_taken_for_reversed() {
         };
         brought_on(&run_on(listened_to(), SimClock::new()));
         let mut experiment = listened_to();
-        let mut port = experiment.ports.pop().unwrap();
+        let port = experiment.ports.pop().unwrap();
         // No safe direction is known.
-        port.exits_mut().on_trip = Exit::ZeroDisp;
-        port.exits_mut().speed = 0.05;
         experiment.ports.push(port.watched(|inner, _| {
             Box::new(Wired {
                 inner,

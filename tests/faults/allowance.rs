@@ -25,6 +25,21 @@ use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice}
 
 use crate::campaign::Chance;
 
+/// A controller of which only the address is known.
+fn unnamed() -> Controller {
+    Controller {
+        peer: ([127, 0, 0, 1], 1).into(),
+        test: String::new(),
+        software: String::new(),
+        rate: None,
+        watchdog_s: None,
+        sampling: gusset_wire::handshake::Sampling::Reply,
+        first_sequence: 0,
+        start: Vec::new(),
+        limits: Vec::new(),
+    }
+}
+
 /// The limit of the commanded speed, m/s.
 const SPEED: f64 = 0.1;
 /// Longest silence that the client announces, s.
@@ -151,6 +166,7 @@ impl Client {
                 clock.clone(),
                 0,
                 true,
+                None,
             ),
             clock,
             led,
@@ -170,8 +186,8 @@ impl Client {
     fn connect(&mut self) {
         let host = host(&self.clock, &self.led).guarded_as(&self.first);
         // The old one is dropped first: it returns what it borrowed.
-        self.end = Simulated::new(unused(), self.clock.clone(), 0, true);
-        self.end = Simulated::new(host, self.clock.clone(), 0, true);
+        self.end = Simulated::new(unused(), self.clock.clone(), 0, true, None);
+        self.end = Simulated::new(host, self.clock.clone(), 0, true, None);
         self.encoder = Encoder::greeting(Side::Controller);
         self.decoder = Decoder::greeting(Side::Specimen);
         let axis = axis();
@@ -398,7 +414,7 @@ impl Substructure for Standing {
 
 #[test]
 fn unrated_client_never_outruns_the_clocks() {
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     for seed in 0..SEEDS {
         let (mut chance, led) = (Chance::new(seed), Led::default());
         let units = vec![AxisUnits::SI];
@@ -410,7 +426,7 @@ fn unrated_client_never_outruns_the_clocks() {
             .limited(&[limits()])
             .guarded(Default::default(), Latch::default());
         let mut now = Nanos(1_000_000_000);
-        served.now_is(now);
+        served.simulated_now_is(now);
         served.begin(&controller, &mut || Ok(())).unwrap();
         let (mut silent_since, mut into) = (now, Measurement::zeros(1));
         for sequence in 0..ACTIONS as u64 {
@@ -444,7 +460,7 @@ fn unrated_client_never_outruns_the_clocks() {
                     served.begin(&controller, &mut || Ok(())).unwrap();
                 }
             }
-            served.now_is(now);
+            served.simulated_now_is(now);
             if served.tripped().is_some() {
                 served.end(ending::Cause::ControllerTripped, "tripped");
                 served.latch().clear().unwrap();

@@ -142,15 +142,18 @@ impl<'h> Wires<'h> {
         self.made += 1;
         let delay_ns = (DELAY * self.tick_ns as f64) as u64;
         let stream = setup.carrier.is_stream();
-        let simulated = Simulated::new(host, self.clock.clone(), delay_ns, stream);
-        Box::new(match &mut self.taps {
-            None => simulated,
-            Some(taps) => {
-                let tap = Tap::default();
-                taps.push(Arc::clone(&tap));
-                simulated.tapped(tap)
-            }
-        })
+        let tap = self.taps.as_mut().map(|taps| {
+            let tap = Tap::default();
+            taps.push(Arc::clone(&tap));
+            tap
+        });
+        Box::new(Simulated::new(
+            host,
+            self.clock.clone(),
+            delay_ns,
+            stream,
+            tap,
+        ))
     }
 }
 
@@ -247,7 +250,7 @@ pub fn perform(prepared: Prepared, wires: Wires<'_>, extra: Extra<'_>) -> Result
         Err(stopped) => *stopped,
     };
     // A killed process moves nothing more, and says no goodbye.
-    let stopped = (!is_killed()).then(|| stopped.shut_down());
+    let stopped = (!is_killed()).then(|| stopped.shut_down_alone());
     let retired = stopped.filter(|_| !is_killed()).map(Stopped::retire);
     let outcome = match retired {
         Some(retired) if retired.fault.is_none() => retired.outcome,

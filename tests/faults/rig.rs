@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use gusset_actuator::specimen::{Specimen, Uniaxial};
+use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_config::{
     AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
 };
@@ -174,7 +174,7 @@ pub struct Rig {
     metres: f64,
     newtons: f64,
     place: Place,
-    law: Arc<Mutex<Uniaxial>>,
+    law: Arc<Mutex<Box<dyn Specimen>>>,
     seen: Seen,
 }
 
@@ -189,7 +189,7 @@ impl Rig {
             stiffness * 0.008
         );
         let spec: LawSpec = toml::from_str(&text).unwrap();
-        let law = Uniaxial::new(vec![spec.build().unwrap()]).unwrap();
+        let law = SpecimenLaw::Law(spec).build(1).unwrap();
         Self {
             name: table.name.clone(),
             metres: units.metres,
@@ -243,7 +243,7 @@ impl Rig {
 /// A specimen in a rig that writes down where it is driven.
 #[derive(Debug)]
 struct Witnessed {
-    law: Arc<Mutex<Uniaxial>>,
+    law: Arc<Mutex<Box<dyn Specimen>>>,
     metres: f64,
     newtons: f64,
     place: Place,
@@ -251,7 +251,7 @@ struct Witnessed {
 }
 
 impl Witnessed {
-    fn law(&self) -> MutexGuard<'_, Uniaxial> {
+    fn law(&self) -> MutexGuard<'_, Box<dyn Specimen>> {
         self.law.lock().unwrap()
     }
 

@@ -11,7 +11,7 @@ use gusset_link::openfresco::{
 use gusset_link::server::ServerEvent;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
+use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes};
 
 #[test]
 fn second_controller_is_refused_quietly() {
@@ -207,7 +207,9 @@ fn step_taken_back_ends_physical_tests_only() {
         stream.write_all(&sizes).unwrap();
         let mut say = |action: Action, disp: f64, time: f64| {
             let mut vector = vec![0; 8 * n];
-            write_action(&mut vector, action).unwrap();
+            let mut codes = (0..100).map(f64::from);
+            let code = codes.find(|code| Action::whole(*code) == Ok(Some(action)));
+            vector[..8].copy_from_slice(&code.unwrap().to_le_bytes());
             vector[8..16].copy_from_slice(&disp.to_le_bytes());
             vector[32..40].copy_from_slice(&time.to_le_bytes());
             stream.write_all(&vector).unwrap();
@@ -253,7 +255,7 @@ fn garbage_is_named_and_frees_the_port() {
     drop(quiet);
     let mut wrong = TcpStream::connect(server.address).unwrap();
     let mut sizes = [0; 44];
-    let two = Sizes::generic_client(2, 256).unwrap();
+    let two = Sizes::new(Counts::new(2, 2, 2, 0, 1), Counts::new(0, 0, 0, 2, 0), 256).unwrap();
     two.write(&mut sizes).unwrap();
     wrong.write_all(&sizes).unwrap();
     assert!(matches!(server.end(), End::Refused(ExchangeFault::Wire(_))));

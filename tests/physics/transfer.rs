@@ -4,7 +4,7 @@ use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::transfer::BetweenTicks;
 use gusset_control::engine::{Ending, Stop};
-use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
+use gusset_evidence::benchmark::{Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Event, Run};
@@ -118,7 +118,7 @@ fn takes_the_course_of_the_benchmark(between_ticks: BetweenTicks) {
         quantum: 0.0,
         ground: &ground,
         late: 0,
-        force_limit: FORCE_LIMIT_N,
+        force_limit: 8900.0,
     };
     let own = run(&setup, controller.as_mut());
     assert_eq!(own.saturated, 0);

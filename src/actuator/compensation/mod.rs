@@ -68,7 +68,7 @@ pub use model_inverse::ModelInverseSpec;
 pub use newton::NewtonSpec;
 pub use none::NoneSpec;
 pub use pi_lead::PiLeadSpec;
-pub use polynomial::{Nodes, PolynomialSpec, horiuchi_weights, lagrange_weights};
+pub use polynomial::{Nodes, PolynomialSpec};
 pub use recursive_fir::RecursiveFirSpec;
 pub use spec::CompensationSpec;
 

@@ -2,6 +2,7 @@ use std::f64::consts::PI;
 
 use nalgebra::Complex;
 
+use super::polynomial::{horiuchi_weights, lagrange_weights};
 use super::*;
 use gusset_quantity::state::{Stateful, TestState};
 

@@ -48,7 +48,7 @@ pub use mounted::Mounted;
 pub use platform::{Gear, Platform};
 pub use spec::SpecimenLaw;
 pub use stiffened::Stiffened;
-pub use uniaxial::Uniaxial;
+pub(crate) use uniaxial::Uniaxial;
 
 use gusset_numerics::law::Reach;
 use gusset_quantity::state::Stateful;

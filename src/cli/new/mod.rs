@@ -57,7 +57,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
 /// The text of a file that several tests in a folder share.
 fn text_of(shared: &str) -> String {
     match shared {
-        SERVE_SCHEMA => config::serve_json_schema() + "\n",
+        SERVE_SCHEMA => config::schema_of::<config::ServeFile>() + "\n",
         PYTHON_PROTOCOL => include_str!("../../../tools/specimen.py").to_owned(),
         _ => config::json_schema() + "\n",
     }

@@ -216,7 +216,7 @@ impl Stopped {
 
     /// The shutdown: specimens are moved to where they are to be left, unless an internal fault has ended the test.
     #[must_use]
-    pub fn shut_down(mut self) -> Self {
+    fn shut_down(mut self) -> Self {
         if self.fault.is_none() {
             let ending = self.ending;
             let moved = (self.test).guarded(|engine, _| Shutdown::perform(ending, engine));
@@ -229,6 +229,13 @@ impl Stopped {
             }
         }
         self
+    }
+
+    /// The shutdown of a process that may be killed in it.
+    #[cfg(feature = "test-doubles")]
+    #[must_use]
+    pub fn shut_down_alone(self) -> Self {
+        self.shut_down()
     }
 
     /// Every specimen receives its last message, and the record is closed.

@@ -160,7 +160,7 @@ impl From<Receiver<Operator>> for Control {
 impl Control {
     /// A control that nobody holds: for tests and offline runs.
     #[must_use]
-    pub fn unattended() -> Self {
+    pub(crate) fn unattended() -> Self {
         Self {
             requests: crossbeam_channel::never(),
             notices: crossbeam_channel::bounded(0).0,

@@ -54,11 +54,6 @@ impl Port {
         self.guard = Guard::new(limits, units, tick);
     }
 
-    /// Where to say how the specimen is left.
-    pub const fn exits_mut(&mut self) -> &mut Exits {
-        &mut self.exits
-    }
-
     /// A port with an observer round its substructure: `wrap` takes that, and the metres and newtons in one unit of each axis.
     #[must_use]
     pub fn watched(

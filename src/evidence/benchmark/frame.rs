@@ -136,7 +136,7 @@ pub struct Motion {
 
 impl Motion {
     /// At rest.
-    pub const REST: Self = Self {
+    pub(crate) const REST: Self = Self {
         disp: Vector3::new(0.0, 0.0, 0.0),
         vel: Vector3::new(0.0, 0.0, 0.0),
     };

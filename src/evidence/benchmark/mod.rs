@@ -53,7 +53,7 @@ const NOISE_POWER: (f64, f64) = (6.25e-14, 1.16e-3);
 /// Quantum of the released converters, in V.
 pub(crate) const QUANTUM: f64 = 1.0 / (1_u32 << 18) as f64;
 /// The actuator gives no more, N.
-pub const FORCE_LIMIT_N: f64 = 8900.0;
+pub(crate) const FORCE_LIMIT_N: f64 = 8900.0;
 
 /// The plant of one run: the published one, or one drawn from its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]

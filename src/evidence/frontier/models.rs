@@ -176,7 +176,7 @@ fn joint(columns: usize, column: usize, storey: usize) -> Option<usize> {
 /// Lumped mass in kg and stiffness in N/m of a rectangular frame with clamped feet, `columns` wide and `storeys` high:
 /// 3 columns · storeys degrees of freedom, storey by storey from below.
 #[must_use]
-pub fn plane_frame(columns: usize, storeys: usize) -> (SymMatrix, SymMatrix) {
+fn plane_frame(columns: usize, storeys: usize) -> (SymMatrix, SymMatrix) {
     let n = 3 * columns * storeys;
     let masses: Vec<f64> = (0..n)
         .map(|dof| match dof % 3 {

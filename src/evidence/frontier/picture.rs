@@ -17,7 +17,7 @@ pub struct Mark {
 }
 
 /// What others have published.
-pub const MARKS: [Mark; 2] = [
+pub(crate) const MARKS: [Mark; 2] = [
     Mark {
         dofs: 27_000.0,
         rate_hz: 50.0,

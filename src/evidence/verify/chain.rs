@@ -47,7 +47,7 @@ pub(super) fn tridiagonal(n: usize, value: f64) -> SymMatrix {
 /// Example 4.3 with `n` masses: equal masses in a row on a base, a nonlinear damper from each to the inertial frame.
 /// `None` without a mass.
 #[must_use]
-pub fn chain_of_example_4_3(n: usize) -> Option<Structure> {
+pub(crate) fn chain_of_example_4_3(n: usize) -> Option<Structure> {
     let law = DAMPER.build().ok()?;
     let dampers = (0..n).map(|dof| Element {
         name: format!("absolute damper {}", dof + 1),

@@ -15,7 +15,7 @@ use gusset_quantity::time::Clock;
 
 /// Table 2 of Gui et al. (2014): n, then milliseconds per step as printed, for average acceleration, Chang 2002, explicit
 /// Newmark, λ = 2, 4, 11.5 (a 2014 PC).
-pub const TABLE_2: [(usize, [f64; 6]); 8] = [
+const TABLE_2: [(usize, [f64; 6]); 8] = [
     (500, [5.6, 7.2, 6.5, 0.7, 0.9, 0.9]),
     (1000, [30.1, 36.8, 34.6, 4.3, 3.9, 3.5]),
     (1500, [85.8, 100.0, 95.4, 8.2, 7.5, 6.9]),

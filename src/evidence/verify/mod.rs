@@ -29,8 +29,7 @@ mod tests;
 use serde::Serialize;
 use thiserror::Error;
 
-pub use chain::chain_of_example_4_3;
-pub use cost::TABLE_2;
+pub(crate) use chain::chain_of_example_4_3;
 pub use figure::{Figure, Scale, Series};
 pub use page::files;
 

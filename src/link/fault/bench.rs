@@ -18,7 +18,7 @@ use gusset_quantity::units::AxisUnits;
 const STREAM: u64 = 2;
 
 /// A specimen on which a script is played.
-pub struct Bench {
+pub(crate) struct Bench {
     specimen: Box<dyn Substructure>,
     faults: Vec<Fault>,
     units: Vec<AxisUnits>,
@@ -434,16 +434,13 @@ impl Substructure for Bench {
 mod tests {
     use super::*;
     use crate::served::Computed;
-    use gusset_actuator::specimen::Uniaxial;
+    use gusset_actuator::specimen::SpecimenLaw;
     use gusset_numerics::law::LawSpec;
 
     /// A spring of 1000 N/m in millimetres and newtons, played with these faults.
     fn play(kinds: &[(Option<u64>, Option<u64>, Kind)], commands: &[f64]) -> Vec<(f64, f64)> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
-        let rig = Computed::new(
-            Box::new(Uniaxial::new(vec![spec.build().unwrap()]).unwrap()),
-            false,
-        );
+        let rig = Computed::new(SpecimenLaw::Law(spec).build(1).unwrap(), false);
         let fault = |(at, lasts, kind): &(Option<u64>, Option<u64>, Kind)| Fault {
             at: *at,
             lasts: *lasts,
@@ -484,14 +481,14 @@ mod tests {
     /// fast.
     fn go(fault: Fault, commands: &[f64]) -> Result<Vec<f64>, String> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
-        let law = Uniaxial::new(vec![spec.build().unwrap()]).unwrap();
+        let law = SpecimenLaw::Law(spec).build(1).unwrap();
         let script = Script {
             seed: 3,
             fault: vec![fault],
             ..Script::default()
         };
         gusset_config::check_script(&script, Some(1)).unwrap();
-        let rig = Box::new(Computed::new(Box::new(law), false));
+        let rig = Box::new(Computed::new(law, false));
         let mut bench = Bench::around(rig, &script, vec![AxisUnits::SI]);
         bench.commanded_every(0.1);
         let complaint = |bench: &dyn Substructure| bench.complaint().unwrap_or_default();

@@ -60,7 +60,7 @@ impl OneWay {
 
 /// A transport on which a script is played.
 #[derive(Debug)]
-pub struct FaultyWire<T> {
+pub(crate) struct FaultyWire<T> {
     inner: T,
     /// Faults of the connection, once after each arming, and those that are still to come.
     events: Vec<Fault>,

@@ -12,9 +12,8 @@ mod refused;
 mod setup;
 mod start;
 
-pub use refused::SetupError;
 pub(super) use refused::with_words;
-pub use setup::{NativeSetup, unlimited_axis};
+pub use setup::NativeSetup;
 pub(crate) use setup::{SOFTWARE, fit};
 
 use crate::Transport;

@@ -11,7 +11,7 @@ use gusset_wire::native::Cause;
 
 /// Why a set-up failed. Nothing was moved.
 #[derive(Debug, Error)]
-pub enum SetupError {
+pub(crate) enum SetupError {
     /// There is no connection.
     #[error(transparent)]
     Connect(#[from] ConnectError),

@@ -9,7 +9,7 @@ use crate::secret::random;
 use gusset_config::Carrier;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::text::is_hidden;
-use gusset_wire::handshake::{self, Axis, Hello, Limits, Sampling, Versions, Welcome, layout_hash};
+use gusset_wire::handshake::{self, Axis, Hello, Sampling, Versions, Welcome, layout_hash};
 use gusset_wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 
 /// The program, as it calls itself to peers.
@@ -86,21 +86,6 @@ impl NativeSetup {
             name: fit(&self.test),
             axes: self.axes.clone(),
         })
-    }
-}
-
-/// An axis without limits.
-#[must_use]
-pub fn unlimited_axis(
-    name: String,
-    disp_unit: handshake::Unit,
-    force_unit: handshake::Unit,
-) -> Axis {
-    Axis {
-        name,
-        disp_unit,
-        force_unit,
-        limits: Limits::NONE,
     }
 }
 

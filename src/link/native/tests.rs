@@ -9,7 +9,8 @@ use crate::SocketOptions;
 use gusset_quantity::substructure::{Command, Freshness, Holder, Measurement, Status};
 use gusset_wire::Side;
 use gusset_wire::handshake::{
-    self, Bye, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, Unit, Versions, Welcome,
+    self, Bye, Capabilities, Control, Hello, Limits, Refuse, RefuseCode, Sampling, Unit, Versions,
+    Welcome,
 };
 use gusset_wire::native::{
     Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Moment, Notice,
@@ -219,7 +220,12 @@ fn link_that_answers(
         carrier,
         key: None,
         test: "test".into(),
-        axes: vec![unlimited_axis("axis 1".into(), Unit::Metre, Unit::Newton)],
+        axes: vec![handshake::Axis {
+            name: "axis 1".into(),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        }],
         rate: (100, 1),
         watchdog_s: 0.5,
         sampling: Sampling::Reply,

@@ -39,6 +39,7 @@ fn put_back(specimen: &mut dyn Specimen, state: &TestState) {
 
 impl Memory {
     /// That of `specimen` after it was moved to `disp`, one displacement per axis in its own units.
+    #[cfg(any(test, feature = "test-doubles"))]
     #[must_use]
     pub(crate) fn of(specimen: &mut dyn Specimen, disp: &[f64]) -> Self {
         let still = vec![0.0; disp.len()];
@@ -252,12 +253,12 @@ impl Substructure for Computed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_actuator::specimen::Uniaxial;
+    use gusset_actuator::specimen::SpecimenLaw;
     use gusset_numerics::law::LawSpec;
 
     fn spring() -> Box<dyn Specimen> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 4e5 }").unwrap();
-        Box::new(Uniaxial::new(vec![spec.build().unwrap()]).unwrap())
+        SpecimenLaw::Law(spec).build(1).unwrap()
     }
 
     /// A test that moves to these places, commits all but the last, and ends at once; the position in the law's introduction.

@@ -26,6 +26,7 @@ mod recording;
 mod served_specimen;
 mod session_record;
 mod session_summary;
+#[cfg(any(test, feature = "test-doubles"))]
 pub mod simulated_pace;
 mod speed_allowance;
 #[cfg(test)]
@@ -85,7 +86,7 @@ pub struct Controller {
 impl Controller {
     /// A controller of which only the address is known.
     #[must_use]
-    pub const fn unnamed(peer: SocketAddr) -> Self {
+    pub(crate) const fn unnamed(peer: SocketAddr) -> Self {
         Self {
             peer,
             test: String::new(),

@@ -393,7 +393,13 @@ impl ServedSpecimen {
     }
 
     /// The present wall time, by a clock other than the machine's. Real-time: yes.
-    pub const fn now_is(&mut self, now: Nanos) {
+    pub(crate) const fn now_is(&mut self, now: Nanos) {
+        self.guarded.now_is(now);
+    }
+
+    /// The present wall time of a double of the machine's clock.
+    #[cfg(feature = "test-doubles")]
+    pub const fn simulated_now_is(&mut self, now: Nanos) {
         self.guarded.now_is(now);
     }
 }

@@ -237,6 +237,7 @@ impl Host {
 
     /// Shares the limits' history and the latch with `other`, which serves the same specimen.
     #[must_use]
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn guarded_as(mut self, other: &Self) -> Self {
         (self.guard, self.latch) = (other.guard.clone(), other.latch.clone());
         self
@@ -255,6 +256,7 @@ impl Host {
     /// # Errors
     /// Errors of its maker, another number of displacements, or a specimen behind a link, which reports its position
     /// itself.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn standing_at(mut self, disp: &[f64]) -> Result<Self, String> {
         let Behind::Law(build) = &self.behind else {
             return Err("the specimen is behind a link, and stands where it stands".to_owned());

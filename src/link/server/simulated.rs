@@ -80,30 +80,22 @@ const MOST_IDLE_TURNS: u32 = 10_000;
 
 impl Simulated {
     /// A server of `host` behind a wire whose frames take `delay_ns` in each direction. A `stream` shows that the server has closed
-    /// it; datagrams do not. A wait of the client lets time pass on `clock`.
+    /// it; datagrams do not. A wait of the client lets time pass on `clock`. `tap` records what the client sends and the events of
+    /// the server.
     #[must_use]
-    pub fn new(host: Host, clock: SimClock, delay_ns: u64, stream: bool) -> Self {
+    pub fn new(host: Host, clock: SimClock, delay_ns: u64, stream: bool, tap: Option<Tap>) -> Self {
         // The events are dropped, unless the wire is tapped.
-        let (events, _) = unbounded();
+        let (events_in, events) = unbounded();
         let end = WireEnd::new(clock.now(), delay_ns);
         let offer = Arc::new(Offer { host, key: None });
         Self {
             clock,
             stream,
-            shared: Shared::new(events),
+            shared: Shared::new(events_in),
             server: SimulatedServer::waiting(Arc::clone(&offer), end, stream),
             offer,
-            tapped: None,
+            tapped: tap.map(|tap| Tapping { tap, events }),
         }
-    }
-
-    /// Records the messages of the client and the events of the server.
-    #[must_use]
-    pub fn tapped(mut self, tap: Tap) -> Self {
-        let (events_in, events) = unbounded();
-        self.shared = Shared::new(events_in);
-        self.tapped = Some(Tapping { tap, events });
-        self
     }
 
     fn end(&mut self) -> Option<&mut WireEnd> {
@@ -219,7 +211,7 @@ mod tests {
             ServerEvent::Resumed { sequence },
         ] {
             let tap = Tap::default();
-            let mut end = Simulated::new(host(), SimClock::new(), 0, true).tapped(tap);
+            let mut end = Simulated::new(host(), SimClock::new(), 0, true, Some(tap));
             for _ in 0..1000 {
                 end.shared.tell(event.clone());
             }

@@ -44,7 +44,7 @@ pub struct Wait {
 
 impl Wait {
     /// Never sleeps. A thread under SCHED_FIFO that does this for whole periods meets the kernel's throttling.
-    pub const SPIN: Wait = Wait {
+    pub(crate) const SPIN: Wait = Wait {
         spin_first_ns: u64::MAX,
         spin_last_ns: 0,
     };

@@ -29,8 +29,6 @@ pub mod tracking;
 pub mod windows;
 
 pub use floor::Judged;
-pub use response::{
-    Denominator, Peak, absorbed_energy, bridged, lag, largest_error, nrmse, peak, residual,
-};
+pub use response::{Denominator, Peak, absorbed_energy, bridged, lag, nrmse, peak, residual};
 pub use specimen::{Estimate, Identified, delayed, identify, loading};
 pub use tracking::{Noise, Tracking};

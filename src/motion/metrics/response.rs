@@ -273,17 +273,6 @@ pub fn nrmse(command: &[f64], measured: &[f64], by: Denominator) -> Option<f64> 
     (denominator > 0.0 && ratio.is_finite()).then_some(ratio)
 }
 
-/// Largest |`measured` − `command`|.
-#[must_use]
-pub fn largest_error(command: &[f64], measured: &[f64]) -> Option<f64> {
-    let errors = command
-        .iter()
-        .zip(measured)
-        .map(|(c, m)| (m - c).abs())
-        .filter(|e| e.is_finite());
-    errors.fold(None, |worst, e| Some(worst.map_or(e, |w: f64| w.max(e))))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -404,10 +393,6 @@ mod tests {
         let by_range = nrmse(&command, &measured, Denominator::CommandRange).unwrap();
         assert!((by_range - found / (2.0 * 2f64.sqrt())).abs() < 1e-6);
         assert_eq!(nrmse(&[0.0; 9], &[1.0; 9], Denominator::CommandRms), None);
-        assert_eq!(
-            largest_error(&[1.0, f64::NAN, 2.0], &[1.5, 3.0, 1.0]),
-            Some(1.0)
-        );
     }
 
     #[test]
@@ -430,7 +415,7 @@ mod tests {
             a in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::NAN), 1 => Just(1e308)], 0..80),
             b in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::INFINITY)], 0..80),
         ) {
-            for value in [lag(&a, &b, 9), nrmse(&a, &b, Denominator::CommandRms), absorbed_energy(&a, &b), largest_error(&a, &b)] {
+            for value in [lag(&a, &b, 9), nrmse(&a, &b, Denominator::CommandRms), absorbed_energy(&a, &b)] {
                 prop_assert!(value.is_none_or(|v| !v.is_nan()));
             }
         }

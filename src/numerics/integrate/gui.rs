@@ -103,6 +103,7 @@ impl Gui {
     }
 
     /// Chooses the instructions of block arithmetic, for comparisons; see [`Spd::set_lanes`].
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
         self.effective_mass.set_lanes(lanes);

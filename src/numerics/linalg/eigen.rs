@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::{NotPositiveDefinite, Spd, SymMatrix, dot};
 
 /// Largest number of degrees of freedom for which all modes are computed.
-pub const LARGEST_DENSE: usize = 300;
+pub(crate) const LARGEST_DENSE: usize = 300;
 
 /// Up to this size all modes are computed even if only a few frequencies are wanted.
 const SMALL: usize = 100;

@@ -40,9 +40,8 @@ use thiserror::Error;
 
 pub use aligned::Aligned;
 pub use checked::MatrixError;
-pub use eigen::{
-    EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, lowest_modes, modes,
-};
+pub(crate) use eigen::LARGEST_DENSE;
+pub use eigen::{EigenError, Modes, frequencies, highest_frequency, lowest_modes, modes};
 pub use lanes::Lanes;
 pub use matrix::SymMatrix;
 
@@ -151,7 +150,10 @@ impl Spd {
     ///
     /// # Errors
     /// As [`Spd::factor`].
-    pub fn factor_as(matrix: &SymMatrix, storage: Storage) -> Result<Self, NotPositiveDefinite> {
+    pub(crate) fn factor_as(
+        matrix: &SymMatrix,
+        storage: Storage,
+    ) -> Result<Self, NotPositiveDefinite> {
         let factor = match storage {
             Storage::Diagonal if matrix.is_diagonal() => {
                 let diagonal: Vec<f64> = (0..matrix.n()).map(|i| matrix.get(i, i)).collect();
@@ -257,6 +259,7 @@ impl Spd {
 
     /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
     /// the same with all of them.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(crate) fn set_lanes(&mut self, lanes: Lanes) {
         match &mut self.factor {
             Factor::Partitioned(factor) => factor.set_lanes(lanes),

@@ -135,6 +135,7 @@ impl Elements {
         self.keeps_tangents
     }
 
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
     }

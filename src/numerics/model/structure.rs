@@ -115,6 +115,7 @@ impl Structure {
 
     /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
     /// the same with all of them.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
         self.elements.set_lanes(lanes);

@@ -50,13 +50,6 @@ pub fn amplitude_decay(ratio: f64) -> f64 {
     -libm::expm1(-2.0 * PI * ratio)
 }
 
-/// Ω̄ of the undamped family: 4 sin²(Ω̄/2) = Ω²/(1 + Ω²/λ). None beyond the linear limit.
-#[must_use]
-pub fn undamped_apparent(omega: f64, lambda: f64) -> Option<f64> {
-    let half = (omega * omega / (1.0 + omega * omega / lambda)).sqrt() / 2.0;
-    (half <= 1.0).then(|| 2.0 * libm::asin(half))
-}
-
 /// λ whose undamped period is exact at Ω: Ω²/(Ω²/(4 sin²(Ω/2)) − 1) for 0 < Ω < π; 12 for Ω → 0, falling as Ω grows.
 #[must_use]
 pub fn zero_period_error_lambda(omega: f64) -> f64 {

@@ -87,8 +87,8 @@ impl Weights {
 }
 
 /// KR-α or MKR-α, with α1, α2 and α3 as printed.
-#[must_use]
-pub fn alpha_method(weights: Weights, omega: f64, ratio: f64) -> Matrix3<f64> {
+#[cfg(test)]
+pub(crate) fn alpha_method(weights: Weights, omega: f64, ratio: f64) -> Matrix3<f64> {
     let Weights {
         alpha_m,
         alpha_f,

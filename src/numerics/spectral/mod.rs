@@ -28,13 +28,13 @@ mod transfer;
 mod winding;
 
 pub use alpha::AlphaStep;
-pub use apparent::{
-    Apparent, amplitude_decay, apparent, period_error, undamped_apparent, zero_period_error_lambda,
-};
+pub use apparent::{Apparent, amplitude_decay, apparent, period_error, zero_period_error_lambda};
 pub use bounds::{
     crossing_stiffness, lambda_limit, lambda_limit_changed, omega_limit, unconditional_lambda,
 };
-pub use companions::{Weights, alpha_method, chang, newmark, principal};
+#[cfg(test)]
+pub(crate) use companions::alpha_method;
+pub use companions::{Weights, chang, newmark, principal};
 pub use eigen::{eigenvalues, spectral_radius};
 pub use locus::Locus;
 pub use poles::{Tabulated, alpha, coefficients, discriminant, poles, quadratic, table_1};

@@ -24,6 +24,12 @@ fn away(pole: Pole, all: &[Pole]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
+/// Ω̄ of the undamped family: 4 sin²(Ω̄/2) = Ω²/(1 + Ω²/λ). None beyond the linear limit.
+fn undamped_apparent(omega: f64, lambda: f64) -> Option<f64> {
+    let half = (omega * omega / (1.0 + omega * omega / lambda)).sqrt() / 2.0;
+    (half <= 1.0).then(|| 2.0 * libm::asin(half))
+}
+
 #[test]
 fn poles_are_amplification_eigenvalues() {
     for omega in OMEGAS {

@@ -92,7 +92,7 @@ fn listed(set: &CpuSet) -> Vec<usize> {
 ///
 /// # Errors
 /// EINVAL if none of them exists or is allowed.
-pub fn pin_to(cpus: &[usize]) -> Result<(), Errno> {
+pub(crate) fn pin_to(cpus: &[usize]) -> Result<(), Errno> {
     let mut set = CpuSet::new();
     for &cpu in cpus.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU) {
         set.set(cpu);

@@ -5,7 +5,7 @@
 
 /// Context switches of a thread, from /proc/self/task/N/status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Switches {
+pub(crate) struct Switches {
     /// The thread gave the processor up: it slept or waited.
     pub voluntary: u64,
     /// The processor was taken from it.

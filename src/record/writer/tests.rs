@@ -3,11 +3,12 @@
 use super::drain::CHUNK;
 use super::*;
 use crate::append::tests::SmallDisk;
+use crate::checkpoint::STATE_FILES;
 use crate::journal::{End, Journal};
 use crate::layout::stride;
 use crate::{
-    Checkpoint, Checksum, Event, MissCause, Recorder, RingRecorder, RingSize, STATE_FILES,
-    TimedEvent, WhenFull, ring,
+    Checkpoint, Checksum, Event, MissCause, Recorder, RingRecorder, RingSize, TimedEvent, WhenFull,
+    ring,
 };
 use gusset_quantity::state::TestState;
 use serde_json::{Map, Value};

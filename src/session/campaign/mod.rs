@@ -64,7 +64,6 @@ pub use largest::Largest;
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
 pub use submit::{Engine, Prepared, prepare, start};
-pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
 use gusset_config::ConfigError;

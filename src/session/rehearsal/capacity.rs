@@ -31,10 +31,10 @@ impl Used {
 }
 
 /// Key, unit, and the most that one axis needs.
-pub type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
+pub(crate) type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
 
 /// Needs that a capacity is compared with, in the order of its entries.
-pub const NEEDS: [Most; 4] = [
+pub(crate) const NEEDS: [Most; 4] = [
     ("stroke_m", "m", |need| {
         need.command.low.abs().max(need.command.high.abs())
     }),

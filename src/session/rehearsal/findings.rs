@@ -64,7 +64,7 @@ impl Rehearsal {
 
     /// A warning where the budget ended the rehearsal before the end of the test.
     #[must_use]
-    pub fn beyond_budget(&self) -> Option<Finding> {
+    pub(crate) fn beyond_budget(&self) -> Option<Finding> {
         self.is_out_of_budget().then(|| {
             let text = format!(
                 "only the first {} s of the test were rehearsed: its DOFs times ticks are beyond the budget",
@@ -337,5 +337,62 @@ pub(super) fn short(value: f64) -> String {
         "0".to_owned()
     } else {
         text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::rehearsal::{Budget, StandIn, rehearse};
+
+    const FRAME: &str = r#"title = "Frame"
+
+[time]
+rate_hz = 200
+duration_s = 0.5
+clock = "simulated"
+
+[structure.shear_building]
+mass_kg = [1000.0, 900.0]
+stiffness_n_per_m = [0, 4e5]
+
+[structure.damping.rayleigh_ratio]
+ratio = 0.02
+modes = [1, 2]
+
+[integrator]
+lambda = "auto"
+
+[excitation.ground_acceleration.signal.sine]
+amplitude = 3.0
+frequency_hz = 2.0
+
+[[specimen]]
+name = "storey"
+storey = 1
+
+[specimen.law.bouc_wen]
+stiffness_n_per_m = 5e5
+yield_force_n = 1.5e3
+post_yield_ratio = 0.1
+beta = 0.5
+gamma = 0.5
+exponent = 1.5
+"#;
+
+    #[test]
+    fn rehearsal_beyond_its_budget_says_how_far_it_came() {
+        let loaded = gusset_config::parse(Path::new("test.toml"), FRAME.to_owned(), &[]).unwrap();
+        let built = gusset_setup::build(&loaded).unwrap();
+        let mut budget = Budget::new(64 * 20);
+        let found = rehearse(&loaded, Some(built.experiment), &mut budget).unwrap();
+        assert!(found.is_out_of_budget());
+        assert_eq!(found.specimens[0].stand_in, StandIn::Itself);
+        // 64 DOFs count for a tick at least: 20 ticks of 101 are left.
+        assert!(found.time > 0.0 && found.time < 0.4, "{}", found.time);
+        assert_eq!(found.findings(&loaded), []);
+        let beyond = found.beyond_budget().unwrap();
+        assert_eq!(beyond.numbers, [("rehearsed_s", found.time)]);
     }
 }

@@ -47,7 +47,7 @@ impl Held {
 ///
 /// # Errors
 /// As [`setup::build`].
-pub fn rehearse_hold(
+pub(crate) fn rehearse_hold(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
     budget: &mut Budget,

@@ -28,13 +28,16 @@ mod whole;
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub use budget::Budget;
-pub use capacity::{Most, NEEDS, Used};
-pub use drift::large_drift;
+pub(crate) use capacity::NEEDS;
+pub use capacity::Used;
+pub(crate) use drift::large_drift;
 pub use errors::errors;
-pub use hold::{Held, rehearse_hold};
+pub use hold::Held;
+pub(crate) use hold::rehearse_hold;
 pub use meter::{AxisNeed, Extreme};
-pub use speeds::{Speeds, compare_speeds};
-pub use tried::{Tried, try_limits};
+pub use speeds::Speeds;
+pub(crate) use speeds::compare_speeds;
+pub(crate) use tried::{Tried, try_limits};
 pub use whole::FullRehearsal;
 
 use meter::Meter;
@@ -204,7 +207,7 @@ pub struct Rehearsal {
 impl Rehearsal {
     /// True if its budget was used up before the last step.
     #[must_use]
-    pub fn is_out_of_budget(&self) -> bool {
+    pub(crate) fn is_out_of_budget(&self) -> bool {
         self.ending.cause() == Cause::Operator
     }
 }
@@ -255,7 +258,7 @@ pub enum Staging {
 /// Carries an experiment out on the simulated clock, and keeps its needs of each axis, specimen by specimen. Its ports must
 /// not lead to a link.
 #[must_use]
-pub fn staged(
+pub(crate) fn staged(
     experiment: Experiment,
     recorder: Box<dyn Recorder>,
     staging: Staging,

@@ -10,7 +10,7 @@ use gusset_setup as setup;
 
 /// Result of a rehearsal with all limits.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Tried {
+pub(crate) enum Tried {
     /// No further limit must be tried, none trips, or one trips that is known already.
     Nothing,
     /// This limit, which only the loop knows, trips.
@@ -23,7 +23,7 @@ pub enum Tried {
 ///
 /// # Errors
 /// As [`setup::build`].
-pub fn try_limits(
+pub(crate) fn try_limits(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
     budget: &mut Budget,

@@ -23,6 +23,21 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 
+/// A controller of which only the address is known.
+fn unnamed() -> Controller {
+    Controller {
+        peer: ([127, 0, 0, 1], 1).into(),
+        test: String::new(),
+        software: String::new(),
+        rate: None,
+        watchdog_s: None,
+        sampling: gusset_wire::handshake::Sampling::Reply,
+        first_sequence: 0,
+        start: Vec::new(),
+        limits: Vec::new(),
+    }
+}
+
 const SI: (DispUnit, ForceUnit) = (DispUnit::Metre, ForceUnit::Newton);
 
 /// Forces of the axes for their displacements, in the units of the axes.
@@ -133,7 +148,7 @@ impl Behind {
     /// A session has begun.
     fn begun(&self) -> ServedSpecimen {
         let mut served = self.host.specimen(false).unwrap();
-        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let controller = unnamed();
         served.begin(&controller, &mut || Ok(())).unwrap();
         served
     }
@@ -365,10 +380,7 @@ fn platform_is_found_from_its_actuators() {
     // A controller that arms at the reported position is accepted, and one that arms elsewhere is not.
     let stands = rig.host.standing();
     for (start, is_there) in [(stands, true), (vec![0.0; 3], false)] {
-        let controller = Controller {
-            start,
-            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
-        };
+        let controller = Controller { start, ..unnamed() };
         let mut served = rig.host.specimen(false).unwrap();
         assert_eq!(served.begin(&controller, &mut || Ok(())).is_ok(), is_there);
     }
@@ -393,7 +405,7 @@ fn impossible_pose_trips_and_moves_nothing() {
 #[test]
 fn wiring_check_moves_one_actuator_at_once() {
     let probed = PLATFORM.replace(r#"probe = "none""#, "probe_m = 0.001, probe_ramp_s = 0.05");
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     // The estimate is that of the machine, and not of the structure.
     let rig = behind(&probed, SI, &REST, springs());
     let mut forgotten = rig.host.specimen(false).unwrap();

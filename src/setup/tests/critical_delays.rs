@@ -1,7 +1,6 @@
 //! Tables of critical delays, of test files.
 
 use super::*;
-use gusset_numerics::spectral::delay::sdof;
 use gusset_numerics::spectral::delay::{DiscreteLimit, continuous};
 use gusset_proof::Analysis;
 
@@ -116,6 +115,31 @@ fn inertia_of_one_counts_for_another() {
 
 /// Entries of a table.
 const ENTRIES: usize = 33;
+
+/// Critical delay in s of one degree of freedom with natural frequency `omega` (rad/s, of the total stiffness),
+/// damping ratio `ratio` and the share `share` of its stiffness in the specimen. None if every delay is stable.
+fn sdof(ratio: f64, share: f64, omega: f64) -> Option<f64> {
+    let half = 1.0 - share - 2.0 * ratio * ratio;
+    let radicand = half * half - (1.0 - 2.0 * share);
+    if !(radicand >= 0.0 && share > 0.0 && omega > 0.0) {
+        return None;
+    }
+    let roots = [half + radicand.sqrt(), half - radicand.sqrt()];
+    let delays = roots
+        .into_iter()
+        .filter(|square| *square > 0.0)
+        .map(|square| {
+            let r = square.sqrt();
+            let angle = libm::atan2(2.0 * ratio * r / share, (square - 1.0 + share) / share);
+            let angle = if angle < 0.0 {
+                angle + std::f64::consts::TAU
+            } else {
+                angle
+            };
+            angle / (r * omega)
+        });
+    delays.reduce(f64::min)
+}
 
 #[test]
 fn one_dof_table_is_the_closed_form() {

@@ -220,7 +220,11 @@ fn removed_key_is_refused_in_new_files() {
 
 #[test]
 fn schema_lists_no_old_names() {
-    let schema = [json_schema(), serve_json_schema()].concat();
+    let schema = [
+        json_schema(),
+        gusset_config::schema_of::<gusset_config::ServeFile>(),
+    ]
+    .concat();
     for key in [
         "catch_up_remote",
         "prefault_stack_kb",

@@ -32,7 +32,7 @@ mod layout;
 
 pub use agree::{Terms, Wider, agree, check_welcome, wider};
 pub use codec::{LIMIT, decode, encode, prove_hello, prove_welcome, verify_hello, verify_welcome};
-pub use layout::{layout_hash, layout_text};
+pub use layout::layout_hash;
 
 use bincode::{Decode, Encode};
 

@@ -68,10 +68,8 @@ mod view;
 pub use decode::{Decoder, Received, split};
 pub use encode::{Encoder, Moment};
 pub use kind::Kind;
-pub use layout::{
-    CONTROL_LIMIT, CRC_LEN, HEADER_LEN, HISTORY, LARGEST_FRAME, MAGIC, MAX_AXES, NO_SEQUENCE,
-    VERSION, frame_len,
-};
+pub(crate) use layout::{CONTROL_LIMIT, MAX_AXES};
+pub use layout::{HISTORY, LARGEST_FRAME, MAGIC, VERSION};
 pub use peek::{Peek, commanded, forge_force, forge_length, forge_sequence, peek};
 pub use view::{Cause, CommandFrame, Earlier, Frame, Heartbeat, MeasurementFrame, Notice};
 

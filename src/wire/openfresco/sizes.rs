@@ -7,9 +7,9 @@ use crate::WireError;
 use crate::bytes::{get_i32, put};
 
 /// Length of the first message in dialects A, C and D.
-pub const SIZES_LEN: usize = 44;
+pub(crate) const SIZES_LEN: usize = 44;
 /// Length of one size array in dialect B.
-pub const BLOCK_LEN: usize = 20;
+pub(crate) const BLOCK_LEN: usize = 20;
 /// Doubles in a vector, unless somebody wants it otherwise.
 pub const DEFAULT_DATA_SIZE: usize = 256;
 /// Most doubles in a vector: 512 kB.
@@ -59,7 +59,7 @@ impl Counts {
 
     /// Place of the time, counted from the first signal.
     #[must_use]
-    pub const fn before_time(&self) -> usize {
+    pub(crate) const fn before_time(&self) -> usize {
         self.disp + self.vel + self.accel + self.force
     }
 
@@ -155,7 +155,8 @@ impl Sizes {
     ///
     /// # Errors
     /// See [`Sizes::new`].
-    pub fn generic_client(n: usize, data_size: usize) -> Result<Self, WireError> {
+    #[cfg(test)]
+    pub(crate) fn generic_client(n: usize, data_size: usize) -> Result<Self, WireError> {
         let ctrl = Counts::new(n, n, n, 0, 1);
         Self::fitted(ctrl, Counts::new(0, 0, 0, n, 0), data_size, true)
     }

@@ -65,7 +65,7 @@ impl<'a> Response<'a> {
 /// # Errors
 /// [`WireError::Count`] if a kind of the layout has another number of signals, [`WireError::NotFinite`],
 /// [`WireError::Room`].
-pub fn write_vector(
+pub(crate) fn write_vector(
     out: &mut [u8],
     lead: Option<f64>,
     counts: &Counts,
@@ -100,7 +100,7 @@ pub fn write_vector(
 ///
 /// # Errors
 /// [`WireError::Room`].
-pub fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
+pub(crate) fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
     put(out, 0, action.code().to_le_bytes())?;
     zero_from(out, 8);
     Ok(())
@@ -110,7 +110,7 @@ pub fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
 ///
 /// # Errors
 /// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Room`].
-pub fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireError> {
+pub(crate) fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireError> {
     same_length("entries of the matrix", n.saturating_mul(n), rows.len())?;
     crate::bytes::finite("matrix", rows)?;
     let mut at = 0;
@@ -128,7 +128,7 @@ pub fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireEr
 ///
 /// # Errors
 /// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Truncated`].
-pub fn read_matrix(vector: &[u8], n: usize, rows: &mut [f64]) -> Result<(), WireError> {
+pub(crate) fn read_matrix(vector: &[u8], n: usize, rows: &mut [f64]) -> Result<(), WireError> {
     same_length("entries of the matrix", n.saturating_mul(n), rows.len())?;
     let columns = words(vector, 0, rows.len())?;
     finite_words("matrix", columns)?;
@@ -144,7 +144,7 @@ pub fn read_matrix(vector: &[u8], n: usize, rows: &mut [f64]) -> Result<(), Wire
 ///
 /// # Errors
 /// [`WireError::Truncated`].
-pub fn read_lead(vector: &[u8]) -> Result<f64, WireError> {
+pub(crate) fn read_lead(vector: &[u8]) -> Result<f64, WireError> {
     get_f64(vector, 0)
 }
 

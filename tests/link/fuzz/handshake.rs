@@ -6,7 +6,6 @@ use gusset_wire::handshake::{
     verify_welcome,
 };
 use gusset_wire::key::PreSharedKey;
-use gusset_wire::native::CONTROL_LIMIT;
 
 use super::{Dice, Target, mutate};
 
@@ -124,7 +123,7 @@ impl Target for Handshake {
         let mut decoded = None;
         let info = allocation_counter::measure(|| decoded = decode(input).ok());
         assert!(
-            info.bytes_max <= CONTROL_LIMIT as u64,
+            info.bytes_max <= 64_000,
             "{} bytes allocated for {}",
             info.bytes_max,
             input.len()

@@ -1,16 +1,30 @@
 //! Native frames, with and without a key.
 
 use gusset_quantity::substructure::{Command, Measurement, Status};
-use gusset_wire::key::{MAC_LEN, PreSharedKey, SessionKey};
+use gusset_wire::key::{PreSharedKey, SessionKey};
 use gusset_wire::native::{
-    CRC_LEN, Cause, Decoder, Encoder, Frame, HEADER_LEN, Heartbeat, LARGEST_FRAME, Moment, Notice,
-    Received, split,
+    Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Moment, Notice, Received, split,
 };
 use gusset_wire::{Progress, Side, WireError};
 
 use super::{Dice, Target, corpus, mutate};
 
 const SESSION: u64 = 0xa1b2_c3d4_e5f6_0718;
+
+/// Lengths of a header, a signature and a checksum.
+const HEADER_LEN: usize = 32;
+const MAC_LEN: usize = 16;
+const CRC_LEN: usize = 4;
+
+/// The signature of [`key`], as PROTOCOL.md says it.
+fn mac(bytes: &[u8]) -> [u8; MAC_LEN] {
+    let secret = blake3::derive_key("gusset wire 1 pre-shared key", &[9; 32]);
+    let number = SESSION.to_le_bytes();
+    let material = [&secret[..], &[1; 32], &[2; 32], &number].concat();
+    let session = blake3::derive_key("gusset wire 1 session key", &material);
+    let whole = blake3::keyed_hash(&session, bytes);
+    std::array::from_fn(|at| whole.as_bytes()[at])
+}
 
 fn key() -> SessionKey {
     PreSharedKey::new(&[9; 32])
@@ -129,7 +143,7 @@ fn seal(bytes: &mut [u8], how: usize) {
     }
     if how > 2 && bytes[6] & 1 == 1 && length >= HEADER_LEN + CRC_LEN + MAC_LEN {
         let at = length - CRC_LEN - MAC_LEN;
-        let mac = key().mac(&bytes[..at]);
+        let mac = mac(&bytes[..at]);
         bytes[at..at + MAC_LEN].copy_from_slice(&mac);
     }
     let at = length - CRC_LEN;

@@ -255,7 +255,6 @@ impl Machine {
                     Event::NeedMore => return Ok(used),
                     Event::Greeted => log.note(server.reply()),
                     Event::Trial(_) => log.event(&(server.trial(), server.dt())),
-                    Event::InitLine => log.note(server.init_line()),
                     Event::Read(_) => log.note(server.answer(&everything(*n)).unwrap()),
                     Event::Matrix(_) => {
                         log.note(server.answer_matrix(&MATRIX[..*n * *n]).unwrap());

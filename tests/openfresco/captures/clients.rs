@@ -165,7 +165,7 @@ fn command(capture: &Capture, dialect: ClientDialect, piece: usize) {
                 agree(&context, ours, &message.bytes, 1 + ctrl.total());
             }
             Action::Commit => {
-                let at = 1 + ctrl.before_time();
+                let at = 1 + ctrl.total() - ctrl.time;
                 let time = if ctrl.time == 1 { values[at] } else { 0.0 };
                 let ours = doubles(client.commit(time).unwrap());
                 assert_eq!(ours[0], 5.0, "{context}");

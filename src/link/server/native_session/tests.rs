@@ -104,7 +104,7 @@ impl Controller {
     ) -> Self {
         let (clock, tap) = (SimClock::new(), Tap::default());
         let mut one = Self {
-            end: Simulated::new(host, clock.clone(), 0, stream).tapped(Arc::clone(&tap)),
+            end: Simulated::new(host, clock.clone(), 0, stream, Some(Arc::clone(&tap))),
             clock,
             encoder: Encoder::greeting(Side::Controller),
             decoder: Decoder::greeting(Side::Specimen),
@@ -526,7 +526,7 @@ fn latched_specimen_refuses_a_hello() {
     host.latch()
         .set("far", "interlock", "the interlock is open");
     let clock = SimClock::new();
-    let mut end = Simulated::new(host, clock.clone(), 0, true);
+    let mut end = Simulated::new(host, clock.clone(), 0, true, None);
     let message = handshake::encode(&Control::Hello(hello(axis(), (1000, 1)))).unwrap();
     let mut frame = vec![0; LARGEST_FRAME];
     let length = Encoder::greeting(Side::Controller).control(&message, &mut frame);

@@ -45,7 +45,7 @@ impl Lanes {
 
     /// The best for vectors of `n` entries: the widest, unless they fill no wide register.
     #[must_use]
-    pub fn best_for(n: usize) -> Self {
+    pub(crate) fn best_for(n: usize) -> Self {
         if n < 8 { Lanes::Portable } else { Self::best() }
     }
 

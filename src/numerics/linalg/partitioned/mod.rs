@@ -129,6 +129,7 @@ impl Partitioned {
     }
 
     /// Instructions to use from now on; the bits stay the same.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
     }

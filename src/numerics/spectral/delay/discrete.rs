@@ -15,7 +15,7 @@ use super::late::Late;
 use super::{DelayError, Delayed};
 
 /// Longest delay in the search, in steps.
-pub const LONGEST_STEPS: usize = 96;
+pub(crate) const LONGEST_STEPS: usize = 96;
 /// Growth per step below which a root counts as lying on the unit circle.
 const ROUNDOFF: f64 = 1e-10;
 /// Delays at which the eigenvalues confirm what the count of turns has found.

@@ -1,21 +1,22 @@
 //! The delay of an achieved displacement at which a hybrid test becomes unstable.
 //!
-//! A delay τ acts like the negative dashpot −k_e τ beside the specimen. Three statements of the same question: [`sdof`]
-//! in closed form, [`continuous()`] by the frequency at which the loop gain is one, [`discrete()`] by the spectral radius of
+//! A delay τ acts like the negative dashpot −k_e τ beside the specimen. Two statements of the same question: [`continuous()`] by the frequency at which the loop gain is one, [`discrete()`] by the spectral radius of
 //! the recursion with its history of commands. Specimens are linear here, at their estimated stiffness and damping.
 
 mod continuous;
 mod discrete;
 mod late;
+#[cfg(test)]
 mod single;
 
 use nalgebra::{Complex, DMatrix};
 use thiserror::Error;
 
 pub use continuous::{Critical, continuous};
-pub use discrete::{DiscreteLimit, LONGEST_STEPS, discrete, recursion};
+pub use discrete::{DiscreteLimit, discrete, recursion};
 pub use late::Weights;
-pub use single::{critical_lag, sdof, sdof_estimate};
+#[cfg(test)]
+pub(crate) use single::{critical_lag, sdof, sdof_estimate};
 
 /// Growth over the largest pole that is roundoff: the double pole of a body that moves freely carries its square root.
 const AT_REST: f64 = 1e-6;

@@ -8,7 +8,7 @@ use crate::rt::throttle::Throttle;
 
 /// The directory tree that the kernel's files are read from.
 #[derive(Debug, Clone)]
-pub struct Tree {
+pub(crate) struct Tree {
     root: PathBuf,
 }
 

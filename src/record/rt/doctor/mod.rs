@@ -13,7 +13,7 @@ pub mod fitness;
 pub mod machine;
 pub mod trial;
 
-pub use machine::Tree;
+pub(crate) use machine::Tree;
 
 /// How good a finding is for a real-time test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -119,7 +119,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
     let mut served = host.specimen(false).unwrap();
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
     // Before the first target the gateway reads the force at rest.
     told.lock().unwrap().clear();
@@ -253,7 +253,7 @@ fn session_starts_with_fresh_compensators() {
     let mut served = host.specimen(false).unwrap();
     let mut go = || {
         told.lock().unwrap().clear();
-        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let controller = unnamed();
         served.begin(&controller, &mut || Ok(())).unwrap();
         // It ends at zero, where the next session begins.
         for (sequence, target) in (0..).zip(targets().take(44).chain([0.0])) {
@@ -286,7 +286,7 @@ fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
     };
     let host = host_of(&table, client, rig).paced(Some(pacing));
     let mut served = host.specimen(false).unwrap();
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
     for (sequence, target) in (0..200).zip(targets().cycle()) {
         if sequence == 198 {
@@ -347,10 +347,7 @@ fn controller_resumes_with_a_static_gain() {
         (told, host_of(&table, client, rig).paced(Some(PACED)))
     };
     let begin = |host: &Host, start: Vec<f64>| {
-        let controller = Controller {
-            start,
-            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
-        };
+        let controller = Controller { start, ..unnamed() };
         let mut served = host.specimen(false).unwrap();
         let begun = served.begin(&controller, &mut || Ok(()));
         begun.map(|_| served)

@@ -50,7 +50,7 @@ fn begun(limits: &str, pacing: Pacing) -> (ServedSpecimen, Told) {
 }
 
 fn begin(served: &mut ServedSpecimen) {
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
 }
 

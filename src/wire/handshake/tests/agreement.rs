@@ -1,6 +1,7 @@
 //! What two ends agree on, and the secret that they share.
 
 use super::*;
+use crate::handshake::layout::layout_text;
 
 #[test]
 fn refusal_names_the_disagreement() {

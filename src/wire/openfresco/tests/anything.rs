@@ -1,6 +1,7 @@
 //! No allocation, no panic, whatever comes.
 
 use super::*;
+use crate::openfresco::vector::write_vector;
 
 #[test]
 fn exchange_allocates_nothing_after_set_up() {

@@ -1,6 +1,7 @@
 //! The sizes that open a session, and the vectors that follow.
 
 use super::*;
+use crate::openfresco::vector::{read_matrix, write_action, write_matrix, write_vector};
 
 #[test]
 fn sizes_have_known_bytes() {
