@@ -31,7 +31,7 @@ fn every_load_gives_the_whole_steps_bits() {
         ]
     };
     // Within one block of the factor, and in several.
-    for dofs in [3, 100, 3000] {
+    for dofs in [3_usize, 100, 3000] {
         // All of a small structure, and some of a large one.
         let shown: Vec<usize> = (1..=dofs).step_by(dofs.div_ceil(60)).collect();
         for (kind, load) in loads(dofs).iter().enumerate() {
