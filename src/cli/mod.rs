@@ -69,6 +69,10 @@ use gusset_record::rt::os;
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
 pub fn main() -> ExitCode {
+    #[cfg(debug_assertions)]
+    if std::env::var_os("GUSSET_REWORD").is_some() {
+        gusset_quantity::text::reword_received();
+    }
     os::ignore_file_size_signal();
     progress::show_long_work();
     let cli = Cli::parse();

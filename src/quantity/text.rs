@@ -51,12 +51,21 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
-/// A text that a peer sent or a run file holds. People read it, and nothing depends on it: in a debug build with the variable
-/// `GUSSET_REWORD` it becomes another text, and tests show that the program does the same.
+/// Whether received texts are replaced.
+#[cfg(debug_assertions)]
+static REWORDS: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
+
+/// From here on each received text becomes another one. Tests show that the program does the same.
+#[cfg(debug_assertions)]
+pub fn reword_received() {
+    REWORDS.store(true, std::sync::atomic::Ordering::Relaxed);
+}
+
+/// A text that a peer sent or a run file holds. People read it, and nothing depends on it.
 #[must_use]
 pub fn received(text: String) -> String {
     #[cfg(debug_assertions)]
-    if !text.is_empty() && std::env::var_os("GUSSET_REWORD").is_some() {
+    if !text.is_empty() && REWORDS.load(std::sync::atomic::Ordering::Relaxed) {
         return "reworded".to_owned();
     }
     text

@@ -16,7 +16,7 @@ impl Port {
     /// # Errors
     /// It has another number of axes.
     pub fn put_recording(&mut self, substructure: Box<dyn Substructure>) -> Result<(), PortError> {
-        spec::fits(
+        error::fits(
             "axes of the recording",
             substructure.axes(),
             self.axes.len(),

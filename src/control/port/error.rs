@@ -44,3 +44,15 @@ pub enum PortError {
         wanted: usize,
     },
 }
+
+/// Refuses a list whose length does not fit.
+pub(super) const fn fits(what: &'static str, found: usize, wanted: usize) -> Result<(), PortError> {
+    if found == wanted {
+        return Ok(());
+    }
+    Err(PortError::Length {
+        what,
+        found,
+        wanted,
+    })
+}

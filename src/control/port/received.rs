@@ -3,7 +3,7 @@
 //! The controller commands the signals of the port: the deformations of its axes, or the coordinates of its loading
 //! unit. They go through the port as the targets of a structure do, and displacements and forces come back the same way.
 
-use super::spec::fits;
+use super::error::fits;
 use super::*;
 
 /// A port whose commands another controller sends. Nothing is estimated.
@@ -21,6 +21,43 @@ impl std::ops::Deref for ReceivedPort {
 impl std::ops::DerefMut for ReceivedPort {
     fn deref_mut(&mut self) -> &mut Port {
         &mut self.0
+    }
+}
+
+impl PortSpec {
+    /// Joins the specimen to another controller: each of its commands is a target, and is answered. Nothing is estimated.
+    ///
+    /// # Errors
+    /// As [`PortSpec::build`].
+    pub fn build_received(mut self) -> Result<ReceivedPort, PortError> {
+        self.per_step = true;
+        self.order = Order::default();
+        let mut port = self.build()?;
+        port.pause_estimates();
+        Ok(ReceivedPort(port))
+    }
+
+    /// A specimen whose axes another controller commands in their own units: what that sends is passed on to the last bit. `stiffness`
+    /// is the estimate k̂ of each axis, in its units; 0 where it is missing.
+    #[must_use]
+    pub fn passing_on(
+        name: impl Into<String>,
+        substructure: Box<dyn Substructure>,
+        stiffness: &[f64],
+    ) -> ReceivedPort {
+        let axes = 0..substructure.axes();
+        let axes = axes.map(|index| {
+            let stiffness = stiffness.get(index).copied().unwrap_or(0.0);
+            AxisSpec::new(Axis::received(), stiffness)
+        });
+        let spec = Self {
+            per_step: true,
+            ..Self::new(name, substructure, 0, axes.collect())
+        };
+        // One axis for each of the substructure's, and no other list.
+        let mut port = spec.join();
+        port.pause_estimates();
+        ReceivedPort(port)
     }
 }
 

@@ -16,8 +16,10 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 use gusset_wire::WireError;
-use gusset_wire::handshake::{self, Control, SAYS_LOST, Welcome};
-use gusset_wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
+use gusset_wire::handshake::{self, Control, Welcome};
+use gusset_wire::native::{
+    Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice, SAYS_LOST,
+};
 
 /// How often a stop is sent over UDP before shutdown begins.
 const HALTS: u32 = 4;

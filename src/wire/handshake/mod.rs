@@ -41,9 +41,7 @@ use super::key::{Nonce, Proof};
 /// Lowest protocol version that this program speaks.
 pub(crate) const LOWEST_VERSION: u16 = 1;
 /// Highest protocol version that this program speaks.
-pub(crate) const HIGHEST_VERSION: u16 = SAYS_LOST;
-/// From this version on a gateway says by [`crate::native::Cause::Lost`] that it lost its specimen.
-pub const SAYS_LOST: u16 = 2;
+pub(crate) const HIGHEST_VERSION: u16 = crate::native::SAYS_LOST;
 /// Longest name of an axis or of an end, in bytes.
 pub(crate) const NAME_LIMIT: usize = 64;
 /// Longest free text, in bytes.

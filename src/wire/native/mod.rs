@@ -71,7 +71,9 @@ pub use kind::Kind;
 pub(crate) use layout::{CONTROL_LIMIT, MAX_AXES};
 pub use layout::{HISTORY, LARGEST_FRAME, MAGIC, VERSION};
 pub use peek::{Peek, commanded, forge_force, forge_length, forge_sequence, peek};
-pub use view::{Cause, CommandFrame, Earlier, Frame, Heartbeat, MeasurementFrame, Notice};
+pub use view::{
+    Cause, CommandFrame, Earlier, Frame, Heartbeat, MeasurementFrame, Notice, SAYS_LOST,
+};
 
 #[cfg(test)]
 mod tests;

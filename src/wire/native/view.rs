@@ -6,9 +6,11 @@
 use super::layout::{NO_SEQUENCE, earlier_words};
 use crate::WireError;
 use crate::bytes::{Word, copy_words, same_length};
-use crate::handshake::SAYS_LOST;
 use gusset_quantity::catalog::ending;
 use gusset_quantity::substructure::{Measurement, Retirement, Status};
+
+/// From this version of the handshake on a gateway says by [`Cause::Lost`] that it lost its specimen.
+pub const SAYS_LOST: u16 = 2;
 
 /// Why a test holds, retires or ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
