@@ -170,7 +170,7 @@ impl GuardedSpecimen {
         };
         let lent = lent.ok_or_else(|| TestEnd::failed("another session has the specimen"))?;
         let taken = self.port.set_guard(lent.guard);
-        taken.map_err(|error| TestEnd::failed(&error.to_string()))?;
+        taken.map_err(|error| TestEnd::failed(error.to_string()))?;
         self.allowance = lent.allowance;
         self.port.begin_session(USUAL_TICK_S);
         if let Some(path) = &self.path {
