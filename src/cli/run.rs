@@ -24,14 +24,15 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     for text in test.facts.announced.iter().chain(&test.facts.moved) {
         tell(format_args!("note: {text}"));
     }
-    let judged = Judged::of(test);
-    // A resumed test was judged by its errors when it began.
-    let judged = match args.resume {
-        Some(_) => judged,
-        None => judged.and_then(Judged::with_errors),
-    };
-    let mut judged = judged.map_err(refused)?;
-    conduct::obey(&judged)?;
+    let mut judged = Judged::of(test).map_err(refused)?;
+    // The errors of a resumed test were accepted when it began: they are reported again, and do not refuse it.
+    if args.resume.is_some() {
+        conduct::obey(&judged)?;
+        judged = judged.with_errors().map_err(refused)?;
+    } else {
+        judged = judged.with_errors().map_err(refused)?;
+        conduct::obey(&judged)?;
+    }
     let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args, test)?;

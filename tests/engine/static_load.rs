@@ -49,6 +49,25 @@ fn assert_settling_rows(run: &Run) {
     }
 }
 
+/// The specimen is four times as stiff as the file says: each correction would be twice the last, and turn back.
+#[test]
+fn diverging_corrections_end_the_test() {
+    let text = "[time]\nrate_hz = 1024\nduration_s = 1\nclock = \"simulated\"\n[structure]\ngravity = { influence = [-1] }\n\
+                [structure.matrices]\nmass = [[20e3]]\nstiffness = [[2e6]]\ndamping = [[30e3]]\n[[specimen]]\nname = \"stiff\"\n\
+                rows = [[1]]\nstiffness_n_per_m = 4e6\nlaw.linear = { stiffness_n_per_m = 16e6 }\n";
+    let run = run(text);
+    let Ending::Stopped(Stop::NotSettled { port, .. }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(port, Some(0));
+    // The load, 196 kN in 20 parts over 6 MN/m.
+    let farthest = run
+        .all("cmd_1_1")
+        .into_iter()
+        .fold(0.0, |most: f64, disp| most.max(disp.abs()));
+    assert!(farthest > 1e-3 && farthest < 3e-3, "{farthest}");
+}
+
 const LOAD: &str = "static_load_n = [40e3, 20e3, 60e3]";
 
 #[test]
