@@ -1,6 +1,7 @@
 //! A static load is brought on before t = 0 and held: the structure stays where it is, and nothing was driven back and forth.
 
 use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
+use crate::common::spring::Spring;
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
 use gusset_control::port::{Trend, WiringCheck};
 use gusset_quantity::substructure::{
@@ -52,19 +53,22 @@ fn assert_settling_rows(run: &Run) {
 /// The specimen is four times as stiff as the file says: each correction would be twice the last, and turn back.
 #[test]
 fn diverging_corrections_end_the_test() {
-    let text = "[time]\nrate_hz = 1024\nduration_s = 1\nclock = \"simulated\"\n[structure]\ngravity = { influence = [-1] }\n\
-                [structure.matrices]\nmass = [[20e3]]\nstiffness = [[2e6]]\ndamping = [[30e3]]\n[[specimen]]\nname = \"stiff\"\n\
-                rows = [[1]]\nstiffness_n_per_m = 4e6\nlaw.linear = { stiffness_n_per_m = 16e6 }\n";
-    let run = run(text);
+    let text = "[time]\nrate_hz = 1024\nduration_s = 1\n[safety]\nunlimited = \"a spring\"\nzero_s = 0\n[structure]\n\
+                gravity = { influence = [-1] }\n[structure.matrices]\nmass = [[20e3]]\nstiffness = [[2e6]]\n\
+                damping = [[30e3]]\n[[specimen]]\nname = \"stiff\"\nrows = [[1]]\nstiffness_n_per_m = 4e6\n\
+                link = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n";
+    let mut experiment = prepare(text).experiment;
+    let port = experiment.ports.remove(0);
+    let spring = Spring::new(16e6, |_| {});
+    experiment.ports.push(port.watched(|_, _| Box::new(spring)));
+    let run = run_on(experiment, SimClock::new());
     let Ending::Stopped(Stop::NotSettled { port, .. }) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
     };
     assert_eq!(port, Some(0));
     // The load, 196 kN in 20 parts over 6 MN/m.
-    let farthest = run
-        .all("cmd_1_1")
-        .into_iter()
-        .fold(0.0, |most: f64, disp| most.max(disp.abs()));
+    let commands = run.all("cmd_1_1").into_iter();
+    let farthest = commands.fold(0.0, |most: f64, disp| most.max(disp.abs()));
     assert!(farthest > 1e-3 && farthest < 3e-3, "{farthest}");
 }
 

@@ -484,9 +484,10 @@ impl Loading {
         found.largest = size(&numerical.state.disp);
         let turns_back = self.before.iter().zip(&residual);
         let turns_back = turns_back.map(|(before, now)| before * now).sum::<f64>() < 0.0;
-        // Smaller corrections may be noise.
-        let is_large = found.correction > NO_BETTER_THAN * found.largest;
-        found.diverges = turns_back && is_large && found.correction >= size(&self.before);
+        // A smaller unbalance may be noise.
+        let part = size(&self.settling.load) / f64::from(self.settling.parts);
+        let grows = found.correction >= size(&self.before);
+        found.diverges = turns_back && grows && found.force >= part;
         self.before.clone_from(&residual);
         for port in &mut *engine.ports {
             port.aim(&numerical.state.disp, &still, base.disp, base.vel);
