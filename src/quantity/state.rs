@@ -100,7 +100,7 @@ pub trait Stateful {
     }
 }
 
-/// Makes a type [`Stateful`](crate::state::Stateful) from a list of all of its fields.
+/// Makes a type [`Stateful`] from a list of all of its fields.
 ///
 /// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and values that
 /// are recomputed. The macro takes the type apart without `..`. So a new field does not compile until one of the lists names it:
@@ -115,7 +115,7 @@ pub trait Stateful {
 /// gusset_quantity::state! { Sums as "sums" { weight } keeps { work } }
 /// ```
 ///
-/// `as "sums"` names the part. A field with a method of [`Visit`](crate::state::Visit) uses it, with arguments that may read other
+/// `as "sums"` names the part. A field with a method of [`Visit`] uses it, with arguments that may read other
 /// fields: `newest: index(ring.len())`. `restored { … }` follows a restoration and computes what the state leaves out:
 ///
 /// ```

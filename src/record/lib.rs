@@ -5,7 +5,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | [`mod@ring`], [`memory`], [`image`] | where the loop leaves rows: a wait-free ring, a vector, a folder in memory |
+//! | [`mod@ring`], `memory`, `image` | where the loop leaves rows: a wait-free ring, a vector, a folder in memory |
 //! | [`writer`] | the thread that drains the ring: rows to `samples.bin`, events to `events.jsonl` and the log |
 //! | [`onlooker`] | observers of the rows on their way through the writer |
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |

@@ -173,8 +173,9 @@ fn our_controllers_follow_the_real_ones() {
         stream.write_all(&sizes).unwrap();
         let mut say = |action: Action, disp: f64, answered: bool| {
             let mut vector = vec![0; 8 * n];
-            let mut codes = (0..100).map(f64::from);
-            let code = codes.find(|code| Action::whole(*code) == Ok(Some(action)));
+            // Some codes have a tenth.
+            let mut codes = (10..1000).map(|tenths| f64::from(tenths) / 10.0);
+            let code = codes.find(|code| Action::exact(*code) == Ok(Some(action)));
             vector[..8].copy_from_slice(&code.unwrap().to_le_bytes());
             vector[8..16].copy_from_slice(&disp.to_le_bytes());
             stream.write_all(&vector).unwrap();

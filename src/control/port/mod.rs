@@ -475,7 +475,7 @@ impl Port {
         found
     }
 
-    /// Takes the force of an answer that was lost and came with a later one into [`Port::recovered_force`], one with each call;
+    /// Takes the force of an answer that was lost and came with a later one into [`Feedback::recovered`], one with each call;
     /// the number of its command in the test. Real-time: yes.
     pub(crate) fn recover(&mut self) -> Option<u64> {
         let Self {

@@ -178,7 +178,7 @@ impl ReceivedPort {
         }
     }
 
-    /// Commands at rest after which [`Port::skips_commands`] is not needed: an adaptive compensator learns nothing wrong. Real-time: yes.
+    /// Commands at rest after which [`ReceivedPort::skips_commands`] is not needed: an adaptive compensator learns nothing wrong. Real-time: yes.
     pub fn ticks_to_rest(&mut self) -> u32 {
         let compensators = self.path.compensators_mut();
         compensators.map_or(0, |compensators| compensators.ticks_to_rest())
