@@ -36,7 +36,7 @@ pub enum PortError {
     /// A list whose length does not fit.
     #[error("{found} {what}, but there must be {wanted}")]
     Length {
-        /// What was counted.
+        /// Name of the counted items.
         what: &'static str,
         /// How many there are.
         found: usize,

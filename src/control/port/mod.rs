@@ -182,7 +182,7 @@ impl Port {
         &self.guard
     }
 
-    /// What was measured.
+    /// The measurements.
     #[inline]
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
@@ -210,31 +210,31 @@ impl Port {
         &self.tracking
     }
 
-    /// The same, to be changed.
+    /// Targets and commands, to be changed.
     #[inline]
     pub const fn path_mut(&mut self) -> &mut CommandPath {
         &mut self.path
     }
 
-    /// The same, to be changed.
+    /// The link and its counts, to be changed.
     #[inline]
     pub const fn exchange_mut(&mut self) -> &mut Exchange {
         &mut self.exchange
     }
 
-    /// The same, to be changed.
+    /// The limits and past commands, to be changed.
     #[inline]
     pub const fn guard_mut(&mut self) -> &mut Guard {
         &mut self.guard
     }
 
-    /// The same, to be changed.
+    /// The measurements, to be changed.
     #[inline]
     pub(crate) const fn feedback_mut(&mut self) -> &mut Feedback {
         &mut self.feedback
     }
 
-    /// The same, to be changed.
+    /// Readings at rest and the wiring check, to be changed.
     #[inline]
     pub const fn startup_mut(&mut self) -> &mut Startup {
         &mut self.startup

@@ -266,7 +266,7 @@ impl ReceivedPort {
     }
 }
 
-// What the controller of a server needs of a port beside its signals.
+// Methods for the controller of a server, beside its signals.
 impl ReceivedPort {
     /// See `Port::ramp_time`.
     #[must_use]

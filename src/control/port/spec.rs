@@ -31,7 +31,7 @@ pub struct AxisSpec {
     pub limits: AxisLimits,
     /// Which channels take their zero from what is read.
     pub reference: Reference,
-    /// What is declared at the structure.
+    /// Declared values at the structure.
     pub declared: Declared,
 }
 
