@@ -29,12 +29,18 @@ impl PortSpec {
     ///
     /// # Errors
     /// As [`PortSpec::build`].
-    pub fn build_received(mut self) -> Result<ReceivedPort, PortError> {
+    pub fn build_received(self) -> Result<ReceivedPort, PortError> {
+        self.check()?;
+        Ok(self.join_received())
+    }
+
+    /// Parts that fit, commanded once for each target of the other controller.
+    fn join_received(mut self) -> ReceivedPort {
         self.per_step = true;
         self.order = Order::default();
-        let mut port = self.build()?;
+        let mut port = self.join();
         port.pause_estimates();
-        Ok(ReceivedPort(port))
+        ReceivedPort(port)
     }
 
     /// A specimen whose axes another controller commands in their own units: what that sends is passed on to the last bit. `stiffness`
@@ -50,14 +56,8 @@ impl PortSpec {
             let stiffness = stiffness.get(index).copied().unwrap_or(0.0);
             AxisSpec::new(Axis::received(), stiffness)
         });
-        let spec = Self {
-            per_step: true,
-            ..Self::new(name, substructure, 0, axes.collect())
-        };
         // One axis for each of the substructure's, and no other list.
-        let mut port = spec.join();
-        port.pause_estimates();
-        ReceivedPort(port)
+        Self::new(name, substructure, 0, axes.collect()).join_received()
     }
 }
 

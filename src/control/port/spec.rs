@@ -154,7 +154,7 @@ impl PortSpec {
         Ok(self.join())
     }
 
-    fn check(&self) -> Result<(), PortError> {
+    pub(super) fn check(&self) -> Result<(), PortError> {
         let n = self.axes.len();
         let axes = self.substructure.axes();
         if n != axes {
