@@ -407,7 +407,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         let held = Glimpse {
             phase: Phase::Ramping,
             hold: true,
@@ -434,7 +434,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         for (hold, unconfirmed) in [(false, false), (true, false), (true, true), (false, true)] {
             let seen = Glimpse {
                 phase: Phase::Zeroing,
@@ -497,7 +497,7 @@ mod tests {
     fn nonsense_gets_no_answer() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let _desk = RequestSocket::open(folder.path(), sender, PhaseCell::default()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, PhaseCell::default()).unwrap();
         for text in [
             "",
             "GET / HTTP/1.1\r\n\r\n",
@@ -522,7 +522,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         let second = Glimpse {
             hold: true,
             stands: true,
@@ -566,7 +566,7 @@ mod tests {
             stream.shutdown(std::net::Shutdown::Write).unwrap();
             here.extend(stays.then_some(stream));
         }
-        let _desk = RequestSocket::on(socket, sender, cell).unwrap();
+        let _socket = RequestSocket::on(socket, sender, cell).unwrap();
         let heard: Vec<_> = (0..3).map(|_| receiver.recv().unwrap()).collect();
         assert_eq!(heard, [Operator::Hold, Operator::Stop, Operator::Confirm]);
         assert!(receiver.try_recv().is_err());

@@ -78,7 +78,7 @@ pub enum ControlError {
 /// The control socket of a server; closed and removed when dropped.
 #[derive(Debug)]
 pub struct ServerControl {
-    _desk: RequestSocket,
+    _socket: RequestSocket,
 }
 
 /// A request to a server.
@@ -156,7 +156,7 @@ impl ServerControl {
         };
         let request_socket = RequestSocket::listen(&place.folder, &place.name, Box::new(serve));
         Ok(Self {
-            _desk: request_socket.map_err(wrong)?,
+            _socket: request_socket.map_err(wrong)?,
         })
     }
 }

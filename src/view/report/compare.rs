@@ -37,8 +37,8 @@ pub fn compare(
     );
     let (a, b) = (first.digested(), second.digested());
     let (rows_a, rows_b) = (Rows::new(&a), Rows::new(&b));
-    let verdicts = [first, second].into_iter().filter_map(verdict_of);
-    let is_unstable = { verdicts }.any(|verdict| verdict.unstable);
+    let mut verdicts = [first, second].into_iter().filter_map(verdict_of);
+    let is_unstable = verdicts.any(|verdict| verdict.unstable);
     let (damages, doubts) = (damages(first, second), doubts(first, second));
     body += &banner(matched, &damages, &doubts, is_unstable);
     body += &key_figures((first, second), (&rows_a, &rows_b), matched);
