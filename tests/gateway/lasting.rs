@@ -293,6 +293,8 @@ fn no_ending_of_a_run_is_unseen() {
         one.arg("--out").arg(&out);
         let began = stands();
         let mut child = in_background(one);
+        // However slowly the program starts.
+        waits_for("there is no run folder", || out.exists());
         std::thread::sleep(std::time::Duration::from_millis(random(700)));
         match end {
             Ends::Itself | Ends::Trip => {}
@@ -314,7 +316,7 @@ fn no_ending_of_a_run_is_unseen() {
         // A signal may come after the end of the test.
         let summary = Run::open(&out).ok().and_then(|run| run.summary().cloned());
         let is_over = summary.is_some_and(|summary| summary.status == Ended::Completed);
-        let is_regular = code == Some(0) || is_over;
+        let is_regular = code == Some(0) || (code.is_none() && is_over);
         assert!(
             is_regular || is_back || is_refused,
             "{session}: {end:?} {code:?}"
@@ -335,7 +337,7 @@ fn no_ending_of_a_run_is_unseen() {
         // Its operator moves it to where a test begins.
         *position.lock().unwrap() = 0.0;
     }
-    assert!((1..50).contains(&refusals), "{refusals}");
+    assert!((5..45).contains(&refusals), "{refusals}");
 }
 
 #[test]
