@@ -15,6 +15,8 @@ pub struct BaseMotion {
     pub vel: Vec<f64>,
     /// Warnings in plain words.
     pub warnings: Vec<String>,
+    /// Doubts, as those of a [`Series`](super::Series).
+    pub doubts: Vec<String>,
     /// Facts of the record, if the motion comes from a file.
     pub record: Option<RecordFacts>,
 }
@@ -41,6 +43,7 @@ pub fn base_motion(
         disp: series.values,
         vel,
         warnings,
+        doubts: series.doubts,
         record: series.record,
     })
 }

@@ -107,6 +107,9 @@ pub struct Series {
     pub values: Vec<f64>,
     /// Warnings in plain words, each naming what it is about.
     pub warnings: Vec<String>,
+    /// Why the response to these values is not the one to the motion, in plain words: frequencies that the step does not
+    /// represent, a peak after the end of the test.
+    pub doubts: Vec<String>,
     /// Facts of the record, if the values come from a file.
     pub record: Option<RecordFacts>,
 }
@@ -265,6 +268,13 @@ impl Excitation {
     #[must_use]
     pub const fn has_base(&self) -> bool {
         self.base.is_some()
+    }
+
+    /// True if a load acts from before the start, a static load.
+    #[inline]
+    #[must_use]
+    pub const fn has_constant(&self) -> bool {
+        self.constant.is_some()
     }
 
     /// The ground acceleration in m/s², if one was given.

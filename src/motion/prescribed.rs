@@ -115,9 +115,13 @@ impl PrescribedSpec {
             prescribed.records.extend(series.record.take());
             let place = name(axis);
             let of_axis = |text: String| format!("{place}: {text}");
-            prescribed
-                .warnings
-                .extend(series.warnings.into_iter().map(of_axis));
+            prescribed.warnings.extend(
+                series
+                    .warnings
+                    .into_iter()
+                    .chain(series.doubts)
+                    .map(of_axis),
+            );
             prescribed
                 .warnings
                 .extend(rough_ends(&place, &series.values, &rates, grid.dt()));

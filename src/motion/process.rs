@@ -117,6 +117,9 @@ pub struct TargetSa {
     pub unit: Unit,
 }
 
+/// Largest share of a record that may be lost between the steps of a test.
+const MOST_ALIASED: f64 = 0.2;
+
 /// A value and, where it is known, its rate of change.
 type Point = (f64, Option<f64>);
 
@@ -140,14 +143,16 @@ impl Motion {
         grid: Grid,
         files: &Files<'_>,
     ) -> Result<Series, MotionError> {
-        let mut warnings = Vec::new();
-        let (points, record) = self.points(quantity, grid, files, &mut warnings)?;
+        let [mut warnings, mut doubts] = [Vec::new(), Vec::new()];
+        let told = [&mut warnings, &mut doubts];
+        let (points, record) = self.points(quantity, grid, files, told)?;
         let mut values: Vec<f64> = points.into_iter().map(|(value, _)| value).collect();
         // They are collected in the memory of the points, which is three times as large.
         values.shrink_to_fit();
         Ok(Series {
             values,
             warnings,
+            doubts,
             record,
         })
     }
@@ -163,8 +168,9 @@ impl Motion {
         grid: Grid,
         files: &Files<'_>,
     ) -> Result<(Series, Vec<f64>), MotionError> {
-        let mut warnings = Vec::new();
-        let (points, record) = self.points(quantity, grid, files, &mut warnings)?;
+        let [mut warnings, mut doubts] = [Vec::new(), Vec::new()];
+        let told = [&mut warnings, &mut doubts];
+        let (points, record) = self.points(quantity, grid, files, told)?;
         let (values, rates): (Vec<f64>, Vec<Option<f64>>) = points.into_iter().unzip();
         let differences = if rates.iter().all(Option::is_some) {
             Vec::new()
@@ -179,18 +185,20 @@ impl Motion {
         let series = Series {
             values,
             warnings,
+            doubts,
             record,
         };
         Ok((series, rates))
     }
 
-    /// Value and, where it is known, rate at every point of the grid, and the record that they come from.
+    /// Value and, where it is known, rate at every point of the grid, and the record that they come from. Adds to the warnings and
+    /// doubts of a [`Series`].
     fn points(
         &self,
         quantity: Quantity,
         grid: Grid,
         files: &Files<'_>,
-        warnings: &mut Vec<String>,
+        [warnings, doubts]: [&mut Vec<String>; 2],
     ) -> Result<(Vec<Point>, Option<RecordFacts>), MotionError> {
         let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
         match self.signal.source(quantity, files, warnings)? {
@@ -200,7 +208,7 @@ impl Motion {
                 let values = || Ok((points.iter().map(|p| p.0).collect(), grid.dt()));
                 let target = self.processing.target(quantity, values)?;
                 let scale = scale_factor * target;
-                above_nyquist(curve.top_hz, grid, warnings);
+                above_nyquist(curve.top_hz, grid, doubts);
                 curve.cut_warning(grid.duration(), warnings);
                 let points = points
                     .into_iter()
@@ -227,13 +235,22 @@ impl Motion {
                     }
                 }
                 if let Origin::Synthetic { top_hz } = samples.origin {
-                    above_nyquist(Some(top_hz), grid, warnings);
+                    above_nyquist(Some(top_hz), grid, doubts);
                 }
                 if !self.processing.zero_tail {
                     samples.tail_warning(grid, holds, warnings);
+                    samples.cut_peak(grid, doubts);
                 }
-                samples.coarse_warning(grid, warnings);
-                Ok((finite_points(samples.on(grid, holds))?, samples.record))
+                let points = finite_points(samples.on(grid, holds))?;
+                if let Some((text, share)) = samples.coarse(grid, &points) {
+                    let told = if share > MOST_ALIASED {
+                        doubts
+                    } else {
+                        warnings
+                    };
+                    told.push(text);
+                }
+                Ok((points, samples.record))
             }
         }
     }
@@ -252,10 +269,10 @@ fn finite_points(points: Vec<Point>) -> Result<Vec<Point>, MotionError> {
     }
 }
 
-fn above_nyquist(top_hz: Option<f64>, grid: Grid, warnings: &mut Vec<String>) {
+fn above_nyquist(top_hz: Option<f64>, grid: Grid, doubts: &mut Vec<String>) {
     let nyquist = 0.5 / grid.dt();
     if let Some(top) = top_hz.filter(|f| *f > nyquist) {
-        warnings.push(format!(
+        doubts.push(format!(
             "the signal contains frequencies up to {} Hz, but a step of {} s represents at most {} Hz: higher frequencies are aliased",
             Short(top),
             Short(grid.dt()),

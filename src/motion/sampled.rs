@@ -134,6 +134,13 @@ impl Sampled {
                 Short(test)
             ));
         }
+    }
+
+    /// Doubts a test that ends before the peak of its record.
+    pub(super) fn cut_peak(&self, grid: Grid, doubts: &mut Vec<String>) {
+        let (test, Origin::Record(name)) = (grid.duration(), &self.origin) else {
+            return;
+        };
         let cut = self
             .values
             .iter()
@@ -142,25 +149,47 @@ impl Sampled {
         let beyond = peak(&cut.map(|(_, v)| *v).collect::<Vec<_>>());
         let whole = peak(&self.values);
         if beyond > 0.0 && beyond >= whole {
-            warnings.push(format!(
+            doubts.push(format!(
                 "{name}: the test ends at {} s, before the peak of the record",
                 Short(test)
             ));
         }
     }
 
-    pub(super) fn coarse_warning(&self, grid: Grid, warnings: &mut Vec<String>) {
+    /// That the step is longer than that of the record, in words, and the share of the record that straight lines between `points`
+    /// of `grid` miss, as a root mean square.
+    pub(super) fn coarse(
+        &self,
+        grid: Grid,
+        points: &[(f64, Option<f64>)],
+    ) -> Option<(String, f64)> {
         let Origin::Record(name) = &self.origin else {
-            return;
+            return None;
         };
-        if self.resample == Resample::Linear && grid.dt() > self.dt * (1.0 + 1e-9) {
-            warnings.push(format!(
-                "{name}: the step of {} s is longer than that of the record, {} s; frequencies above {} Hz are \
-                 aliased: resample = \"band_limited\" removes them",
-                Short(grid.dt()),
-                Short(self.dt),
-                Short(0.5 / grid.dt())
-            ));
+        if self.resample != Resample::Linear || grid.dt() <= self.dt * (1.0 + 1e-9) {
+            return None;
         }
+        let on_grid: Vec<f64> = points.iter().map(|(value, _)| *value).collect();
+        let each = self.values.iter().enumerate();
+        let each = each.map(|(i, value)| (self.first_time + i as f64 * self.dt, *value));
+        let within = each.filter(|(time, _)| (0.0..=grid.duration()).contains(time));
+        let (missed, all) = within.fold((0.0, 0.0), |(missed, all), (time, value)| {
+            let off = value - linear(&on_grid, snapped(time / grid.dt()));
+            (missed + off * off, all + value * value)
+        });
+        let share = if all > 0.0 {
+            f64::sqrt(missed / all)
+        } else {
+            0.0
+        };
+        let text = format!(
+            "{name}: the step of {} s is longer than that of the record, {} s: {} % of the record is lost between the steps, and \
+             frequencies above {} Hz are aliased: resample = \"band_limited\" removes them",
+            Short(grid.dt()),
+            Short(self.dt),
+            Short(100.0 * share),
+            Short(0.5 / grid.dt())
+        );
+        Some((text, share))
     }
 }

@@ -18,6 +18,7 @@ pub enum Kind {
     Speed,
     /// Numbers look like those of another unit.
     Units,
-    /// The error of the method or of the coupling is large, or the actuators take damping from a mode.
+    /// The error of the method or of the coupling is large, the actuators take damping from a mode, or the steps do not follow the
+    /// excitation.
     Error,
 }

@@ -130,7 +130,9 @@ fn resume_by(
         None => prepared_by(&run, Replaced::Remote, true, build)?,
         Some((sets, _)) => prepared_to_resume(&run, sets, build)?,
     };
-    let wider = widened_limits(&run, allowed, &mut next)?;
+    next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
+    let earlier = before.as_ref().and_then(|one| one.wider_limits.clone());
+    let wider = widened_limits(&run, allowed, earlier, &mut next)?;
     let step = resumption.step();
     if step >= next.experiment.steps {
         // It was stopped during its shutdown.
@@ -157,9 +159,6 @@ fn resume_by(
     origin.put(&mut next.experiment.ports);
     next.experiment.resume = Some(resumption);
     next.files.test = read(&folder.join("test.toml"))?;
-    if wider.is_none() {
-        next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
-    }
     next.facts.resumed = Some((folder.to_owned(), step));
     next.files.origin = serde_json::to_string_pretty(&origin).ok();
     let retraced = match traced.restored {
@@ -198,27 +197,43 @@ fn resume_by(
     Ok(next)
 }
 
-/// The limits of `next` that are wider than those of `run`, in words; none where all are equal.
+/// The limits of `next` that are wider than those of `run` in words, or that they were widened `earlier` and why; none where all are
+/// those of the first run.
 fn widened_limits(
     run: &Run,
     allowed: Allowed<'_>,
+    earlier: Option<String>,
     next: &mut Prepared,
 ) -> Result<Option<String>, ResumeError> {
+    let accepted = &mut next.facts.accepted;
+    let said = earlier.map(|reason| {
+        let said = format!("LIMITS WERE WIDENED in an earlier part of the test; reason: {reason}");
+        accepted.insert(WIDENED.to_owned(), reason);
+        said
+    });
     let Some(((_, reason), loaded)) = allowed.wider.zip(next.loaded.as_deref()) else {
-        return Ok(None);
+        return Ok(said);
     };
     let before = recorded_file(run.path(), &[])?;
     let limits = widened::widened(&before, loaded)?;
     if limits.is_empty() {
-        return Ok(None);
+        return Ok(said);
     }
     next.files.resolved.clone_from(&loaded.effective);
-    let accepted = &mut next.facts.accepted;
-    accepted.insert(WIDENED.to_owned(), reason.to_owned());
-    Ok(Some(format!(
+    let text = format!(
         "LIMITS WERE WIDENED for this part of the test: {}; reason: {reason}",
         limits.join(", ")
-    )))
+    );
+    let before = accepted.get(WIDENED);
+    let reasons = before.map_or_else(|| reason.to_owned(), |before| format!("{before}; {reason}"));
+    accepted.insert(WIDENED.to_owned(), reasons);
+    Ok(Some(
+        [said, Some(text)]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join(". "),
+    ))
 }
 
 /// Refuses a test that runs, may be running, is complete, or was resumed already.
@@ -304,7 +319,7 @@ fn origin_of(
         left_ways: Vec::new(),
         peak,
         accepted_changed: allowed.changed.map(str::to_owned),
-        wider_limits: allowed.wider.map(|(_, reason)| reason.to_owned()),
+        wider_limits: facts.accepted.get(WIDENED).cloned(),
     };
     origin.keep(&left);
     Ok(origin)

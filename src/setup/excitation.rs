@@ -9,6 +9,7 @@ use gusset_motion::{
     Unit, base_motion, parse_table,
 };
 use gusset_numerics::model::Structure;
+use gusset_proof::Kind;
 
 /// Most numbers of all motions of a test together, which are laid out before it: 4 GiB, twelve hours of a ground motion at 4096 Hz.
 const MOST_NUMBERS: u64 = 1 << 29;
@@ -100,6 +101,16 @@ fn source(site: &Site<'_>, at: &KeyPath, signal: &Signal) -> KeyPath {
     }
 }
 
+/// Keeps the doubts about the motion whose table is at `at`, for the verdict.
+fn doubt(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
+    let place = source(site, at, signal);
+    let found = texts
+        .into_iter()
+        .map(|text| Finding::warning(place.clone(), text));
+    let found: Vec<_> = found.map(|finding| (Kind::Error, finding)).collect();
+    site.doubts.extend(found);
+}
+
 /// Keeps the warnings about the motion whose table is at `at`.
 pub(super) fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
     let place = source(site, at, signal);
@@ -148,6 +159,7 @@ pub(super) fn excitation(
             history.evaluate(Quantity::Acceleration, grid, files)
         })?;
         warn(site, &at, &ground.signal, series.warnings);
+        doubt(site, &at, &ground.signal, series.doubts);
         site.records.extend(series.record);
         let iota = ground
             .influence
@@ -172,6 +184,7 @@ pub(super) fn excitation(
             base_motion(&history, grid, files)
         })?;
         warn(site, &at, &base.signal, moved.warnings);
+        doubt(site, &at, &base.signal, moved.doubts);
         site.records.extend(moved.record);
         warn_of_nothing(site, at.clone(), [structure.influence(), &moved.disp]);
         if base
@@ -197,6 +210,7 @@ pub(super) fn excitation(
             history.evaluate(Quantity::Force, grid, files)
         })?;
         warn(site, &at, &force.signal, series.warnings);
+        doubt(site, &at, &force.signal, series.doubts);
         site.records.extend(series.record);
         warn_of_nothing(site, at.clone(), [&pattern, &series.values]);
         let term = LoadTerm {

@@ -397,3 +397,127 @@ fn massless_joint_is_refused_behind_a_link() {
     assert!(said.stderr.contains("accept_error"), "{}", said.stderr);
     assert!(!folder.path().join("out").exists());
 }
+
+#[test]
+fn aliased_excitation_is_a_finding() {
+    let plain = oscillator(LAW, "", "simulated");
+    assert!(findings(&check(&plain), "error").is_empty());
+    let high = plain.replace("frequency_hz = 2.0", "frequency_hz = 300.0");
+    let said = check(&high);
+    assert_eq!(
+        findings(&said, "error").len(),
+        1,
+        "{}",
+        said.json["verdict"]
+    );
+
+    // The record has 40 Hz beside 1 Hz, and the step follows 20 Hz.
+    let folder = TempDir::new().unwrap();
+    let record = |high: f64| {
+        let tau = std::f64::consts::TAU;
+        let value = |k: i32| {
+            let time = f64::from(k) * 0.005;
+            (tau * time).sin() + high * (40.0 * tau * time).sin()
+        };
+        let lines: Vec<String> = (0..=2400).map(|k| format!("{}", value(k))).collect();
+        std::fs::write(folder.path().join("a.txt"), lines.join("\n")).unwrap();
+    };
+    let signal = "signal.file = { path = \"a.txt\", unit = \"m/s2\", dt_s = 0.005 }\n";
+    let (head, rest) = plain.split_once("[excitation").unwrap();
+    let specimen = &rest[rest.find("[[specimen]]").unwrap()..];
+    let text = format!("{head}[excitation.ground_acceleration]\n{signal}{specimen}");
+    for (high, count) in [(0.01, 0), (0.5, 1)] {
+        record(high);
+        let coarse = text.replace("rate_hz = 512", "rate_hz = 40");
+        let said = gusset(folder.path(), "check", &coarse, &[]);
+        let found = findings(&said, "error");
+        let found = found.iter().filter(|one| one["path"] != "integrator");
+        assert_eq!(found.count(), count, "{high}: {}", said.json["verdict"]);
+    }
+    // The peak of the record comes after the end of the test.
+    let rising: Vec<String> = (0..=2400).map(|k| format!("{}e-4", k * (k % 2))).collect();
+    std::fs::write(folder.path().join("a.txt"), rising.join("\n")).unwrap();
+    let early = text
+        .replace("duration_s = 12", "duration_s = 3")
+        .replace("rate_hz = 512", "rate_hz = 200");
+    let said = gusset(folder.path(), "check", &early, &[]);
+    let found = findings(&said, "error");
+    assert!(
+        found.iter().any(|one| one["path"] != "integrator"),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn static_load_hides_no_error() {
+    let lag = format!("{LAW}transfer.delay_s = 0.002\n");
+    let plain = oscillator(&lag, "", "simulated");
+    let loaded = plain.replace(
+        "[structure.matrices]",
+        "[structure]\nstatic_load_n = [1.6e5]\n[structure.matrices]",
+    );
+    let of = |text: &str| {
+        let said = check(text);
+        let error = said.json["verdict"]["errors"]["coupling"]["drift"].as_f64();
+        error.unwrap_or_else(|| panic!("{}", said.json["verdict"]))
+    };
+    let (plain, loaded) = (of(&plain), of(&loaded));
+    assert!(
+        plain > 0.05 && (loaded / plain - 1.0).abs() < 0.01,
+        "{plain} {loaded}"
+    );
+}
+
+#[test]
+fn small_drift_of_a_specimen_is_compared() {
+    // The other DOF moves a thousand times as far.
+    let lag = format!("{LAW}transfer.delay_s = 0.006\n");
+    let text = oscillator(&lag, "", "simulated");
+    let two = text
+        .replace("mass = [[1000.0]]", "mass = [[1000.0, 0], [0, 1000]]")
+        .replace("stiffness = [[0.0]]", "stiffness = [[0.0, 0], [0, 160]]")
+        .replace("[[1265]]", "[[1265, 0], [0, 1]]")
+        .replace("rows = [[1]]", "rows = [[1, 0]]")
+        .replace(
+            "[excitation",
+            "[[excitation.nodal_force]]\ndofs = [2]\nsignal.step.amplitude = 2e4\n[excitation",
+        );
+    let said = check(&two);
+    let coupling = &said.json["verdict"]["errors"]["coupling"];
+    assert_eq!(coupling["direction"], "DOF 1", "{}", said.stderr);
+    assert!(coupling["drift"].as_f64().unwrap() > 0.5, "{coupling}");
+}
+
+#[test]
+fn free_vibration_has_known_errors() {
+    let free = |specimen: &str| {
+        let text = oscillator(specimen, "", "simulated");
+        let (head, rest) = text.split_once("[excitation").unwrap();
+        let specimen = &rest[rest.find("[[specimen]]").unwrap()..];
+        let head = head.replace(
+            "[structure.matrices]",
+            "[structure]\ninitial_displacement_m = [0.01]\n[structure.matrices]",
+        );
+        check(&format!("{head}{specimen}"))
+    };
+    let said = free(LAW);
+    let errors = &said.json["verdict"]["errors"];
+    for name in ["method", "coupling"] {
+        let drift = errors[name]["drift"].as_f64();
+        assert!(drift.is_some_and(|drift| drift < 1e-3), "{errors}");
+        assert!(errors[name]["energy"].is_null(), "{errors}");
+    }
+    // With ζ_c = −ω τ/2, the largest drift after half of a cycle is exp(π ω τ/2) times as large.
+    let said = free(&format!("{LAW}transfer.delay_s = 0.004\n"));
+    let omega = (STIFFNESS / 1000.0).sqrt();
+    let larger = (std::f64::consts::PI * omega * 0.004 / 2.0).exp() - 1.0;
+    let coupling = &said.json["verdict"]["errors"]["coupling"];
+    let drift = coupling["drift"].as_f64().unwrap();
+    assert!((drift / larger - 1.0).abs() < 0.15, "{drift} {larger}");
+    assert_eq!(
+        findings(&said, "error").len(),
+        2,
+        "{}",
+        said.json["verdict"]
+    );
+}

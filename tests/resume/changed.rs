@@ -326,6 +326,37 @@ fn resume_accepts_wider_limits() {
 }
 
 #[test]
+fn later_resumes_know_that_limits_were_widened() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    tripped_in(home.path(), &at("first"));
+    let resumes = |from: &str, to: &str, level: &str, reason: &str| {
+        let set = format!("specimen.0.limits.measured_force_n.trip=[-{level}, {level}]");
+        let mut more = vec!["--after-trip"];
+        if !reason.is_empty() {
+            more.extend(["--set", &set, "--reason", reason]);
+        }
+        let said = go_on_with(&at(from), &at(to), &more);
+        assert!(at(to).join("summary.json").exists(), "{}", said.stderr);
+        let summary = common::json(&at(to), "summary.json");
+        let origin = common::json(&at(to), "resumed.json");
+        let reasons = summary["accepted"]["wider_limits"].clone();
+        assert_eq!(origin["wider_limits"], reasons);
+        let found = replay(&at(to)).unwrap();
+        assert!(found.is_exact() && found.summary.is_empty(), "{found:?}");
+        (said.code, reasons)
+    };
+    let (code, reasons) = resumes("first", "second", "1300", "yields later");
+    assert_ne!(code, Some(0), "it trips once more");
+    assert_eq!(reasons, "yields later");
+    let (_, reasons) = resumes("second", "third", "", "");
+    assert_eq!(reasons, "yields later");
+    let (code, reasons) = resumes("third", "fourth", "1e5", "is stronger");
+    assert_eq!(code, Some(0));
+    assert_eq!(reasons, "yields later; is stronger");
+}
+
+#[test]
 fn resume_refuses_a_command_beyond_a_limit() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);

@@ -21,8 +21,10 @@ use gusset_setup::{self as setup, Ideal, IdealCourse, NoCourse};
 
 /// Most numbers of one course.
 const MOST: u64 = 4_000_000;
-/// A drift that is smaller than this share of the largest of its kind is not compared.
+/// A drift that is smaller than this share of the largest of its kind is not compared, unless it is one of a specimen.
 const MOVES: f64 = 0.01;
+/// This share for a specimen.
+const SPECIMEN_MOVES: f64 = 1e-6;
 /// Directions that are listed.
 const LISTED: usize = 32;
 /// Share of an error by which its reference may be off.
@@ -34,6 +36,15 @@ struct Direction {
     row: Vec<(usize, f64)>,
     base: f64,
     rotation: bool,
+    /// It is the deformation of a specimen.
+    specimen: bool,
+}
+
+impl Direction {
+    /// Least size that is compared, as a share of the largest of its kind.
+    const fn moves(&self) -> f64 {
+        if self.specimen { SPECIMEN_MOVES } else { MOVES }
+    }
 }
 
 /// Course of one direction.
@@ -89,6 +100,21 @@ pub fn errors(
         return found(method, coupling);
     }
     let is_referred = steps.saturating_mul(by_method.work(2 + 4)) <= most;
+    let beyond = || TestError::not_known(words(NoCourse::BeyondBudget));
+    // The test as it will run, or what is known of its coupling without it.
+    let running = if loaded.file.specimen.is_empty() {
+        Err(TestError::none())
+    } else if let Some(name) = unknown {
+        let why = format!("the actuator of specimen \"{name}\" is not known");
+        Err(TestError::not_known(why))
+    } else {
+        let test = setup::build_rehearsal(loaded)?.experiment;
+        let is_long = super::expected(&test) > Budget::default().ticks(Budget::cost(&test));
+        if is_long { Err(beyond()) } else { Ok(test) }
+    };
+    if !is_referred && running.is_err() {
+        return found(beyond(), running.err().unwrap_or_default());
+    }
     let directions = directions(loaded, &by_method);
     let excitation = by_method.excitation().clone();
     let references = match is_referred {
@@ -101,8 +127,7 @@ pub fn errors(
             let refer = move |ideal: Ideal| ideal.by_newmark(divider, most / 2);
             scope.spawn(move || ideal.map_or(Err(NoCourse::BeyondBudget), refer))
         });
-        let running = (!loaded.file.specimen.is_empty() && unknown.is_none())
-            .then(|| as_it_runs(loaded, dofs));
+        let running = running.map(|test| as_it_runs(test, loaded.time.step.value(), dofs));
         (by_method.by_method(), references.map(joined), running)
     });
     let of = |course: &IdealCourse| Drifts::of(course, &directions, &excitation);
@@ -118,25 +143,18 @@ pub fn errors(
             let references = [of(&half), of(&quarter)];
             of_method(&drifts, references, &directions, safety.error_warn)
         }
-        (Err(NoCourse::BeyondBudget), _) | (_, Err(NoCourse::BeyondBudget)) => {
-            TestError::not_known(words(NoCourse::BeyondBudget))
-        }
+        (Err(NoCourse::BeyondBudget), _) | (_, Err(NoCourse::BeyondBudget)) => beyond(),
         (Err(why), _) | (_, Err(why)) => {
             TestError::not_known(format!("in the reference {}", words(why)))
         }
     };
-    let coupling = match (unknown, running) {
-        (Some(name), _) => {
-            TestError::not_known(format!("the actuator of specimen \"{name}\" is not known"))
-        }
-        (None, None) => TestError::none(),
-        (None, Some(course)) => match course? {
-            Ok((course, added)) => TestError {
-                added_energy: (drifts.energy).map(|energy| share(added, energy).copysign(added)),
-                ..compared(&of(&course), &drifts, &directions)
-            },
-            Err(why) => TestError::not_known(why),
+    let coupling = match running {
+        Ok(Ok((course, added))) => TestError {
+            added_energy: (drifts.energy).map(|energy| share(added, energy).copysign(added)),
+            ..compared(&of(&course), &drifts, &directions)
         },
+        Ok(Err(why)) => TestError::not_known(why),
+        Err(known) => known,
     };
     found(method, coupling)
 }
@@ -181,6 +199,7 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
                 base: base(&row),
                 name,
                 rotation: rotations.contains(&(dof + 1)),
+                specimen: false,
                 row,
             }
         })
@@ -190,8 +209,11 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
         let many = rows.len() > 1;
         for (axis, mut row) in rows.into_iter().enumerate() {
             row.sort_by_key(|(dof, _)| std::cmp::Reverse(*dof));
-            let is_there = found.iter().any(|one| one.row == row);
-            if is_there || row.is_empty() {
+            if row.is_empty() {
+                continue;
+            }
+            if let Some(one) = found.iter_mut().find(|one| one.row == row) {
+                one.specimen = true;
                 continue;
             }
             let axis = if many {
@@ -203,6 +225,7 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
                 base: base(&row),
                 name: format!("specimen {}{axis}", table.name),
                 rotation: row.iter().all(|(dof, _)| rotations.contains(&(dof + 1))),
+                specimen: true,
                 row,
             });
         }
@@ -210,7 +233,7 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     found
 }
 
-/// Drifts of a course, and its input energy; none with a moving base.
+/// Drifts of a course, from the position under its static load, and its input energy; none with a moving base.
 struct Drifts {
     each: Vec<Series>,
     energy: Option<f64>,
@@ -220,11 +243,16 @@ impl Drifts {
     fn of(course: &IdealCourse, directions: &[Direction], excitation: &Excitation) -> Self {
         let n = course.dofs;
         let steps = || course.disp.chunks_exact(n);
+        let at_rest = steps().next().filter(|_| excitation.has_constant());
         let each = directions.iter().map(|direction| {
-            let rows = steps().enumerate().map(|(step, disp)| {
-                let own: f64 = direction.row.iter().map(|(dof, b)| b * disp[*dof]).sum();
-                own - direction.base * excitation.base(step).0
-            });
+            let along = |disp: &[f64]| -> f64 {
+                let each = direction.row.iter();
+                each.map(|(dof, b)| b * disp[*dof]).sum()
+            };
+            let from = at_rest.map_or(0.0, along);
+            let rows = steps().enumerate();
+            let rows = rows
+                .map(|(step, disp)| along(disp) - from - direction.base * excitation.base(step).0);
             rows.collect()
         });
         let mut energy = 0.0;
@@ -239,18 +267,26 @@ impl Drifts {
         }
         Self {
             each: each.collect(),
-            energy: (!excitation.has_base()).then_some(energy),
+            // A test from its initial state takes in nothing.
+            energy: (!excitation.has_base() && energy != 0.0).then_some(energy),
         }
     }
 }
 
-/// Largest magnitude of a series, between its steps by a parabola.
+/// Largest magnitude of a series, between its steps by a parabola. A state from which the motion decays is given: the largest then
+/// counts from the first change of sign.
 fn peak(series: &[f64]) -> f64 {
     let sizes = series.iter().map(|value| value.abs()).enumerate();
     let (at, largest) = sizes.fold(
         (0, 0.0),
         |most, one| if one.1 > most.1 { one } else { most },
     );
+    let first = series.first().copied().unwrap_or(0.0);
+    if at == 0
+        && let Some(back) = series.iter().position(|value| value * first < 0.0)
+    {
+        return peak(&series[back..]);
+    }
     let (Some(before), Some(after)) = (
         at.checked_sub(1).and_then(|place| series.get(place)),
         series.get(at + 1),
@@ -300,12 +336,12 @@ fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> Te
     let mut found: Vec<DriftError> = (pairs.zip(directions).zip(&peaks))
         .filter(|((_, direction), [own, of_reference])| {
             let most = largest[usize::from(direction.rotation)];
-            most > 0.0 && own.max(*of_reference) >= MOVES * most
+            most > 0.0 && own.max(*of_reference) >= direction.moves() * most
         })
         .map(|(((own, reference), direction), [of_own, of_reference])| {
             // A direction that rests in the reference is compared with the largest of its kind.
             let most = largest[usize::from(direction.rotation)];
-            let [size, rms_size] = if *of_reference >= MOVES * most {
+            let [size, rms_size] = if *of_reference >= direction.moves() * most {
                 [*of_reference, rms(reference.iter().copied())]
             } else {
                 [most; 2]
@@ -457,15 +493,12 @@ impl Recorder for Kept {
     }
 }
 
-/// The test as it will run, on the simulated clock; or why its course is not known.
+/// The course of a test with this step in s, and the energy that its actuators add; or why its course is not known.
 fn as_it_runs(
-    loaded: &Loaded,
+    mut experiment: Experiment,
+    step: f64,
     dofs: usize,
-) -> Result<Result<(IdealCourse, f64), String>, ConfigError> {
-    let mut experiment = setup::build_rehearsal(loaded)?.experiment;
-    if super::expected(&experiment) > Budget::default().ticks(Budget::cost(&experiment)) {
-        return Ok(Err(words(NoCourse::BeyondBudget).to_owned()));
-    }
+) -> Result<(IdealCourse, f64), String> {
     experiment.opening.confirm = false;
     experiment.record_dofs = (0..dofs).collect();
     let recorder = Kept::of(&experiment);
@@ -475,16 +508,13 @@ fn as_it_runs(
     let lifted = Staging::WithoutLimits;
     let (outcome, ..) = staged_with(experiment, Box::new(recorder), lifted, &control);
     if outcome.ending != Ending::Completed {
-        let at = outcome.steps as f64 * loaded.time.step.value();
-        let at = super::findings::short(at);
-        return Ok(Err(format!(
-            "the rehearsal ends at {at} s, before the test"
-        )));
+        let at = super::findings::short(outcome.steps as f64 * step);
+        return Err(format!("the rehearsal ends at {at} s, before the test"));
     }
     let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
     let course = IdealCourse {
         dofs,
         disp: std::mem::take(&mut kept.disp),
     };
-    Ok(Ok((course, kept.added_j)))
+    Ok((course, kept.added_j))
 }
