@@ -237,7 +237,12 @@ fn conclude(
     if json {
         answer(serde_json::to_string_pretty(&collected.summary)?)?;
     } else {
-        answer(found(&collected))?;
+        let errors = campaign.plan.of_errors();
+        let errors = errors.map(|(text, is_small)| match is_small {
+            true => format!("\nerrors   {text}"),
+            false => format!("\nerrors   {text}: not known or large"),
+        });
+        answer(found(&collected) + &errors.collect::<String>())?;
     }
     if !collected.is_complete() {
         let missing = collected.tasks - collected.done;

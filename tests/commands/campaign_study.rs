@@ -55,6 +55,22 @@ fn column(rows: &[Vec<String>], name: &str) -> Vec<String> {
     rows[1..].iter().map(|row| row[place].clone()).collect()
 }
 
+#[test]
+fn campaign_states_errors_of_its_tests() {
+    let study = "test = \"frame.toml\"\n[[vary]]\nkey = \"specimen.0.transfer.delay_s\"\nvalues = [0.0, 0.03]\n";
+    let folder = computed(study);
+    let summary = fs::read(folder.path().join("out/summary.json")).unwrap();
+    let summary: Value = serde_json::from_slice(&summary).unwrap();
+    let drift = |place: usize| {
+        let one = &summary["errors"][place];
+        assert_eq!(one["task"], place, "{one}");
+        one["errors"]["coupling"]["drift"].as_f64().unwrap()
+    };
+    assert!(drift(0) < 1e-3 && drift(1) > 0.05, "{summary:#}");
+    let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert!(page.contains("verdict warning") && page.contains("LARGE ERROR: task 1"));
+}
+
 /// A column of each type: whole numbers, numbers, texts, and missing values.
 const EVERY_TYPE: &str = r#"
 test = "frame.toml"

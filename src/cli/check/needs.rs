@@ -192,7 +192,9 @@ const fn in_words(stand_in: StandIn) -> &'static str {
     match stand_in {
         StandIn::Itself => "computed by its own law",
         StandIn::Law => "behind a link; rehearsed with its stand-in",
-        StandIn::Linear => "behind a link; rehearsed as a linear spring of its declared stiffness",
+        StandIn::Linear => {
+            "behind a link; rehearsed as a linear spring of its declared stiffness and damping"
+        }
         StandIn::Nothing => {
             "behind a link; its force is unknown: set its stiffness or a stand-in `law`"
         }

@@ -300,6 +300,8 @@ fn summary(
             "points": collected.fragility,
         })
     });
+    let errors = plan.errors.iter();
+    let errors = errors.map(|(task, errors)| json!({ "task": task, "errors": errors }));
     let reported = study.reported().into_iter().zip(&collected.largest);
     let largest = reported
         .map(|(place, tasks)| json!({ "measure": study.measures[place].name, "tasks": tasks }));
@@ -316,6 +318,7 @@ fn summary(
         "redrawn": collected.redrawn,
         "invalid": collected.invalid,
         "invalid_example": collected.invalid_example,
+        "errors": errors.collect::<Vec<_>>(),
         "table": table,
         "columns": columns,
         "fragility": fragility,

@@ -189,6 +189,7 @@ mod tests {
             files: Vec::new(),
             tasks: 30,
             tasks_per_chunk: 6,
+            errors: Vec::new(),
             task_s: 10.0,
         }
     }

@@ -32,8 +32,9 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
         let text = format!("{valid} of {} tasks have a valid test", collected.tasks);
         ("warning", text)
     } else if collected.is_complete() {
+        let is_small = campaign.plan.of_errors().all(|(_, is_small)| is_small);
         (
-            "good",
+            if is_small { "good" } else { "warning" },
             format!("All {} tests have a result", collected.tasks),
         )
     } else {
@@ -62,6 +63,14 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
             "The numbers of {} tests were drawn again, because the test file must not have the first ones.",
             count(collected.redrawn)
         ));
+    }
+    for (text, is_small) in campaign.plan.of_errors() {
+        let text = if is_small {
+            text
+        } else {
+            format!("LARGE ERROR: {text}")
+        };
+        body += &note(&text);
     }
     let valid = collected.done - collected.invalid;
     if (shown.len() as u64) < valid {

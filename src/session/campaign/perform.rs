@@ -4,10 +4,12 @@ use super::measure::{End, Taker, storeys};
 use super::study::Study;
 use super::task::Task;
 use crate::certificate::MOST_ATTEMPTS;
+use crate::judged::Judged;
 use crate::rehearsal::{Staging, staged};
 use crate::unaware::Unaware;
 use gusset_config::ConfigError;
 use gusset_control::engine::{Ending, Experiment};
+use gusset_proof::Errors;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_setup::{self as setup, Drawn, Trial};
 
@@ -79,6 +81,18 @@ fn word(ending: &Ending) -> &'static str {
         Cause::LinkNotFinite => Cause::NotFinite.word(),
         _ => ending.word(),
     }
+}
+
+/// The errors of the test of a task without its drawn numbers; none if it is invalid or has no structure.
+pub(super) fn errors(study: &Study, index: u64) -> Option<Errors> {
+    let design = study
+        .loaded
+        .test
+        .varied(&Task::of(study, index).sets)
+        .ok()?;
+    let prepared = setup::build(&design).ok()?;
+    let judged = Judged::without_rehearsal(prepared).with_errors();
+    judged.ok()?.verdict.errors
 }
 
 /// Why a task has no valid test.

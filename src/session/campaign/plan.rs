@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::perform::{INVALID, perform, why_invalid};
+use super::perform::{INVALID, errors, perform, why_invalid};
 use super::study::{MOST_TASKS, Study};
 use super::task::Task;
 use super::{CampaignError, at};
 use gusset_config::read_text;
+use gusset_proof::Errors;
 use gusset_record::rt::os;
 use gusset_record::{atomic, make_free};
 
@@ -43,6 +44,9 @@ pub struct Plan {
     pub tasks_per_chunk: u64,
     /// Mean wall time of the timed tasks on one core, s.
     pub task_s: f64,
+    /// Errors of method and coupling of the timed tasks, with their numbers from 0. Older plans lack them.
+    #[serde(default)]
+    pub errors: Vec<(u64, Errors)>,
 }
 
 impl Plan {
@@ -71,6 +75,15 @@ impl Plan {
     pub fn chunk(&self, chunk: u64) -> std::ops::Range<u64> {
         let start = (chunk - 1).saturating_mul(self.tasks_per_chunk);
         start.min(self.tasks)..start.saturating_add(self.tasks_per_chunk).min(self.tasks)
+    }
+
+    /// The errors in words, and whether all are known and small.
+    pub fn of_errors(&self) -> impl Iterator<Item = (String, bool)> {
+        self.errors.iter().map(|(task, errors)| {
+            let mut both = errors.each();
+            let text = format!("task {task}: {}", errors.words());
+            (text, both.all(|(_, error)| errors.is_small(error)))
+        })
     }
 }
 
@@ -104,6 +117,8 @@ pub fn plan(
     let expanded = Study::load(study)?;
     make_free(out)?;
     let task_s = timed(&expanded)?;
+    let tried = tried(&expanded).into_iter();
+    let tried = tried.filter_map(|index| Some((index, errors(&expanded, index)?)));
     let per_chunk = (CHUNK_S / task_s.max(1e-9)).clamp(1.0, MOST_PER_CHUNK as f64);
     let plan = Plan {
         format: FORMAT,
@@ -114,6 +129,7 @@ pub fn plan(
         tasks: expanded.tasks,
         tasks_per_chunk: tasks_per_chunk.unwrap_or(per_chunk as u64).max(1),
         task_s,
+        errors: tried.collect(),
     };
     let write = |name: &str, bytes: &[u8]| {
         let path = out.join(name);
@@ -130,11 +146,17 @@ pub fn plan(
     })
 }
 
-/// Mean wall time of the first, the middle and the last task, s.
-fn timed(study: &Study) -> Result<f64, CampaignError> {
+/// The first, the middle and the last task.
+fn tried(study: &Study) -> Vec<u64> {
     let mut indices = vec![0, study.tasks / 2, study.tasks - 1];
     indices.dedup();
     indices.truncate(TIMED as usize);
+    indices
+}
+
+/// Mean wall time of the tried tasks, s.
+fn timed(study: &Study) -> Result<f64, CampaignError> {
+    let indices = tried(study);
     let began = os::monotonic_ns();
     let mut invalid = 0;
     for index in &indices {

@@ -89,7 +89,7 @@ impl StandIn {
             Self::Itself => "its own law",
             Self::Law => "its stand-in, because it is behind a link",
             Self::Linear => {
-                "a linear spring of its declared stiffness, because it is behind a link; a stand-in `law` that yields would be closer"
+                "a linear spring of its declared stiffness and damping, because it is behind a link; a stand-in `law` that yields would be closer"
             }
             Self::Nothing => {
                 "nothing: it is behind a link, its declared stiffness is 0, and it has no stand-in `law`. Its force is unknown"
