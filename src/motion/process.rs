@@ -239,8 +239,8 @@ impl Motion {
                 }
                 if !self.processing.zero_tail {
                     samples.tail_warning(grid, holds, warnings);
-                    samples.cut_peak(grid, doubts);
                 }
+                samples.cut_peak(grid, doubts);
                 let points = finite_points(samples.on(grid, holds))?;
                 if let Some((text, share)) = samples.coarse(grid, &points) {
                     let told = if share > MOST_ALIASED {
@@ -508,9 +508,11 @@ mod tests {
                 .warnings
                 .is_empty()
         );
-        // A test that ends before the peak gives a warning, and so does a step longer than that of the record.
-        assert!(evaluate(&motion, grid(0.05, 2)).unwrap().warnings[0].contains("before the peak"));
-        assert!(evaluate(&motion, grid(0.15, 2)).unwrap().warnings[0].contains("band_limited"));
+        // A test that ends before the peak is doubted, and so is a step that leaves out much of the record.
+        let doubts = |dt, steps| evaluate(&motion, grid(dt, steps)).unwrap().doubts;
+        assert!(doubts(0.05, 6).is_empty());
+        assert!(doubts(0.05, 2)[0].contains("before the peak"));
+        assert!(doubts(0.15, 2).last().unwrap().contains("band_limited"));
     }
 
     #[test]
@@ -733,8 +735,8 @@ mod tests {
 
     #[test]
     fn frequency_beyond_the_step_is_reported() {
-        assert!(evaluate(&sine(), grid(0.1, 4)).unwrap().warnings.is_empty());
-        assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().warnings[0].contains("aliased"));
+        assert!(evaluate(&sine(), grid(0.1, 4)).unwrap().doubts.is_empty());
+        assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().doubts[0].contains("aliased"));
     }
 
     #[test]
