@@ -2,9 +2,10 @@
 
 use super::axis::Axis;
 use super::loading_unit::LoadingUnit;
+use gusset_quantity::frame::AtStructure;
 use gusset_quantity::state;
 
-/// One value per axis, of displacements and of their velocities.
+/// One value per axis, of displacements and of their velocities, in the frame of [`gusset_quantity::frame`] that stands round it.
 #[derive(Debug, Clone)]
 pub(crate) struct AxisMotion {
     pub disp: Vec<f64>,
@@ -44,6 +45,20 @@ impl AxisMotion {
         }
     }
 
+    /// Displacement and velocity of one axis after the other, to be changed. Real-time: yes.
+    #[inline]
+    pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = (&mut f64, &mut f64)> {
+        self.disp.iter_mut().zip(&mut self.vel)
+    }
+
+    /// Displacement and velocity of one axis after the other. Real-time: yes.
+    #[inline]
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&f64, &f64)> + Clone {
+        self.disp.iter().zip(&self.vel)
+    }
+}
+
+impl AtStructure<AxisMotion> {
     /// Takes the deformations that the structure's [displacement, velocity] asks for, of a base that moves by [displacement, velocity];
     /// of the actuators of a loading unit the strokes. Real-time: yes.
     #[inline]
@@ -55,7 +70,7 @@ impl AxisMotion {
         base: [f64; 2],
     ) {
         match unit {
-            Some(unit) => unit.seek(state, base, &mut self.disp, &mut self.vel),
+            Some(unit) => unit.seek(state, base, self),
             None => self.take(axes.iter().map(|axis| axis.dots(state, base))),
         }
     }
@@ -68,14 +83,8 @@ impl AxisMotion {
         along: &mut impl Iterator<Item = (f64, f64)>,
     ) {
         match unit {
-            Some(unit) => unit.seek_at(along, &mut self.disp, &mut self.vel),
+            Some(unit) => unit.seek_at(along, self),
             None => self.take(along),
         }
-    }
-
-    /// Displacement and velocity of one axis after the other. Real-time: yes.
-    #[inline]
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (&f64, &f64)> + Clone {
-        self.disp.iter().zip(&self.vel)
     }
 }

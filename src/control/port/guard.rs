@@ -8,6 +8,7 @@ use super::axis_motion::AxisMotion;
 use super::brake::Brake;
 use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
 use super::startup::{SAME, Startup};
+use gusset_quantity::frame::{AtAxis, AtSpecimen, AtStructure};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::state;
 use gusset_quantity::substructure::Measurement;
@@ -159,10 +160,10 @@ impl Guard {
 
     /// Judges a command. Real-time: yes.
     #[inline]
-    pub(super) fn judge_command(&mut self, command: &AxisMotion) -> Found {
+    pub(super) fn judge_command(&mut self, command: &AtAxis<AxisMotion>) -> Found {
         let mut found = Found::default();
         self.watch
-            .judge_command(Self::metres(&self.units, &command.disp), &mut found);
+            .judge_command(Self::metres(&self.units, AtAxis(&command.disp)), &mut found);
         for (axis, vel) in command.vel.iter().enumerate() {
             if !vel.is_finite() {
                 found.trip.get_or_insert(Hit {
@@ -183,11 +184,11 @@ impl Guard {
         &mut self,
         raw: &Measurement,
         axes: &[Axis],
-        sent: &[f64],
+        sent: AtAxis<&[f64]>,
         startup: &Startup,
     ) -> Found {
         let values = raw.disp.iter().zip(&raw.force).zip(self.units.iter());
-        let axes = axes.iter().zip(sent).enumerate();
+        let axes = axes.iter().zip(*sent).enumerate();
         let values = values.zip(axes).map(
             |(((disp, force), (metres, newtons)), (index, (axis, sent)))| {
                 // Before the zero is taken the sensor's offset is no following error.
@@ -196,7 +197,7 @@ impl Guard {
                 } else {
                     disp - axis.measured_offset
                 };
-                (disp * metres, force * newtons, stands * metres)
+                AtSpecimen((disp * metres, force * newtons, stands * metres))
             },
         );
         let mut found = Found::default();
@@ -231,12 +232,12 @@ impl Guard {
 
     /// A command leaves. Real-time: yes.
     #[inline]
-    pub(super) fn sent(&mut self, disp: &[f64]) {
+    pub(super) fn sent(&mut self, disp: AtAxis<&[f64]>) {
         self.watch.sent(Self::metres(&self.units, disp));
     }
 
     /// The last command, `disp`, leaves once more: where none has left, it is where the specimen stands. Real-time: yes.
-    pub(super) fn sent_again(&mut self, disp: &[f64]) {
+    pub(super) fn sent_again(&mut self, disp: AtAxis<&[f64]>) {
         if self.watch.was_told() {
             self.watch.sent_again();
         } else {
@@ -245,34 +246,34 @@ impl Guard {
     }
 
     /// The position before the first command is `disp`.
-    pub(super) fn stands_at(&mut self, disp: &[f64]) {
+    pub(super) fn stands_at(&mut self, disp: AtAxis<&[f64]>) {
         self.watch.stands_at(Self::metres(&self.units, disp));
     }
 
     /// The specimen is found at `disp`: the next command is a step from there.
-    pub fn is_found_at(&mut self, disp: &[f64]) {
+    pub fn is_found_at(&mut self, disp: AtAxis<&[f64]>) {
         self.watch.is_found_at(Self::metres(&self.units, disp));
     }
 
     /// True if `disp` is the last command once more. Real-time: yes.
-    pub(super) fn is_at(&self, disp: &[f64]) -> bool {
+    pub(super) fn is_at(&self, disp: AtAxis<&[f64]>) -> bool {
         self.watch.is_at(Self::metres(&self.units, disp))
     }
 
     /// The specimen came to where it stands with these velocities, for `seconds`. Real-time: yes.
-    pub(super) fn came_with(&mut self, vel: &[f64], seconds: f64) {
-        let steps = Self::metres(&self.units, vel).map(|vel| vel * seconds);
+    pub(super) fn came_with(&mut self, vel: AtAxis<&[f64]>, seconds: f64) {
+        let steps = Self::metres(&self.units, vel).map(|vel| AtSpecimen(vel.0 * seconds));
         self.watch.came_by(steps);
     }
 
     /// Steps begin at `goal`.
-    pub(super) fn aims_from(&mut self, axes: &[Axis], goal: &[f64]) {
+    pub(super) fn aims_from(&mut self, axes: &[Axis], goal: AtStructure<&[f64]>) {
         self.watch.aims_from(Self::goals(&self.units, axes, goal));
     }
 
     /// The next step goes to `goal`. Real-time: yes.
     #[inline]
-    pub(super) fn aims_at(&mut self, axes: &[Axis], goal: &[f64]) {
+    pub(super) fn aims_at(&mut self, axes: &[Axis], goal: AtStructure<&[f64]>) {
         self.watch.aims_at(Self::goals(&self.units, axes, goal));
     }
 
@@ -354,8 +355,8 @@ impl Guard {
     }
 
     /// The steps of all axes from which a brake begins, in the specimen's units.
-    pub(super) fn last_steps(&self) -> &[f64] {
-        &self.last_steps
+    pub(super) fn last_steps(&self) -> AtAxis<&[f64]> {
+        AtAxis(&self.last_steps)
     }
 
     /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis
@@ -371,7 +372,7 @@ impl Guard {
     /// both are the same. `steepest`: see [`super::loading_unit::LoadingUnit::steepest`], in the unit of the axis.
     pub(super) fn way_time(
         &self,
-        [from, to]: [&[f64]; 2],
+        AtAxis([from, to]): AtAxis<[&[f64]; 2]>,
         steepest: impl Fn(usize) -> f64,
         [share, tick]: [f64; 2],
         [shortest, unbounded]: [f64; 2],
@@ -403,8 +404,12 @@ impl Guard {
     }
 
     #[inline]
-    fn metres<'a>(units: &'a [(f64, f64)], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        disp.iter().zip(units).map(|(disp, unit)| disp * unit.0)
+    fn metres<'a>(
+        units: &'a [(f64, f64)],
+        disp: AtAxis<&'a [f64]>,
+    ) -> impl Iterator<Item = AtSpecimen<f64>> + 'a {
+        let axes = disp.0.iter().zip(units);
+        axes.map(|(disp, unit)| AtSpecimen(disp * unit.0))
     }
 
     /// The structure's deformations as the specimen's axes go, in m.
@@ -412,12 +417,12 @@ impl Guard {
     fn goals<'a>(
         units: &'a [(f64, f64)],
         axes: &'a [Axis],
-        goal: &'a [f64],
-    ) -> impl Iterator<Item = f64> + 'a {
+        goal: AtStructure<&'a [f64]>,
+    ) -> impl Iterator<Item = AtSpecimen<f64>> + 'a {
         let gears = axes.iter().zip(units);
         gears
-            .zip(goal)
-            .map(|((axis, unit), goal)| axis.disp_gain * unit.0 * goal)
+            .zip(goal.0)
+            .map(|((axis, unit), goal)| AtSpecimen(axis.disp_gain * unit.0 * goal))
     }
 }
 

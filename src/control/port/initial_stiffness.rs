@@ -1,5 +1,6 @@
 //! The initial stiffness k̂ of a specimen at the structure, and the forces that it explains.
 
+use gusset_quantity::frame::AtStructure;
 use super::axis::Axis;
 use super::row_product::row_times;
 
@@ -7,7 +8,7 @@ use super::row_product::row_times;
 #[derive(Debug)]
 pub(crate) struct InitialStiffness {
     /// Of each axis alone.
-    own: Vec<f64>,
+    own: AtStructure<Vec<f64>>,
     /// Between different axes, n × n by rows, zero on the diagonal; empty if they do not know of each other.
     between: Vec<f64>,
 }
@@ -23,14 +24,14 @@ impl InitialStiffness {
         let between: Vec<f64> = rows.collect();
         let known = between.iter().any(|value| *value != 0.0);
         Self {
-            own,
+            own: AtStructure(own),
             between: if known { between } else { Vec::new() },
         }
     }
 
     /// Of each axis alone, N/m.
-    pub(crate) fn own(&self) -> &[f64] {
-        &self.own
+    pub(crate) fn own(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.own)
     }
 
     /// Of all axes, n × n by rows.

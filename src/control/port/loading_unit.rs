@@ -12,8 +12,10 @@
 use std::ops::Range;
 
 use super::axis::dots;
+use super::axis_motion::AxisMotion;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
+use gusset_quantity::frame::{AtPose, AtStructure};
 use gusset_actuator::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
 use gusset_quantity::state;
 
@@ -86,8 +88,9 @@ impl LoadingUnit {
     }
 
     /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.
-    fn go(&mut self, pose: &[f64; MOST], target: &mut [f64], target_vel: &mut [f64]) {
-        let placed = self.geometry.place(pose, &mut self.aim);
+    fn go(&mut self, pose: AtPose<&[f64; MOST]>, strokes: &mut AtStructure<AxisMotion>) {
+        let AxisMotion { disp: target, vel: target_vel } = &mut strokes.0;
+        let placed = self.geometry.place(*pose, &mut self.aim);
         self.fault = placed
             .and_then(|()| self.geometry.within_reach(&self.aim))
             .err();
@@ -113,54 +116,53 @@ impl LoadingUnit {
         &mut self,
         state: [&[f64]; 2],
         base: [f64; 2],
-        target: &mut [f64],
-        target_vel: &mut [f64],
+        strokes: &mut AtStructure<AxisMotion>,
     ) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);
         for (row, (value, rate)) in self.rows.iter().zip(each) {
             (*value, *rate) = dots(&row.row, row.base, state, base);
         }
-        self.go(&pose, target, target_vel);
+        self.go(AtPose(&pose), strokes);
     }
 
     /// Goes along prescribed coordinates. Real-time: yes.
     pub(crate) fn seek_at(
         &mut self,
         along: &mut impl Iterator<Item = (f64, f64)>,
-        target: &mut [f64],
-        target_vel: &mut [f64],
+        strokes: &mut AtStructure<AxisMotion>,
     ) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);
         for ((value, rate), (disp, vel)) in each.take(self.rows.len()).zip(along) {
             (*value, *rate) = (disp, vel);
         }
-        self.go(&pose, target, target_vel);
+        self.go(AtPose(&pose), strokes);
     }
 
     /// The strokes in m of a pose.
-    pub(crate) fn strokes_for(&self, pose: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub(crate) fn strokes_for(&self, pose: AtPose<&[f64]>) -> Result<AtStructure<Vec<f64>>, Fault> {
         let mut placed = self.geometry.reference();
-        self.geometry.place(pose, &mut placed)?;
+        self.geometry.place(*pose, &mut placed)?;
         self.geometry.within_reach(&placed)?;
-        Ok(placed.strokes()[..self.geometry.actuators()].to_vec())
+        let strokes = placed.strokes()[..self.geometry.actuators()].to_vec();
+        Ok(AtStructure(strokes))
     }
 
     /// The pose in which the actuators have these strokes in m, from the reference pose on.
-    pub(crate) fn pose_at(&self, strokes: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub(crate) fn pose_at(&self, strokes: AtStructure<&[f64]>) -> Result<AtPose<Vec<f64>>, Fault> {
         let placed = self.found_at(strokes)?;
-        Ok(placed.pose()[..self.rows.len()].to_vec())
+        Ok(AtPose(placed.pose()[..self.rows.len()].to_vec()))
     }
 
-    fn found_at(&self, strokes: &[f64]) -> Result<Placed, Fault> {
+    fn found_at(&self, strokes: AtStructure<&[f64]>) -> Result<Placed, Fault> {
         let mut placed = self.geometry.reference();
-        self.geometry.find(strokes, &mut placed)?;
+        self.geometry.find(*strokes, &mut placed)?;
         Ok(placed)
     }
 
     /// The actuators have these strokes in m: the next pose is sought from there. Impossible strokes change nothing.
-    pub(crate) fn stands_at(&mut self, strokes: &[f64]) {
+    pub(crate) fn stands_at(&mut self, strokes: AtStructure<&[f64]>) {
         if let Ok(placed) = self.found_at(strokes) {
             (self.aim, self.found) = (placed, placed);
             self.rates = [0.0; MOST];
@@ -168,8 +170,8 @@ impl LoadingUnit {
     }
 
     /// It is led from the first of these strokes in m to the second. Real-time: yes.
-    pub(crate) fn begin_way(&mut self, strokes: [&[f64]; 2]) {
-        self.bend.begin(&self.geometry, strokes);
+    pub(crate) fn begin_way(&mut self, strokes: AtStructure<[&[f64]; 2]>) {
+        self.bend.begin(&self.geometry, *strokes);
     }
 
     /// Bends of the strokes at a share of the way: see [`Bend::at`]. Real-time: yes.
@@ -184,14 +186,14 @@ impl LoadingUnit {
     }
 
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
-    pub(crate) fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
+    pub(crate) fn resolve(&mut self, measured: AtStructure<&[f64]>, force: AtStructure<&[f64]>) -> Result<(), Fault> {
         self.found = self.aim;
-        let found = self.geometry.find_for_forces(measured, &mut self.found);
+        let found = self.geometry.find_for_forces(*measured, &mut self.found);
         self.is_unknown = found.is_err();
         found?;
         let n = self.rows.len();
         match self.force.get_mut(..n) {
-            Some(forces) => self.geometry.pose_forces(&self.found, force, forces),
+            Some(forces) => self.geometry.pose_forces(&self.found, *force, forces),
             None => self.force = [f64::NAN; MOST],
         }
         Ok(())

@@ -84,6 +84,7 @@ use estimates::{Estimates, Observation};
 use exchange::Exchange;
 use exchange_state::Loss;
 use feedback::Feedback;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_actuator::geometry::{Fault, Geometry};
 use gusset_quantity::state;
 use gusset_quantity::state::TestState;
@@ -281,13 +282,13 @@ impl Port {
         if self.path.is_per_step() {
             self.exchange.state_mut().pend();
         }
-        self.guard.aims_from(&self.axes, &self.path.goal().disp);
+        self.guard.aims_from(&self.axes, AtStructure(&self.path.goal().disp));
     }
 
     /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
     #[inline]
     pub(crate) fn know(&mut self, share: f64) {
-        self.guard.aims_at(&self.axes, &self.path.goal().disp);
+        self.guard.aims_at(&self.axes, AtStructure(&self.path.goal().disp));
         self.path.know(share, &self.axes);
         if self.path.is_per_step() {
             self.exchange.state_mut().pend();
@@ -341,7 +342,7 @@ impl Port {
         } else {
             shortest
         };
-        let ends = [self.path.sent(), self.command()];
+        let ends = AtAxis([*self.path.sent(), *self.command()]);
         let steepest = |axis| self.steepest(axis);
         self.guard
             .way_time(ends, steepest, [share, tick], [shortest, unbounded])
@@ -377,10 +378,10 @@ impl Port {
             return Err(LinkFault::Refused);
         }
         let command = self.path.command();
-        self.guard.sent(&command.disp);
+        self.guard.sent(AtAxis(&command.disp));
         self.feedback.mark_command();
         self.tracking.note_sent(Some(dt));
-        let motion = [&*command.disp, &*command.vel];
+        let motion = AtAxis([&*command.disp, &*command.vel]);
         let outcome = self.exchange.send(sequence, [time, dt], motion);
         if outcome.is_err() {
             self.feedback.note_unsent();
@@ -482,7 +483,7 @@ impl Port {
     /// Moves a stale force along the known tangent, within its bounds, from the measured displacement to the target. Real-time: yes.
     pub(crate) fn extrapolate(&mut self) {
         let tangents = self.estimates.bounded(self.stiffness.own());
-        let target = &self.path.target().disp;
+        let target = AtStructure(&*self.path.target().disp);
         self.feedback.extrapolate(tangents, target);
     }
 
@@ -568,8 +569,8 @@ impl Port {
     /// Deformation that the structure asks for: B·x, in m; of an actuator the stroke for the pose B·x.
     #[inline]
     #[must_use]
-    pub fn target(&self) -> &[f64] {
-        &self.path.target().disp
+    pub fn target(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.path.target().disp)
     }
 
     /// Velocity of the target in m/s (it belongs to t − Δt/2 with the published start).
@@ -583,8 +584,8 @@ impl Port {
     /// The next command, in the specimen's unit.
     #[inline]
     #[must_use]
-    pub fn command(&self) -> &[f64] {
-        &self.path.command().disp
+    pub fn command(&self) -> AtAxis<&[f64]> {
+        AtAxis(&self.path.command().disp)
     }
 
     /// The loading unit, if its axes are actuators of one.

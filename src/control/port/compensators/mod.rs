@@ -18,6 +18,7 @@ use super::axis_motion::AxisMotion;
 use super::spec::Compensation;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_actuator::compensation::Parameter;
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, TestState};
@@ -254,8 +255,8 @@ impl Compensators {
     pub(crate) fn lead(
         &mut self,
         axes: &[Axis],
-        target: &AxisMotion,
-        command: &mut AxisMotion,
+        target: &AtStructure<AxisMotion>,
+        command: &mut AtAxis<AxisMotion>,
         is_published: bool,
     ) {
         self.keep();
@@ -269,7 +270,7 @@ impl Compensators {
         let (tick, pace) = (self.tick, self.pace);
         let is_published = is_published && self.are_differences();
         let targets = target.disp.iter().zip(&target.vel);
-        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        let commands = command.iter_mut();
         let axes = axes.iter().zip(commands).zip(targets);
         for (((axis, (command, command_vel)), (target, vel)), made) in axes.zip(&mut self.axes) {
             let disp = axis.disp_gain * target * made.metres;
@@ -295,8 +296,8 @@ impl Compensators {
         &mut self,
         axes: &[Axis],
         path: &TargetPath,
-        target: &AxisMotion,
-        command: &mut AxisMotion,
+        target: &AtStructure<AxisMotion>,
+        command: &mut AtAxis<AxisMotion>,
         (is_published, tick): (bool, &PacerTick),
     ) {
         let pace = if self.delay_in == DelayIn::TestTime {
@@ -318,8 +319,8 @@ impl Compensators {
         &mut self,
         axes: &[Axis],
         path: &TargetPath,
-        target: &AxisMotion,
-        command: &mut AxisMotion,
+        target: &AtStructure<AxisMotion>,
+        command: &mut AtAxis<AxisMotion>,
         (tick, pace): (&PacerTick, f64),
     ) {
         self.keep();
@@ -327,7 +328,7 @@ impl Compensators {
         self.velocities[0] = CommandVelocity::Led;
         let are_differences = self.are_differences();
         let targets = target.disp.iter().zip(&target.vel);
-        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        let commands = command.iter_mut();
         let axes = axes.iter().zip(commands).zip(targets);
         for (index, (((axis, (command, command_vel)), (target, vel)), made)) in
             axes.zip(&mut self.axes).enumerate()
