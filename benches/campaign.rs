@@ -17,9 +17,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use gusset_control::engine::{Connected, Control};
+use gusset_quantity::time::SimClock;
 use gusset_record::{Recorder, TimedEvent};
-use gusset_session::campaign::{Campaign, Task, plan, work};
-use gusset_session::rehearsal::{Staging, staged};
+use gusset_session::campaign::{Campaign, plan, work};
 use gusset_setup as setup;
 
 /// The frame of `config/frame-bouc-wen.toml` with a bilinear first storey, which OpenSees has too.
@@ -88,11 +89,12 @@ impl Bench {
     }
 }
 
+/// What differs between the tests of a study.
+const VARIED: &str = "structure.damping.rayleigh.mass_coefficient_per_s";
+
 /// `count` tests that differ in the damping.
 fn varied(count: u64) -> String {
-    format!(
-        "[[vary]]\nkey = \"structure.damping.rayleigh.mass_coefficient_per_s\"\nlinear = {{ from = 0.3, to = 0.5, count = {count} }}\n"
-    )
+    format!("[[vary]]\nkey = \"{VARIED}\"\nlinear = {{ from = 0.3, to = 0.5, count = {count} }}\n")
 }
 
 fn computed(campaign: &Campaign, jobs: usize) -> Duration {
@@ -116,15 +118,13 @@ fn overhead(bench: &mut Bench) {
         let ours = computed(&campaign, 1).as_secs_f64();
         let began = Instant::now();
         for index in 0..TASKS {
-            let task = Task::of(&campaign.study, index);
-            let test = campaign
-                .study
-                .loaded
-                .test
-                .varied(&task.sets)
-                .expect("a test");
+            let damping = 0.3 + 0.2 * index as f64 / (TASKS - 1) as f64;
+            let set = format!("{VARIED}={damping}");
+            let test = campaign.study.loaded.test.varied(&[set]).expect("a test");
             let experiment = setup::build_rehearsal(&test).expect("a test").experiment;
-            let _ = staged(experiment, Box::new(Nothing), Staging::AsItIs);
+            let clock = Box::new(SimClock::new());
+            let test = Connected::new(experiment, clock, Box::new(Nothing));
+            let _ = test.run(&Control::from(crossbeam_channel::never()));
         }
         let theirs = began.elapsed().as_secs_f64();
         ratios.push(ours / theirs);

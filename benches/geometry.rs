@@ -1,4 +1,4 @@
-//! What a loading unit costs in a tick: the strokes of a pose with the Jacobian, the measured pose by Newton from there, and
+//! Cost of a loading unit in a tick: the strokes of a pose with the Jacobian, the measured pose by Newton from there, and
 //! the forces of the platform.
 //!
 //! Run with `cargo bench --bench geometry`. Poses differ from tick to tick, and the measured one from the target by the lag of

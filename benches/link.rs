@@ -1,12 +1,12 @@
-//! Round trip of our own protocol against a raw ping-pong of the same bytes, in one process, busy-polling at both ends,
+//! Round trip of our protocol against a raw ping-pong of equally many bytes, in one process, busy-polling at both ends,
 //! with a recorder's writer at work beside them.
 //!
-//! `cargo bench --bench link`. Both ends spin, each on a processor of its own, so the machine needs two free ones; the
-//! writer shares the far end's, as in a run. Every round measures all three in turn, so that a machine that slows down
-//! slows all of them; what counts is the median of the rounds' ratios.
+//! `cargo bench --bench link`. Both ends spin, each on its own processor, so the machine needs two free ones. The
+//! writer shares the server's, as in a run. Every round measures all three in turn, so that a machine that slows down
+//! slows all of them. The result is the median of the rounds' ratios.
 //!
-//! *raw*: plain non-blocking sockets, nothing looked at. *moved*: the same bytes through our transports. *ours*: commands
-//! out and measurements in, encoded, checked and decoded at both ends, with a spring at the far one.
+//! *raw*: plain non-blocking sockets without any check. *moved*: the same bytes through our transports. *ours*: commands
+//! out and measurements in, encoded, checked and decoded at both ends, with a spring at the server.
 #![allow(clippy::disallowed_macros, reason = "a measurement is printed")]
 
 use std::io::{ErrorKind, Read, Write};
@@ -16,7 +16,6 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use gusset_config::Carrier;
-use gusset_link::native::unlimited_axis;
 use gusset_link::secret::read_key;
 use gusset_link::server::{Host, ServeOptions, Server};
 use gusset_link::{
@@ -27,19 +26,19 @@ use gusset_numerics::law::{LawSpec, LinearSpec};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
+use gusset_record::rt::os::{monotonic_ns, process_cpus};
 use gusset_record::writer::{Clocks, Writer, WriterSettings};
 use gusset_record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
 use gusset_wire::Side;
-use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
-use gusset_wire::native::{Decoder, Encoder, Frame, Kind, Moment, frame_len};
+use gusset_wire::native::{Decoder, Encoder, Frame, Moment};
 
 const ROUNDS: usize = 7;
 const EXCHANGES: usize = 20_000;
 const WARM_UP: usize = 2_000;
 const AXES: usize = 3;
-/// A row for every so many exchanges: some ten thousand a second.
+/// One row per this number of exchanges: some ten thousand a second.
 const ROW_EVERY: usize = 10;
 /// Columns of a row, as in a test of three DOFs.
 const COLUMNS: usize = 40;
@@ -61,13 +60,18 @@ fn pin(end: End) {
         End::Far => cpus.first(),
     };
     if let Some(cpu) = chosen {
-        pin_to(&[*cpu]).unwrap();
+        let mut set = rustix::thread::CpuSet::new();
+        set.set(*cpu);
+        rustix::thread::sched_setaffinity(None, &set).unwrap();
     }
 }
 
 fn spinning() -> SocketOptions {
     SocketOptions {
-        wait: Wait::SPIN,
+        wait: Wait {
+            spin_first_ns: u64::MAX,
+            spin_last_ns: 0,
+        },
         ..SocketOptions::default()
     }
 }
@@ -239,10 +243,10 @@ fn measure(recorder: &mut RingRecorder, mut exchange: impl FnMut(u64)) -> Times 
 }
 
 fn lengths(keyed: bool) -> (usize, usize) {
-    (
-        frame_len(Kind::Command, AXES, keyed),
-        frame_len(Kind::Measurement, AXES, keyed),
-    )
+    // Words of the header, of what stands before the vectors, and of the vectors.
+    let (command, measurement) = (4 + 3 + 2 * AXES, 4 + 4 + 2 * AXES + 4 * (1 + AXES));
+    let trailer = if keyed { 20 } else { 4 };
+    (8 * command + trailer, 8 * measurement + trailer)
 }
 
 /// Nothing but the system's calls.
@@ -297,7 +301,7 @@ fn udp_pair() -> (UdpSocket, UdpSocket) {
     (a, b)
 }
 
-/// As many bytes as a command one way, as a measurement the other; nothing is looked at.
+/// As many bytes as a command one way, as a measurement the other; nothing is checked.
 fn raw(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
     let (near, far): (Box<dyn Bare>, Box<dyn Bare>) = match carrier {
         Carrier::Tcp | Carrier::Tls => {
@@ -332,7 +336,7 @@ impl Bare for Box<dyn Transport> {
     }
 }
 
-/// The same through our transports.
+/// Round trips through our transports.
 fn moved(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
     let ends: [Box<dyn Transport>; 2] = match carrier {
         Carrier::Tcp | Carrier::Tls => {
@@ -390,7 +394,12 @@ fn whole(end: &mut dyn Bare, length: usize) -> bool {
 
 fn axes() -> Vec<Axis> {
     (1..=AXES)
-        .map(|j| unlimited_axis(format!("axis {j}"), Unit::Metre, Unit::Newton))
+        .map(|j| Axis {
+            name: format!("axis {j}"),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        })
         .collect()
 }
 

@@ -13,7 +13,7 @@ use gusset_link::server::{ServeOptions, Server};
 use gusset_link::{SocketOptions, TcpTransport, Transport, UdpTransport};
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset_record::rt::os::{monotonic_ns, pin_to, process_cpus};
+use gusset_record::rt::os::{monotonic_ns, process_cpus};
 use gusset_wire::openfresco::{Carrier, Peer};
 
 const STEPS: u64 = 20_000;
@@ -25,7 +25,11 @@ fn pin(far: bool) {
     static CPUS: std::sync::OnceLock<Vec<usize>> = std::sync::OnceLock::new();
     let cpus = CPUS.get_or_init(process_cpus);
     let chosen = if far { cpus.last() } else { cpus.first() };
-    let _ = chosen.map(|cpu| pin_to(&[*cpu]));
+    if let Some(cpu) = chosen {
+        let mut set = rustix::thread::CpuSet::new();
+        set.set(*cpu);
+        let _ = rustix::thread::sched_setaffinity(None, &set);
+    }
 }
 
 fn median_us(mut times: Vec<u64>) -> f64 {
@@ -33,7 +37,7 @@ fn median_us(mut times: Vec<u64>) -> f64 {
     times[times.len() / 2] as f64 * 1e-3
 }
 
-/// Command and request, 2 × 8N bytes, out; 8N bytes back; then a commit that nobody answers.
+/// Command and request, 2 × 8N bytes, out; 8N bytes back; then a commit without an answer.
 fn raw(carrier: Carrier, vector: usize) -> f64 {
     let options = SocketOptions::default();
     let (mut near, mut far): (Box<dyn Transport>, Box<dyn Transport>) = match carrier {

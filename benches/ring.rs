@@ -1,8 +1,8 @@
 //! Rows of 40 doubles from one thread to another: rtrb, as the recorder uses it, against crossbeam-channel.
 //!
-//! `through` is the whole way of 4096 rows with the other thread draining as it can; `push` is what the loop pays
-//! for one row while there is room and nobody reads. `read_back` is the way from the bytes of `samples.bin` to
-//! checked rows. Compare the ratios of one run, not the figures of two.
+//! `through` sends 4096 rows through the ring while the other thread drains it as fast as it can. `push` is the
+//! loop's cost of one row while the ring has room and no thread reads. `read_back` turns the bytes of `samples.bin`
+//! into checked rows. Compare the ratios of one run, not the figures of two.
 
 use std::hint::black_box;
 

@@ -1,8 +1,8 @@
 //! What one tick costs, measured inside the loop: from the decoded reply to the row pushed, on the README's study.
 //!
 //! Run with `cargo bench --bench tick`. The loop runs free (its clock jumps where it would sleep), so caches are as warm as
-//! they get; the same quantities in real time stand in every run's report. The opponent is the bare arithmetic of the
-//! step: one force evaluation and one solve, no port, no row, no histogram, no clock.
+//! they get. Every run's report gives these quantities in real time. The reference is the bare arithmetic of the step: one
+//! force evaluation and one solve, no port, no row, no histogram, no clock.
 
 #![allow(clippy::disallowed_macros, reason = "a bench prints its result")]
 
@@ -19,7 +19,7 @@ use gusset_record::rt::os::monotonic_ns;
 use gusset_record::{RingSize, WhenFull, ring};
 use gusset_setup as setup;
 
-/// Real readings and a memory of every one; whoever would sleep is at once where he wants to wake up.
+/// Reads the real clock and remembers every reading; instead of sleeping, it jumps to the wake-up time.
 #[derive(Debug)]
 struct FreeRunning {
     readings: Arc<Mutex<Vec<u64>>>,
@@ -93,7 +93,7 @@ fn ticks(sets: &[&str]) -> (Vec<u64>, Vec<u64>, u64) {
     let before = move || mark.lock().expect("one thread").clear();
     let outcome = Connected::new(test.experiment, Box::new(clock), Box::new(recorder))
         .watched(Some(Box::new(before)), None)
-        .run(&Control::unattended())
+        .run(&Control::from(crossbeam_channel::never()))
         .into_outcome();
     let all = readings.lock().expect("one thread").clone();
     let between = |from: usize| {
@@ -137,7 +137,7 @@ fn main() {
     watching();
 }
 
-/// Exchanges in one measurement of what watching costs.
+/// Exchanges in one measurement of the cost of watching.
 const EXCHANGES: u32 = 200_000;
 
 /// What judging and estimating cost in all, apart from the tick: exchanges with and without them, in turns.
@@ -148,7 +148,7 @@ fn watching() {
     let dofs = test.facts.structure.map_or(0, |structure| structure.dofs);
     let (mut disp, mut vel) = (vec![0.0; dofs], vec![0.0; dofs]);
     let mut sequence = 0;
-    // One exchange with so many judgements of the command and of the measurement; ns.
+    // One exchange with this number of checks of the command and of the measurement; ns.
     let mut exchanges = |clears: u32, judges: u32| {
         let began = monotonic_ns();
         for _ in 0..EXCHANGES {
@@ -214,7 +214,7 @@ fn audit_ns() -> f64 {
     times[times.len() / 2]
 }
 
-/// The same structure, stepped by hand; the specimen's force is left out.
+/// Those steps by hand, without the specimen's force.
 fn bare_steps(steps: usize) -> Vec<u64> {
     let loaded = config::load(Path::new("config/frame-bouc-wen.toml"), &[]).expect("a valid study");
     let test = setup::build(&loaded).expect("a study that can be built");

@@ -1,9 +1,9 @@
-//! What a transfer system and a compensator cost in a tick at 4096 Hz.
+//! Cost of a transfer system and a compensator in a tick at 4096 Hz.
 //!
 //! Run with `cargo bench --bench transfer`. One tick is `observe` and `predict` of the compensator and `trial` and `commit` of
 //! the benchmark's plant with its noisy sensors, as in a test in process; the median over batches of 64 ticks, so that the
-//! clock is not what is measured. Goals: 0.3 µs for the plant with what does not adapt, 2 µs with ATS, AMB and the recursive
-//! least squares.
+//! clock itself is not measured. Goals: 0.3 µs for the plant with compensators that do not adapt, 2 µs with ATS, AMB and the
+//! recursive least squares.
 
 #![allow(clippy::disallowed_macros, reason = "a bench prints its result")]
 

@@ -1,7 +1,7 @@
-//! A separate binary: it names nothing of the crate, so `rustc --test` builds it in seconds.
+//! A separate binary: it uses nothing of the crate, so `rustc --test` builds it in seconds.
 //!
-//! The compiler keeps the direction of dependencies between the members of the workspace. Here stand the rules that it does not
-//! know.
+//! The compiler keeps the direction of dependencies between the members of the workspace. These tests keep the rules that it does
+//! not know.
 
 #[path = "dependency/cycles.rs"]
 mod cycles;
@@ -9,7 +9,7 @@ mod cycles;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Members, and modules of them, that know no system: no files, sockets, threads, clocks or logs.
+/// Members and modules without system calls: no files, sockets, threads, clocks or logs.
 const PURE: &[&str] = &[
     "quantity/catalog",
     "quantity/finding",
@@ -44,6 +44,23 @@ const SYSTEM: &[&str] = &[
     "SystemTime",
 ];
 
+/// Types whose state is not derived: `state!` takes a type apart without `..`, so that no field is forgotten. These take all of
+/// their fields or variants apart by hand, or have one of a single kind.
+const STATES_BY_HAND: &[&str] = &[
+    "Aligned",
+    "Delay",
+    "Elements",
+    "Exchange",
+    "ExchangeState",
+    "Hold",
+    "Kept",
+    "Phase",
+    "Side",
+    "Slider",
+    "Status",
+    "Stepper",
+];
+
 fn sources() -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut open = vec![PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("src")];
@@ -61,7 +78,7 @@ fn sources() -> Vec<PathBuf> {
     found
 }
 
-/// The file without its tests and without comments: what the program is made of.
+/// The code of the file without its tests and comments.
 fn code_of(path: &Path) -> String {
     // A test may take its material from anywhere.
     let inside = path
@@ -105,7 +122,7 @@ fn pure_modules_do_not_touch_the_system() {
 }
 
 #[test]
-fn unsafe_code_stands_in_one_file_only() {
+fn unsafe_code_is_in_one_file_only() {
     for path in sources() {
         let code = code_of(&path);
         let unsafe_here = code.contains("unsafe {") || code.contains("unsafe fn");
@@ -118,6 +135,23 @@ fn unsafe_code_stands_in_one_file_only() {
 }
 
 /// Nothing but the sparse solver, and the eigenvalues of a loop, with which no test computes.
+#[test]
+fn few_states_are_written_by_hand() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    for path in sources() {
+        if path == root.join("quantity/state.rs") {
+            continue;
+        }
+        for rest in code_of(&path).split("Stateful for ").skip(1) {
+            let name = rest.split(|c: char| !c.is_alphanumeric()).next();
+            found.push(name.unwrap().to_owned());
+        }
+    }
+    found.sort();
+    assert_eq!(found, STATES_BY_HAND, "derive the others with `state!`");
+}
+
 #[test]
 fn only_two_files_name_faer() {
     for path in sources() {
@@ -167,7 +201,7 @@ fn comments() -> Vec<(PathBuf, String)> {
 }
 
 #[test]
-fn comments_cite_only_documents_of_the_project() {
+fn comments_cite_only_project_documents() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut wrong = Vec::new();
     for (path, text) in comments() {
@@ -228,7 +262,7 @@ fn program() -> String {
 }
 
 #[test]
-fn troubleshooting_quotes_messages_of_the_program() {
+fn troubleshooting_quotes_program_messages() {
     let program = program();
     let page = include_str!("../src/guide/troubleshooting.md");
     let (mut quoted, mut wrong, mut in_table) = (0, Vec::new(), false);

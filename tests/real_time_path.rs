@@ -2,9 +2,9 @@
 //!
 //! A separate binary: it starts itself as a child process, and a system-call filter kills that process.
 //!
-//! Allocations: a run that the operator ends at the first tick is subtracted from a whole one, on this thread; what is left
-//! happened between the two hooks. System calls: a child process runs the loop under a seccomp filter that lets two calls
-//! through and kills the process at any other; a second child that makes one more call must die, so the filter bites.
+//! Allocations: a run that the operator ends at the first tick is subtracted from a whole one, on this thread; the difference
+//! happened between the two hooks. System calls: a child process runs the loop under a seccomp filter that allows two calls and
+//! kills the process at any other. A second child that makes one more call must die, so the filter works.
 
 mod common;
 
@@ -206,13 +206,13 @@ fn no_tick_allocates_whatever_the_structure() {
 
 /// Misses, stretches, stale data and the events about them are on the path too.
 #[test]
-fn a_tick_that_is_late_or_stale_does_not_allocate_either() {
+fn late_or_stale_tick_does_not_allocate() {
     let experiment = || {
         let mut experiment = prepare(FRAME).experiment;
         experiment.limits.on_miss = OnMiss::Stretch;
         experiment.limits.extrapolate_stale = true;
         let log = Log::default();
-        // The log itself must not grow: what a rig writes down is taken away at once.
+        // The log itself must not grow: each entry of a rig is removed at once.
         let own = log.clone();
         own.lock().unwrap().reserve(64);
         attach(
@@ -237,7 +237,7 @@ fn a_tick_that_is_late_or_stale_does_not_allocate_either() {
     assert_eq!(whole, once);
 }
 
-/// Says to the child which run it is to make.
+/// Names the run that the child must make.
 const CHILD: &str = "GUSSET_TEST_SECCOMP_CHILD";
 /// The child could not install the filter.
 const NOT_PERMITTED: i32 = 77;
@@ -257,7 +257,7 @@ fn spawn_child(mode: &str) -> ExitStatus {
 
 #[test]
 #[expect(clippy::disallowed_macros, reason = "a skipped test must be reported")]
-fn no_tick_makes_a_system_call_other_than_the_clocks() {
+fn ticks_make_only_the_clocks_system_calls() {
     let quiet = spawn_child("quiet");
     if quiet.code() == Some(NOT_PERMITTED) {
         eprintln!(
@@ -271,14 +271,14 @@ fn no_tick_makes_a_system_call_other_than_the_clocks() {
     assert_eq!((chatty.code(), chatty.signal()), (None, Some(libc::SIGSYS)));
 }
 
-/// Not a test of its own: what the children run.
+/// No separate test: the children run this.
 #[test]
-#[ignore = "run by no_tick_makes_a_system_call_other_than_the_clocks in separate processes"]
+#[ignore = "run by ticks_make_only_the_clocks_system_calls in separate processes"]
 fn in_the_child() {
     let Ok(mode) = std::env::var(CHILD) else {
         return;
     };
-    // The static load comes on in few exchanges: the call more is one of the test's own.
+    // The static load comes in few exchanges: the extra call is in the test.
     let short = FRAME.replace("duration_s = 2.5", "duration_s = 1");
     let short = format!("safety.ramp_s = 0\n{short}");
     let mut experiment = prepare(&short).experiment;
@@ -286,7 +286,7 @@ fn in_the_child() {
     for limit in [Limit::MissesInARow, Limit::Misses] {
         experiment.limits.test.set(limit, Bound::NONE);
     }
-    // The same rig for both, but for its one call more.
+    // Both use this rig, except for the chatty one's extra call.
     let log = Log::default();
     log.lock().unwrap().reserve(1 << 16);
     attach(
@@ -321,7 +321,7 @@ fn in_the_child() {
         };
         Connected::new(experiment, clock, Box::new(recorder))
             .watched(Some(Box::new(before)), Some(Box::new(after)))
-            .run(&Control::unattended());
+            .run(&Control::from(crossbeam_channel::never()));
     });
     while !done.load(Ordering::Acquire) {
         if thread.is_finished() {

@@ -1,6 +1,6 @@
 //! Banded models: the solve of one step beside a straightforward banded Cholesky solve.
 
-use gusset_numerics::linalg::{Spd, Storage, SymMatrix};
+use gusset_numerics::linalg::{Spd, SymMatrix};
 
 use crate::{timed, verdict};
 
@@ -79,7 +79,7 @@ pub fn run() {
     );
     for b in [8, 32] {
         let matrix = model(b);
-        let mut factor = Spd::factor_as(&matrix, Storage::Banded).expect("definite");
+        let mut factor = Spd::factor(&matrix).expect("definite");
         let rhs: Vec<f64> = (0..N).map(|i| ((7 * i + 3) % 11) as f64 - 5.0).collect();
         let (mut x, mut y) = (rhs.clone(), rhs.clone());
         let (ours, _) = timed(400, |_| {
@@ -96,7 +96,7 @@ pub fn run() {
             .zip(&y)
             .fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()));
         assert!(apart < 1e-11, "{apart}");
-        let chosen = Spd::factor(&matrix).expect("definite").storage();
+        let chosen = factor.storage();
         println!(
             "{b:>15}{:>10}{:>10.4}{:>10.4}{:>7.2}x{GOAL:>8}  {}",
             chosen.to_string(),

@@ -5,15 +5,21 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gusset_evidence::frontier::plane_frame;
-use gusset_numerics::linalg::{Spd, Storage, SymMatrix};
+use gusset_control::engine::Side;
+use gusset_evidence::frontier::Scalable;
+use gusset_numerics::linalg::{Spd, SymMatrix};
 
 use crate::timed;
 
 /// M_eff = M + Δt²/4 K of the frame of `gusset jitter --model frame`: what a step of λ = 4 solves.
-fn frame(columns: usize, storeys: usize) -> SymMatrix {
-    let (mass, stiffness) = plane_frame(columns, storeys);
-    mass.plus(1e-6 / 4.0, &stiffness)
+fn frame(n: usize) -> SymMatrix {
+    let n = Scalable::Frame.size_near(n);
+    let Ok(Side::Structure(numerical)) = Scalable::Frame.side(n, 1e-3, 1) else {
+        panic!("no frame of {n}");
+    };
+    let structure = &numerical.structure;
+    let stiffness = structure.reference_stiffness();
+    structure.mass().plus(1e-6 / 4.0, &stiffness)
 }
 
 /// A cube of joints with three translations each, springs along edges and face diagonals: 3 side³ unknowns.
@@ -79,14 +85,14 @@ pub fn run(folder: Option<&Path>) {
         "model", "n", "stored", "storage", "ours", "bytes/solve", "GB/s"
     );
     for (name, matrix) in [
-        ("plane-frame", frame(57, 58)),
+        ("plane-frame", frame(3 * 57 * 58)),
         ("space-grid", space_grid(15)),
     ] {
         if let Some(folder) = folder {
             export(folder, name, &matrix).expect("the folder takes the matrix");
         }
         let n = matrix.n();
-        let mut factor = Spd::factor_as(&matrix, Storage::Sparse).expect("definite");
+        let mut factor = Spd::factor(&matrix).expect("definite");
         let rhs: Vec<f64> = (0..n).map(|i| ((7 * i + 3) % 11) as f64 - 5.0).collect();
         let mut x = rhs.clone();
         let (p50, _) = timed(100, |_| {
@@ -97,7 +103,7 @@ pub fn run(folder: Option<&Path>) {
         matrix.subtract_product(&x, &mut left);
         let worst = left.iter().fold(0.0, |m: f64, r| m.max(r.abs()));
         assert!(worst < 1e-11, "{worst}");
-        let chosen = Spd::factor(&matrix).expect("definite").storage();
+        let chosen = factor.storage();
         let bytes = factor.bytes();
         println!(
             "{name:>14}{n:>8}{:>11}{:>10}{p50:>11.1}{bytes:>13}{:>11.1}",

@@ -1,4 +1,4 @@
-//! Loading units, actuators, compensators and computed specimens, as values: the way from a command to the force of a specimen.
+//! Loading units, actuators, compensators and computed specimens, as values: from a command to the force of a specimen.
 //!
 //! [`geometry`] turns the pose of a loading unit into the strokes of its actuators, and back. [`transfer`] simulates delay, actuator,
 //! limits and sensors. [`compensation`] computes commands that make up for the lag of an actuator. [`specimen`] holds the specimens

@@ -1,9 +1,9 @@
-//! What is said on stderr while something runs: to a reader who may not be reading.
+//! Messages on stderr while something runs: their reader is perhaps not reading.
 //!
-//! A terminal that is halted (Ctrl-S), a connection that sleeps, or a pipe or socket that nobody empties takes no more than its
-//! buffer holds, and then keeps whoever writes to it. That must be neither a specimen's end, nor the writer of the rows, nor a loop
-//! that panics on its way to retirement. So what is said here waits [`PATIENCE_MS`] once and is dropped from then on, until
-//! the reader is back; then it is told how much it missed. A regular file is always written to.
+//! A terminal that is halted (Ctrl-S), a sleeping connection, or a pipe or socket without a reader takes no more than its buffer
+//! holds, and then blocks its writer. It must block neither a specimen's end, nor the writer of the rows, nor a loop that panics
+//! before retirement. So a message waits [`PATIENCE_MS`] once; later ones are dropped until the reader is back. Then a line
+//! reports how many it missed. A regular file is always written to.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -22,11 +22,11 @@ const PATIENCE_MS: i64 = 5;
 struct Aside<W> {
     out: W,
     missed: u64,
-    /// Half a line stands there.
+    /// A line was written halfway.
     broken: bool,
 }
 
-/// What says that it is full instead of waiting.
+/// A writer that reports that it is full instead of waiting.
 trait Hasty {
     /// As [`Write::write`]; [`io::ErrorKind::WouldBlock`] where there is no room.
     fn offer(&mut self, bytes: &[u8]) -> io::Result<usize>;
@@ -69,7 +69,7 @@ impl<W: Hasty> Aside<W> {
                     self.broken |= rest.len() < whole.len();
                     return;
                 }
-                // Hung up: nobody will ever read.
+                // Hung up: no reader will come back.
                 Ok(_) | Err(_) => return,
             }
         }
@@ -77,12 +77,12 @@ impl<W: Hasty> Aside<W> {
     }
 }
 
-/// Stderr, so that it does not make its writer wait. Whether a file waits is shared with whoever else has it, and not ours
-/// to change.
+/// Stderr, so that it does not make its writer wait. All users of a file share its blocking mode, which is not ours to
+/// change.
 enum Stderr {
-    /// A regular file, which has no reader; and what cannot be opened.
+    /// A regular file, which has no reader; and a file that cannot be opened.
     Plain,
-    /// A pipe or a terminal, opened anew.
+    /// A pipe or a terminal, opened again.
     Anew(File),
     /// A socket, which cannot be opened, but asked each time not to wait.
     Socket(File),
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
     use std::io::Read;
 
-    /// A pipe of so much room.
+    /// A pipe with this much room.
     #[derive(Default)]
     struct Pipe {
         room: usize,
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_who_does_not_read_is_waited_for_once_and_later_told_what_it_missed() {
+    fn silent_reader_is_waited_for_once() {
         let mut aside = Aside::new(Pipe {
             room: 8,
             ..Pipe::default()
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_socket_that_nobody_empties_is_not_waited_for_although_its_own_writes_would() {
+    fn full_socket_is_not_waited_for() {
         let (writer, mut reader) = std::os::unix::net::UnixStream::pair().unwrap();
         writer.set_nonblocking(true).unwrap();
         while (&writer).write(b".").is_ok() {}

@@ -1,4 +1,4 @@
-//! The operator at the terminal where a test was started: what was read while zeroing, and whether to go on.
+//! The operator at the terminal of the test: shows the readings of the zeroing, and asks whether to continue.
 
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ use gusset_setup::Facts;
 /// Time between two looks for room on the operator's line.
 const ROOM: Duration = Duration::from_millis(5);
 
-/// Refuses a test that needs a confirmation nobody can give; one that is given unseen is among its warnings.
+/// Refuses a test that needs a confirmation without a terminal; adds a warning if `--yes` confirms it unseen.
 pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     if facts.confirm && !yes && !std::io::stdin().is_terminal() {
         let text = "what the sensors read must be confirmed before anything moves, and there is no terminal; `--yes` \
@@ -32,7 +32,7 @@ pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Who attends a test where it was started.
+/// Helper at the terminal where a test was started.
 pub struct Attendant {
     /// The specimens'.
     pub names: Vec<String>,
@@ -40,11 +40,11 @@ pub struct Attendant {
     pub units: Vec<Vec<[&'static str; 2]>>,
     /// The run folder.
     pub run: PathBuf,
-    /// Where the test stands.
+    /// State of the test.
     pub phase: PhaseCell,
     /// The operator's end of the line.
     pub operator: Sender<Operator>,
-    /// What is read is confirmed unseen.
+    /// Readings are confirmed unseen.
     pub yes: bool,
 }
 
@@ -82,7 +82,7 @@ impl Attendant {
         ));
     }
 
-    /// Asks at the terminal, as long as nobody else has confirmed it.
+    /// Asks at the terminal until the readings are confirmed elsewhere.
     fn is_confirmed_here(&self) -> bool {
         let run = self.run.display();
         let question = Question {
@@ -98,7 +98,7 @@ impl Attendant {
         answered == Answered::Yes
     }
 
-    /// Says that what was read is right, and nothing else: who holds the test still does.
+    /// Confirms the readings, and nothing else: an active hold continues.
     fn confirm(&self) {
         while self.phase.glimpse().unconfirmed
             && matches!(
@@ -142,7 +142,7 @@ mod tests {
     use gusset_control::engine::{Glimpse, Phase};
 
     #[test]
-    fn the_noise_of_one_reading_is_not_known_and_no_zero() {
+    fn noise_of_one_reading_is_unknown() {
         let mut reading = Reading {
             count: 1,
             disp: 0.5,
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn readings_to_confirm_have_the_digits_that_their_noise_resolves() {
+    fn readings_show_the_digits_of_their_noise() {
         let reading = Reading {
             count: 100,
             disp: 123.456_789_4,
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_confirmation_ends_no_hold_and_is_not_said_where_nobody_asks_for_it() {
+    fn confirmation_ends_no_hold() {
         let (operator, heard) = crossbeam_channel::bounded(4);
         let attendant = Attendant {
             names: Vec::new(),

@@ -207,7 +207,7 @@ fn proof(text: &str, seed: Option<u64>) -> anyhow::Result<Prove> {
     })
 }
 
-/// Collects the results and shows what was found.
+/// Collects the results and shows the findings.
 fn conclude(
     campaign: &Campaign,
     prove: Prove,

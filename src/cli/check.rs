@@ -1,4 +1,4 @@
-//! `gusset check`: reads a test, judges it and shows what it needs. Nothing moves.
+//! `gusset check`: reads a test, judges it and shows its needs. Nothing moves.
 
 mod brief;
 mod json;

@@ -30,6 +30,17 @@ impl Section {
         self.add(name, text, true);
     }
 
+    /// The short form has the first of these rows, and the number of the others.
+    fn add_all(&mut self, rows: impl ExactSizeIterator<Item = (String, String)>) {
+        let others = rows.len().saturating_sub(MOST_ROWS);
+        for (place, (name, mut text)) in rows.enumerate() {
+            if others > 0 && place + 1 == MOST_ROWS {
+                text.push_str(&format!("; {others} more with `--status full`"));
+            }
+            self.add(&name, text, place < MOST_ROWS);
+        }
+    }
+
     fn add(&mut self, name: &str, text: impl Into<String>, short: bool) {
         self.1.push(Row {
             name: name.to_owned(),
@@ -266,18 +277,7 @@ fn forces(section: &mut Section, facts: &Facts, summary: &Summary) {
         found.push((value, format!("{when}, {name}"), text));
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let others = found.len().saturating_sub(MOST_ROWS);
-    for (place, (_, name, mut text)) in found.into_iter().enumerate() {
-        if others > 0 && place + 1 == MOST_ROWS {
-            text.push_str(&more(others));
-        }
-        section.add(&name, text, place < MOST_ROWS);
-    }
-}
-
-/// Says that the short form leaves out rows.
-fn more(others: usize) -> String {
-    format!("; {others} more with `--status full`")
+    section.add_all(found.into_iter().map(|(_, name, text)| (name, text)));
 }
 
 /// How an axis followed its target, in words.
@@ -321,16 +321,10 @@ fn tracking(summary: &Summary, page: Option<&Page>) -> Section {
     }
     // The short form has the axes that followed worst.
     axes.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let others = axes.len().saturating_sub(MOST_ROWS);
-    for (place, (_, name, mut text)) in axes.into_iter().enumerate() {
-        if others > 0 && place + 1 == MOST_ROWS {
-            text.push_str(&more(others));
-        }
-        section.add(&format!("tracking, {name}"), text, place < MOST_ROWS);
-    }
-    for (place, text) in summary.metrics_missing.iter().enumerate() {
-        section.add("not known", text.clone(), place < MOST_ROWS);
-    }
+    let axes = axes.into_iter();
+    section.add_all(axes.map(|(_, name, text)| (format!("tracking, {name}"), text)));
+    let missing = summary.metrics_missing.iter();
+    section.add_all(missing.map(|text| ("not known".to_owned(), text.clone())));
     for (place, axis) in page.iter().flat_map(|page| &page.identified).enumerate() {
         let unknown = || "unknown".to_owned();
         let stiffness = axis.stiffness.as_ref();
@@ -403,7 +397,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_resumed_test_claims_its_own_steps_only() {
+    fn resume_claims_only_steps_made_there() {
         let dt = 1.0 / 256.0;
         assert_eq!(tested(5120, None, dt), "5120 steps of 3.906 ms: 20 s");
         let own = "steps 1870 to 5120 of 3.906 ms: 12.699 s";

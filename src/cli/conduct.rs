@@ -1,5 +1,4 @@
-//! What every command that takes specimens through a run shares: the folder, who attends, and how a run that could not be made
-//! is told.
+//! Common part of all commands that take specimens through a run: the folder, the attendant, and reports of failed runs.
 
 use std::path::Path;
 
@@ -28,7 +27,7 @@ pub(super) fn obey(judged: &Judged) -> anyhow::Result<()> {
     }
 }
 
-/// Shows the findings of a verdict, and refuses what it judges (a "test" or a "gateway") if it forbids it.
+/// Shows the findings of a verdict. Refuses the judged subject (a "test" or a "gateway") if it forbids it.
 pub(super) fn obey_verdict(verdict: &Verdict, locator: &Locator, what: &str) -> anyhow::Result<()> {
     let found = locator.diagnose_all(verdict.shown(false));
     if !verdict.forbids() {
@@ -47,7 +46,7 @@ pub(super) fn obey_verdict(verdict: &Verdict, locator: &Locator, what: &str) -> 
     Err(WithExit(Exit::Usage, text).into())
 }
 
-/// The folder that was asked for, or one of its own.
+/// The requested folder, or a new default one.
 pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolder> {
     match out {
         Some(path) => RunFolder::create(path),
@@ -56,7 +55,7 @@ pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolde
     .context("the run folder cannot be made")
 }
 
-/// The loop hears the signals and the desk; its notices are attended to from now on.
+/// Connects the loop with the signals and the control socket, and attends to its notices from now on.
 pub(super) fn attended(
     signals: &Signals,
     facts: &Facts,
@@ -78,11 +77,11 @@ pub(super) fn attended(
         requests: signals.requests(),
         notices,
         phase,
-        desk: Some(signals.operator()),
+        request_socket: Some(signals.operator()),
     })
 }
 
-/// What came of a run; what of it could not be written is told.
+/// The result of a run; reports the files that could not be written.
 pub(super) fn finished(run: Result<Finished, SessionError>) -> anyhow::Result<Finished> {
     let finished = run.map_err(|error| match error {
         SessionError::NotRealTime { .. } => {

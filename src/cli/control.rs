@@ -23,7 +23,7 @@ use gusset_setup::{Prepared, position_reader};
 const SERVER_READS: Duration = Duration::from_millis(1500);
 const RESET_READS: Duration = Duration::from_secs(10);
 
-/// Clears what is recorded of the specimen of a server, or of the specimens of a file.
+/// Clears the record of the specimen of a server, or of the specimens of a file.
 pub fn reset(args: &ResetArgs) -> anyhow::Result<Exit> {
     let place = ControlPlace::at(&args.control);
     let beside = ControlPlace::at(&args.control.with_extension("control.sock"));
@@ -117,7 +117,7 @@ fn reset_file(args: &ResetArgs, file: &Path) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Asks the operator whether the specimen stands where it may.
+/// Asks the operator whether the specimen is at an allowed position.
 fn confirm(args: &ResetArgs) -> anyhow::Result<()> {
     if args.yes {
         return Ok(());
@@ -163,7 +163,7 @@ fn link_of(table: &SpecimenTable) -> Option<(&'static str, String)> {
     Some((family, link.address.clone()))
 }
 
-/// The lasting record of a specimen of `file`. What is computed belongs to its file.
+/// The lasting record of a specimen of `file`. A computed specimen belongs to its file.
 fn key_of(table: &SpecimenTable, file: &Path) -> Result<SpecimenKey, LastingError> {
     match link_of(table) {
         Some((family, address)) => SpecimenKey::of_link(family, &address),
@@ -171,7 +171,7 @@ fn key_of(table: &SpecimenTable, file: &Path) -> Result<SpecimenKey, LastingErro
     }
 }
 
-/// The lasting records of the specimens of a test, which `what` moves.
+/// The lasting records of the specimens of a test that `what` moves.
 pub fn records(test: &Prepared, what: &'static str) -> Option<SpecimenRecords> {
     let tables = &test.loaded.as_ref()?.file.specimen;
     let links = tables.iter().map(link_of).collect();
@@ -296,7 +296,7 @@ fn old_latch_beside(file: &Path, among: Option<&str>) -> PathBuf {
     file.with_file_name(name)
 }
 
-/// The socket is in the folder of --out, or beside the file, unless --control says otherwise.
+/// The socket is in the folder of --out, or beside the file, unless --control is given.
 fn place_of(args: &ServeArgs) -> PathBuf {
     match (&args.control, &args.out) {
         (Some(path), _) | (None, Some(path)) => path.clone(),

@@ -1,4 +1,4 @@
-//! What stands in a status that is no sentence: bars, gauges, numbers in a few letters.
+//! Parts of a status that are not sentences: bars, gauges, short numbers.
 
 use gusset_quantity::units::quantity;
 use gusset_view::live::Mark;
@@ -45,7 +45,7 @@ pub fn bar(share: f64, width: usize) -> String {
         .collect()
 }
 
-/// A number in a few letters; a dash where there is none.
+/// A short number; a dash if it does not exist.
 pub fn short(value: f64, unit: &str) -> String {
     if value.is_nan() {
         return "-".to_owned();

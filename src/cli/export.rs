@@ -37,7 +37,7 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
         FormatArg::Trace => Format::Trace,
         FormatArg::DesignSafe => Format::DesignSafe,
     };
-    // A folder that holds a copy of the run is none of the run's own.
+    // A folder that holds a copy of the run does not belong to the run.
     let parent = args.out.parent().map(|parent| match parent.as_os_str() {
         here if here.is_empty() => Path::new("."),
         _ => parent,
@@ -54,7 +54,7 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
     let extra = extra(args, format, &run, choice.rows)?;
     let exported = export::export(&run, format, &choice, &extra, &args.out)
         .context("the run cannot be exported")?;
-    // Units and names of what was exported stand in a file that anybody may have edited.
+    // Units and names of the exported columns come from a file that anyone may have edited.
     if let Some(error) = session::altered(&run) {
         tell(format_args!("warning: {error}"));
     }

@@ -21,7 +21,7 @@ use gusset_session::{Signal, Signals};
 /// Beyond this rate no clock of ours ticks.
 const HIGHEST_HZ: f64 = 1e6;
 
-/// Ticks per second, where none are asked for.
+/// Default ticks per second.
 const USUAL_RATES: [&str; 5] = ["256", "512", "1024", "2048", "4096"];
 
 /// Searches at all rates, from the highest, draws and writes.
@@ -97,7 +97,7 @@ fn rates(args: &JitterArgs) -> anyhow::Result<Vec<Ratio>> {
     Ok(rates)
 }
 
-/// The folder of the results, made anew.
+/// The folder of the results, newly made.
 fn folder(args: &JitterArgs, model: Scalable) -> anyhow::Result<PathBuf> {
     let made = match &args.out {
         Some(path) => RunFolder::create(path),

@@ -129,7 +129,7 @@ fn no_such_topic(topic: &str) -> String {
         names.push(&entry.path);
         names.extend(entry.path.rsplit('.').next());
     }
-    // A name with other letters than those of a slip is no help.
+    // A name that differs by more than a slip is no help.
     let is_a_slip =
         |name: &&str| strsim::osa_distance(&topic.to_lowercase(), name) <= topic.len() / 4;
     let near = match nearest(topic, &names).filter(is_a_slip) {
@@ -160,7 +160,7 @@ fn paged(text: &str) -> bool {
         return false;
     };
     if let Some(mut input) = child.stdin.take() {
-        // A reader who has seen enough closes the pager.
+        // A reader may close the pager early.
         let _closed_early = writeln!(input, "{text}");
     }
     child.wait().is_ok()
@@ -174,7 +174,7 @@ fn is_on_path(program: &str) -> bool {
     std::env::split_paths(&folders).any(|folder| folder.join(program).is_file())
 }
 
-/// Writes the web pages. A folder with other files is refused, so that none of them is replaced.
+/// Writes the web pages. A folder with other files is refused, so that no file is replaced.
 fn write_manual(folder: &Path) -> anyhow::Result<Exit> {
     let files = guide::manual();
     let old = files_of_a_manual(folder);
@@ -191,7 +191,7 @@ fn write_manual(folder: &Path) -> anyhow::Result<Exit> {
         .iter()
         .filter(|name| !files.iter().any(|file| file.name == **name))
     {
-        // A page that the guide no longer has; that it is gone already is no error.
+        // A page that the guide no longer has; a missing file is not an error.
         let _gone = fs::remove_file(folder.join(name));
     }
     for file in &files {
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_topic_is_wrong_usage_and_the_nearest_one_is_named() {
+    fn unknown_topic_names_the_nearest_one() {
         let error = text_of("trouble-shooting").unwrap_err();
         assert_eq!(super::super::exit::of(&error), Exit::Usage);
         assert!(error.to_string().contains("`troubleshooting`"), "{error}");
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn no_far_fetched_key_is_offered() {
+    fn unrelated_key_is_not_suggested() {
         for word in ["abrot", "hnige", "xyzzyx", "smilunk"] {
             let error = text_of(word).unwrap_err();
             assert_eq!(super::super::exit::of(&error), Exit::Usage);
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_manual_is_written_again_and_never_over_other_files() {
+    fn manual_overwrites_only_its_own_files() {
         let temp = tempfile::tempdir().unwrap();
         let folder = temp.path().join("manual");
         assert_eq!(write_manual(&folder).unwrap(), Exit::Done);

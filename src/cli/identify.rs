@@ -1,7 +1,7 @@
-//! `gusset identify`: drives the specimens of a test file with a small motion, and says what they and their actuators are.
+//! `gusset identify`: drives the specimens of a test file with a small motion, and identifies them and their actuators.
 //!
 //! The run is an ordinary one, with the loop, the limits, the record and the retirement of `gusset run`, into a run folder
-//! that `report`, `export` and `replay` read. What was identified is added to the folder afterwards.
+//! that `report`, `export` and `replay` read. The identified properties are added to the folder afterwards.
 
 mod text;
 
@@ -125,7 +125,7 @@ fn carry_out(args: &IdentifyArgs, test: Judged, facts: &Facts) -> anyhow::Result
     Ok((finished, exit))
 }
 
-/// Writes what was found into the run folder.
+/// Writes the results into the run folder.
 fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &RunFolder) -> anyhow::Result<()> {
     folder.make(PICTURES)?;
     let files = files(outcome, plan, driven, folder.path()).map_err(told)?;

@@ -38,7 +38,7 @@ const OTHER_PORT: u16 = 4830;
 /// Notes of viewers that may wait to be written.
 const NOTES: usize = 64;
 
-/// The page, before the test has a folder; nothing where none is wanted.
+/// The page, before the test has a folder; empty if it is not wanted.
 pub struct Asked {
     #[cfg(feature = "monitor")]
     page: Option<LivePage>,
@@ -70,7 +70,7 @@ impl Asked {
         Ok(Self { page: Some(page) })
     }
 
-    /// Without the feature there is none.
+    /// Without the feature there is no live page.
     #[cfg(not(feature = "monitor"))]
     pub fn for_run(_args: &RunArgs, _test: &Prepared) -> anyhow::Result<Self> {
         Ok(Self {})
@@ -91,7 +91,7 @@ impl Asked {
 
 /// A test with its board.
 pub struct Looked {
-    /// Where it stands.
+    /// State of the test.
     pub board: Arc<Board>,
     #[cfg(feature = "monitor")]
     notes: Sender<Note>,
@@ -137,7 +137,7 @@ impl Looked {
         Some(Box::new(tap))
     }
 
-    /// What starts the page when its time has come, and where it is then found.
+    /// The starter of the page, and the address at which it will be.
     #[cfg(feature = "monitor")]
     pub fn page(
         &self,
@@ -191,7 +191,7 @@ impl Served {
     }
 }
 
-/// Where the page is and what operating takes; to stderr, since stdout belongs to the result.
+/// Shows the address of the page and the token for operating; to stderr, since stdout belongs to the result.
 #[cfg(feature = "monitor")]
 fn announce(page: &LivePage) {
     tell(format_args!("live page: {}", page.link()));

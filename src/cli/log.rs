@@ -44,14 +44,15 @@ impl Write for Log {
     }
 }
 
-/// A line of the log with hidden characters spelled. Its colours stay: in what is logged, the library spells what begins one.
+/// A line of the log with hidden characters spelled. Its colours stay: the library spells escape characters in the logged
+/// text.
 fn spelled(line: &[u8]) -> String {
     let text = String::from_utf8_lossy(line);
     let parts = text.split('\u{1b}').map(printable);
     parts.collect::<Vec<_>>().join("\u{1b}")
 }
 
-/// A panic says where and why, and where it was called from if `RUST_BACKTRACE` asks for that.
+/// A panic reports its place and reason, and its backtrace if `RUST_BACKTRACE` is set.
 pub fn tell_panics() {
     std::panic::set_hook(Box::new(|panic| {
         let thread = std::thread::current();
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_of_the_log_keeps_its_colours_and_turns_no_writing() {
+    fn log_line_keeps_colours_and_text() {
         let line = "\u{1b}[33m WARN\u{1b}[0m \u{202e}gnp\u{200b}\n";
         let shown = "\u{1b}[33m WARN\u{1b}[0m \\u{202e}gnp\\u{200b}\n";
         assert_eq!(spelled(line.as_bytes()), shown);

@@ -1,8 +1,8 @@
-//! The commands. Only this module prints; what a command does is the library's business.
+//! The commands. Only this module prints; the library does the work of a command.
 //!
-//! One JSON document goes to stdout with `--json`, everything else to stderr; progress goes to stderr and only to
-//! a terminal. Text leaves through `tell` and `answer` and never by the print macros, which panic when a terminal
-//! has hung up or the disk under a log is full: that must not end a test.
+//! One JSON document goes to stdout with `--json`, everything else to stderr; progress goes to stderr and only to a
+//! terminal. All text is written by `tell` and `answer`, never by the print macros. Those panic when a terminal has
+//! hung up or the disk under a log is full, which must not end a test.
 
 mod args;
 mod aside;
@@ -69,6 +69,10 @@ use gusset_record::rt::os;
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
 pub fn main() -> ExitCode {
+    #[cfg(debug_assertions)]
+    if std::env::var_os("GUSSET_REWORD").is_some() {
+        gusset_quantity::text::reword_received();
+    }
     os::ignore_file_size_signal();
     progress::show_long_work();
     let cli = Cli::parse();
@@ -220,7 +224,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_panic_of_ours_is_exit_5_and_any_other_end_is_its_own() {
+    fn panic_exits_with_code_5() {
         let broken = caught(|| panic!("a bug in a law"));
         assert_eq!(exit::of(&broken.unwrap_err()), Exit::Panic);
         assert_eq!(caught(|| Ok(Exit::Stopped)).unwrap(), Exit::Stopped);

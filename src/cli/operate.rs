@@ -1,4 +1,4 @@
-//! `gusset stop`, `hold` and `continue`: what an operator says to a running test.
+//! `gusset stop`, `hold` and `continue`: the operator's requests to a running test.
 //!
 //! A test that does not answer is not over: the command retries, and a stop or a hold waits in the socket. A continue names
 //! the hold that it ends, and the test carries it out only while its sender is connected.
@@ -15,11 +15,11 @@ use gusset_record::rt::os::monotonic_ns;
 use gusset_record::summary::Status;
 use gusset_session::{Answer, Request, Unanswered, ask, pause};
 
-/// How long a test that answers may take to do what it is told, unless it is told to end.
+/// How long a test that answers may take to carry out a request other than stop.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long a test that does not answer is asked on.
+/// How long the command retries if a test does not answer.
 const SILENCE: Duration = Duration::from_secs(60);
-/// A desk that just closes hangs up on who waits at it: of that nothing is said.
+/// A control socket that just closes hangs up on waiting clients: shorter silences are not reported.
 const WORTH_A_WORD: Duration = Duration::from_secs(1);
 /// Time between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -47,7 +47,7 @@ pub fn operate(args: &OperateArgs, order: Order) -> anyhow::Result<Exit> {
 type Refusal = (Exit, String);
 
 fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
-    // Who wants it to go on looks first what that means: said blindly, the same word could do more than was meant.
+    // `continue` first checks the state of the test: sent blindly, it could do more than intended.
     let mut word = match order {
         Order::Stop => Some(Request::Stop),
         Order::Hold => Some(Request::Hold),
@@ -59,19 +59,19 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
     let (mut silent_since, mut warned) = (None, false);
     loop {
         let began = monotonic_ns();
-        // What lies in the socket is not said again: a second stop would freeze the way out.
+        // A request in the socket is not repeated: a second stop would freeze the return move.
         let asked = word.filter(|_| !is_told).unwrap_or(Request::Phase);
         match ask(folder, asked) {
             Ok(Answer { accepted, seen }) => {
                 silent_since = None;
-                // As it was when it was told: the desk looks before it passes the word on.
+                // The phase before the request took effect: the control socket reads it first.
                 was_leaving |= !is_told && seen.phase == Phase::Leaving;
                 match word {
                     None => {
                         word = Some(to_go_on(seen));
                         continue;
                     }
-                    // Somebody else did, meanwhile.
+                    // Confirmed elsewhere, meanwhile.
                     Some(Request::Confirm) if !accepted && !seen.unconfirmed => is_told = true,
                     Some(Request::Continue { hold }) if !accepted && seen.hold_number != hold => {
                         return Err(another_hold(hold, seen));
@@ -116,8 +116,8 @@ fn say(folder: &Path, order: Order) -> Result<String, Refusal> {
     }
 }
 
-/// What is said to a test that is seen so and is to go on. The question that stands is answered, and as long as it is held only
-/// that ends: nobody confirms what he was not asked.
+/// The request that continues a test in this state. An open confirmation is answered; during a hold only the hold ends, because
+/// the operator cannot confirm a question that was not shown.
 const fn to_go_on(seen: Glimpse) -> Request {
     if seen.unconfirmed && !seen.hold {
         Request::Confirm
@@ -128,7 +128,7 @@ const fn to_go_on(seen: Glimpse) -> Request {
     }
 }
 
-/// The hold that was to end is not the one that stands.
+/// The hold to be ended is not the present one.
 fn another_hold(named: u32, seen: Glimpse) -> Refusal {
     let latest = seen.hold_number;
     let text = format!(
@@ -140,7 +140,7 @@ fn another_hold(named: u32, seen: Glimpse) -> Refusal {
 
 const OVER: &str = "this test is over";
 
-/// It was told, on its way out or before, and then its desk closed.
+/// The result after the request, when the control socket has closed.
 fn over(
     request: Request,
     was_leaving: bool,
@@ -167,7 +167,8 @@ fn over(
     Err((Exit::Stopped, too_late.to_owned()))
 }
 
-/// Why a test that was told to end did not end in order: it tripped on its way out, say. None where it did, or does not say.
+/// Why a test that should stop did not end cleanly, for example a trip during shutdown. `None` if it ended cleanly, or does
+/// not report.
 fn ended_otherwise(folder: &Path) -> Option<String> {
     let mut waited = Duration::ZERO;
     while !folder.join("summary.json").exists() {
@@ -199,7 +200,7 @@ fn not_taken(phase: Phase) -> Refusal {
     refusal(phase).unwrap_or_else(|| (Exit::Stopped, full.to_owned()))
 }
 
-/// Where nothing is held or gone on with; none where it is.
+/// Why a hold or `continue` is impossible in this phase; `None` if it is possible.
 fn refusal(phase: Phase) -> Option<Refusal> {
     match phase {
         Phase::Leaving => {
@@ -215,7 +216,7 @@ fn refusal(phase: Phase) -> Option<Refusal> {
     }
 }
 
-/// What a test that was told answers for, seen now; none if that is still to be waited for.
+/// The result of a request, in the present state; `None` if the command must still wait.
 fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String, Refusal>> {
     let phase = now.phase.word();
     match told {
@@ -232,7 +233,7 @@ fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String
         Request::Hold if now.stands => return Some(Ok(format!("holding ({phase})"))),
         Request::Confirm if now.phase == Phase::Zeroing => {}
         Request::Confirm => {
-            // By somebody else, meanwhile.
+            // From elsewhere, meanwhile.
             let held = if now.hold {
                 ", and the test is on hold"
             } else {
@@ -240,7 +241,7 @@ fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String
             };
             return Some(Ok(format!("{phase}: the readings are confirmed{held}")));
         }
-        // Held no more, and about to go on; or its loop does not listen yet.
+        // No longer held, and about to continue; or its loop does not listen yet.
         Request::Continue { .. }
             if now.hold || matches!(now.phase, Phase::Holding | Phase::Connected) => {}
         Request::Continue { .. } if now.unconfirmed => {
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_is_one_where_something_stands_for_it_in_every_phase() {
+    fn hold_is_recognised_in_every_phase() {
         use Phase::{Holding, Leaving, Probing, Ramping, Running, Safe, Tripped, Zeroing};
         for (now, long_enough, said) in [
             (seen(Running, false, false), false, "waits"),
@@ -327,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn who_goes_on_is_told_whether_he_ended_a_hold_or_confirmed_what_was_read() {
+    fn continue_reports_hold_or_confirmation() {
         use Phase::{Armed, Connected, Holding, Leaving, Ramping, Running, Zeroing};
         let go_on = Request::Continue { hold: 0 };
         let held = |phase| seen(phase, true, true);
@@ -400,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn who_goes_on_after_one_hold_does_not_end_another() {
+    fn continue_ends_only_its_own_hold() {
         let second = Glimpse {
             hold_number: 2,
             ..seen(Phase::Holding, true, true)
@@ -412,14 +413,14 @@ mod tests {
     }
 
     #[test]
-    fn who_is_not_taken_is_told_that_it_is_too_late_or_to_say_it_again() {
+    fn refused_request_is_explained() {
         let said = |phase| not_taken(phase).1;
         assert!(said(Phase::Leaving).contains("shutting down"));
         assert!(said(Phase::Running).starts_with("its queue"));
     }
 
     #[test]
-    fn an_end_is_what_a_stop_wants_and_nothing_else() {
+    fn stop_succeeds_only_when_the_test_ends() {
         let in_order = || None;
         assert_eq!(over(Request::Stop, false, in_order).unwrap(), "ended");
         let tripped = || Some("its interlock is open".to_owned());

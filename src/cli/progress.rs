@@ -110,8 +110,8 @@ impl Course {
     }
 }
 
-/// The remaining time in words, if a share of the work was done in `elapsed_s` and the share `left` is still to be done.
-/// Nothing before a hundredth is done: an estimate would jump.
+/// The remaining time in words, if a share of the work was done in `elapsed_s` and the share `left` remains. `None`
+/// before a hundredth is done: an estimate would jump.
 pub fn remaining(done: f64, left: f64, elapsed_s: f64) -> Option<String> {
     let is_known = done >= 0.01 && left.is_finite() && elapsed_s.is_finite();
     is_known.then(|| format!("about {} left", rounded(elapsed_s * left / done)))
@@ -131,7 +131,7 @@ fn rounded(seconds: f64) -> String {
     }
 }
 
-/// One line that tells how far the test is: on a terminal, and nowhere else.
+/// One line with the progress of the test: on a terminal, and nowhere else.
 pub struct ProgressLine {
     show: bool,
     duration: f64,
@@ -140,7 +140,7 @@ pub struct ProgressLine {
 }
 
 impl ProgressLine {
-    /// `wanted` is whether the user wants one; it also takes a terminal.
+    /// `wanted` is whether the user wants a line; it also needs a terminal.
     pub fn new(facts: &Facts, wanted: bool) -> Self {
         Self {
             show: wanted && screen::is_there(),
@@ -150,7 +150,7 @@ impl ProgressLine {
         }
     }
 
-    /// Draws the line anew.
+    /// Draws the line again.
     pub fn show(&self, progress: &Progress) {
         if self.show {
             let elapsed_s = monotonic_ns().saturating_sub(self.began_ns) as f64 * 1e-9;
@@ -190,7 +190,7 @@ mod tests {
     const SECOND: u64 = 1_000_000_000;
 
     #[test]
-    fn work_is_shown_after_two_seconds_with_its_remaining_time() {
+    fn long_work_shows_its_remaining_time() {
         let mut course = Course::new();
         let start = 7 * SECOND;
         assert_eq!(course.line(start, "rehearsal", 0, 100), None);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn works_that_follow_each_other_count_as_one() {
+    fn consecutive_works_count_as_one() {
         let mut course = Course::new();
         for start in [0, SECOND] {
             assert_eq!(course.line(start, "reading", 0, 10), None);

@@ -1,8 +1,8 @@
 //! A question at the terminal whose answer lets something move.
 //!
-//! It is answered by who was asked, while it stands: what was typed before it is thrown away, a line that says neither yes nor
-//! nothing is asked about again, and what comes when somebody else has answered is not read. In the background the terminal
-//! belongs to whoever stands in front: nothing is taken from it.
+//! Only a line typed while the question is open answers it. Earlier input is discarded. A line that is neither yes nor empty
+//! repeats the question. Input after an answer from elsewhere is not read. In the background the terminal belongs to the
+//! foreground program: no input is taken from it.
 
 use std::io::{self, IsTerminal};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -16,30 +16,30 @@ use rustix::termios::{QueueSelector, tcflush, tcgetpgrp};
 use super::log::remark;
 use gusset_session::pause;
 
-/// Time between two looks whether it still stands.
+/// Time between two checks whether the question is still open.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What came of it.
+/// Result of a question.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answered {
     /// Yes.
     Yes,
-    /// It does not stand any more.
+    /// The question is no longer open.
     Over,
-    /// Nobody can answer here.
+    /// No user can answer here.
     Nobody,
 }
 
-/// What is asked, and what is said where nobody can answer.
+/// The question, and the text where no user can answer.
 pub struct Question<'a> {
-    /// To who can.
+    /// Text where a user can answer.
     pub here: &'a str,
-    /// To who cannot.
+    /// Text where no user can answer.
     pub elsewhere: &'a str,
 }
 
 impl Question<'_> {
-    /// Asks at the terminal of this process for as long as the question `stands`.
+    /// Asks at the terminal of this process while the question `stands`.
     pub fn ask(&self, stands: impl Fn() -> bool) -> Answered {
         self.ask_at(io::stdin().as_fd(), stands, |text| remark(text))
     }
@@ -79,7 +79,7 @@ impl Question<'_> {
             };
             let said = String::from_utf8_lossy(line.get(..end).unwrap_or_default());
             let said = said.trim();
-            // As long as the line took to come somebody else could answer.
+            // While the line was typed, the question may have been answered elsewhere.
             match said.to_lowercase().as_str() {
                 "" | "y" | "yes" if stands() => return Answered::Yes,
                 "" | "y" | "yes" => {}
@@ -98,14 +98,14 @@ fn is_in_front(terminal: BorrowedFd<'_>) -> bool {
     tcgetpgrp(terminal).map_or(true, |front| front == getpgrp())
 }
 
-/// What was typed before the question is no answer to it.
+/// Input typed before the question does not answer it.
 fn forget_typed(terminal: BorrowedFd<'_>) {
     if terminal.is_terminal() {
         let _ = tcflush(terminal, QueueSelector::IFlush);
     }
 }
 
-/// What is typed within a moment.
+/// Input within a moment.
 fn typed(from: BorrowedFd<'_>) -> io::Result<Vec<u8>> {
     let moment = Timespec {
         tv_sec: 0,
@@ -140,7 +140,7 @@ mod tests {
         elsewhere: "ask elsewhere",
     };
 
-    /// What somebody types after each time he is asked, and what is made of it; it stands for so many looks.
+    /// Result of these lines, one typed after each question; the question stays open for `looks` polls.
     fn answered(typed: &[&str], looks: u32) -> (Answered, Vec<String>) {
         let (reader, mut writer) = io::pipe().unwrap();
         let looked = Cell::new(0);
@@ -159,14 +159,14 @@ mod tests {
     }
 
     #[test]
-    fn only_an_empty_line_or_a_yes_is_one_and_every_other_line_is_asked_about_again() {
+    fn only_yes_or_an_empty_line_confirms() {
         for yes in ["\n", "y\n", " YES \n", "yes\r"] {
             assert_eq!(
                 answered(&[yes], 100),
                 (Answered::Yes, vec!["right?".to_owned()])
             );
         }
-        // What stands behind it was typed before it was asked again.
+        // The empty line was typed before the question was repeated.
         let (end, told) = answered(&["no, wrong!\n\n", "n\n", "y", "es\n"], 8);
         assert_eq!(end, Answered::Over);
         let words = [
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_when_it_is_over_is_no_answer() {
+    fn late_input_is_not_an_answer() {
         assert_eq!(answered(&["\n"], 0), (Answered::Over, Vec::new()));
         // It is over while the line comes.
         assert_eq!(answered(&["\n"], 1).0, Answered::Over);
@@ -190,7 +190,7 @@ mod tests {
 
     /// As a terminal in the background is (EIO), or one that has hung up.
     #[test]
-    fn where_nobody_can_answer_it_is_said_who_can_and_nothing_is_taken_for_a_yes() {
+    fn question_without_a_user_is_not_a_yes() {
         let words = ["right?".to_owned(), "ask elsewhere".to_owned()];
         let folder = tempfile::tempdir().unwrap();
         let unreadable = File::open(folder.path()).unwrap();

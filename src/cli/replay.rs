@@ -1,4 +1,4 @@
-//! `gusset replay`: the proof that a recorded test comes out bit for bit the same.
+//! `gusset replay`: the proof that a recorded test is reproduced bit for bit.
 
 use serde_json::json;
 
@@ -24,7 +24,7 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
         // All others name the file that they are about.
         other => WithExit(Exit::Usage, other.to_string()).into(),
     })?;
-    // Of a run without a summary nothing is to be said: it is proven as far as it went.
+    // A run without a summary needs no warning: it is proven as far as its rows.
     if Run::open(&args.run)?.summary_fault().is_some() {
         let notice = Notice::SummaryDamaged;
         tell(format_args!("warning: {}: {notice}", args.run.display()));

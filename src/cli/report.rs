@@ -81,7 +81,7 @@ fn replaceable(out: &Path) -> anyhow::Result<()> {
     Err(WithExit(Exit::Usage, text).into())
 }
 
-/// Says so where a run came to no orderly end, or its summary cannot be read.
+/// Warns if a run did not end cleanly, or its summary cannot be read.
 pub(super) fn if_unfinished(folder: &Path) -> anyhow::Result<()> {
     if let Some(notice) = Notice::without_summary(&Run::open(folder)?) {
         tell(format_args!("warning: {}: {notice}", folder.display()));

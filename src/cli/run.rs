@@ -24,14 +24,15 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     for text in test.facts.announced.iter().chain(&test.facts.moved) {
         tell(format_args!("note: {text}"));
     }
-    let judged = Judged::of(test);
-    // A resumed test was judged by its errors when it began.
-    let judged = match args.resume {
-        Some(_) => judged,
-        None => judged.and_then(Judged::with_errors),
-    };
-    let mut judged = judged.map_err(refused)?;
-    conduct::obey(&judged)?;
+    let mut judged = Judged::of(test).map_err(refused)?;
+    // The errors of a resumed test were accepted when it began: they are reported again, and do not refuse it.
+    if args.resume.is_some() {
+        conduct::obey(&judged)?;
+        judged = judged.with_errors().map_err(refused)?;
+    } else {
+        judged = judged.with_errors().map_err(refused)?;
+        conduct::obey(&judged)?;
+    }
     let test = &mut judged.test;
     attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args, test)?;
@@ -41,7 +42,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
     let control = conduct::attended(&signals, &facts, &folder, args.test_run.yes)?;
-    // Who is not looked at is not tapped.
+    // A board without viewers is not fed.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&judged.test, folder.path(), control.phase.clone()));
     let mut watches = Watches {
@@ -78,7 +79,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
             finished.summary.rows_lost
         ));
     }
-    // The test is over: what follows is only talk and must not hide how it ended.
+    // The test is over: the rest only prints and must not hide how it ended.
     if args.json
         && let Err(error) = answer(serde_json::to_string_pretty(&finished.summary)?)
     {
@@ -93,7 +94,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     conduct::end(&finished, exit, !args.quiet)
 }
 
-/// The test that is asked for: a new one, or an interrupted one that goes on.
+/// The requested test: a new one, or an interrupted one that resumes.
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
         let allowed = Allowed {

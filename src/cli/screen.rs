@@ -1,8 +1,8 @@
-//! The lines that a terminal shows while something runs: drawn over themselves, and out of the way of everything else.
+//! The lines that a terminal shows while something runs: drawn over themselves, and removed before any other output.
 //!
-//! Plain ANSI, on stderr, and nothing at all where that is no terminal. Whoever prints (`tell`, the log) first takes the lines
-//! away with [`step_aside`]; the next drawing puts them below. Lines that are too long are cut by the terminal and never
-//! wrap, so that as many lines can be taken away as were drawn.
+//! Plain ANSI, on stderr, and nothing at all without a terminal. Any other output (`tell`, the log) first removes the lines
+//! with [`step_aside`]; the next drawing puts them below. The terminal cuts long lines and never wraps them, so that exactly
+//! the drawn lines can be removed.
 
 use std::ffi::OsStr;
 use std::io::{self, IsTerminal};
@@ -10,7 +10,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::aside;
 
-/// Lines that stand on the terminal now.
+/// Number of drawn lines on the terminal.
 static DRAWN: Mutex<usize> = Mutex::new(0);
 
 fn drawn() -> MutexGuard<'static, usize> {
@@ -22,7 +22,7 @@ pub fn is_there() -> bool {
     io::stderr().is_terminal()
 }
 
-/// Whether what is written there may be coloured: `NO_COLOR` with anything in it says that it may not.
+/// Whether text may be coloured there: any value of `NO_COLOR` forbids it.
 #[must_use]
 pub fn in_colour() -> bool {
     is_there() && wants_colour(std::env::var_os("NO_COLOR").as_deref())
@@ -32,7 +32,7 @@ fn wants_colour(no_colour: Option<&OsStr>) -> bool {
     no_colour.is_none_or(OsStr::is_empty)
 }
 
-/// Columns and rows of the terminal; those of old if it does not say.
+/// Columns and rows of the terminal; the historic size if it does not report one.
 pub fn size() -> (usize, usize) {
     match rustix::termios::tcgetwinsize(io::stderr()) {
         Ok(size) if size.ws_col > 0 && size.ws_row > 0 => {
@@ -59,13 +59,13 @@ pub fn step_aside() {
     }
 }
 
-/// What draws `lines` over `before` lines that stand above the cursor.
+/// Text that draws `lines` over the `before` lines above the cursor.
 fn over(before: usize, lines: &[String]) -> String {
     let mut text = String::new();
     if before > 0 {
         text.push_str(&format!("\r\x1b[{before}A"));
     }
-    // No wrapping while we draw; what was there is wiped line by line, which flickers less than all at once.
+    // No wrapping while we draw; old text is wiped line by line, which flickers less than all at once.
     text.push_str("\x1b[?7l");
     for line in lines {
         text.push_str(&format!("\r{line}\x1b[0m\x1b[K\n"));
@@ -79,12 +79,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_colour_is_wanted_by_anything_in_the_variable() {
+    fn any_no_colour_value_disables_colour() {
         assert!(wants_colour(None) && wants_colour(Some(OsStr::new(""))));
         assert!(!wants_colour(Some(OsStr::new("1"))));
     }
 
-    /// What a terminal of 20 columns shows after `text`: enough of one for what we send.
+    /// Rows of a terminal of 20 columns after `text`: it emulates only the codes that we send.
     fn shown(text: &str) -> Vec<String> {
         let (mut rows, mut row, mut column, mut wraps) = (vec![Vec::new()], 0, 0, true);
         let mut chars = text.chars().peekable();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_drawn_over_the_last_ones_and_taken_away_without_a_trace() {
+    fn lines_are_redrawn_and_removed_cleanly() {
         let first = over(
             0,
             &lines(&["one and something long that is cut", "two", "three"]),

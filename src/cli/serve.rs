@@ -89,7 +89,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             verdict: verdict.as_ref().map(Verdict::record),
             ended: Some(reports.sender()),
         });
-        // A folder that cannot be had is known now, and not when a controller comes.
+        // An unavailable folder is reported now, and not when a controller comes.
         std::fs::create_dir_all(root)
             .map_err(|error| WithExit(Exit::Usage, format!("{}: {error}", root.display())))?;
     }

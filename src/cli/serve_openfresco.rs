@@ -86,7 +86,7 @@ pub fn serve(
     run_until_signal(server, args.quiet)
 }
 
-/// What SimSimulink's user should know before the first client comes: where the order of its signals will be asked for.
+/// Note for users of SimSimulink before the first client comes: how the order of its signals is determined.
 fn order_note(settings: &ServeSettings, axes: usize) -> Option<String> {
     let is_open = settings.role == Role::Simulink && settings.signal_order.is_none() && axes > 1;
     is_open.then(|| {

@@ -1,4 +1,4 @@
-//! The life of every server on the command line: it starts, says that it is ready, and runs until a signal.
+//! The life of every server on the command line: it starts, reports that it is ready, and runs until a signal.
 
 use std::fmt::Display;
 use std::net::SocketAddr;

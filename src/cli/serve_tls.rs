@@ -10,8 +10,8 @@ use gusset_config::{Carrier, ClientCertificate};
 use gusset_link::tls::{TlsFiles, TlsServer};
 use gusset_setup::Served;
 
-/// Who we are and who may command; none without TLS. `open`: the protocol lets everybody in unless told otherwise, as
-/// OpenFresco's do, and nobody else can reach the port or one machine is named.
+/// The server's certificate and the clients that may command; `None` without TLS. `open`: the protocol allows clients
+/// without a certificate by default, like OpenFresco's, and only this or one named machine can reach the port.
 pub(super) fn tls(
     args: &ServeArgs,
     served: &Served,
@@ -37,7 +37,7 @@ pub(super) fn tls(
     }
     let spec = &served.source.file.serve.tls;
     let mut files = TlsFiles::of_server(spec, args.file.parent().unwrap_or(Path::new("")));
-    // What the command line names is relative to the working directory, as everywhere.
+    // Paths of the command line are relative to the working directory, as everywhere.
     for ((_, path), place) in
         given
             .iter()

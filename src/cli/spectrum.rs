@@ -166,7 +166,7 @@ pub(super) fn in_short<'a>(spectrum: &'a Spectrum, judged: &[&str]) -> Vec<(&'a 
     each.collect()
 }
 
-/// The smallest critical delay that is known, and what follows from it.
+/// The smallest known critical delay, and its consequences.
 fn limit_of(spectrum: &Spectrum, delay: &CriticalDelays) -> String {
     if let Some(why) = delay.at_once() {
         return format!("UNSTABLE without any delay: {why}");

@@ -1,7 +1,7 @@
-//! What a terminal shows while a test runs: one line, or some; the same numbers as the live page.
+//! Terminal output while a test runs: one line, or several; the same numbers as the live page.
 //!
-//! Words and bars only: keys are not read. A program that reads its terminal is stopped by the system as soon as it is put
-//! into the background, and the loop with it; `gusset hold RUN_DIR` from another terminal does what a key would do.
+//! Words and bars only: keys are not read. The system stops a program that reads its terminal as soon as it runs in the
+//! background, and the loop with it. `gusset hold RUN_DIR` from another terminal replaces a key.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// As the user wants it; it also takes a terminal.
+    /// As requested by the user; it also needs a terminal.
     pub fn new(facts: &Facts, args: &RunArgs) -> Self {
         let shown = !args.quiet && screen::is_there();
         Self {
@@ -44,12 +44,12 @@ impl Status {
         self.mode != StatusArg::Off
     }
 
-    /// What is shown from here on.
+    /// Shows this board from here on.
     pub fn look_at(&mut self, board: &Arc<Board>) {
         self.board = Some(Arc::clone(board));
     }
 
-    /// Draws it anew.
+    /// Draws it again.
     pub fn show(&self) {
         let Some(board) = self.board.as_ref().filter(|_| self.is_shown()) else {
             return;
@@ -124,11 +124,11 @@ impl<'a> Sight<'a> {
         }
     }
 
-    /// The phase; that nothing comes any more is said before everything else.
+    /// The phase; a lack of new rows is shown before everything else.
     fn phase(&self) -> String {
         let seen = self.board.glimpse();
         let phase = seen.phase;
-        // The slowest tests make a row in some seconds; then the period says what is long.
+        // The slowest tests make a row in some seconds; then the limit follows from the period.
         if self.age_s > 2.0_f64.max(3.0 * self.board.subject.tick_s) {
             return format!("NO ROWS SINCE {:.0} s ({})", self.age_s, phase.word());
         }
@@ -140,7 +140,7 @@ impl<'a> Sight<'a> {
         if seen.stands && phase != Phase::Holding {
             words.push_str(", HELD");
         }
-        // The phase itself passes at once where there is a way out.
+        // The phase itself passes at once if a return move follows.
         if !self.now.trips.is_empty() && phase != Phase::Tripped {
             words.push_str(", TRIPPED");
         }
@@ -182,7 +182,7 @@ impl<'a> Sight<'a> {
         let known = axes.filter(|((_, _, axis), _)| axis.has_margin);
         let smallest = known
             .map(|((specimen, ..), view)| (view.margin, &specimen.name))
-            // What is not known yet is not the smallest.
+            // An unknown margin is not the smallest.
             .filter(|(margin, _)| !margin[1].is_nan())
             .min_by(|(a, _), (b, _)| a[1].total_cmp(&b[1]));
         let ([now, lowest], name) = smallest?;
@@ -218,7 +218,7 @@ impl<'a> Sight<'a> {
         })
     }
 
-    /// All in one line, the most important first: a narrow terminal cuts what must be told, and leaves out the rest.
+    /// All in one line, the most important first: a narrow terminal cuts required parts, and omits the others.
     fn line(&self, columns: usize) -> String {
         let mut must = vec![self.phase()];
         must.push(format!("{:.2} of {:.2} s", self.now.time, self.duration()));
@@ -249,7 +249,7 @@ impl<'a> Sight<'a> {
         ];
         let rest = rest.into_iter().flatten();
         let rest: Vec<_> = rest.filter(&mut fits).collect();
-        // A picture of what the numbers say already is the first to go.
+        // A picture that repeats the numbers is the first to be omitted.
         let bars = [20, 10].map(|width| bar(self.share(), width));
         let bar = bars.into_iter().find(fits);
         let tail = must.split_off(2);

@@ -1,4 +1,4 @@
-//! Tests of the status: what stands in it, at every width.
+//! Tests of the status: its content, at every width.
 
 use super::*;
 use gusset_control::engine::{Glimpse, Phase, PhaseCell};
@@ -76,7 +76,7 @@ fn board_of(rows: u64, seen: Glimpse, events: &[Event]) -> Arc<Board> {
 }
 
 #[test]
-fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands_and_so_is_what_is_to_be_confirmed() {
+fn hold_and_confirmation_are_named() {
     for (phase, stands, unconfirmed, wanted) in [
         (Phase::Ramping, false, false, "RAMPING  "),
         (Phase::Ramping, true, false, "RAMPING, HELD  "),
@@ -105,7 +105,7 @@ fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands_and_so_is_what_is
 }
 
 #[test]
-fn line_shows_the_remaining_time_where_there_is_room() {
+fn line_shows_remaining_time_if_it_fits() {
     let board = board(512);
     let mut sight = Sight::of(&board, 1024.0);
     sight.remaining = Some("about 19 s left".to_owned());
@@ -115,7 +115,7 @@ fn line_shows_the_remaining_time_where_there_is_room() {
 }
 
 #[test]
-fn one_line_says_the_most_important_first_and_never_more_than_fits() {
+fn line_starts_with_the_most_important() {
     let board = board(512);
     let sight = Sight::of(&board, 1024.0);
     let wide = sight.line(200);
@@ -131,7 +131,7 @@ fn one_line_says_the_most_important_first_and_never_more_than_fits() {
         let line = sight.line(columns);
         assert!(line.chars().count() <= columns, "{columns}: {line}");
     }
-    // A usual terminal has room for what must be told, and not for a bar.
+    // A usual terminal has room for the required parts, but not for a bar.
     let usual = "RUNNING  0.50 of 20.00 s  misses 0  90 % of trip: ground-storey measured_force_n";
     assert_eq!(sight.line(80), usual);
     let more = sight.line(100);
@@ -142,7 +142,7 @@ fn one_line_says_the_most_important_first_and_never_more_than_fits() {
 }
 
 #[test]
-fn a_test_that_has_tripped_says_so_and_why_to_its_end() {
+fn tripped_test_shows_its_cause_to_the_end() {
     let board = board_of(
         8,
         Glimpse::of(Phase::Leaving),
@@ -161,12 +161,12 @@ fn a_test_that_has_tripped_says_so_and_why_to_its_end() {
     assert!(line.contains(why), "{line}");
     let block = sight.block(100, 40).join("\n");
     assert!(block.contains(&format!("TRIPPED  {why}")), "{block}");
-    // What was refused stands in no row, and was beyond all the same.
+    // A refused command is in no row, but exceeded its limit.
     assert!(block.contains("120 % of trip, worst 120 %"), "{block}");
 }
 
 #[test]
-fn the_block_fits_every_terminal_and_shows_values_limits_and_losses() {
+fn block_fits_every_terminal() {
     let board = board(512);
     let sight = Sight::of(&board, 1024.0);
     let text = sight.block(100, 40).join("\n");
@@ -189,7 +189,7 @@ fn the_block_fits_every_terminal_and_shows_values_limits_and_losses() {
 }
 
 #[test]
-fn a_gauge_has_its_marks_in_order_and_its_value_where_it_is() {
+fn gauge_marks_are_in_order() {
     let board = board(1);
     let mark = |key: &str| {
         let axes = &board.subject.specimens[0].axes[0];
@@ -216,7 +216,7 @@ fn a_gauge_has_its_marks_in_order_and_its_value_where_it_is() {
 }
 
 #[test]
-fn that_nothing_comes_any_more_is_said_before_everything_else() {
+fn lost_updates_are_reported_first() {
     let board = board(10);
     let mut sight = Sight::of(&board, 1024.0);
     sight.age_s = 7.0;

@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn wrapped_table_keeps_every_word_and_its_width() {
+    fn wrapped_table_keeps_words_and_width() {
         let mut table = Table::wrapped(&"title ".repeat(40));
         let value = "word ".repeat(60);
         table.row("name", &value);

@@ -1,4 +1,4 @@
-//! `gusset verify`: the paper's tables, equations, figures and examples, obtained anew and judged.
+//! `gusset verify`: the paper's tables, equations, figures and examples, computed again and judged.
 
 use std::io;
 use std::path::Path;
@@ -14,7 +14,7 @@ use gusset_quantity::work::Work;
 use gusset_record::make_free;
 use gusset_record::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 
-/// Proves the topics that are asked for.
+/// Proves the requested topics.
 pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
     if args.list {
         if args.json {
@@ -60,7 +60,7 @@ pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
     Ok(conclude(&parts, args.json)?)
 }
 
-/// The last word, and the exit code: 1 if anything fails.
+/// The final message, and the exit code: 1 if anything fails.
 fn conclude(parts: &[Part], as_json: bool) -> io::Result<Exit> {
     let holds = verify::all_hold(parts);
     let count = |verdict| parts.iter().map(|part| part.count(verdict)).sum::<usize>();
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_value_that_fails_makes_the_exit_code_one() {
+    fn one_failed_value_gives_exit_code_one() {
         let part = |paper: f64| Part {
             name: "eq-33",
             title: "a limit",

@@ -26,7 +26,7 @@ mod tests {
     use super::share_a_port;
 
     #[test]
-    fn loopback_names_are_one_machine_and_ports_decide() {
+    fn loopback_names_are_one_machine() {
         assert!(share_a_port("127.0.0.1:4824", "localhost:4824"));
         assert!(share_a_port("[::1]:4824", "0.0.0.0:4824"));
         assert!(share_a_port("Rig.lab:4824", "rig.lab:4824"));

@@ -1,4 +1,4 @@
-//! The study file of `gusset campaign`: a test file, and tables that say what varies and what is measured.
+//! The study file of `gusset campaign`: a test file, and tables of the varied keys and the measures.
 //!
 //! A study names its test file with `test`, or contains the tables of the test itself.
 
@@ -53,7 +53,7 @@ pub fn load_study(path: &Path) -> Result<LoadedStudy, ConfigError> {
 ///
 /// # Errors
 /// As [`load_study`].
-pub fn parse_study(path: &Path, text: String) -> Result<LoadedStudy, ConfigError> {
+pub(crate) fn parse_study(path: &Path, text: String) -> Result<LoadedStudy, ConfigError> {
     let opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator;
     let (own, rest) = divided(&opened.root);

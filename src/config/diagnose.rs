@@ -1,8 +1,8 @@
-//! A user's mistake as a picture: file, line, caret, what was found, what is allowed, what was probably meant.
+//! A user's mistake as a picture: file, line, caret, found value, allowed values, probable intention.
 //!
-//! Whoever finds a mistake writes a [`Finding`]: a path into the test file and words. The [`Locator`](super::Locator) knows where that
-//! path stands (a line of the file, or the `--set` argument that overrides it) and makes a [`Diagnostic`] of it, which
-//! renders itself. Nothing here decides what is a mistake.
+//! A check that finds a mistake writes a [`Finding`]: a path into the test file and words. The [`Locator`](super::Locator) knows
+//! the place of that path (a line of the file, or the `--set` argument that overrides it) and makes a [`Diagnostic`] of it, which
+//! renders itself. Nothing here decides which values are mistakes.
 
 use std::fmt;
 use std::ops::Range;
@@ -110,7 +110,7 @@ fn subject(path: &KeyPath) -> String {
 /// A text that a diagnostic can point into.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
-    /// As it is shown after the arrow.
+    /// Name as shown after the arrow.
     pub name: String,
     /// Its text.
     pub text: String,
@@ -134,9 +134,9 @@ pub struct Diagnostic {
     pub place: (Place, String),
     /// A second place that it is about.
     pub beside: Option<(Place, String)>,
-    /// One line: what is wrong.
+    /// One line: the mistake.
     pub headline: String,
-    /// What is allowed, and what to do.
+    /// Allowed values, and remedies.
     pub help: Vec<String>,
 }
 
@@ -311,7 +311,7 @@ fn with_comma(source: &Arc<Source>, span: Range<usize>) -> Diagnostic {
     }
 }
 
-/// The editing parser's complaint, should it refuse what the reading one accepts.
+/// The error of the editing parser, in case it refuses a text that the reading one accepts.
 pub(crate) fn second_parser(source: &Arc<Source>, error: &toml_edit::TomlError) -> Diagnostic {
     broken(
         source,

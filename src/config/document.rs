@@ -1,4 +1,4 @@
-//! A test file as a tree whose every node knows where it stands in the text.
+//! A test file as a tree whose every node knows its place in the text.
 //!
 //! Values are found by [`KeyPath`] (`specimen[1].storey`), so that a check anywhere in the program can point at the
 //! line it speaks of without carrying positions through its data. Entries keep the order of the file.
@@ -21,7 +21,7 @@ pub(crate) struct Node {
     pub datum: Datum,
 }
 
-/// What a [`Node`] holds.
+/// Content of a [`Node`].
 #[derive(Debug, Clone)]
 pub(crate) enum Datum {
     Text(String),
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_beyond_64_bits_is_kept_as_written_and_inf_is_a_number() {
+    fn large_numbers_are_kept_as_written() {
         let root = Node::parse("a = 99999999999999999999\nb = 1e999\nc = -inf\n").unwrap();
         let datum = |key: &str| root.find(&KeyPath::root().key(key)).unwrap().datum.clone();
         assert!(matches!(datum("a"), Datum::TooLarge(_)));

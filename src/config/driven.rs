@@ -1,8 +1,8 @@
-//! A test in which nothing is computed: the specimens of a file, driven with a motion of their own, at the ticks at which the
-//! file's test would drive them.
+//! A test in which nothing is computed: the specimens of a file follow a prescribed motion, at the ticks at which the file's
+//! test would command them.
 //!
-//! What judges a hybrid test and not a specimen is left out: the structure and what loads it, compensation, and limits of
-//! lag, gain, added energy and tangents. What protects a specimen stays.
+//! Keys for a hybrid test are omitted: the structure and its loads, compensation, and limits of lag, gain, added energy
+//! and tangents. Keys that protect a specimen stay.
 
 use super::document::KeyPath;
 use super::limit_table::LimitsSpec;
@@ -28,8 +28,8 @@ pub struct Drive {
 }
 
 impl Loaded {
-    /// This test's specimens, as many as `drives` names, driven for `ticks` ticks of the controller; all others are left out,
-    /// and so is every compensation.
+    /// This test's specimens, as many as `drives` names, driven for `ticks` ticks of the controller; all others and every
+    /// compensation are omitted.
     #[must_use]
     pub fn driven(&self, title: &str, drives: &[Drive], ticks: u64) -> TestFile {
         let rate = self.time.period.inverse();
@@ -80,7 +80,7 @@ impl Loaded {
                 let mut table = table.clone();
                 let axes = table.axes();
                 (table.storey, table.rows) = (None, None);
-                // Nothing else says how many there are.
+                // Nothing else gives their number.
                 if table.axes() < axes {
                     table.axis.resize(axes, AxisTable::default());
                 }
@@ -110,8 +110,8 @@ impl Loaded {
         file
     }
 
-    /// A test file made from this one, read as if it stood beside it; `said` is its first line. What is found in it has the name
-    /// of this file with "driven", for its lines are others.
+    /// A test file made from this one, read as if it were beside it; `said` is its first line. Its findings have the name of
+    /// this file with "driven", because its lines are others.
     ///
     /// # Errors
     /// [`ConfigError`], as for any other test file.

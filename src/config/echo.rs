@@ -1,4 +1,4 @@
-//! What a file says, said back in a message: short enough to be read, and nothing that a terminal would obey.
+//! Text of a file, quoted in a message: short enough to read, and without terminal codes.
 
 use gusset_quantity::text::is_hidden;
 
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_terminal_would_obey_is_spelt_and_lines_stay() {
+    fn terminal_codes_are_spelt_out() {
         assert_eq!(plain("a \u{1b}[2J b\n c\td"), "a \\u{1b}[2J b\n c\\u{9}d");
         assert_eq!(plain("\u{202e}txt.exe"), "\\u{202e}txt.exe");
         let usual = "µm, 1024 Hz, \"Prüfling\", 0.0009765625 s, 18446744073709551615";

@@ -1,7 +1,7 @@
 //! Puts one value at a dotted path of a TOML document, keeping its comments and order.
 //!
-//! What the path lacks is created: tables, and array elements just behind the end. A path that leads through something
-//! else is refused with the number of segments that were left to go.
+//! Missing parts of the path are created: tables, and array elements just behind the end. A path that leads through
+//! something else is refused with the number of remaining segments.
 
 use std::ops::Range;
 
@@ -9,9 +9,9 @@ use toml_edit::{Array, ArrayOfTables, Item, Table, TableLike, Value};
 
 use super::document::Segment;
 
-/// Segments that were left when the path could not be followed, and why not.
+/// Number of remaining segments when the path could not be followed, and why not.
 pub(crate) type Refusal = (usize, String);
-/// What is left of a path.
+/// Remaining segments of a path.
 pub(crate) type Rest<'a> = &'a [(Segment, Range<usize>)];
 
 /// Puts `value` at `key` and then `rest` of `table`.
@@ -174,7 +174,7 @@ fn nest(rest: Rest<'_>, value: &Value) -> Result<Item, Refusal> {
     match segment {
         Segment::Key(key) => {
             let mut table = Table::new();
-            // A table that only holds tables needs no header of its own.
+            // A table that only holds tables needs no header.
             table.set_implicit(!deeper.is_empty());
             table.insert(key, nest(deeper, value)?);
             Ok(Item::Table(table))

@@ -8,7 +8,7 @@ use super::fault_script::{Fault, Kind, MEMORY, Place, Script, Way};
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("`{key}` {text}")]
 pub struct ScriptError {
-    /// Fault, from 0; none for what concerns the script as a whole.
+    /// Fault, from 0; `None` for an error of the script as a whole.
     pub fault: Option<usize>,
     /// The key.
     pub key: &'static str,
@@ -32,7 +32,7 @@ const fn is_moment(kind: Kind) -> bool {
     )
 }
 
-/// A parameter that is not inside, with its key and what is wanted.
+/// A parameter out of range, with its key and the allowed range.
 fn wrong_parameter(kind: Kind) -> Option<(&'static str, f64, &'static str)> {
     let positive = |key, value: f64| {
         let inside = value > 0.0 && value < 1e12;

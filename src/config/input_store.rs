@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_keeps_its_first_bytes_and_a_closed_store_reads_no_other() {
+    fn store_keeps_the_first_bytes() {
         let folder = tempfile::tempdir().unwrap();
         let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
         std::fs::write(&one, "first").unwrap();

@@ -1,8 +1,8 @@
 //! Files that a test names: records, matrices, force tables. Read once, remembered for the run folder.
 //!
 //! A path in a test file is relative to that file. Each input keeps its bytes, its SHA-256 and a name that is unique in
-//! the run folder's `inputs/`, so that the folder alone is enough to run the test again. What the bytes mean is not
-//! decided here.
+//! the run folder's `inputs/`, so that the folder alone is enough to run the test again. The meaning of the bytes is
+//! not decided here.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use super::input_store::{InputStore, read_input};
 use super::suggest;
 
 /// Folder of the run folder that holds the copies.
-pub const INPUTS_FOLDER: &str = "inputs";
+pub(crate) const INPUTS_FOLDER: &str = "inputs";
 
 /// One file that the test read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,7 +56,7 @@ pub enum InputError {
     Refused {
         /// Where it was looked for.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
 }
@@ -182,7 +182,7 @@ impl Inputs {
         Ok(self.files.len() - 1)
     }
 
-    /// The file's own name, made safe, and numbered where another input has it.
+    /// The file's name, made safe, and numbered where another input already uses it.
     fn unique_name(&self, path: &Path) -> String {
         let own = path
             .file_name()
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn an_input_keeps_bytes_checksum_and_a_unique_name() {
+    fn input_keeps_bytes_and_a_unique_name() {
         let folder = folder();
         let mut inputs = Inputs::new(folder.path());
         assert_eq!(inputs.read("elcentro.at2").unwrap(), b"abc");
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_file_is_named_with_its_likeliest_neighbour() {
+    fn missing_file_suggests_a_neighbour() {
         let folder = folder();
         let mut inputs = Inputs::new(folder.path());
         let error = inputs.read("elcntro.at2").unwrap_err();

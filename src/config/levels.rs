@@ -79,7 +79,7 @@ impl From<BoundSpec> for RangeSpec {
 
 /// A bound that cannot be.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub enum LimitsError {
+pub(crate) enum LimitsError {
     /// Neither level is given.
     #[error("`{key}` has neither a `warn` nor a `trip` level")]
     Empty {

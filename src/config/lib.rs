@@ -1,7 +1,7 @@
 //! The files that a user writes: test files, files of `gusset serve` and fault scripts. Schema, reading, checks, diagnostics.
 //!
-//! This module knows no engine. It says what a file contains, and the module `setup` builds an experiment from that. A view may
-//! use it too. Each table of a file has its own Rust file.
+//! This module knows no engine. It reads the content of a file, and the module `setup` builds an experiment from that. A view
+//! may use it too. Each table of a file has its own Rust file.
 //!
 //! [`load`] reads a test file with the `--set` arguments. The [`TestFile`] that it returns has no mistake that the file alone can
 //! show. Otherwise a [`ConfigError`] shows every mistake with file, line and caret. Later modules report a mistake by its path,
@@ -73,7 +73,7 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use axis_table::{AxisTable, DispUnit, ForceUnit};
-pub use campaign::{LoadedStudy, load_study, parse_study};
+pub use campaign::{LoadedStudy, load_study};
 pub use campaign_table::{
     CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,
     SpanTable, StudyFile, SyntheticTable, VaryTable,
@@ -90,12 +90,11 @@ pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };
 pub use fault_rules::{ScriptError, check_script};
-use fault_script::Script;
 pub use gusset_quantity::text::printable;
 pub use input_store::InputStore;
 pub use input_store::read_input;
-pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
-pub use levels::{BoundSpec, LimitsError, RangeSpec};
+pub use inputs::{Input, InputError, Inputs};
+pub use levels::{BoundSpec, RangeSpec};
 pub use limit_table::LimitsSpec;
 pub use link_table::{
     Carrier, CommandPace, LinkCoupling, LinkSpec, Offer, ProbeChoice, Protocol, StaleChoice,
@@ -109,7 +108,7 @@ pub use safety::{DIVERGENCE_M, ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
-pub use script::{load_script, parse_script};
+pub use script::parse_script;
 pub use serve::{ServedFile, is_for_a_server, load_serve_file, specimens_of};
 pub use serve_table::{ServeFile, ServeTable};
 pub use specimen::{DrillTable, SimilitudeTable, SpecimenTable};
@@ -128,7 +127,7 @@ pub enum ConfigError {
     Unreadable {
         /// Which file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The file is not text.
@@ -155,11 +154,11 @@ pub struct Loaded {
     pub text: String,
     /// The file with the overrides in it; comments and order are the user's.
     pub effective: String,
-    /// What it says.
+    /// The test file.
     pub file: TestFile,
     /// Its step and length, exact.
     pub time: Time,
-    /// What the user should know although the test may run.
+    /// Warnings for the user; the test may run.
     pub warnings: Vec<Diagnostic>,
     /// Where everything stands.
     pub locator: Locator,
@@ -215,7 +214,7 @@ enum Purpose {
     View,
 }
 
-/// A test's matrices may stand in it.
+/// The matrices of a test may be in it.
 const LONGEST_TEST_MIB: u64 = 64;
 
 /// The text of a file that [`parse`] or [`parse_script`] takes.
@@ -282,7 +281,7 @@ fn open(
     }
     let locator = Locator::new(source, original, overrides).with_written(renamed::written(&moves));
     let effective = document.to_string();
-    // The overridden text is ours; if it did not parse the fault would not be the user's, but he must hear of it.
+    // The overridden text is ours. If it did not parse, the fault would not be the user's, but the user must see it.
     let mut root = document::Node::parse(&effective).map_err(|errors| {
         let source = Arc::new(Source {
             name: "the test file with its overrides".to_owned(),
@@ -425,7 +424,7 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
             }
         }
     }
-    // In the order of the file; what stands nowhere in it comes last.
+    // In the order of the file; findings without a place in it come last.
     findings.sort_by_key(|finding| {
         let mut path = finding.path.clone();
         loop {
@@ -445,12 +444,6 @@ fn judge<T: serde::de::DeserializeOwned + schemars::JsonSchema>(
 #[must_use]
 pub fn json_schema() -> String {
     schema_of::<TestFile>()
-}
-
-/// The JSON Schema of the file of `gusset serve`, for editors.
-#[must_use]
-pub fn serve_json_schema() -> String {
-    schema_of::<ServeFile>()
 }
 
 /// The JSON Schema of the study file of `gusset campaign`: the tables of a study and those of a test, which are needed unless
@@ -477,13 +470,9 @@ pub fn study_json_schema() -> String {
     in_toml_schema(schema)
 }
 
-/// The JSON Schema of a fault script.
+/// The JSON Schema of any of the files that a user writes.
 #[must_use]
-pub fn script_json_schema() -> String {
-    schema_of::<Script>()
-}
-
-fn schema_of<T: JsonSchema>() -> String {
+pub fn schema_of<T: JsonSchema>() -> String {
     in_toml_schema(schemars::schema_for!(T))
 }
 

@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_that_contradict_each_other_are_named_with_their_key() {
+    fn contradicting_levels_are_named() {
         for (text, words) in [
             (
                 "command_step_m = { warn = 2, trip = 2 }",
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn every_limit_of_an_axis_is_read_and_written() {
+    fn every_axis_limit_is_read_and_written() {
         let schema = SchemaGenerator::default().into_root_schema_for::<LimitsSpec>();
         let properties = schema.get("properties").unwrap().as_object().unwrap();
         assert!(properties.keys().map(String::as_str).eq(keys()));

@@ -1,4 +1,4 @@
-//! Where each path of a test file stands: a line of the file, or the argument that overrides it.
+//! Place of each path of a test file: a line of the file, or the argument that overrides it.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use super::document::{KeyPath, Node};
 use super::echo::plain;
 use super::overrides::Override;
 
-/// Knows where each path of a test file stands.
+/// Finds the place of each path of a test file.
 #[derive(Debug, Clone)]
 pub struct Locator {
     file: Arc<Source>,
@@ -76,13 +76,13 @@ impl Locator {
         }
     }
 
-    /// True if an override says something at `path` itself.
+    /// True if an override sets `path` itself.
     #[must_use]
     pub(crate) fn overrides(&self, path: &KeyPath) -> bool {
         self.overrides.iter().any(|o| o.path().starts_with(path))
     }
 
-    /// True if the file or an override says something at `path` itself.
+    /// True if the file or an override sets `path` itself.
     #[must_use]
     pub fn holds(&self, path: &KeyPath) -> bool {
         self.root.find(path).is_some() || self.overrides(path)

@@ -1,13 +1,13 @@
-//! A mistake in the shape of a file, as data: what the schema wants and what the file has.
+//! A mistake in the shape of a file, as data: the requirement of the schema and the content of the file.
 
 use super::document::KeyPath;
 
-/// A mistake in the shape of the file: the schema wants one thing, and the file has another.
+/// A mistake in the shape of the file: it differs from the requirement of the schema.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Mistake {
     /// Where.
     pub path: KeyPath,
-    /// What.
+    /// Kind of the mistake.
     pub kind: Kind,
 }
 
@@ -28,7 +28,7 @@ pub(crate) enum Kind {
         found: Vec<String>,
         allowed: Vec<&'static str>,
     },
-    /// The wrong kind of value. `hint`: what to write instead.
+    /// The wrong kind of value. `hint`: the correction.
     WrongType {
         found: String,
         wanted: String,

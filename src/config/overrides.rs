@@ -1,8 +1,8 @@
 //! `--set KEY=VALUE`: one key of the test file, replaced or added from the command line.
 //!
 //! The key is a dotted path whose indices count from 0 (`specimen[0].storey` or `specimen.0.storey`). The value is TOML;
-//! what is not TOML is a bare text, so that `--set time.clock=simulated` needs no quotes. The document's comments and
-//! order survive. A complaint about an overridden value points into the argument. No override may undo another.
+//! any other value is a bare text, so that `--set time.clock=simulated` needs no quotes. The document's comments and
+//! order survive. An error in an overridden value points into the argument. No override may undo another.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use super::echo::plain;
 use super::edit::put_in_table;
 use super::words::{NO_COMMA, comma_readings};
 
-/// What stands before the argument when it is shown.
+/// Text before the argument in messages.
 const FLAG: &str = "--set ";
 
 /// One parsed `--set` argument.
@@ -82,7 +82,7 @@ impl Override {
         }
         let (value, tree) = match text.parse::<Value>() {
             Ok(value) => {
-                // Parsed as the value of a one-letter key, then moved to where it stands in the argument.
+                // Parsed as the value of a one-letter key, then moved to its place in the argument.
                 let tree = Node::parse(&format!("v={text}"))
                     .ok()
                     .and_then(|root| root.find(&KeyPath::root().key("v")).cloned())
@@ -131,7 +131,7 @@ impl Override {
         self.segments.iter().map(|(s, _)| s.clone()).collect()
     }
 
-    /// Overrides `path` instead: the new name of what the argument names.
+    /// Overrides `path` instead: the new name of the argument's key.
     pub(super) fn moved_to(&mut self, path: &KeyPath) {
         let last = self.segments.last().map_or(0..0, |(_, span)| span.clone());
         let named = self.segments.clone();
@@ -153,7 +153,7 @@ impl Override {
             return Err(self.refuse(0, headline, "a key, not an index"));
         };
         put_in_table(document.as_table_mut(), first, rest, &self.value).map_err(|(left, why)| {
-            // `left` segments were still to go when it went wrong.
+            // `left` segments remained when it failed.
             self.refuse(self.segments.len() - left, &why, "no such entry")
         })
     }
@@ -175,7 +175,7 @@ impl Override {
         Some(diagnostic)
     }
 
-    /// Where KEY=VALUE stands.
+    /// Place of KEY=VALUE.
     fn argument(&self) -> Range<usize> {
         FLAG.len()..self.value_span.end
     }
@@ -257,7 +257,7 @@ fn refusal(
     })
 }
 
-/// The document with every override applied, in order, or what is wrong with each of them.
+/// The document with every override applied, in order, or the errors of the overrides.
 pub(crate) fn apply_all(document: &mut DocumentMut, overrides: &[Override]) -> Vec<Diagnostic> {
     let each = overrides.iter().enumerate();
     each.filter_map(|(index, one)| {
@@ -291,14 +291,14 @@ mod tests {
     }
 
     #[test]
-    fn a_path_goes_through_tables_inline_tables_and_arrays() {
+    fn path_crosses_tables_and_arrays() {
         let text = with(&["specimen[0].rows.1[0]=7", "specimen.0.law.linear.k=5"]).unwrap();
         assert!(text.contains("[[1, 0], [7, 1]] # B"), "{text}");
         assert!(text.contains("k = 5"), "{text}");
     }
 
     #[test]
-    fn what_is_not_there_is_created() {
+    fn missing_parts_are_created() {
         let text = with(&[
             "timing.priority=80",
             "specimen[1].name=b",
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_leads_nowhere_is_explained_in_the_argument() {
+    fn dead_path_is_explained_in_the_argument() {
         let complaint = |argument: &str| with(&[argument]).unwrap_err();
         let text = complaint("specimen[3].name=z");
         assert!(

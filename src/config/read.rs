@@ -1,9 +1,9 @@
 //! From the tree of a test file to its structs, finding as many mistakes as can be found.
 //!
-//! A serde deserializer of our own rather than the parser's, for three reasons: a mistake comes back as data (which
-//! key, what was found, what is allowed) and not as a sentence to be taken apart; it knows its path; and after a
-//! mistake the reading goes on without the offending value, so that one run reports them all. A complaint that
-//! only follows from an earlier one is not raised. Tables are never read from arrays, which serde would allow.
+//! This serde deserializer replaces the parser's for three reasons. A mistake comes back as data (key, found value,
+//! allowed values) and not as a sentence. It knows its path. After a mistake it continues without the invalid value, so
+//! that one run reports them all. An error that only follows from an earlier one is not reported. Tables are never read
+//! from arrays, which serde would allow.
 
 use serde::de::DeserializeOwned;
 
@@ -56,8 +56,8 @@ pub(crate) fn read<T: DeserializeOwned>(root: &Node) -> Reading<T> {
         if !session.explains(&mistake) {
             session.mistakes.push(mistake);
         }
-        // Each pass leaves out one more path; the root, or a path twice, means that nothing is left to try. The bound
-        // keeps a long array of wrong values from costing its square.
+        // Each pass omits one more path; the root, or a path twice, means that no further pass helps. The bound keeps a
+        // long array of wrong values from costing its square.
         let enough = session.mistakes.len() > MOST_SHOWN;
         if enough || skip.segments().is_empty() || session.skip.contains(&skip) {
             return Reading {
@@ -69,7 +69,7 @@ pub(crate) fn read<T: DeserializeOwned>(root: &Node) -> Reading<T> {
     }
 }
 
-/// What earlier passes found.
+/// Findings of earlier passes.
 #[derive(Debug, Default)]
 struct Session {
     mistakes: Vec<Mistake>,

@@ -1,7 +1,7 @@
 //! The tree of a test file as a serde deserializer that knows its path.
 //!
-//! It visits entries in the order of the file, leaves out those that it is told to skip, and never reads a table from an
-//! array, which serde would allow. An error carries its kind as data and the innermost path that it concerns.
+//! It visits entries in the order of the file, omits those that it must skip, and never reads a table from an array,
+//! which serde would allow. An error carries its kind as data and the innermost path that it concerns.
 
 use serde::de::value::StrDeserializer;
 use serde::de::{
@@ -14,10 +14,10 @@ use super::mistake::Kind;
 use super::suggest::listed;
 use super::words::{SPLIT_NUMBERS, found_in_words, number_in_quotes, wanted_in_words};
 
-/// What went wrong in the reading.
+/// An error of the reading.
 #[derive(Debug)]
 pub(crate) struct Fault {
-    /// What.
+    /// Kind of the error.
     pub kind: Kind,
     /// Where.
     pub path: Option<KeyPath>,
@@ -186,7 +186,7 @@ impl<'de> Reader<'de> {
                     }),
                 })
             }
-            // It is refused; serde does not say which names there are.
+            // It is refused; serde does not list the names.
             _ => self.visit(visitor).map_err(|mut error| {
                 if let Kind::WrongType { wanted, .. } = &mut error.0.kind {
                     let one = names.first().copied().unwrap_or("name");

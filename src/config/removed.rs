@@ -1,9 +1,8 @@
 //! Removed keys: the finding for a file that still has one, and the files that may have one.
 //!
-//! A test file with a removed key is refused, and the finding names what to use instead.
-//! The `resolved.toml` of a run folder holds the defaults of the version that wrote it.
-//! There a removed key is ignored at the default that it had.
-//! At any other value, this version cannot run the same test. The finding names the last version that can.
+//! A test file with a removed key is refused, and the finding names the replacement. The `resolved.toml` of a run
+//! folder holds the defaults of the version that wrote it. There a removed key is ignored at its former default. At any
+//! other value, this version cannot run the same test. The finding names the last version that can.
 
 use std::path::Path;
 
@@ -19,7 +18,7 @@ struct RemovedKey {
     default: Option<&'static str>,
     /// The last version that knew it.
     last: &'static str,
-    /// What to do instead.
+    /// Replacement.
     instead: &'static str,
 }
 

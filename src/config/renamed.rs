@@ -1,10 +1,9 @@
 //! Renamed keys: each is read under its old name too, and a warning gives the new one.
 //!
-//! The entries are moved in the tree of the file before it is read, so that all later code knows the new names alone.
-//! A moved entry keeps its place in the text: a diagnostic points at what the user wrote.
-//! `--set` and the keys of `[[uncertainty]]` accept the old names as well.
-//! An old name beside the new one is not moved, and the file is refused.
-//! A law that is a special case of another is a renamed key that adds parameters.
+//! The entries are moved in the tree of the file before it is read, so that all later code knows the new names alone. A
+//! moved entry keeps its place in the text: a diagnostic points at the user's text. `--set` and the keys of
+//! `[[uncertainty]]` accept the old names as well. An old name beside the new one is not moved, and the file is
+//! refused. A law that is a special case of another is a renamed key that adds parameters.
 
 use std::ops::Range;
 
@@ -56,7 +55,7 @@ const TIMING: &[&str] = &["timing"];
 const LAWS: &[&str] = &["*.law", "*.laws[*]", "*.parallel[*]", "*.absolute_damper"];
 const PERFECTLY_PLASTIC: Option<(&str, &str)> = Some(("post_yield_ratio", "0.0"));
 
-/// A key of an outer table stands before those inside it.
+/// A key of an outer table comes before those inside it.
 const RENAMED: &[RenamedKey] = &[
     renamed(TIMING, "max_consecutive_misses", "misses.in_a_row.trip"),
     renamed(TIMING, "warn_consecutive_misses", "misses.in_a_row.warn"),
@@ -225,8 +224,8 @@ pub(super) fn notes(moves: &[Move]) -> Vec<Finding> {
     noted.iter().map(|one| one.key.note(&one.table)).collect()
 }
 
-/// The path under which an entry stands today, with the move of its old name. `holds` says whether the file has a key: some old
-/// names have a meaning only beside another key.
+/// The present path of an entry, with the move of its old name. `holds` returns whether the file has a key: some old names have
+/// a meaning only beside another key.
 pub(super) fn current(path: &KeyPath, holds: &dyn Fn(&KeyPath) -> bool) -> Option<(KeyPath, Move)> {
     let segments = path.segments();
     for length in 0..segments.len() {

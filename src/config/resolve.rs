@@ -1,6 +1,6 @@
 //! `resolved.toml`: the complete configuration, from which the same test runs again.
 //!
-//! Every default and override stands in it as a value. An automatic λ stands as the number that was found, with the
+//! It contains every default and override as a value. An automatic λ is replaced by the number that was found, with the
 //! request in a comment beside it; input files point into the run folder's `inputs/`.
 
 use thiserror::Error;
@@ -82,7 +82,7 @@ struct Paths<'a> {
     placed: Vec<String>,
 }
 
-/// Keys that hold paths: `file`, `path`, and what ends in `_file`.
+/// Keys that hold paths: `file`, `path`, and keys that end in `_file`.
 fn holds_a_path(key: &str) -> bool {
     matches!(key, "file" | "path") || key.ends_with("_file")
 }

@@ -4,18 +4,10 @@ use std::path::Path;
 
 use super::fault_rules::{ScriptError, check_script};
 use super::fault_script::Script;
-use super::{ConfigError, Finding, KeyPath, Purpose, judge, open, read_text};
+use super::{ConfigError, Finding, KeyPath, Purpose, judge, open};
 use gusset_quantity::catalog::phase::Phase;
 
-/// Reads the fault script at `path`.
-///
-/// # Errors
-/// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
-pub fn load_script(path: &Path) -> Result<Script, ConfigError> {
-    parse_script(path, read_text(path)?)
-}
-
-/// [`load_script`] for a text that is already in memory.
+/// Reads the text of the fault script at `path`.
 ///
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.
@@ -86,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn a_script_says_what_is_wrong_with_it_and_where() {
+    fn script_errors_are_shown_at_their_place() {
         for (text, words) in [
             (
                 "title = \"x\"\nfaults = []",
@@ -140,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_script_is_read_as_it_is_written() {
+    fn script_is_read_as_written() {
         let text = "title = \"x\"\nseed = 7\n[[fault]]\nat = 3\nfor = 2\nprobability = 0.5\non = \"commands\"\n\
                     kind = { late = { ticks = 1.5 } }\n[[fault]]\nkind = { stuck = { channel = \"force\" } }\n";
         let script = parse_script(Path::new("s"), text.to_owned()).unwrap();

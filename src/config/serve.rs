@@ -14,7 +14,7 @@ use super::{
 };
 use gusset_actuator::geometry::Geometry;
 
-/// Longest silence in s after which a client counts as gone: a day.
+/// Longest silence in s after which a client counts as lost: a day.
 const IDLE_S: f64 = 86_400.0;
 
 /// Smallest and largest rate of paced commands, Hz.
@@ -54,7 +54,7 @@ impl ServedFile {
         self.specimen()?.rows.as_ref().filter(|_| !self.is_test)
     }
 
-    /// Refuses what the chosen protocol has no word for.
+    /// Refuses keys that the chosen protocol does not support.
     ///
     /// # Errors
     /// A unit that the protocol of Gusset lacks, or a transformation, which it leaves to the controller.
@@ -336,7 +336,7 @@ fn is_test(root: &Node) -> bool {
     root.find(&KeyPath::root().key("time")).is_some()
 }
 
-/// True of a file that is one for `gusset serve`, and no test file.
+/// True for a file of `gusset serve` that is not a test file.
 #[must_use]
 pub fn is_for_a_server(path: &Path) -> bool {
     let opened = read_text(path).and_then(|text| open(Purpose::Run, path, text, &[]));

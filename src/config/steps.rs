@@ -29,7 +29,7 @@ const MOST_TICKS: u32 = 10_000;
 /// Step numbers are recorded as doubles, which count exactly up to here (2^53).
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
-/// Most ticks a second of wall time: on the real clock beyond what any machine keeps, on the simulated one as finely as it counts.
+/// Most ticks a second of wall time: on the real clock beyond any machine, on the simulated one the resolution of its count.
 const fn highest_hz(clock: ClockChoice) -> f64 {
     match clock {
         ClockChoice::Real => 1e6,
@@ -43,7 +43,7 @@ impl Time {
         self.period.value() * f64::from(self.ticks_between_commands(link))
     }
 
-    /// The same in ticks.
+    /// Ticks from one command over this link to the next.
     pub fn ticks_between_commands(&self, link: &LinkSpec) -> u32 {
         if link.is_per_step() {
             self.ticks_per_step
@@ -55,7 +55,7 @@ impl Time {
     /// The time of a test.
     ///
     /// # Errors
-    /// What is wrong with the table: both or neither of step and rate, or a duration that is no whole number of steps.
+    /// Errors of the table: both or neither of step and rate, or a duration that is no whole number of steps.
     pub fn of(table: &TimeTable) -> Result<Self, Box<Finding>> {
         let time = KeyPath::root().key("time");
         let step = match (table.step_s, table.rate_hz) {

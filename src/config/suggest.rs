@@ -3,9 +3,9 @@
 /// The nearest of `allowed` to `found`, if it is near enough to be meant.
 ///
 /// A name that lacks its unit (`duration` for `duration_s`) or has another (`step_ms` for `step_s`) is near; so is one
-/// with a few letters wrong.
+/// with a few wrong characters.
 pub fn nearest<'a, S: AsRef<str> + ?Sized>(found: &str, allowed: &[&'a S]) -> Option<&'a S> {
-    /// Below this share of right letters a suggestion would be a guess.
+    /// Below this share of right characters a suggestion would be a guess.
     const NEAR_ENOUGH: f64 = 0.6;
     let found = found.to_lowercase().replace('-', "_");
     let stem = |name: &str| name.split('_').next().unwrap_or_default().to_owned();
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_forgotten_unit_and_a_slip_of_the_finger_are_recognised() {
+    fn missing_unit_and_typo_are_recognised() {
         let keys = ["step_s", "rate_hz", "duration_s", "clock", "scale"];
         assert_eq!(nearest("duration", &keys), Some("duration_s"));
         assert_eq!(nearest("step_ms", &keys), Some("step_s"));
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn among_names_that_begin_alike_the_closest_wins() {
+    fn closest_of_similar_names_wins() {
         let keys = ["stiffness_n_per_m", "stiffness_n_per_m3", "stiffness_ratio"];
         assert_eq!(
             nearest("stiffness_n_pr_m", &keys),

@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_table_is_the_default_and_unknown_keys_are_refused() {
+    fn empty_timing_table_is_the_default() {
         let empty: TimingSpec = toml::from_str("").unwrap();
         assert_eq!(empty, TimingSpec::default());
         assert_eq!(empty.check(), Ok(()));
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn the_default_bound_is_one_tick_in_a_hundred_and_at_least_a_hundred() {
+    fn default_miss_bound_is_one_percent() {
         let spec = TimingSpec::default();
         assert_eq!(
             (spec.miss_bound(30), spec.miss_bound(1_000_000)),

@@ -1,6 +1,6 @@
 //! Values that TOML alone cannot type: exact rates, λ, an estimate that is a number or a matrix, a choice of DOFs.
 //!
-//! Each says in its own words what it accepts, and writes itself back so that it reads again as the same value.
+//! Each defines its accepted values in words, and writes itself back so that it reads again as the same value.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_is_read_exactly_from_each_of_its_spellings() {
+    fn rate_is_exact_in_every_spelling() {
         let terms = |text| read::<RateValue>(text).unwrap().0.terms();
         assert_eq!(terms("1024"), (1024, 1));
         assert_eq!(terms("0.01"), (1, 100));
@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_may_be_a_number_and_a_choice_may_be_all() {
+    fn matrix_accepts_a_number_choice_all() {
         assert_eq!(read("3"), Ok(MatrixValue::Number(3.0)));
         assert_eq!(
             read("[[1, 2.5]]"),
@@ -422,7 +422,7 @@ mod tests {
         }
 
         #[test]
-        fn a_lambda_written_reads_back_to_the_last_bit(value in 1e-300f64..1e300) {
+        fn written_lambda_reads_back_exactly(value in 1e-300f64..1e300) {
             let text = written(LambdaValue::Number(value));
             prop_assert_eq!(toml::from_str::<One<LambdaValue>>(&text).unwrap().v, LambdaValue::Number(value));
         }

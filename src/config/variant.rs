@@ -1,8 +1,8 @@
 //! One variant of an enum as a field of the table around it.
 //!
-//! `[structure]` has a kind (`shear_building`, `matrices`, `chain`) beside keys that every kind shares. serde's way of
-//! saying so (`flatten`) would lose the places of mistakes, so each kind is an optional field that reads and writes the
-//! one variant of its name; [`super::check`] sees to it that exactly one is given.
+//! `[structure]` has a kind (`shear_building`, `matrices`, `chain`) beside keys that every kind shares. serde's
+//! `flatten` would lose the places of mistakes, so each kind is an optional field that reads and writes the one variant
+//! of its name; [`super::check`] ensures that exactly one is given.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::value::StrDeserializer;

@@ -5,7 +5,7 @@ use serde::de::{Expected, Unexpected};
 use super::echo::{number, quoted};
 use super::suggest::listed;
 
-/// What was found.
+/// Describes a found value.
 pub(crate) fn found_in_words(found: Unexpected<'_>) -> String {
     match found {
         Unexpected::Bool(value) => format!("`{value}`"),
@@ -94,7 +94,7 @@ pub(crate) fn number_in_quotes(found: Unexpected<'_>, wanted: &dyn Expected) -> 
     })
 }
 
-/// What a whole number may be, where a number was found that is none of them: too large, negative or with a point.
+/// Range of a whole number, where the found number is outside it: too large, negative or with a point.
 fn range_in_words(found: Unexpected<'_>, wanted: &str) -> Option<String> {
     // Larger ones than an i64 cannot be written in TOML.
     const MOST: u64 = i64::MAX.unsigned_abs();

@@ -1,17 +1,17 @@
-//! The limits that a controller announces in the handshake of our own protocol, and what a specimen's end makes of them.
+//! Limits that a controller announces in the handshake of our own protocol, and how the specimen's end uses them.
 //!
-//! A controller never sends a command beyond what it announces, because its loop judges every command before it leaves.
-//! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
-//! lead the specimen home; the specimen's end comes in where that has failed.
+//! A controller never sends a command beyond the announced limits, because its loop judges every command before it leaves.
+//! So a command beyond them is a fault, and the specimen's end holds. The controller judges forces first, because it may
+//! return the specimen; the specimen's end acts if that has failed.
 
 use gusset_control::port::limits::{AxisLimits, Bound, Range};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Limits, Unit};
 
-/// What the specimen's end adds to an announced bound of commands, for the rounding of units.
+/// Relative slack that the specimen's end adds to an announced bound of commands, for the rounding of units.
 const ROUNDING: f64 = 1e-9;
-/// What it adds to an announced force, for the controller's own answer.
+/// Factor on an announced force limit, so that the controller can react first.
 const LAST_RESORT: f64 = 1.25;
 
 /// The units of an axis on the wire.
@@ -30,8 +30,8 @@ pub(crate) fn units_of(axis: &Axis) -> AxisUnits {
     }
 }
 
-/// The trip levels of an axis as they stand on the wire, in its units. `tick_s` is the shortest wall time from one command to
-/// the next, if it is known: what bounds the change of the command in that time bounds its speed.
+/// The trip levels of an axis as sent on the wire, in its units. `tick_s` is the shortest wall time from one command to the
+/// next, if it is known: a bound of the change of the command in that time bounds its speed.
 #[must_use]
 pub fn announce(limits: &AxisLimits, units: &AxisUnits, tick_s: Option<f64>) -> Limits {
     let by_step = tick_s.map_or(f64::INFINITY, |tick_s| {
@@ -47,7 +47,7 @@ pub fn announce(limits: &AxisLimits, units: &AxisUnits, tick_s: Option<f64>) -> 
     }
 }
 
-/// What the specimen's end keeps of what was announced, SI.
+/// The limits that the specimen's end keeps of those announced, SI.
 #[must_use]
 pub(crate) fn kept(limits: &Limits, units: &AxisUnits) -> AxisLimits {
     let width = limits.disp_max - limits.disp_min;
@@ -80,7 +80,7 @@ pub fn narrower(one: &Limits, other: &Limits) -> Limits {
     }
 }
 
-/// What the specimen's end keeps of which the test knows nothing, in words; `None` if there is no such thing.
+/// Limits of the specimen's end that the test does not know, in words; `None` if it knows all.
 #[must_use]
 pub(crate) fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -> Option<String> {
     let AxisUnits { disp, force, .. } = units;
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn trip_levels_are_announced_in_the_units_of_the_axis() {
+    fn trip_levels_are_announced_in_axis_units() {
         let wire = announce(&limits(), &MM_KN, None);
         assert!((wire.disp_min + 50.0).abs() < 1e-12 && (wire.disp_max - 70.0).abs() < 1e-12);
         assert!((wire.speed_max - 300.0).abs() < 1e-12);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_of_the_change_in_one_tick_is_announced_as_the_speed_that_it_is() {
+    fn step_bound_is_announced_as_a_speed() {
         let speed_max = |step: f64, vel: f64| {
             let limits = AxisLimits::NONE
                 .with(Limit::CommandStep, Bound::trip(step))
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn the_far_end_lets_pass_what_the_controller_may_send_and_nothing_beyond() {
+    fn announced_bounds_pass_allowed_commands() {
         let kept = kept(&announce(&limits(), &MM_KN, None), &MM_KN);
         let tripped = |disp: f64, force: f64| {
             let mut watch = Watch::new(vec![kept], 1.0);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_only_the_far_end_keeps_is_said() {
+    fn limit_known_only_there_is_reported() {
         let theirs = announce(&limits(), &MM_KN, None);
         let said = unknown_to_us(&Limits::NONE, &theirs, &MM_KN).unwrap();
         assert_eq!(

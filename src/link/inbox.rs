@@ -33,7 +33,7 @@ impl Inbox {
         self.stream
     }
 
-    /// Room for the next bytes; never empty after [`Inbox::next`] has said that there is no whole frame.
+    /// Room for the next bytes; never empty after [`Inbox::next`] has found no whole frame.
     pub(super) fn space(&mut self) -> &mut [u8] {
         if !self.stream || self.start == self.end {
             (self.start, self.end) = (0, 0);
@@ -44,7 +44,7 @@ impl Inbox {
         self.bytes.get_mut(self.end..).unwrap_or_default()
     }
 
-    /// So many bytes of the room hold something now.
+    /// Records that `count` more bytes of the buffer are filled.
     pub(super) fn filled(&mut self, count: usize) {
         self.end = (self.end + count).min(self.bytes.len());
     }
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_in_pieces_of_every_size_gives_the_same_frames() {
+    fn split_stream_gives_the_same_frames() {
         let frames: Vec<_> = [&b"one"[..], b"two two", b""].map(greeting).to_vec();
         let bytes = frames.concat();
         for size in 1..bytes.len() {
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_datagram_is_an_error_and_leaves_nothing_behind() {
+    fn cut_datagram_leaves_nothing_behind() {
         let frame = greeting(b"one");
         let mut inbox = Inbox::new(false);
         inbox.preload(&frame[..20]);

@@ -1,9 +1,9 @@
 //! Links: a protocol and a transport joined to a [`Substructure`](gusset_quantity::substructure::Substructure), and the far end
 //! that hosts specimens.
 //!
-//! [`gusset_wire`] knows bytes and no sockets; a [`Transport`] knows sockets and no bytes. On the loop's thread there
-//! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
-//! the deadline.
+//! [`gusset_wire`] handles bytes without sockets; a [`Transport`] handles sockets without their meaning. On the loop's
+//! thread there are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime only serves work
+//! without a deadline.
 //!
 //! `native` and `openfresco` are the clients, `server` and `served` the far end: a session of the first and the specimen behind it.
 //! `fault` plays the faults of a script on any of them. This member knows no structure and no test. Begin reading with `native`.
@@ -33,7 +33,7 @@ use gusset_record::rt::os;
 /// Moves bytes. Streams and datagrams look the same from above: a datagram is a chunk that happens to hold whole
 /// frames.
 pub trait Transport: Send {
-    /// Hands `frame` over whole; never blocks. What the system does not take at once is kept and flushed in
+    /// Hands `frame` over whole; never blocks. Bytes that the system does not take at once are kept and flushed in
     /// [`Transport::recv`]; a second full buffer is [`LinkFault::Backpressure`]. Real-time: yes.
     ///
     /// # Errors
@@ -65,12 +65,12 @@ pub trait Transport: Send {
         Nanos(os::monotonic_ns())
     }
 
-    /// True if time itself is simulated: then a wait takes none of the wall's.
+    /// True if time is simulated: then a wait takes no wall time.
     fn is_simulated(&self) -> bool {
         false
     }
 
-    /// What ended a TLS session or holds it up, where that is more than the [`LinkFault`] says. Real-time: yes.
+    /// Fault that ended a TLS session or delays it, where it is more than the [`LinkFault`] shows. Real-time: yes.
     fn tls_fault(&self) -> Option<TlsFault> {
         None
     }

@@ -5,7 +5,7 @@
 const MOST: u64 = 100;
 const PERIOD_NS: u64 = 60_000_000_000;
 
-/// What becomes of one message.
+/// Whether one message is shown.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Allowance {
     /// The message passes.
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn beyond_so_many_messages_the_last_says_that_no_more_are_told_and_later_their_number_is() {
+    fn quota_reports_the_omitted_messages() {
         let mut quota = Quota::default();
         let mut take = |s: u64| quota.take(5 + s * 1_000_000_000);
         let plain = |is_told| Allowance {

@@ -84,7 +84,7 @@ pub fn read_key(path: &Path) -> Result<PreSharedKey, KeyError> {
 /// Random bytes of the operating system: nonces and session numbers.
 ///
 /// # Errors
-/// The system has none, which it never says in practice.
+/// The system has no random numbers, which does not happen in practice.
 pub(super) fn random<const N: usize>() -> io::Result<[u8; N]> {
     let mut bytes = [0; N];
     File::open("/dev/urandom")?.read_exact(&mut bytes)?;
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_line_end_is_not_part_of_the_key_and_a_short_key_is_none() {
+    fn line_end_is_not_part_of_the_key() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_all_users_can_read_is_none() {
+    fn key_that_everyone_can_read_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lab.key");
         std::fs::write(&path, b"sixteen bytes it is").unwrap();

@@ -29,7 +29,7 @@ pub enum TlsFault {
         "its certificate cannot be used: version 3 and not an authority's own is wanted (tools/make-certificates makes one)"
     )]
     Unusable,
-    /// A signature is wrong: that of an authority with the trusted one's name, or that of its own key.
+    /// A signature is wrong: it comes from an authority with the trusted one's name, or from the certificate's own key.
     #[error(
         "the signature of its certificate is wrong: it can be from another authority of this name (if the certificates \
          were replaced on one side only)"
@@ -78,7 +78,7 @@ pub enum TlsFault {
 }
 
 impl TlsFault {
-    /// What the loop sees.
+    /// The fault as the loop sees it.
     #[must_use]
     pub(crate) const fn link(self) -> LinkFault {
         match self {
@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_fault_of_a_certificate_is_a_failed_proof_and_a_lost_socket_is_not() {
+    fn certificate_faults_are_failed_proofs() {
         let expired = TlsFault::Expired(951_782_400);
         assert_eq!(
             expired.to_string(),

@@ -1,4 +1,5 @@
-//! A base that is moved: displacement and velocity at every step, and a look for what no table can follow.
+//! Motion of the base: displacement and velocity at every step, and a check for motion that no shake table can
+//! follow.
 
 use super::error::MotionError;
 use super::process::Motion;
@@ -14,7 +15,7 @@ pub struct BaseMotion {
     pub vel: Vec<f64>,
     /// Warnings in plain words.
     pub warnings: Vec<String>,
-    /// The record that it was made of, if it comes from a file.
+    /// Facts of the record, if the motion comes from a file.
     pub record: Option<RecordFacts>,
 }
 

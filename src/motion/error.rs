@@ -33,7 +33,7 @@ pub enum MotionError {
     Unreadable {
         /// Name of the file, as the test file spells it.
         file: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// No bytes, or no numbers among them.
@@ -64,7 +64,7 @@ pub enum MotionError {
         /// Line, from 1.
         line: usize,
     },
-    /// A word where a number must stand.
+    /// A word in place of a number.
     #[error("{file}:{line}:{column}: wanted a number, found {}", word(found))]
     NotANumber {
         /// Name of the file.
@@ -131,16 +131,16 @@ pub enum MotionError {
         /// The number with its comma.
         found: String,
     },
-    /// A header that does not say what it must.
+    /// A header without a required entry.
     #[error("{file}:{line}: wanted {wanted}, found {found:?}")]
     Header {
         /// Name of the file.
         file: String,
         /// Line, from 1.
         line: usize,
-        /// What was looked for.
+        /// The text expected.
         wanted: &'static str,
-        /// The line, or the part of it that disappoints.
+        /// The line, or the part of it that is wrong.
         found: String,
     },
     /// A header that announces another number of values than follow.
@@ -155,7 +155,7 @@ pub enum MotionError {
     Count {
         /// Name of the file.
         file: String,
-        /// What the header says.
+        /// The number that the header announces.
         announced: usize,
         /// How many there are.
         found: usize,
@@ -225,7 +225,7 @@ pub enum MotionError {
         /// Name of the file.
         file: String,
     },
-    /// Times that fall or stand still.
+    /// Times that fall or repeat.
     #[error("{file}:{line}: times must rise from row to row, found {} s after {} s", Short(*found), Short(*before))]
     NotRising {
         /// Name of the file.
@@ -259,9 +259,9 @@ pub enum MotionError {
         file: String,
         /// Line, from 1.
         line: usize,
-        /// As the first row has it.
+        /// Columns of the first row.
         wanted: usize,
-        /// As this row has it.
+        /// Columns of this row.
         found: usize,
     },
     /// Times in a unit that is not known, or not clearly theirs.
@@ -282,12 +282,12 @@ pub enum MotionError {
     ColumnUnknown {
         /// Name of the file.
         file: String,
-        /// The name or number asked for.
+        /// The name or number requested.
         wanted: String,
         /// The columns that exist.
         available: String,
     },
-    /// Two columns have the name that is asked for.
+    /// Two columns have the requested name.
     #[error(
         "{file}: columns {} and {} are both called {column:?}: choose one by column = {{ number = {} }}",
         numbers[0], numbers[1], numbers[0]
@@ -295,12 +295,12 @@ pub enum MotionError {
     ColumnTwice {
         /// Name of the file.
         file: String,
-        /// The name asked for.
+        /// The name requested.
         column: String,
-        /// The first two that have it, from 1.
+        /// The first two columns with this name, from 1.
         numbers: [usize; 2],
     },
-    /// The column of times is asked for as that of values, too.
+    /// One column is chosen for the times and for the values.
     #[error("{file}: column {number} is chosen for the times and for the values")]
     ColumnForBoth {
         /// Name of the file.
@@ -339,11 +339,11 @@ pub enum MotionError {
     /// A unit of something else.
     #[error("unit {unit} does not measure {quantity}")]
     UnitMismatch {
-        /// The key whose unit it is, where the signal itself is none.
+        /// The key whose unit it is, where it is not the signal's own unit.
         key: Option<&'static str>,
         /// The unit found.
         unit: Unit,
-        /// What was to be measured.
+        /// The quantity to be measured.
         quantity: Quantity,
     },
     /// A signal or a processing step that has no meaning here.
@@ -351,7 +351,7 @@ pub enum MotionError {
     NotApplicable {
         /// The key, as the test file spells it.
         key: &'static str,
-        /// What it was applied to.
+        /// The signal or processing step that it was applied to.
         what: &'static str,
     },
     /// A number outside its domain.
@@ -359,7 +359,7 @@ pub enum MotionError {
     Parameter {
         /// The key, as the test file spells it.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: f64,
         /// The domain, in words.
         allowed: &'static str,
@@ -397,13 +397,13 @@ pub enum MotionError {
     /// A motion that is zero throughout cannot be scaled to a peak.
     #[error("the motion is zero throughout and cannot be scaled to {}", Short(*wanted))]
     ZeroMotion {
-        /// The peak asked for, in SI units.
+        /// The peak requested, in SI units.
         wanted: f64,
     },
     /// A vector of the wrong length.
     #[error("{what}: wanted {wanted} entries, found {found}")]
     Length {
-        /// Which vector.
+        /// The vector.
         what: &'static str,
         /// Entries needed.
         wanted: usize,
@@ -413,7 +413,7 @@ pub enum MotionError {
     /// A degree of freedom that does not exist (from 1, as users count).
     #[error("{what}: degree of freedom {found} does not exist: there are {dofs}")]
     NoSuchDof {
-        /// Where it was named.
+        /// Key that names it.
         what: &'static str,
         /// The number named.
         found: usize,
@@ -423,11 +423,11 @@ pub enum MotionError {
     /// An entry that is NaN or infinite.
     #[error("{what}: entry {index} is {found}, but must be finite")]
     EntryNotFinite {
-        /// Which vector.
+        /// The vector.
         what: &'static str,
         /// Entry, from 1.
         index: usize,
-        /// What stands there.
+        /// The value found.
         found: f64,
     },
 }
@@ -462,7 +462,7 @@ impl MotionError {
         }
     }
 
-    /// The key of the test file that is wrong, as far as it is one key.
+    /// The key of the test file that is wrong, if the error concerns one key.
     #[must_use]
     pub const fn key(&self) -> Option<&'static str> {
         match self {
@@ -534,7 +534,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_in_messages_have_six_digits_at_most() {
+    fn numbers_in_messages_have_six_digits() {
         for (number, wanted) in [
             (19.990_000_000_000_002, "19.99"),
             (0.003_900_000_000_000_000_7, "0.0039"),

@@ -107,7 +107,7 @@ pub struct Series {
     pub values: Vec<f64>,
     /// Warnings in plain words, each naming what it is about.
     pub warnings: Vec<String>,
-    /// The record that they were made of, if they come from a file.
+    /// Facts of the record, if the values come from a file.
     pub record: Option<RecordFacts>,
 }
 
@@ -156,7 +156,7 @@ enum Pattern {
 }
 
 impl Excitation {
-    /// No load at all on `dofs` degrees of freedom during `steps` steps.
+    /// Zero load on `dofs` degrees of freedom during `steps` steps.
     #[must_use]
     pub const fn none(dofs: usize, steps: usize) -> Self {
         Self {
@@ -362,7 +362,7 @@ impl Excitation {
     }
 
     /// Displacement (m) and velocity (m/s) of the base at `step`; a base that does not move is at (0, 0). Beyond the
-    /// test the last displacement stands still: a base does not jump home. Real-time: yes.
+    /// test the base keeps its last displacement: it does not jump home. Real-time: yes.
     #[inline]
     #[must_use]
     pub fn base(&self, step: usize) -> (f64, f64) {
@@ -375,7 +375,7 @@ impl Excitation {
         }
     }
 
-    /// Ground acceleration in m/s² at `step`, 0 if there is none and beyond the test. Real-time: yes.
+    /// Ground acceleration in m/s² at `step`, 0 without ground motion and beyond the test. Real-time: yes.
     #[inline]
     #[must_use]
     pub fn ground(&self, step: usize) -> f64 {
@@ -432,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn a_load_is_the_sum_of_its_parts_and_overwrites() {
+    fn load_is_the_sum_of_its_parts() {
         let excitation = loaded();
         let mut out = vec![f64::NAN; 5];
         for (step, expected) in [
@@ -449,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_longer_than_the_test_ends_with_the_test() {
+    fn long_table_ends_with_the_test() {
         let excitation = Excitation::none(1, 1)
             .with_table(NodalTable {
                 dofs: vec![0],
@@ -464,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn the_base_stands_where_it_was_left_and_the_ground_is_still() {
+    fn base_stays_at_its_last_displacement() {
         let excitation = loaded();
         assert_eq!(excitation.base(2), (2.0, 9.0));
         assert_eq!(excitation.base(4), (3.0, 0.0));
@@ -474,7 +474,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_and_numbers_are_checked_when_the_excitation_is_made() {
+    fn excitation_is_checked_when_it_is_made() {
         let bare = || Excitation::none(2, 1);
         let term = |pattern: &[f64], series: &[f64]| {
             bare().with_term(LoadTerm {

@@ -364,9 +364,9 @@ impl KanaiTajimi {
     }
 }
 
-/// Largest absolute value of the motion that the kernel makes of samples, from the one behind the margin to position `last`:
-/// between them, too. The motion holds nothing above half the Nyquist frequency, so that a peak is at most 1/cos(π/4) times the
-/// nearer sample beside it, and no two turns lie between neighbours.
+/// Largest absolute value of the motion that the kernel reconstructs from samples, from the one behind the margin to position
+/// `last`, also between samples. The motion holds nothing above half the Nyquist frequency. So a peak is at most 1/cos(π/4)
+/// times the nearer sample beside it, and neighbours have at most one turn between them.
 fn peak_between(values: &[f64], last: f64) -> f64 {
     let kernel = Kernel::without_filter();
     let at = |place: f64| kernel.value_and_slope(values, place);
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_its_rms_and_nothing_outside_its_band() {
+    fn noise_has_its_rms_inside_its_band() {
         // 20 s at 1/64 s: 1280 points, one whole period; Nyquist 32 Hz, lines of 0.05 Hz.
         let x = &evaluated(Signal::BandLimitedNoise(noise()), 1.0 / 64.0, 1280)[..1280];
         let n = x.len() as f64;
@@ -506,7 +506,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_the_same_function_of_time_at_any_step() {
+    fn noise_does_not_depend_on_the_step() {
         for signal in [
             Signal::BandLimitedNoise(noise()),
             Signal::KanaiTajimi(quake()),
@@ -560,7 +560,7 @@ mod tests {
     }
 
     #[test]
-    fn the_variance_of_kanai_tajimi_is_that_of_the_filtered_white_noise() {
+    fn kanai_tajimi_variance_is_exact() {
         // σ² = π S₀ ω_g (1 + 4ζ²) / 2ζ, less the part above the cutoff: S → 4ζ²ω_g²/ω² there, so that
         // 2 ∫_Ω^∞ S dω = 8 ζ² ω_g² / Ω (1 + O(ω_g²/Ω²)).
         let quake = quake();
@@ -592,7 +592,7 @@ mod tests {
     }
 
     #[test]
-    fn the_spectrum_of_a_realisation_follows_the_formula() {
+    fn spectrum_of_a_realisation_is_correct() {
         let with = KanaiTajimi {
             clough_penzien: Some(CloughPenzien {
                 angular_frequency_rad_per_s: 1.5,
@@ -632,7 +632,7 @@ mod tests {
     }
 
     #[test]
-    fn an_earthquake_has_its_peak_and_its_envelope() {
+    fn earthquake_has_its_peak_and_envelope() {
         let quake = KanaiTajimi {
             envelope: Envelope::JenningsHousner(JenningsHousner {
                 rise_s: 3.0,
@@ -691,7 +691,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_refused() {
+    fn invalid_noise_is_refused() {
         let refuse =
             |noise: BandLimitedNoise| noise.sampled(Quantity::Force).err().unwrap().to_string();
         assert_eq!(

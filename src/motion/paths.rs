@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn cycles_come_with_their_amplitudes_and_rests() {
+    fn cycles_have_amplitudes_and_rests() {
         let curve = cyclic().curve(Quantity::Displacement).unwrap();
         let at = |t: f64| (curve.at)(t).0;
         // Two cycles of 2 s from 0.5 s, a rest of 1 s, two cycles of the other amplitude from 5.5 s.
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_moves_at_its_speed() {
+    fn triangle_moves_at_its_speed() {
         let triangle = Cyclic {
             shape: CyclicShape::Triangle,
             frequency_hz: None,
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn ramps_go_at_their_speed_and_hold_their_level() {
+    fn ramps_keep_their_speed_and_level() {
         let curve = ramp().curve(Quantity::Displacement).unwrap();
         // 2 cm in 0.5 s, rest 0.5 s, 3 cm in 0.75 s, rest, 1 cm in 0.25 s.
         for (t, value, rate) in [
@@ -389,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_rises_smoothly_if_told_to() {
+    fn step_rises_smoothly_on_request() {
         let step = Step {
             amplitude: 3.0,
             unit: None,
@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_lists_and_standing_cycles_are_refused() {
+    fn empty_lists_and_zero_cycles_are_refused() {
         let refused = |c: Cyclic| c.curve(Quantity::Displacement).is_err();
         assert!(!refused(cyclic()));
         assert!(refused(Cyclic {

@@ -220,14 +220,14 @@ impl Prescribed {
         &self.warnings
     }
 
-    /// The records that it was made of.
+    /// Facts of the records in the motion.
     #[must_use]
     pub fn records(&self) -> &[RecordFacts] {
         &self.records
     }
 
-    /// Displacements in m and velocities in m/s of all axes at `step`; beyond the test the last displacement stands
-    /// still. Real-time: yes.
+    /// Displacements in m and velocities in m/s of all axes at `step`; beyond the test the last displacement remains.
+    /// Real-time: yes.
     #[must_use]
     pub fn at(&self, step: usize) -> (&[f64], &[f64]) {
         let start = step.min(self.steps + 1) * self.axes;
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ease_of_less_than_a_few_steps_is_told_of() {
+    fn too_short_ease_is_reported() {
         let grid = Grid::new(0.01, 250).unwrap();
         let told = |ease: f64| {
             let found = spec(vec![sine(10.0)], ease)
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn easing_brings_both_ends_to_rest_and_keeps_velocity_the_derivative() {
+    fn easing_brings_both_ends_to_rest() {
         let grid = Grid::new(0.001, 4000).unwrap();
         let test = spec(vec![sine(2.0)], 0.8)
             .evaluate(grid, &no_files)
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_that_is_cut_off_is_mentioned() {
+    fn truncated_motion_is_reported() {
         let cut = Motion::plain(Signal::Sine(Sine {
             amplitude: 1.0,
             unit: None,
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_without_axes_or_with_too_much_easing_is_refused() {
+    fn missing_axes_or_long_easing_is_refused() {
         let grid = Grid::new(0.01, 100).unwrap();
         for spec in [
             spec(vec![], 0.0),

@@ -461,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_shorter_than_the_test_is_followed_by_zeros_and_a_warning() {
+    fn short_record_is_padded_with_a_warning() {
         let motion = Motion::plain(Signal::File(file("a.AT2")));
         let series = evaluate(&motion, grid(0.05, 10)).unwrap();
         let g = 9.806_65;
@@ -497,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_missing_or_silent_about_their_unit_are_named() {
+    fn missing_files_and_units_are_named() {
         let message = |file: FileSignal| {
             let refused = evaluate(&Motion::plain(Signal::File(file)), grid(0.1, 3)).err();
             refused.map(|e| e.to_string()).unwrap_or_default()
@@ -523,7 +523,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_peak_and_a_factor_multiply_in_this_order() {
+    fn target_peak_precedes_the_factor() {
         let mut motion = values(&[0.0, 2.0, -4.0, 1.0]);
         motion.processing.target_peak = Some(Amount {
             value: 0.5,
@@ -547,7 +547,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_spectral_acceleration_is_met() {
+    fn target_spectral_acceleration_is_met() {
         let samples: Vec<f64> = (0..400)
             .map(|i| (0.13 * f64::from(i * i % 89)).sin())
             .collect();
@@ -572,7 +572,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_is_met_by_the_record_itself() {
+    fn record_itself_meets_a_target() {
         let (amount, g) = (0.3, 9.806_65);
         let unit = Unit::Gravity;
         // The largest sample, 5, lies between two steps of most tests.
@@ -628,7 +628,7 @@ mod tests {
     }
 
     #[test]
-    fn a_synthetic_motion_has_one_size_at_every_rate() {
+    fn synthetic_motion_size_ignores_the_rate() {
         let mut motion = Motion::plain(Signal::BandLimitedNoise(
             serde_json::from_value(serde_json::json!({
                 "rms": 1.0, "from_hz": 0.5, "to_hz": 8.0, "duration_s": 20.0, "seed": 3
@@ -652,7 +652,7 @@ mod tests {
     }
 
     #[test]
-    fn a_polynomial_is_removed_to_roundoff_and_what_is_orthogonal_to_it_stays() {
+    fn polynomial_is_removed_to_roundoff() {
         let n = 201;
         let s = |i: usize| 2.0 * i as f64 / (n - 1) as f64 - 1.0;
         for (detrend, order) in [
@@ -688,7 +688,7 @@ mod tests {
     }
 
     #[test]
-    fn a_taper_leaves_the_middle_and_zeroes_the_ends() {
+    fn taper_zeroes_the_ends_only() {
         let mut motion = values(&[1.0; 101]);
         motion.processing.taper_s = 2.0;
         let series = evaluate(&motion, grid(0.1, 100)).unwrap();
@@ -699,7 +699,7 @@ mod tests {
     }
 
     #[test]
-    fn what_needs_samples_is_refused_for_closed_forms() {
+    fn closed_forms_refuse_sample_processing() {
         for (detrend, taper_s) in [(Detrend::Mean, 0.0), (Detrend::None, 0.1)] {
             let mut motion = sine();
             motion.processing.detrend = detrend;
@@ -715,13 +715,13 @@ mod tests {
     }
 
     #[test]
-    fn a_frequency_that_the_step_cannot_carry_is_mentioned() {
+    fn frequency_beyond_the_step_is_reported() {
         assert!(evaluate(&sine(), grid(0.1, 4)).unwrap().warnings.is_empty());
         assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().warnings[0].contains("aliased"));
     }
 
     #[test]
-    fn the_velocity_of_a_base_is_exact_where_the_signal_is_known() {
+    fn base_velocity_of_closed_forms_is_exact() {
         let moved = base_motion(&sine(), grid(0.05, 40), &no_files).unwrap();
         let omega = 4.0 * std::f64::consts::PI;
         for (i, (d, v)) in moved.disp.iter().zip(&moved.vel).enumerate() {
@@ -733,7 +733,7 @@ mod tests {
     }
 
     #[test]
-    fn the_velocity_of_noise_is_that_of_the_same_noise() {
+    fn noise_velocity_matches_its_noise() {
         let noise = Motion::plain(Signal::BandLimitedNoise(BandLimitedNoise {
             rms: 0.01,
             unit: None,
@@ -756,7 +756,7 @@ mod tests {
     }
 
     #[test]
-    fn a_displacement_record_stays_where_it_ends_and_jumps_are_mentioned() {
+    fn displacement_record_stays_at_its_end() {
         let record = values(&[0.0, 0.001, 0.003, 0.004]);
         let moved = base_motion(&record, grid(0.05, 10), &no_files).unwrap();
         assert_eq!(moved.disp[6..], [0.004; 5]);
@@ -795,7 +795,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_reads_as_the_test_file_writes_it() {
+    fn motion_reads_as_in_the_test_file() {
         let text = r#"
             signal.file = { path = "el.AT2", resample = "band_limited", column = { number = 2 } }
             processing = { detrend = "linear", target_peak = { value = 0.3, unit = "g" } }

@@ -37,7 +37,7 @@ impl Random {
 }
 
 /// `Σ_k cos[k] cos(2πkj/n) + sin[k] sin(2πkj/n)` for j = 0 … n − 1, where n is a power of two and line k of `lines` is
-/// (cos, sin). Lines beyond n are not looked at.
+/// (cos, sin). Lines beyond n are ignored.
 pub(super) fn sum_of_lines(lines: &[(f64, f64)], n: usize) -> Vec<f64> {
     let mut z: Vec<(f64, f64)> = lines.iter().copied().take(n).collect();
     // Re Σ (c − is) e^{+iθ} = Σ c cos θ + s sin θ.
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_transform_is_the_sum_it_claims_to_be() {
+    fn transform_is_the_stated_sum() {
         let lines: Vec<(f64, f64)> = (0..20)
             .map(|k| (f64::from(k * k % 7) - 2.0, f64::from(k % 5)))
             .collect();
@@ -113,7 +113,7 @@ mod tests {
 
     /// Worked out by a program of some thirty lines in another language from the published recurrences.
     #[test]
-    fn the_stream_of_a_seed_is_the_one_an_independent_program_gives() {
+    fn stream_matches_an_independent_program() {
         for (seed, outputs) in [
             (
                 0,
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn uniform_numbers_fill_the_unit_interval_and_normal_ones_have_variance_one() {
+    fn uniform_and_normal_numbers_are_correct() {
         let mut random = Random::new(7);
         let n = 40_000;
         let (mut sum, mut squares, mut fourth) = (0.0, 0.0, 0.0);

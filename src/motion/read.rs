@@ -211,7 +211,7 @@ pub fn parse_record(
     }
     let format = match options.format {
         Some(format) => format,
-        // Who skips lines knows that a table follows them.
+        // A user who skips lines expects a table behind them.
         None if options.skip_rows > 0 => RecordFormat::Table,
         None => detect(name, bytes),
     };
@@ -276,7 +276,7 @@ fn text_record(
     if format != RecordFormat::TwoColumn {
         return axis::record(name, table, options);
     }
-    // Time and value, unless the names say it the other way round.
+    // Time and value, unless the names give the opposite order.
     let time = table.header.time().unwrap_or(0);
     let both = ReadOptions {
         time_column: Some(Column::Number(time + 1)),
@@ -325,7 +325,7 @@ fn has_ending(name: &str, endings: &[&str]) -> bool {
         .is_some_and(|(_, e)| endings.iter().any(|w| e.eq_ignore_ascii_case(w)))
 }
 
-/// The format that the name and the first lines tell.
+/// The format according to the name and the first lines.
 fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
     if bytes.starts_with(npy::MAGIC) || has_ending(name, &["npy"]) {
         return RecordFormat::Npy;
@@ -343,7 +343,7 @@ fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
     RecordFormat::Table
 }
 
-/// A table as read, with what error messages need.
+/// A table as read, with the places that error messages need.
 #[derive(Debug, Default)]
 pub(super) struct RawTable {
     /// The format that its layout turned out to be.
@@ -487,14 +487,14 @@ mod tests {
         }
 
         #[test]
-        fn text_made_of_what_parsers_look_for_never_panics(
+        fn parser_keywords_never_panic(
             text in "([0-9]{1,9}|[-+.,;eEdD =\t\"*#]|\r\r\n|\n|NPTS|DT|SEC|UNITS OF|NaN|inf|é){0,80}"
         ) {
             read_all_ways(text.as_bytes());
         }
 
         #[test]
-        fn text_made_of_headers_and_rows_never_panics(
+        fn headers_and_rows_never_panic(
             text in "(Time|t|Acc|# |sep=;|\\[ms\\]|\\(g\\)|cm/s/s|in|µs|0,5|1\\.5|1,000|3 0\\.1|4|[ ,;\t\"-]|\x1a|\x00|\n|\r\n){0,60}"
         ) {
             read_all_ways(text.as_bytes());
@@ -503,7 +503,7 @@ mod tests {
         }
 
         #[test]
-        fn a_table_comes_back_however_it_is_written(
+        fn table_reads_back_in_every_form(
             values in prop::collection::vec(-900_i32..900, 3..40),
             between in prop::sample::select(vec![";", "\t", " ", "   ", ", "]),
             has_commas in any::<bool>(),
@@ -541,13 +541,13 @@ mod tests {
         }
 
         #[test]
-        fn a_peer_header_before_arbitrary_text_never_panics(tail in "[-+.0-9eE \n*]{0,200}", npts in any::<u64>()) {
+        fn peer_header_before_any_text_never_panics(tail in "[-+.0-9eE \n*]{0,200}", npts in any::<u64>()) {
             let text = format!("a\nb\nACCELERATION TIME HISTORY IN UNITS OF G\nNPTS= {npts}, DT= .01 SEC\n{tail}");
             read_all_ways(text.as_bytes());
         }
 
         #[test]
-        fn an_npy_header_before_arbitrary_bytes_never_panics(
+        fn npy_header_before_any_bytes_never_panics(
             rows in any::<u64>(),
             columns in prop::option::of(0u64..5),
             kind in prop::sample::select(vec!["<f8", ">f4", "<i4", "x"]),
@@ -564,7 +564,7 @@ mod tests {
     }
 
     #[test]
-    fn the_name_and_the_first_lines_tell_the_format() {
+    fn name_and_first_lines_set_the_format() {
         for (name, text, format) in [
             ("RSN6.AT2", "", RecordFormat::Peer),
             ("rsn6.vt2", "", RecordFormat::Peer),
@@ -597,7 +597,7 @@ mod tests {
     }
 
     #[test]
-    fn the_digits_that_were_printed_are_counted() {
+    fn printed_digits_are_counted() {
         for (text, decimals, digits) in [
             ("0.010", 3, 2),
             ("0,010", 3, 2),
@@ -612,7 +612,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_file_is_named() {
+    fn empty_file_is_named() {
         for bytes in [&b""[..], b"\n\n", b"# only a comment\n"] {
             let error = parse_record("quiet.txt", bytes, &ReadOptions::default()).unwrap_err();
             assert_eq!(error.to_string(), "quiet.txt: holds no numbers");
@@ -620,7 +620,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_must_be_positive_wherever_it_comes_from() {
+    fn step_must_be_positive_from_any_source() {
         for dt in [0.0, -0.01, f64::NAN, f64::INFINITY] {
             let options = ReadOptions {
                 dt: Some(dt),
@@ -632,7 +632,7 @@ mod tests {
     }
 
     #[test]
-    fn a_load_table_comes_back_by_rows() {
+    fn load_table_reads_back_by_rows() {
         let table = parse_table("load.csv", b"f1,f2\n1,2\n3,4\n5,6\n").unwrap();
         assert_eq!(table.names, ["f1", "f2"]);
         assert_eq!((table.rows(), table.columns), (3, 2));

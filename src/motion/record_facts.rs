@@ -31,7 +31,7 @@ pub struct RecordFacts {
 /// Peaks of a ground acceleration in m/s² below and above which its unit is doubted.
 const PLAUSIBLE: [f64; 2] = [0.001 * STANDARD_GRAVITY, 5.0 * STANDARD_GRAVITY];
 
-/// Least number of values that are judged.
+/// Least number of values that can be checked.
 const LEAST: usize = 4;
 
 impl RecordFacts {

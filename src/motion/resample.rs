@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn linear_resampling_is_exact_at_the_samples_and_straight_between() {
+    fn linear_resampling_is_exact_at_samples() {
         let values = [0.0, 1.0, -3.0, 0.5, 2.0];
         // 0.02 / 0.005 = 4 up to rounding: every fourth value is a sample, to the bit.
         let fine = resample(&values, 0.02, grid(0.005, 16), Resample::Linear);
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_met_to_the_bit_at_steps_that_no_double_holds() {
+    fn samples_match_to_the_bit_at_odd_steps() {
         let values: Vec<f64> = (0..5000).map(|i| f64::from(i * i % 97)).collect();
         for method in [Resample::Linear, Resample::BandLimited] {
             let fine = resample(&values[..300], 0.01, grid(0.001, 2990), method);
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_below_the_nyquist_frequency_comes_back_with_its_slope() {
+    fn sine_below_nyquist_keeps_its_slope() {
         // The window's side lobes lie at −93 dB = 2.2e-5 of its sum; a share of them leaks. The slope is measured in what
         // a sine at the Nyquist frequency has, π per sample.
         for share in [0.001, 0.01, 0.1, 0.25, 0.5, 0.75, 0.8, 0.85] {
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_coarser_grid_loses_what_it_cannot_carry() {
+    fn coarse_grid_loses_high_frequencies() {
         // Four samples to a step: frequencies below 0.85 / 4 of the samples' Nyquist frequency stay. Frequencies above
         // (2 − 0.85) / 4 would be folded and are removed.
         let cutoff = 0.25;
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn central_differences_are_exact_for_a_parabola() {
+    fn central_differences_suit_a_parabola() {
         let (a, b, c, dt) = (0.3, -2.0, 5.0, 0.01);
         let x = |t: f64| a + b * t + c * t * t;
         let values: Vec<f64> = (0..30).map(|i| x(f64::from(i) * dt)).collect();

@@ -92,7 +92,7 @@ pub(super) fn factor_of(
     })
 }
 
-/// Exactly one of two ways to say the same thing.
+/// Requires exactly one of two alternative keys.
 pub(super) fn one_of(
     names: &'static str,
     first: Option<f64>,
@@ -445,7 +445,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_sine_is_a_sine() {
+    fn sine_has_its_formula() {
         let paper = Sine {
             amplitude: 20.0,
             frequency_hz: None,
@@ -478,9 +478,9 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_frequency_of_a_sweep_moves_as_it_should() {
-        // Zeros of sin 2πφ are where φ is a multiple of ½: they tell the phase without its formula. φ is the integral
-        // of the frequency, done here by Simpson's rule on the frequency's own definition.
+    fn sweep_frequency_follows_its_law() {
+        // Zeros of sin 2πφ are where φ is a multiple of ½: they give the phase without its formula. φ is the integral
+        // of the frequency, computed here by Simpson's rule from the frequency's own definition.
         for (kind, hz) in [
             (
                 SweepKind::Linear,
@@ -561,7 +561,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn an_exponential_sweep_over_no_interval_is_a_sine() {
+    fn exponential_sweep_of_no_width_is_a_sine() {
         let flat = Sweep {
             to_hz: 0.5,
             ..sweep(SweepKind::Exponential)
@@ -572,7 +572,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn parameters_outside_their_domain_are_named() {
+    fn bad_parameters_are_named() {
         let message = |sine: Sine| {
             let refused = sine.curve(Quantity::Displacement).err();
             refused.map(|e| e.to_string()).unwrap_or_default()

@@ -408,7 +408,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_name_of_a_unit_is_how_the_test_file_and_a_header_spell_it() {
+    fn unit_names_match_test_files_and_headers() {
         for unit in ALL {
             let quoted = format!("\"{}\"", unit.name());
             assert_eq!(serde_json::to_string(&unit).unwrap(), quoted);
@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn units_of_time_are_converted_with_one_rounding() {
+    fn time_units_convert_with_one_rounding() {
         for (text, found, seconds) in [
             ("(ms)", 10.0, 0.01),
             ("Msec", 5.0, 0.005),
@@ -462,7 +462,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kip_is_a_thousand_pounds_and_a_pound_is_its_mass_under_standard_gravity() {
+    fn kip_is_1000_pounds_force() {
         let pound = 0.453_592_37 * STANDARD_GRAVITY;
         // Both constants are exact decimals; the product rounds once.
         assert!((Unit::PoundForce.to_si() - pound).abs() <= f64::EPSILON * pound);

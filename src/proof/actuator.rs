@@ -75,7 +75,7 @@ impl Actuator {
 pub(crate) struct Follows<'a> {
     pub transfer: &'a TransferSpec,
     compensation: Option<&'a CompensationSpec>,
-    /// Of wall time, s.
+    /// Length in wall time, s.
     pub tick: f64,
 }
 

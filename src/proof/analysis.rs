@@ -14,7 +14,7 @@ use gusset_numerics::spectral::{Apparent, Locus};
 /// Largest structure of which anything is analysed: some dozens of factorisations and a few vectors of its size.
 const LARGEST: usize = 50_000;
 /// Largest structure of which all modes are found.
-pub const ALL_MODES: usize = 100;
+pub(crate) const ALL_MODES: usize = 100;
 /// Modes that are found of a larger one.
 const LOWEST: usize = 6;
 /// Largest structure whose delays are analysed: eigenvalues of four times as many rows.
@@ -24,7 +24,7 @@ const LARGEST_DELAYED: usize = 40;
 #[derive(Debug, Clone)]
 pub struct Analysis {
     pub(super) mass: SymMatrix,
-    /// What the structure feels at rest: an open gap has no stiffness.
+    /// Tangents at rest: an open gap has no stiffness.
     pub(super) at_rest: AtRest,
     /// K0 and C0, as in M_eff: an open gap counts as closed.
     stiffness: SymMatrix,
@@ -39,9 +39,10 @@ pub struct Analysis {
 /// Tangents before anything moves, specimens included.
 #[derive(Debug, Clone)]
 pub struct AtRest {
-    /// Of the stiffness.
+    /// Tangent stiffness.
     pub stiffness: SymMatrix,
-    /// Of the damping, or its reference where that is less: a damper without a finite tangent at rest has that only.
+    /// Tangent damping, or its reference where that is less: a damper without a finite tangent at rest has only a
+    /// reference.
     pub damping: SymMatrix,
 }
 
@@ -87,7 +88,7 @@ pub struct DelayedMode {
     /// Damping ratio φᵀ C0 φ/(2 ω) without delay.
     pub ratio: f64,
     /// Change of the damping ratio per second of delay of each axis of each specimen, −φ_a Σ (k̂ − ω² m)_ab φ_b/(2 ω), to the
-    /// first order: m is mass whose inertia is in the specimen's force and as late as the rest of it.
+    /// first order: m is mass whose inertia is in the specimen's force and as late as that force.
     pub per_second: Vec<Vec<f64>>,
 }
 
@@ -122,9 +123,9 @@ impl ModeFacts {
 pub struct Loop {
     /// The specimen.
     pub name: String,
-    /// The structure with this specimen's motion delayed, all others on time, as it stands at rest.
+    /// The structure at rest with this specimen's motion delayed, all others on time.
     pub system: Delayed,
-    /// The same at K0 and C0, where that is another one: with every gap closed, and dampers as at their reference.
+    /// The system at K0 and C0, where it differs: every gap closed, dampers at their reference.
     pub closed: Option<Delayed>,
 }
 
@@ -172,7 +173,7 @@ pub(super) fn square(rows: &[Vec<f64>]) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i][j])
 }
 
-/// Damping and stiffness that a late specimen has, and that stand for it in the whole (m × m for m axes).
+/// Damping and stiffness of a late specimen, which also represent it in the whole (m × m for m axes).
 pub(super) struct Own {
     pub damping: DMatrix<f64>,
     pub stiffness: DMatrix<f64>,
@@ -265,7 +266,7 @@ impl Analysis {
             own(&specimen.damping, &specimen.stiffness),
             specimen.mass_in_force,
         );
-        // What is left of a difference is as exact as the larger of its parts.
+        // A difference is as exact as the larger of its parts.
         let differ = |pairs: [(&DMatrix<f64>, &DMatrix<f64>); 2]| {
             let scale = pairs
                 .iter()
@@ -292,7 +293,7 @@ impl Analysis {
         }
     }
 
-    /// K̃ of M_eff for what is felt at rest: whatever that is, M_eff is made of K0 and C0. None for another method than the family.
+    /// K̃ for the tangents at rest, such that M_eff stays that of K0 and C0. `None` for a method outside the family.
     pub(super) fn effective(&self) -> Option<DMatrix<f64>> {
         let (dt, lambda) = self.step?;
         let less = self.damping.plus(-1.0, &self.at_rest.damping);
@@ -399,8 +400,8 @@ impl Analysis {
         0.5 * self.at_rest.stiffness.quadratic(disp)
     }
 
-    /// Modes of the whole at rest, ascending, with what delays of its specimens add to their damping. All of
-    /// a small structure, the lowest of a large one; empty if there are no real modes.
+    /// Modes of the whole at rest, ascending, with the damping that delays of its specimens add. All modes of a small
+    /// structure, the lowest of a large one; empty if there are no real modes.
     #[must_use]
     pub fn delayed_modes(&self) -> Vec<DelayedMode> {
         let mass = self.moved_mass();

@@ -14,7 +14,7 @@ pub fn growing(per_second: f64) -> String {
 
 /// What grows in the recursion with nothing delayed.
 #[must_use]
-pub fn diverging(radius: f64) -> String {
+pub(crate) fn diverging(radius: f64) -> String {
     format!("it grows by a factor {radius:.6} in a step of the recursion at this Δt and λ")
 }
 
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn smallest_critical_delay_is_shown_with_its_condition() {
+    fn smallest_critical_delay_is_shown() {
         let at_rest = (AtRest, Below(2.0));
         let found = [
             at_rest.clone(),
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn every_delay_is_stable_only_if_each_calculation_says_so() {
+    fn every_delay_is_stable_only_if_all_agree() {
         assert_eq!(words(&[(AtRest, Every)]), "every delay is stable");
         let found = [(AtRest, Every), (Recursion, UpTo(0.375))];
         assert_eq!(

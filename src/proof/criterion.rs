@@ -32,7 +32,7 @@ pub const GAIN_HYBRID: f64 = 2.0;
 /// Default bound on the gain of force errors of a purely numerical run.
 pub const GAIN_NUMERICAL: f64 = 10.0;
 
-/// Hands every part to a visitor, in order; may be asked more than once.
+/// Hands every part to a visitor, in order; may be called more than once.
 pub type Parts<'a> = &'a dyn Fn(&mut dyn FnMut(&Part));
 
 /// What stability rests on: matrices in SI units, all n × n.
@@ -50,7 +50,7 @@ pub struct StabilityProof {
     pub stiffness_bound: SymMatrix,
     /// Δt in s.
     pub dt: f64,
-    /// Mass whose inertia is inside the measured forces: not in M, and a step late. Nothing if there is none.
+    /// Mass whose inertia is inside the measured forces: not in M, and a step late. `None` without such mass.
     pub late_mass: Option<SymMatrix>,
 }
 
@@ -66,7 +66,7 @@ pub enum Governing {
         /// Frequency of the critical shape at the bounds, rad/s; infinite if it moves no mass.
         frequency: f64,
     },
-    /// No part stands out (a structure given by matrices): the degree of freedom that moves most energy.
+    /// No single part dominates (a structure given by matrices): the degree of freedom that moves most energy.
     Dof {
         /// From 0.
         dof: usize,
@@ -250,8 +250,8 @@ impl StabilityProof {
         Ok(Some(1.0 / high))
     }
 
-    /// λ by `request`, or by the rule λ = min(11.5, λ_g) if there is none, with its limit and what governs it.
-    /// `parts` name the elements, storeys and specimens that make up K_max and C_max.
+    /// λ by `request`, or by the rule λ = min(11.5, λ_g) without one, with its limit and what governs it. `parts`
+    /// name the elements, storeys and specimens that make up K_max and C_max.
     ///
     /// # Errors
     /// See [`StabilityError`].
@@ -363,7 +363,7 @@ impl StabilityProof {
 }
 
 /// Unit vector of the eigenvalue of S nearest to zero from below or above: inverse iteration on S + s I, with s just
-/// large enough to make it definite. None where there is no such vector, or none that numbers can tell.
+/// large enough to make it definite. `None` where no such vector exists, or roundoff hides it.
 fn near_null(matrix: &SymMatrix) -> Option<Vec<f64>> {
     let n = matrix.n();
     let norm = (0..n)
@@ -421,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_of_zeros_or_beyond_the_range_of_a_double_has_no_shape_and_no_limit() {
+    fn zero_or_huge_matrix_has_no_limit() {
         for entry in [0.0, -1e-320, f64::INFINITY, f64::MAX] {
             assert_eq!(near_null(&SymMatrix::diagonal(&[entry, entry])), None);
         }

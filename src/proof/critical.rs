@@ -12,8 +12,9 @@ pub struct CriticalDelay {
 }
 
 impl CriticalDelay {
-    /// Of stiffnesses in N/m, which rise from 0, and the delay in s at each; infinite where every delay is stable. None of fewer
-    /// than two, of a delay that is not a positive number, or where the stiffness does not rise.
+    /// A table of stiffnesses in N/m, which rise from 0, and the critical delay in s at each; infinite where every delay is
+    /// stable. `None` with fewer than two entries, with a delay that is not a positive number, or where the stiffness does not
+    /// rise.
     #[must_use]
     pub(crate) fn new(delays: &[(f64, f64)]) -> Option<Self> {
         let rises = delays.windows(2).all(|pair| pair[0].0 < pair[1].0);
@@ -27,7 +28,7 @@ impl CriticalDelay {
         })
     }
 
-    /// The critical delay in s at a stiffness in N/m; infinite if every delay is stable, not a number for what is none.
+    /// The critical delay in s at a stiffness in N/m; infinite if every delay is stable, NaN for a stiffness of NaN.
     /// Real-time: yes.
     #[must_use]
     pub fn at(&self, stiffness: f64) -> f64 {
@@ -56,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_table_is_exact_at_its_entries_linear_in_one_over_tau_between_and_cautious_at_its_edge() {
+    fn table_is_exact_and_cautious_at_its_edge() {
         let table = CriticalDelay::new(&[
             (0.0, f64::INFINITY),
             (10.0, f64::INFINITY),

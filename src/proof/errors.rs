@@ -92,7 +92,7 @@ impl TestError {
         }
     }
 
-    /// No error at all.
+    /// Zero errors.
     #[must_use]
     pub fn none() -> Self {
         Self {

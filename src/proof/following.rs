@@ -17,20 +17,21 @@ use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
 use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_quantity::units::duration;
 
-/// What is known of one specimen behind a declared actuator.
+/// Findings about one specimen behind a declared actuator.
 #[derive(Debug, Clone)]
 pub struct Following {
-    /// Key of what decides how it follows.
+    /// Key of the actuator or compensation that decides how it follows.
     place: KeyPath,
     specimen: String,
     at_rest: State,
     /// Standard deviation of the delay, s.
     spread: f64,
-    /// The critical delay of the recursion, s; what was looked at, if there is none. None for another method than the family.
+    /// The critical delay of the recursion in s, or the longest delay that was examined. `None` for a method outside the
+    /// family.
     discrete: Option<Result<DiscreteLimit, DelayError>>,
     /// Kind of the compensation.
     kind: &'static str,
-    /// The same as K0 and C0 have it, with gaps closed and dampers at their reference, where that is another system than at rest.
+    /// The state at K0 and C0 (gaps closed, dampers at their reference), where it differs from that at rest.
     held: Option<State>,
     /// Whether the whole grows with nothing delayed, whatever is in touch.
     grows: bool,
@@ -248,7 +249,7 @@ impl Following {
                     self.kind
                 );
                 match (go, self.held_bears()) {
-                    // What the recursion alone forbids is not looked at as K0 and C0 have it.
+                    // The recursion's own limit is not computed at K0 and C0.
                     (Some(false), Some(true)) if most >= critical => {
                         (None, about, format!("{text}; {ONLY_SMALL}"))
                     }
@@ -266,7 +267,7 @@ impl Following {
         }
     }
 
-    /// Whether it bears what is left of its delay as K0 and C0 have it, where that is another system.
+    /// Whether the loop at K0 and C0, where that is another system, is stable with the remaining delay.
     fn held_bears(&self) -> Option<bool> {
         self.held.as_ref()?.bears_what_is_left(self.spread)
     }

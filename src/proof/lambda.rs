@@ -101,7 +101,7 @@ impl Proven {
         }
     }
 
-    /// Chooses λ, or judges the one that is requested. `parts` are those of structure and specimens.
+    /// Chooses λ, or checks the one that is requested. `parts` are those of structure and specimens.
     ///
     /// # Errors
     /// No λ can be chosen. A requested λ is kept, with a doubt, unless the matrices overflow.

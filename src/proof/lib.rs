@@ -35,8 +35,8 @@ mod verdict;
 
 pub use actuator::{Actuator, Machine};
 pub use alpha::alpha_stability;
-pub use analysis::{ALL_MODES, Analysis, AtRest, Attached, DelayedMode, Loop, Matrices, ModeFacts};
-pub use bound::{DelayBound, DelayBounds, DelayCondition, INERTIA, diverging, growing};
+pub use analysis::{Analysis, AtRest, Attached, DelayedMode, Loop, Matrices, ModeFacts};
+pub use bound::{DelayBound, DelayBounds, DelayCondition, INERTIA, growing};
 pub use case::{Accepts, Case};
 pub use criterion::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, Parts, StabilityError,

@@ -8,12 +8,12 @@ use super::criterion::StabilityProof;
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Part;
 
-/// What the answer follows from.
+/// Inputs of the online limit.
 #[derive(Debug, Clone)]
 pub struct OnlineLimit {
     proof: StabilityProof,
     axes: Vec<Part>,
-    /// How much of the damping of each axis counts in a sawtooth; as it is where there is none.
+    /// Share of each axis's damping that counts in a sawtooth; 1 for axes beyond the list.
     sawtooths: Vec<f64>,
 }
 
@@ -51,15 +51,15 @@ impl OnlineLimit {
         }
     }
 
-    /// The same where so much of the damping of each axis counts in a sawtooth, as in the bounds: its velocity is then not
-    /// that of the integrator.
+    /// Sets the share of each axis's damping that counts in a sawtooth, as in the bounds: its velocity is then not that of
+    /// the integrator.
     #[must_use]
     pub(crate) fn with_sawtooths(self, sawtooths: Vec<f64>) -> Self {
         Self { sawtooths, ..self }
     }
 
     /// The limit with tangent stiffness in N/m and tangent damping in N s/m of every axis, in order; where there is no
-    /// finite number the declared bound stands.
+    /// finite number the declared bound applies.
     #[must_use]
     pub fn limit(&self, tangents: impl IntoIterator<Item = (f64, Option<f64>)>) -> LambdaLimit {
         let n = self.proof.mass.n();
@@ -106,7 +106,7 @@ mod tests {
     /// One mass m on a storey whose bound is k_max, tested as a specimen: equation (41) has the limit in closed form,
     /// λ = 4 Δt² k0 / (Δt² k_t − 4 m − 2 Δt (c0 − c_t)).
     #[test]
-    fn one_degree_of_freedom_has_the_limit_of_the_closed_form_at_every_tangent() {
+    fn one_dof_limit_matches_the_closed_form() {
         let (m, k0, c0, dt) = (2.0, 5e5, 300.0, 0.01);
         let (k_max, c_max) = (8e5, 500.0);
         let one = |value| SymMatrix::diagonal(&[value]);
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_softer_specimen_leaves_more_room_and_what_it_does_not_touch_leaves_none() {
+    fn softer_specimen_raises_the_limit() {
         // Two storeys; only the first is a specimen. The second alone governs once the first is soft.
         let dt = 0.02;
         let chain = |k1: f64, k2: f64| {

@@ -1,5 +1,5 @@
-//! One state of a loop with its actuator, at rest or as K0 and C0 have it: what delay it bears, and how many roots it has on the
-//! right.
+//! One state of a loop with its actuator, at rest or at K0 and C0: the delay it tolerates, and its number of roots in the right
+//! half-plane.
 
 use super::actuator::Follows;
 use super::bound::{DelayBound, INERTIA, growing};
@@ -9,18 +9,18 @@ use gusset_numerics::spectral::delay::{Critical, DelayError, Delayed, continuous
 /// Share of the lag that counts as left where a delay decides: less is rounding of a compensation.
 const LEFT: f64 = 0.05;
 
-/// What delay the loop bears in continuous time.
+/// Delay that the loop tolerates in continuous time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Bears {
     /// Every one.
     Every,
     /// Less than a critical one, s: lag of the actuator in s at its frequency, and that frequency in rad/s.
     LessThan { critical: f64, lag: f64, omega: f64 },
-    /// None at all, for this reason.
+    /// No delay, for this reason.
     None(&'static str),
-    /// It is unstable without any: growth in 1/s.
+    /// It is unstable without delay: growth in 1/s.
     Unstable(f64),
-    /// Why it is not known.
+    /// Reason why it is not known.
     Unknown(DelayError),
 }
 
@@ -41,7 +41,7 @@ impl Bears {
         }
     }
 
-    /// The delays that it bears.
+    /// The bound of the tolerated delays.
     pub(crate) fn bound(&self) -> DelayBound {
         match self {
             Self::Every => DelayBound::Every,
@@ -53,7 +53,7 @@ impl Bears {
     }
 }
 
-/// What is known of the loop in one state.
+/// Findings about the loop in one state.
 #[derive(Debug, Clone)]
 pub struct State {
     pub bears: Bears,
@@ -64,7 +64,7 @@ pub struct State {
 }
 
 impl State {
-    /// Of a system of one axis.
+    /// State of a system of one axis.
     pub(crate) fn of(system: &Delayed, follows: Follows<'_>) -> Self {
         let bears = Bears::of(system, |omega| follows.lag(omega, system, 0));
         let left = match bears {

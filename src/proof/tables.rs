@@ -1,7 +1,7 @@
 //! The critical delay of every axis over its stiffness, for the margin that is watched while the test runs.
 //!
-//! One axis is late at a time; all others, and what the axes of one specimen do to each other, are on time and as stiff as at
-//! rest. In continuous time, and less where the steps are so coarse that the recursion bears less.
+//! One axis is late at a time. All others, and the coupling of the axes of one specimen, are on time and as stiff as at rest.
+//! The delay is that of continuous time, or less where the steps are so coarse that the recursion tolerates less.
 
 use nalgebra::DMatrix;
 
@@ -16,18 +16,18 @@ const ENTRIES: usize = 33;
 const HALVES: i32 = 10;
 /// The last of them, in parts of the initial stiffness or of its declared bound.
 const REACH: f64 = 2.0;
-/// Angle per step, in rad, from which the recursion is asked: below it the two differ by a per cent or so.
+/// Angle per step, in rad, from which the recursion gives the limit: below it the two differ by a per cent or so.
 const COARSE: f64 = 0.2;
 /// Axes times (4 DOFs)³ of all tables together: an entry needs the eigenvalues of four times as many rows, and all of them
 /// about half a millisecond per thousand, so that a test begins within 70 ms. One axis in a structure of 12 DOFs, two in one of 9.
 const MOST_WORK: usize = 120_000;
 
 impl Analysis {
-    /// Tables for the axes of the specimens that are `wanted`, empty for the others; the largest tangents that are declared
-    /// stand in `bounds`, not a number where there is none. One axis late at a time.
+    /// Tables for the axes of the `wanted` specimens, empty for the others. `bounds` holds the largest declared tangents,
+    /// NaN where none is declared. One axis late at a time.
     ///
     /// # Errors
-    /// Why there are none, in words.
+    /// Why the tables cannot be computed, in words.
     pub fn critical_delays(
         &self,
         wanted: &[bool],
@@ -94,8 +94,8 @@ impl Analysis {
         tables.collect()
     }
 
-    /// How much of the critical delay in continuous time the recursion bears, 1 at most: with several ticks a step the way between
-    /// targets lags, too.
+    /// Share of the critical delay in continuous time that the recursion tolerates, 1 at most: with several ticks a step the path
+    /// between targets lags, too.
     fn share_of_recursion(&self, system: &Delayed) -> f64 {
         let (Some((dt, lambda)), Ok(Some(found))) = (self.step, continuous(system)) else {
             return 1.0;

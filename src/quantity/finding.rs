@@ -16,7 +16,7 @@ pub enum Segment {
     Index(usize),
 }
 
-/// Where a value stands: `structure.shear_building.mass_kg[2]`. Indices count from 0.
+/// Place of a value: `structure.shear_building.mass_kg[2]`. Indices count from 0.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct KeyPath(Vec<Segment>);
 
@@ -61,7 +61,7 @@ impl KeyPath {
         Some(Self(above.to_vec()))
     }
 
-    /// True if `other` is this path or stands above it.
+    /// True if `other` is this path or contains it.
     #[must_use]
     pub fn starts_with(&self, other: &Self) -> bool {
         self.0.starts_with(&other.0)
@@ -189,7 +189,7 @@ pub enum Severity {
     Warning,
 }
 
-/// Which bytes of an entry a finding points at.
+/// The part of an entry that a finding points at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// Its key.
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_path_says_where_it_is_broken() {
+    fn broken_path_names_the_break() {
         let span = |text| KeyPath::parse(text).unwrap_err().span;
         assert_eq!(span("a..b"), 2..2);
         assert_eq!(span("a[x].b"), 1..4);

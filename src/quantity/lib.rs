@@ -1,10 +1,10 @@
 //! What all members share: quantities, times, names, findings, and the hinge between the loop and every specimen.
 //!
-//! [`time`] holds exact rates, the tick grid, the clock and its simulated twin. [`units`] writes a number with its unit. [`catalog`]
-//! is the one table of each kind of name that a user sees: limits, events, phases, causes and columns. [`finding`] is a mistake or a
-//! doubt at its place in a file. [`state`] takes, digests and restores the state of a test as a value. [`substructure`] is the trait
-//! behind which every specimen stands: a command goes out, a measurement comes back. [`text`] makes foreign text safe to show.
-//! [`work`] tells how far a long computation is.
+//! [`time`] holds exact rates, the tick grid, the clock and its simulated twin. [`units`] writes a number with its unit.
+//! [`catalog`] is the one table of each kind of name that a user sees: limits, events, phases, causes and columns. [`finding`] is a
+//! mistake or a doubt at its place in a file. [`mod@state`] takes, digests and restores the state of a test as a value.
+//! [`substructure`] is the trait of every specimen: a command goes out, a measurement comes back. [`text`] makes foreign text safe
+//! to show. [`work`] reports the progress of a long computation.
 //!
 //! This member knows no file, no thread, no structure and no actuator. All other members use it, and it uses none of them. Begin
 //! reading with [`substructure`].

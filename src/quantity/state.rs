@@ -71,7 +71,7 @@ impl dyn Visit + '_ {
         *value = list.get(place).copied().unwrap_or(*value);
     }
 
-    /// A part that the configuration has or lacks: a restored test has it, too.
+    /// A part that depends on the configuration. A saved state fits only a test with the same parts.
     pub fn configured<T: Stateful>(&mut self, part: &mut Option<T>) {
         if let Some(part) = part {
             part.visit_state(self);
@@ -100,10 +100,10 @@ pub trait Stateful {
     }
 }
 
-/// Makes a type [`Stateful`](crate::state::Stateful) from a list of all of its fields.
+/// Makes a type [`Stateful`] from a list of all of its fields.
 ///
-/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and what is computed
-/// anew. The type is taken apart without `..`, so that a new field does not compile until it stands in one of the lists:
+/// `{ … }` lists the fields of the state in the order of their values, `keeps { … }` all others: settings, and values that
+/// are recomputed. The macro takes the type apart without `..`. So a new field does not compile until one of the lists names it:
 ///
 /// ```
 /// struct Sums { weight: f64, squares: [f64; 2], work: Vec<f64> }
@@ -115,7 +115,7 @@ pub trait Stateful {
 /// gusset_quantity::state! { Sums as "sums" { weight } keeps { work } }
 /// ```
 ///
-/// `as "sums"` names the part. A field with a method of [`Visit`](crate::state::Visit) uses it, with arguments that may read other
+/// `as "sums"` names the part. A field with a method of [`Visit`] uses it, with arguments that may read other
 /// fields: `newest: index(ring.len())`. `restored { … }` follows a restoration and computes what the state leaves out:
 ///
 /// ```
@@ -306,7 +306,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of what `walk` visits. It changes no value.
+    /// The layout of the values that `walk` visits. It changes no value.
     pub(crate) fn of(mut walk: impl FnMut(&mut dyn Visit)) -> Self {
         let mut measure = Measure::default();
         walk(&mut measure);
@@ -325,7 +325,7 @@ pub struct TestState {
 }
 
 impl TestState {
-    /// An empty state with room for what `walk` visits. All memory is allocated and touched here.
+    /// An empty state with room for the values that `walk` visits. All memory is allocated and touched here.
     pub fn with_room(walk: impl FnMut(&mut dyn Visit)) -> Self {
         Self::empty(Layout::of(walk))
     }
@@ -337,7 +337,7 @@ impl TestState {
         Self { layout, words }
     }
 
-    /// The present state of what `walk` visits.
+    /// The present state of the values that `walk` visits.
     ///
     /// # Errors
     /// `walk` does not visit the same values each time.
@@ -368,7 +368,7 @@ impl TestState {
         }
     }
 
-    /// Replaces this state by the present one of what `walk` visits. On an error the state is empty. Real-time: yes.
+    /// Replaces this state by the present values that `walk` visits. On an error the state is empty. Real-time: yes.
     ///
     /// # Errors
     /// [`StateError::Room`] if `walk` visits another number of values than at [`TestState::with_room`], [`StateError::Pending`] if a
@@ -678,7 +678,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_and_optional_numbers_take_the_same_room_and_come_back() {
+    fn choices_and_options_have_a_fixed_size() {
         let walk = |choice: &mut char, known: &mut Option<[f64; 2]>, visit: &mut dyn Visit| {
             visit.choice(choice, &['a', 'b', 'c']);
             known.visit_state(visit);
@@ -694,8 +694,77 @@ mod tests {
         }
     }
 
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    enum Energy {
+        Off,
+        FromNext,
+        On,
+    }
+
+    crate::state! { enum Energy { Off, FromNext, On } }
+
+    #[derive(Debug, Clone, PartialEq)]
+    struct Derived<T> {
+        table: [[f64; 2]; 2],
+        ends: [(f64, u32); 2],
+        energy: Energy,
+        jump: Option<[f64; 2]>,
+        part: Option<T>,
+        last: f64,
+    }
+
+    crate::state! {
+        <T: Stateful> Derived<T> as "derived" { energy, table, ends, jump, part: configured() }
+        keeps { last }
+        restored { *last = table[1][1]; }
+    }
+
     #[test]
-    fn a_restored_state_has_the_same_bits() {
+    fn a_derived_state_is_that_of_its_list() {
+        let mut one = Derived {
+            table: [[1.0, 2.0], [3.0, 4.0]],
+            ends: [(5.0, 6), (7.0, 8)],
+            energy: Energy::On,
+            jump: None,
+            part: Some(example()),
+            last: 0.0,
+        };
+        let derived = Layout::of(|visit| one.visit_state(visit));
+        let by_hand = Layout::of(|visit| {
+            visit.part("derived");
+            visit.index(&mut 0, 3);
+            visit.numbers(&mut [0.0; 4]);
+            for _ in 0..2 {
+                visit.number(&mut 0.0);
+                visit.count(&mut 0);
+            }
+            visit.flag(&mut false);
+            visit.numbers(&mut [0.0; 2]);
+            example().visit_state(visit);
+        });
+        assert_eq!(derived, by_hand);
+        let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
+        let mut other = Derived {
+            table: [[0.0; 2]; 2],
+            ends: [(0.0, 0); 2],
+            energy: Energy::FromNext,
+            jump: Some([9.0; 2]),
+            part: Some(blank(3)),
+            last: 0.0,
+        };
+        state.restore(|visit| other.visit_state(visit)).unwrap();
+        assert_eq!((other.table, other.ends), (one.table, one.ends));
+        assert_eq!((other.energy, other.jump), (Energy::On, None));
+        // The kept value was recomputed.
+        assert_eq!(other.last, 4.0);
+        // A part that is not configured has no values.
+        one.part = None;
+        let without = Layout::of(|visit| one.visit_state(visit));
+        assert_eq!(without.words + 6, derived.words);
+    }
+
+    #[test]
+    fn restored_state_has_the_same_bits() {
         let mut one = example();
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
         let mut other = blank(3);
@@ -715,7 +784,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_be_missing_and_lists_of_any_length_take_the_same_room() {
+    fn options_and_lists_have_a_fixed_size() {
         let walk = |option: &mut Option<f64>,
                     list: &mut Vec<f64>,
                     short: &mut u32,
@@ -748,7 +817,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_that_does_not_fit_changes_nothing() {
+    fn state_that_does_not_fit_changes_nothing() {
         let mut one = example();
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
         let mut longer = blank(4);
@@ -778,7 +847,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_outside_its_domain_is_refused() {
+    fn value_outside_its_domain_is_refused() {
         let mut one = example();
         let good = TestState::of(|visit| one.visit_state(visit)).unwrap();
         for (place, word) in [(4, 3), (5, 2)] {
@@ -802,7 +871,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_taken_into_its_room_without_an_allocation() {
+    fn taking_a_state_allocates_nothing() {
         let mut one = example();
         let mut state = TestState::with_room(|visit| one.visit_state(visit));
         assert!(state.is_empty());
@@ -827,7 +896,7 @@ mod tests {
     }
 
     #[test]
-    fn a_digest_depends_on_every_bit_of_a_short_state() {
+    fn digest_depends_on_every_bit() {
         let digest = |example: &Example| {
             let mut digest = Digest::default();
             example.clone().visit_state(&mut digest);

@@ -1,8 +1,8 @@
-//! The hinge: what the loop commands and measures, whatever stands behind it.
+//! The interface between the loop and every specimen: commands out, measurements in.
 //!
-//! A [`Substructure`] may be a formula in this process, a server across a socket or a recorded test.
-//! The loop issues command `k` to all of them, then collects from all of them, so that two remote
-//! specimens cost one round trip and not two.
+//! A [`Substructure`] may be a simulated specimen in this process, a server across a socket or a recorded test. The
+//! loop issues command `k` to all of them, then collects from all of them, so that two remote specimens cost one
+//! round trip and not two.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -27,7 +27,7 @@ pub struct Command<'a> {
     pub vel: &'a [f64],
 }
 
-/// What the far end says about itself with each measurement.
+/// Flags that the server sends with each measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Status(pub u32);
 
@@ -38,25 +38,25 @@ impl Status {
     pub const HOLDING: Status = Status(2);
     /// A sensor or actuator is at the end of its range.
     pub const SATURATED: Status = Status(4);
-    /// A simulated actuator and what it moves did not come to terms: the measurement is not exact.
+    /// The iteration of a simulated actuator with its specimen did not converge: the measurement is not exact.
     pub const UNSETTLED: Status = Status(8);
 
     /// The loop's own mark in its rows, never on a link: from here on the specimen is lost.
     pub const LOST: Status = Status(1 << 16);
-    /// The same, and already the last command did not leave.
+    /// The loop's own mark, too: the specimen is lost, and the last command was not sent.
     pub const UNSENT: Status = Status(1 << 17);
 
-    /// The same: the measurement is older than its command.
+    /// The loop's own mark, too: the measurement is older than its command.
     pub const STALE: Status = Status(1 << 18);
 
-    /// The same: the operator did not wait for the answer to the last command.
+    /// The loop's own mark, too: the operator did not wait for the answer to the last command.
     pub const OWED: Status = Status(1 << 19);
 
-    /// The same, beside [`Status::HOLDING`]: the specimen held until its last command came, and the answer to that does not say so
-    /// any more.
+    /// The loop's own mark, too, beside [`Status::HOLDING`]: the specimen held until its last command came, but the answer to that
+    /// command no longer reports it.
     pub const HELD: Status = Status(1 << 20);
 
-    /// As it stands in a frame, without what is nobody's to say but the loop's own.
+    /// Status from the bits of a frame, without the marks that only the loop may set.
     #[must_use]
     pub const fn told(bits: u32) -> Self {
         Self(bits & (Self::LOST.0 - 1))
@@ -82,7 +82,7 @@ pub struct Measurement {
     pub sequence: u64,
     /// The specimen's own time of sampling in s, 0 where it has none.
     pub time: f64,
-    /// Flags of the far end.
+    /// Flags of the server.
     pub status: Status,
     /// Measured displacement in m.
     pub disp: Vec<f64>,
@@ -111,7 +111,7 @@ state! { Measurement as "measurement" { sequence, time, status, disp, force } }
 pub enum Coupling {
     /// One reply is owed for each command; no command leaves while one is owed; stale data never occur.
     Lockstep,
-    /// Replies carry sequence numbers; a missing one is stale data, which a policy judges.
+    /// Replies carry sequence numbers; a missing one is stale data, for which a policy decides.
     Sampled,
 }
 
@@ -143,7 +143,7 @@ pub enum LinkFault {
     Auth,
     /// The peer does not take our bytes.
     Backpressure,
-    /// What came of a specimen is no finite number.
+    /// A number in the specimen's answer is not finite.
     NotFinite,
     /// The law of a specimen that is computed in this process gave no finite number. Nothing was lost but the computation.
     Diverged,
@@ -178,7 +178,7 @@ impl LinkFault {
         }
     }
 
-    /// What somebody who reads of it in the morning should look at.
+    /// Advice on the fault, for someone who reads of it the next day.
     #[must_use]
     pub const fn advice(self) -> &'static str {
         match self {
@@ -208,13 +208,13 @@ impl LinkFault {
 pub enum Retirement {
     /// The test ran to its end.
     Orderly,
-    /// An operator ended it in an orderly way.
+    /// An operator ended it.
     Operator,
     /// The test was tripped or failed; the specimen holds where it is.
     Tripped,
-    /// Whoever commanded it, through us, is gone without a word.
+    /// The client that commanded it through us is gone without a goodbye.
     Abandoned,
-    /// The program through which it was commanded was told to end.
+    /// The program through which it was commanded received a request to end.
     Shutdown,
 }
 
@@ -231,63 +231,63 @@ impl From<Cause> for Retirement {
     }
 }
 
-/// What went over a link, as the link itself counts it. All zero in process.
+/// Traffic counters of a link, as the link counts them. All zero in process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LinkStats {
     /// Answers that came after the deadline of their command.
     pub late: u64,
-    /// Answers that never came by themselves but stood in the history of a later one.
+    /// Answers that did not arrive themselves but were recovered from the history of a later one.
     pub recovered: u64,
     /// Messages that failed a check.
     pub corrupt: u64,
     /// Messages that came more than once.
     pub duplicates: u64,
-    /// Commands that never arrived, as the far end counts them.
+    /// Commands that never arrived, as the server counts them.
     pub missed: u64,
     /// ICMP errors in a signed session over datagrams.
     pub unreachable: u64,
 }
 
-/// What a specimen says of itself once it is connected. Empty in process.
+/// Description of a specimen once it is connected. Empty in process.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Introduction {
-    /// Who answers, in words.
+    /// Description of the server, in words.
     pub peer: String,
     /// Its own estimate of its initial stiffness in its own units, n × n by columns; empty if it has none.
     pub stiffness: Vec<f64>,
-    /// Where it stands: the command that would not move it, in its own units; empty if it cannot tell.
+    /// Its position: the command that would not move it, in its own units; empty if it is not known.
     pub standing: Vec<f64>,
-    /// That was measured: it is near the command that would not move it, not that command itself.
+    /// That position was measured: it is near the command that would not move it, not that command itself.
     pub measured: bool,
     /// Its force there, in its own units; empty if it does not say.
     pub force: Vec<f64>,
-    /// What the user should know although the test may run.
+    /// Warnings for the user; the test may still run.
     pub warnings: Vec<String>,
-    /// It says that it is a formula: nothing breaks.
+    /// It reports that it is simulated: nothing breaks.
     pub simulated: bool,
-    /// It says that an earlier test of the same process left its state. Other computations make a new specimen for each test.
+    /// It reports that an earlier test of its process left its state. Other computations make a new specimen for each test.
     pub keeps_state: bool,
-    /// It does not say that it measures displacement, although its protocol has a word for that: what it sends as such may be the
+    /// It does not report that it measures displacement, although its protocol has a flag for that: its displacement may be the
     /// command.
     pub repeats_the_command: bool,
 }
 
-/// Who holds a specimen to which no command comes any more.
+/// The end that holds a specimen when commands cease.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holder {
-    /// It is computed in this process, and is over with the test.
+    /// None is needed: it is computed in this process, and ends with the test.
     Needless,
-    /// Its own end, whose watchdog was agreed on.
+    /// The watchdog at its server, which was agreed on.
     ItsWatchdog,
-    /// The same, but it was never armed: no command has left for it.
+    /// The watchdog at its server, but it was never armed: no command was sent.
     NeverArmed,
-    /// The gateway between lost it, or cannot say that it did not: only the server of the specimen knows its position.
+    /// A gateway lost it, or cannot rule that out: only the server of the specimen knows its position.
     Unknown,
-    /// Nobody: its protocol has no word for it.
+    /// No end: the protocol has no message for it.
     Nobody,
 }
 
-/// Of a specimen whose end is gone or silent: what it does now nobody here knows, only what was agreed.
+/// For a specimen whose server is gone or silent: its present state is not known here, only the agreement is.
 pub const AGREED: &str =
     "a watchdog was agreed with its end, which has to hold it: look whether it does";
 
@@ -301,7 +301,7 @@ pub struct Unavailable {
     pub text: String,
 }
 
-/// Whoever waits for a specimen is asked this often whether its answer is still wanted.
+/// Period in ns at which a wait for a specimen checks whether its answer is still wanted.
 pub const LISTEN_NS: u64 = 50_000_000;
 
 /// Anything that answers a displacement with a force.
@@ -317,7 +317,7 @@ pub trait Substructure: Send {
         false
     }
 
-    /// Who holds the specimen if commands stay away.
+    /// The end that holds the specimen if commands stay away.
     fn holder(&self) -> Holder {
         if self.is_remote() {
             Holder::Nobody
@@ -326,7 +326,7 @@ pub trait Substructure: Send {
         }
     }
 
-    /// Connects and agrees on everything; nothing moves yet. May block, within a time limit of its own. Called once,
+    /// Connects and agrees on everything; nothing moves yet. May block, within its own time limit. Called once,
     /// before the loop's thread takes over.
     ///
     /// # Errors
@@ -335,7 +335,8 @@ pub trait Substructure: Send {
         Ok(Introduction::default())
     }
 
-    /// Asks what [`Substructure::arm`] waits for, and does not wait: so several specimens get ready at the same time.
+    /// Sends the request that [`Substructure::arm`] waits for, and does not wait, so that several specimens get ready
+    /// in parallel.
     ///
     /// # Errors
     /// The specimen is gone.
@@ -344,13 +345,12 @@ pub trait Substructure: Send {
         Ok(())
     }
 
-    /// The last word before commands move the specimen: the number of the first command, and where it will be. May
-    /// block, within a time limit of its own and for as long as it is `wanted`; on the loop's thread. A second time, after
-    /// commands that only tried the specimen: what is a formula begins anew. False if it was not wanted any more before the
-    /// specimen was ready.
+    /// Prepares the specimen for the first command: its number and its position. May block on the loop's thread, within its
+    /// own time limit and for as long as it is `wanted`. A second call, after the commands of the wiring check, restarts
+    /// simulated specimens. False if it was not wanted any more before the specimen was ready.
     ///
     /// # Errors
-    /// The specimen is not ready, stands elsewhere, or is gone.
+    /// The specimen is not ready, is in another position, or is gone.
     fn arm(
         &mut self,
         sequence: u64,
@@ -361,7 +361,7 @@ pub trait Substructure: Send {
         Ok(true)
     }
 
-    /// What went over the link so far.
+    /// Traffic counters of the link so far.
     fn stats(&self) -> LinkStats {
         LinkStats::default()
     }
@@ -383,16 +383,16 @@ pub trait Substructure: Send {
     /// The link is lost.
     fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault>;
 
-    /// An answer that never came by itself but stood in the history of a later one: its force, and the number of the command
-    /// that it belongs to. Each call takes one. Real-time: yes.
+    /// An answer recovered from the history of a later one: its force, and the number of its command. Each call takes one.
+    /// Real-time: yes.
     fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
         let _ = force;
         None
     }
 
     /// True if [`Substructure::collect`] would not have to wait: the answer to the last command is here, or comes within
-    /// `wait_ns` of wall time. Never blocks longer, and not at all with 0: a partner may take several ticks, and whoever waits
-    /// for one may have something else to look at. Real-time: yes.
+    /// `wait_ns` of wall time. Never blocks longer, and not at all with 0: a specimen may take several ticks, and the caller
+    /// may have other work meanwhile. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost.
@@ -446,7 +446,8 @@ pub trait Substructure: Send {
         Ok(())
     }
 
-    /// The operator holds the test: nothing is commanded until he lets it go on, and nobody need be alarmed. Real-time: yes.
+    /// The operator holds the test: no commands follow until the operator continues it, and silence is no fault. Real-time:
+    /// yes.
     ///
     /// # Errors
     /// The link is lost.
@@ -454,8 +455,8 @@ pub trait Substructure: Send {
         Ok(())
     }
 
-    /// The test is over here, and a way out begins with the next command: the specimen stops, and its own end judges what
-    /// comes next from rest. Real-time: yes.
+    /// The test is over here, and the shutdown begins with the next command. The specimen stops, and its server judges
+    /// the next commands from rest. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost.
@@ -463,16 +464,16 @@ pub trait Substructure: Send {
         self.pause()
     }
 
-    /// Last words: the goodbye of the protocol. Called once, whatever happened before.
+    /// Says goodbye in the link's protocol. Called once, whatever happened before.
     fn retire(&mut self, how: Retirement);
 
-    /// After the last words: whether the specimen has said that it heard them. None where nobody asks for that: before it was
-    /// armed, in this process, or in a protocol that has no such answer.
+    /// Whether the specimen has acknowledged the goodbye. `None` where no acknowledgement is expected: before it was armed,
+    /// in this process, or in a protocol without such an answer.
     fn has_acknowledged(&self) -> Option<bool> {
         None
     }
 
-    /// After the last words: what the specimen answered to them beyond a plain goodbye, in words. It may have tripped.
+    /// The specimen's answer to the goodbye beyond a plain goodbye, in words: for instance, that it tripped.
     fn last_words(&self) -> Option<String> {
         None
     }

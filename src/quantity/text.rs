@@ -1,4 +1,4 @@
-//! Text that is shown to people: what a terminal or a browser would obey or hide is spelled out.
+//! Text shown to people: characters that a terminal or a browser would obey or hide are spelled out.
 //!
 //! Names, titles and reasons come from files and from other machines. A character that moves the cursor, turns the direction of
 //! writing or takes no room could make a line say something else than it does. Every place that shows such a text uses
@@ -51,12 +51,21 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
-/// A text that a peer sent or a run file holds. People read it, and nothing depends on it: in a debug build with the variable
-/// `GUSSET_REWORD` it becomes another text, and tests show that the program does the same.
+/// Whether received texts are replaced.
+#[cfg(debug_assertions)]
+static REWORDS: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
+
+/// From here on each received text becomes another one. Tests show that the program does the same.
+#[cfg(debug_assertions)]
+pub fn reword_received() {
+    REWORDS.store(true, std::sync::atomic::Ordering::Relaxed);
+}
+
+/// A text that a peer sent or a run file holds. People read it, and nothing depends on it.
 #[must_use]
 pub fn received(text: String) -> String {
     #[cfg(debug_assertions)]
-    if !text.is_empty() && std::env::var_os("GUSSET_REWORD").is_some() {
+    if !text.is_empty() && REWORDS.load(std::sync::atomic::Ordering::Relaxed) {
         return "reworded".to_owned();
     }
     text
@@ -81,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_obeyed_or_hidden_is_spelled_and_the_rest_stays() {
+    fn hidden_characters_are_spelled_out() {
         assert_eq!(printable("a \u{1b}[2J b\nc\td"), "a \\u{1b}[2J b\nc\\u{9}d");
         for (c, spelled) in [
             ('\u{202e}', "\\u{202e}"),
@@ -100,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_has_a_letter() {
+    fn reason_needs_a_letter() {
         for nothing in [
             "",
             " \t\n",

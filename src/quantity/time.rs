@@ -1,8 +1,8 @@
 //! Time as a value: nanoseconds, exact rates, the tick grid, and the clock the loop sees.
 //!
-//! The grid never adds up sleeps. The release time of tick `k` is computed from the start and the
-//! integer `k` in rationals, so 1024 Hz (976 562.5 ns) does not drift, however long the test.
-//! The real clock lives in `gusset_record::rt`; here stands its simulated twin, [`SimClock`].
+//! The grid never adds up sleeps. The release time of tick `k` is computed from the start and the integer `k` in
+//! rationals, so 1024 Hz (976 562.5 ns) does not drift, however long the test. The real clock is in
+//! `gusset_record::rt`; its simulated counterpart is [`SimClock`].
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -250,7 +250,7 @@ impl Schedule {
     }
 }
 
-/// What the loop knows of time. One clock everywhere: the loop, its links and its tests agree on it.
+/// Clock of the loop. There is one clock everywhere: the loop, its links and its tests agree on it.
 pub trait Clock: Send {
     /// The present. Real-time: yes.
     fn now(&self) -> Nanos;
@@ -264,7 +264,7 @@ pub trait Clock: Send {
     }
 }
 
-/// A clock that stands still until it is slept on. Clones share one time.
+/// A clock that advances only when a caller sleeps on it. Clones share one time.
 #[derive(Debug, Clone, Default)]
 pub struct SimClock {
     now_ns: Arc<AtomicU64>,
@@ -303,7 +303,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn decimal_steps_are_the_fractions_a_person_meant() {
+    fn decimal_steps_are_exact_fractions() {
         let fraction = |v: f64| Ratio::from_decimal(v).unwrap().terms();
         assert_eq!(fraction(0.05), (1, 20));
         assert_eq!(fraction(0.02), (1, 50));
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_positive_is_refused() {
+    fn nonpositive_values_are_refused() {
         for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(Ratio::from_decimal(value), Err(RateError::NotPositive));
         }
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_at_1024_hz_does_not_drift_in_a_day() {
+    fn grid_at_1024_hz_does_not_drift_in_a_day() {
         let schedule = Schedule::new(Nanos(7), Ratio::new(1, 1024).unwrap());
         let day = 86_400 * 1024;
         assert_eq!(schedule.tick(day), Nanos(7 + 86_400 * 1_000_000_000));
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn far_ticks_are_those_of_exact_arithmetic_on_both_sides_of_a_word() {
+    fn far_ticks_are_exact_beyond_one_word() {
         let schedule = Schedule::new(Nanos(0), Ratio::new(3, 4096).unwrap());
         // 3 · 10⁹ k passes 2⁶⁴ at k = 6 148 914 691.2.
         for k in [
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stretched_grid_is_the_same_lattice() {
+    fn stretched_grid_is_the_same_lattice() {
         let mut schedule = Schedule::new(Nanos(0), Ratio::new(1, 1024).unwrap());
         let before = schedule.tick(13);
         schedule.stretch(3);
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn clones_of_the_simulated_clock_share_one_time() {
+    fn simulated_clock_clones_share_one_time() {
         let clock = SimClock::new();
         let other = clock.clone();
         clock.sleep_until(Nanos(500));

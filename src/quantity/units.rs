@@ -206,7 +206,7 @@ fn with_digits(value: f64, unit: &str, prefix: (f64, &str), digits: usize) -> St
     }
 }
 
-/// The unit of a key of the test file: that of its limit, or the one at its end. Empty for a key without one.
+/// The unit of a key of the test file: that of its limit, or the unit at its end. Empty for a key without a unit.
 #[must_use]
 pub fn unit_of_key(key: &str) -> &'static str {
     if let Some(limit) = Limit::of_key(key) {
@@ -314,7 +314,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantities_have_four_significant_digits_and_a_prefix() {
+    fn quantities_have_four_digits_and_a_prefix() {
         assert_eq!(quantity(0.0375, "m"), "37.5 mm");
         assert_eq!(quantity(-123_456.0, "N"), "-123.5 kN");
         assert_eq!(quantity(-1.011_936_785_625_589_9e3, "m"), "-1.012 km");
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_beside_its_bound_has_as_many_digits_as_tell_them_apart() {
+    fn value_and_bound_show_their_difference() {
         let text = |value, bound, unit| compared(value, bound, unit).join(" > ");
         assert_eq!(text(-100_856.262, -100_000.0, "N"), "-100.9 kN > -100 kN");
         assert_eq!(text(100_001.0, 100_000.0, "N"), "100.001 kN > 100 kN");
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn values_a_million_times_apart_have_separate_prefixes() {
+    fn distant_values_have_separate_prefixes() {
         let text = |value, bound, unit| compared(value, bound, unit).join(", allowed ");
         assert_eq!(text(1e300, 4e5, "N"), "1e291 GN, allowed 400 kN");
         assert_eq!(text(-2.5e4, 1e-5, "m"), "-25 km, allowed 10 µm");
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn values_beside_a_tolerance_show_whether_it_is_exceeded() {
+    fn tolerance_shows_whether_it_is_exceeded() {
         let text = |found, expected, within| compared_within(found, expected, within).join(" ");
         assert_eq!(text(12.5, 12.0, 0.03), "12.5 12 0.03");
         assert_eq!(text(-63_464.4, -63_412.2, 10.0), "-63464 -63412 10");
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reading_has_the_digits_that_its_noise_resolves() {
+    fn reading_has_the_digits_of_its_noise() {
         let text = |value, noise| reading(value, Some(noise)).join(" ± ");
         assert_eq!(text(123.456_789, 0.012_34), "123.457 ± 0.012");
         assert_eq!(text(123.456_789_4, 2.345e-5), "123.456789 ± 2.3e-5");
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quantity_keeps_the_unit_of_its_axis() {
+    fn quantity_keeps_the_unit_of_its_axis() {
         assert_eq!(in_axis_unit(5.000_000_000_000_001, "mm"), "5 mm");
         assert_eq!(in_axis_unit(0.05, "mm"), "0.05 mm");
         assert_eq!(in_axis_unit(0.05, "m"), "50 mm");
@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_of_the_test_file_ends_with_its_unit() {
+    fn key_of_a_test_file_ends_with_its_unit() {
         assert_eq!(unit_of_key("command_vel_m_per_s"), "m/s");
         assert_eq!(unit_of_key("measured_force_n"), "N");
         assert_eq!(unit_of_key("stuck_ticks"), "ticks");
@@ -421,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn the_name_of_a_key_carries_its_unit() {
+    fn name_of_a_key_carries_its_unit() {
         for (key, unit) in [
             ("specimen.0.law.linear.stiffness_n_per_m", "N/m"),
             ("structure.shear_building.mass_kg[2]", "kg"),

@@ -16,9 +16,9 @@ const RETRY_NS: u64 = 100_000_000;
 /// A call that brings what was written to the disk itself.
 pub(crate) type Syncer = Box<dyn FnMut() -> io::Result<()> + Send>;
 
-/// Something that takes bytes at its end and can be cut back.
+/// A store that takes bytes at its end and can be cut back.
 pub trait Store: Write + Send {
-    /// Cuts what is stored to its first `length` bytes and goes on from there.
+    /// Cuts the store to its first `length` bytes and continues from there.
     ///
     /// # Errors
     /// The store refuses.
@@ -27,12 +27,12 @@ pub trait Store: Write + Send {
     /// A call for another thread that syncs the store to disk; by default there is nothing to sync.
     ///
     /// # Errors
-    /// No second handle can be had.
+    /// The store refuses a second handle.
     fn syncer(&self) -> io::Result<Syncer> {
         Ok(Box::new(|| Ok(())))
     }
 
-    /// The store as it is, if `written` bytes were; none if it is no file.
+    /// Length and identity of the store, given that `written` bytes were written; `None` if it is no file.
     fn extent(&self, written: u64) -> Option<Extent> {
         let _no_file = written;
         None
@@ -76,10 +76,10 @@ impl Store for Vec<u8> {
     }
 }
 
-/// What a unit is.
+/// Kind of unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// So many bytes, at least one.
+    /// This number of bytes, at least one.
     Stride(usize),
     /// Bytes up to and with a line feed.
     Line,
@@ -98,7 +98,7 @@ impl Unit {
     }
 }
 
-/// What came of a flush.
+/// Outcome of a flush.
 #[derive(Debug)]
 pub(crate) enum Flushed {
     /// Nothing was waiting, or everything was written.
@@ -180,7 +180,8 @@ impl<S: Store> Appender<S> {
         self.torn
     }
 
-    /// The file as it is, and what was written; none if it is no file, or holds a torn tail of our own.
+    /// Identity and length of the file, beside the bytes written; `None` if it is no file, or holds an incomplete
+    /// unit.
     #[must_use]
     pub(crate) fn extent(&self) -> Option<Extent> {
         let whole = (!self.torn).then_some(&self.store);
@@ -188,6 +189,7 @@ impl<S: Store> Appender<S> {
     }
 
     /// The store.
+    #[cfg(any(test, feature = "test-doubles"))]
     #[must_use]
     pub(crate) const fn store(&self) -> &S {
         &self.store
@@ -318,7 +320,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_full_disk_keeps_whole_units_and_what_waits_is_written_when_there_is_room() {
+    fn full_disk_keeps_whole_units() {
         for room in 0..=16 {
             let disk = SmallDisk::with_room(room);
             let mut appender = Appender::new(disk.clone(), Unit::Stride(4), 16);
@@ -341,7 +343,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn beyond_the_bound_units_are_refused_and_memory_stays_bounded() {
+    fn units_beyond_the_bound_are_refused() {
         let mut appender = Appender::new(SmallDisk::with_room(0), Unit::Stride(4), 10);
         assert!(offer(&mut appender, b"aaaa") && offer(&mut appender, b"bbbb"));
         assert!(!offer(&mut appender, b"cccc"));
@@ -349,7 +351,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_torn_tail_that_cannot_be_cut_is_cut_before_anything_else_is_written() {
+    fn torn_tail_is_cut_before_the_next_write() {
         let disk = SmallDisk::with_room(6);
         disk.0.lock().unwrap().cuts_refused = true;
         let mut appender = Appender::new(disk.clone(), Unit::Stride(4), 64);
@@ -385,7 +387,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_file_is_cut_back_and_appended_to_from_there() {
+    fn file_is_cut_back_and_appended() {
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(b"aaaabb").unwrap();
         file.cut(4).unwrap();

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_is_not_committed_leaves_the_old_one_and_nothing_else() {
+    fn uncommitted_file_leaves_the_old_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         write(&path, b"old").unwrap();
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_killed_draft_is_removed_and_a_live_one_stays() {
+    fn killed_draft_is_removed_live_one_stays() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         let mut live = AtomicFile::create(&path).unwrap();
@@ -208,7 +208,7 @@ mod tests {
 
     /// Another user of the same folder, `/tmp` for example, must not choose where our bytes go.
     #[test]
-    fn a_link_that_was_put_under_the_name_beside_is_not_followed() {
+    fn planted_link_is_not_followed() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         let victim = folder.path().join("victim");
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_is_written_to_and_not_replaced() {
+    fn device_is_written_and_not_replaced() {
         write(Path::new("/dev/null"), b"gone").unwrap();
         assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
         assert!(write(Path::new("/"), b"").is_err());

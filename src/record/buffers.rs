@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_without_a_free_buffer_is_skipped_and_counted_and_nothing_is_allocated() {
+    fn state_without_a_free_buffer_is_skipped() {
         let (mut sender, mut receiver) = state_buffers();
         let mut values = [0.0; 4];
         let room = TestState::with_room(|visit| visit.numbers(&mut values));
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loop_that_has_allocated_no_buffers_keeps_nothing() {
+    fn loop_without_buffers_keeps_nothing() {
         let (mut sender, mut receiver) = state_buffers();
         assert!(!sender.hand_over(1, 1, &mut |_| Ok(())));
         assert!(receiver.taken.pop().is_err());

@@ -30,7 +30,7 @@ use super::checksum::Checksum;
 use gusset_quantity::state::{Layout, TestState};
 
 /// The newest state of a run folder, and the one before it.
-pub const STATE_FILES: [&str; 2] = ["state.bin", "state-before.bin"];
+pub(crate) const STATE_FILES: [&str; 2] = ["state.bin", "state-before.bin"];
 
 /// A state that is not finished has this name.
 const PARTIAL: &str = ".state.bin.partial";
@@ -289,12 +289,12 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_two_states_are_kept_and_read_back() {
+    fn newest_two_states_are_kept() {
         let folder = tempfile::tempdir().unwrap();
         let states = StateFolder::open(folder.path()).unwrap();
         let read = |name: &str| Checkpoint::read(&folder.path().join(name)).unwrap();
         assert!(STATE_FILES.into_iter().all(|name| read(name).is_none()));
-        // More than one piece, and none at all.
+        // Several pieces, and none.
         let all = [3000, 0, 1].map(|count| checkpoint(u64::from(count), &numbers(count)));
         for checkpoint in &all {
             states.keep(checkpoint, checkpoint.checksum()).unwrap();
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_follows_its_folder_when_it_is_moved() {
+    fn state_follows_its_moved_folder() {
         let root = tempfile::tempdir().unwrap();
         let [old, new] = ["old", "new"].map(|name| root.path().join(name));
         std::fs::create_dir(&old).unwrap();
@@ -320,9 +320,9 @@ mod tests {
         assert_eq!(std::fs::read_dir(&old).unwrap().count(), 0);
     }
 
-    /// An interrupted attempt, or somebody's link, stands where the next state is written.
+    /// An interrupted attempt, or somebody's link, occupies the place of the next state.
     #[test]
-    fn what_stands_in_the_place_of_an_unfinished_state_is_replaced() {
+    fn unfinished_state_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let victim = folder.path().join("victim");
         std::fs::write(&victim, b"precious").unwrap();
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn every_changed_bit_and_every_lost_byte_is_found() {
+    fn every_changed_or_lost_byte_is_found() {
         let one = checkpoint(1000, &numbers(5));
         let mut bytes = Vec::new();
         one.write(one.checksum(), &mut bytes).unwrap();
@@ -373,13 +373,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_file_is_refused() {
+    fn folder_is_refused_as_a_state() {
         let folder = tempfile::tempdir().unwrap();
         let fault = Checkpoint::read(folder.path()).unwrap_err();
         assert!(matches!(fault, CheckpointFault::Io(_)));
     }
 
-    /// A run folder with `rows` rows, these states in their order of time, and an event for each of those that are `told`.
+    /// A run folder with `rows` rows, these states in their order of time, and an event for each state in `told`.
     fn run_with(folder: &Path, rows: u64, states: &[Checkpoint], told: &[u64]) -> Run {
         let column = Column {
             name: "step".to_owned(),
@@ -420,7 +420,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_goes_on_from_the_newest_state_that_its_record_confirms() {
+    fn resume_uses_the_newest_confirmed_state() {
         let all = [4, 9, 14].map(|step| checkpoint(step, &[step as f64]));
         let kinds = |faults: &StateFaults| -> Vec<&str> {
             let kind = |fault: &CheckpointFault| match fault {
@@ -447,7 +447,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_state_is_told_and_the_one_before_it_is_used() {
+    fn damaged_state_yields_to_the_older_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run");
         let all = [4, 9].map(|step| checkpoint(step, &[step as f64]));
@@ -469,7 +469,7 @@ mod tests {
 
     /// A kill leaves what the calls before it have made: half a file beside the others, or no newest file.
     #[test]
-    fn a_kill_at_any_moment_leaves_a_state_to_go_on_from() {
+    fn kill_at_any_moment_leaves_a_state() {
         let all = [4, 9].map(|step| checkpoint(step, &[step as f64]));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run");

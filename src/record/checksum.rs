@@ -12,7 +12,7 @@ pub struct Checksum([u8; Self::BYTES]);
 
 impl Checksum {
     /// Its length.
-    pub const BYTES: usize = 32;
+    pub(crate) const BYTES: usize = 32;
 
     /// The SHA-256 of these bytes.
     #[must_use]
@@ -74,7 +74,7 @@ mod tests {
 
     /// The example of one block in FIPS 180-4.
     #[test]
-    fn the_checksum_of_three_letters_is_the_published_one() {
+    fn checksum_of_abc_is_the_published_one() {
         assert_eq!(
             Checksum::of(b"abc").to_string(),
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checksum_survives_being_written_and_read_again() {
+    fn checksum_survives_text_form() {
         let checksum = Checksum::of(&[2]);
         let text = serde_json::to_string(&checksum).unwrap();
         assert_eq!(text.len(), 66);

@@ -95,6 +95,7 @@ impl<S: Store> EventLog<S> {
     }
 
     /// The store.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(crate) const fn store(&self) -> &S {
         self.lines.store()
     }
@@ -350,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_is_one_line_with_the_keys_that_all_lines_have() {
+    fn every_kind_is_one_line_with_common_keys() {
         let mut log = EventLog::new(Vec::new(), context(None));
         let kinds = [
             Event::Started,
@@ -416,7 +417,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_waits_for_the_sample_after_it_and_what_follows_waits_with_it() {
+    fn miss_waits_for_the_sample_after_it() {
         let (send, sampler) = crossbeam_channel::unbounded();
         let mut log = EventLog::new(Vec::new(), context(Some(sampler)));
         let at = 50_000_000;
@@ -448,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_does_not_wait_longer_than_a_fifth_of_a_second_for_a_sampler_that_is_silent() {
+    fn silent_sampler_delays_a_miss_by_200_ms() {
         let (_send, sampler) = crossbeam_channel::unbounded();
         let mut log = EventLog::new(Vec::new(), context(Some(sampler)));
         log.event(event(1, 5, MISS), moment(10));
@@ -464,7 +465,7 @@ mod tests {
     }
 
     #[test]
-    fn a_note_cannot_forge_the_keys_of_the_line_and_a_time_that_is_no_number_is_null() {
+    fn note_cannot_forge_the_keys_of_its_line() {
         let mut log = EventLog::new(Vec::new(), context(None));
         let fields = json!({"asked": "fifo 80\n", "tick": 99});
         let note = Note::new(Event::Other {

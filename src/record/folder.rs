@@ -46,10 +46,10 @@ pub enum FolderError {
         /// Names of its first files.
         holds: String,
     },
-    /// The folder is empty, and yet that of a test.
+    /// The folder is empty, but a running test has claimed it.
     #[error("a test runs into {}, though it is empty: a run is never written over another", .0.display())]
     Claimed(PathBuf),
-    /// A file of a run whose folder was deleted, whatever stands in its place.
+    /// The folder of the run was moved or deleted, even if another has its name.
     #[error("{}: the folder of this run is not there any more", .0.display())]
     Lost(PathBuf),
     /// There is nothing of this name.
@@ -75,7 +75,7 @@ pub enum FolderError {
     Layout {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: LayoutError,
     },
     /// A JSON file is damaged.
@@ -83,7 +83,7 @@ pub enum FolderError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: serde_json::Error,
     },
     /// A name that cannot be a file's.
@@ -97,7 +97,7 @@ pub enum FolderError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
@@ -183,7 +183,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes the folder, and those above it. An empty folder is taken as it is.
+    /// Makes the folder, and those above it. An empty folder is used.
     ///
     /// # Errors
     /// [`FolderError::Occupied`] if it holds anything, [`FolderError::Claimed`] if it held what others deleted,
@@ -210,7 +210,7 @@ impl RunFolder {
         })
     }
 
-    /// For a test that runs into it: who asks is told so until its end ([`super::is_claimed`]).
+    /// Claims the folder for a running test: [`super::is_claimed`] reports it until the test ends.
     pub fn claim(&self) {
         self.hold.claim();
     }
@@ -220,13 +220,13 @@ impl RunFolder {
         self.hold.release();
     }
 
-    /// False if it was moved or deleted, whatever stands in its place. Then nothing is written there.
+    /// False if the folder was moved or deleted, even if another has its name. Then nothing is written there.
     #[must_use]
     pub fn is_there(&self) -> bool {
         self.hold.is_at(&self.path)
     }
 
-    /// What became of it since it was made. What is written from now on goes to where it was moved.
+    /// State of the folder since it was made. Later writes go to the place where it was moved.
     pub fn find_again(&mut self) -> Whereabouts {
         let found = self.hold.find(&self.path);
         if let Whereabouts::Moved(place) = &found {
@@ -270,7 +270,7 @@ impl RunFolder {
         result
     }
 
-    /// Where it is.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -306,7 +306,7 @@ impl RunFolder {
         self.write("resolved.toml", text.as_bytes())
     }
 
-    /// A file of this name, for whoever runs the test.
+    /// Writes a file of this name for the program that runs the test.
     ///
     /// # Errors
     /// The system refuses.
@@ -314,7 +314,7 @@ impl RunFolder {
         self.write(name, bytes)
     }
 
-    /// A folder of this name in it, for whoever runs the test.
+    /// Makes a folder of this name in it for the program that runs the test.
     ///
     /// # Errors
     /// [`FolderError::Lost`], or the system refuses.
@@ -479,7 +479,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
+    fn written_folder_is_read_back() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("runs/deep/one");
         let folder = recorded(&path, &["time", "x1"], &[&[0.0, 1.0], &[0.5, 2.0]]);
@@ -535,7 +535,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_run_is_never_written_over_anything() {
+    fn run_never_overwrites_anything() {
         let temp = tempfile::tempdir().unwrap();
         let empty = temp.path().join("empty");
         fs::create_dir(&empty).unwrap();
@@ -576,7 +576,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_test_that_never_began_leaves_no_folder_and_takes_nothing_of_others_with_it() {
+    fn unstarted_test_leaves_no_folder() {
         let temp = tempfile::tempdir().unwrap();
         let fill = |path: &Path| {
             let mut folder = recorded(path, &["x1"], &[]);
@@ -602,7 +602,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn nothing_is_written_into_a_folder_that_stands_where_this_one_was() {
+    fn replaced_folder_is_not_written_into() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let mut folder = recorded(&path, &["x1"], &[]);
@@ -624,7 +624,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_folder_that_was_emptied_under_a_running_test_is_still_its_own() {
+    fn emptied_folder_stays_claimed() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let folder = RunFolder::create(&path).unwrap();
@@ -637,7 +637,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn an_input_keeps_the_name_that_resolved_toml_points_to() {
+    fn input_keeps_its_name_in_resolved_toml() {
         let temp = tempfile::tempdir().unwrap();
         let mut folder = RunFolder::create(&temp.path().join("run")).unwrap();
         for name in ["RSN6_IMPVALL.I_I-ELC180.AT2", "+é.csv", ".hidden", "end."] {
@@ -647,7 +647,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_called_by_its_name() {
+    fn unreadable_parts_are_named() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let open = |path: &Path| Run::open(path).unwrap_err();
@@ -665,7 +665,7 @@ pub(super) mod tests {
         fs::write(path.join("samples.json"), "{").unwrap();
         assert!(matches!(open(&path), FolderError::Layout { .. }));
         fs::write(path.join("samples.json"), named(&["x1"]).to_json()).unwrap();
-        // Nobody writes to a pipe: who opened it would wait for ever.
+        // No process writes to this pipe: a reader that opened it would wait for ever.
         for name in FILES.into_iter().chain(AFTER) {
             let file = path.join(name);
             let kept = fs::read(&file).ok();
@@ -698,7 +698,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn inputs_are_copied_with_their_digest_and_never_collide() {
+    fn inputs_are_copied_without_collisions() {
         let temp = tempfile::tempdir().unwrap();
         let mut folder = RunFolder::create(&temp.path().join("run")).unwrap();
         let one = folder
@@ -727,7 +727,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_python_reader_reads_the_same_bits_from_a_torn_file() {
+    fn python_reader_reads_the_same_bits() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("run");
         let rows: Vec<[f64; 2]> = (0..50)

@@ -1,5 +1,4 @@
-//! A run folder's samples and events in memory, byte for byte as they would stand in the files: for tests by the
-//! thousand.
+//! A run folder's samples and events in memory, byte for byte as in the files: for thousands of tests.
 
 use super::event_log::{EventContext, EventLog, Moment};
 use super::journal::encode;
@@ -28,7 +27,7 @@ impl FolderImage {
         Self::into_memory(Vec::new(), columns, specimens)
     }
 
-    /// The same in memory that held another test: what was in it is gone, but not the memory.
+    /// An image in the memory of an earlier test: its content is discarded, its allocation reused.
     #[must_use]
     pub fn into_memory(mut samples: Vec<u8>, columns: usize, specimens: Vec<String>) -> Self {
         samples.clear();
@@ -50,7 +49,7 @@ impl FolderImage {
         &self.samples
     }
 
-    /// The same for good, to be used again.
+    /// Takes the bytes of `samples.bin` out, to reuse their memory.
     #[must_use]
     pub fn into_samples(self) -> Vec<u8> {
         self.samples

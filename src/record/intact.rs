@@ -1,4 +1,4 @@
-//! Whether a file of a record is still what was written: others may delete, replace, cut or write into it while the test runs.
+//! Checks that a file of a record is unchanged: others may delete, replace, cut or write into it while the test runs.
 
 use std::fs::{self, File, Metadata};
 use std::io;
@@ -7,11 +7,11 @@ use std::path::Path;
 
 /// True if both are of one file or folder, whatever it is called.
 #[must_use]
-pub fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
+pub(crate) fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
     (one.dev(), one.ino()) == (other.dev(), other.ino())
 }
 
-/// A file as it is, and what was written into it.
+/// Identity and length of a file, and the number of bytes written into it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Extent {
     device: u64,
@@ -51,7 +51,7 @@ impl std::fmt::Display for Meddled {
 }
 
 impl Extent {
-    /// Of a file that is held open, into which so many bytes were written.
+    /// Extent of an open file, into which `written` bytes were written.
     ///
     /// # Errors
     /// The system refuses.
@@ -66,7 +66,7 @@ impl Extent {
         })
     }
 
-    /// What can be seen of the file itself; where its name has gone cannot.
+    /// Changes that the open file itself shows; it does not show whether its name now belongs to another file.
     #[must_use]
     pub(crate) const fn meddled(&self) -> Option<Meddled> {
         let Self {
@@ -81,7 +81,7 @@ impl Extent {
         }
     }
 
-    /// What is wrong with what is found at its place.
+    /// Changes of the file at its path.
     #[must_use]
     pub fn meddled_at(&self, path: &Path) -> Option<Meddled> {
         let Ok(found) = fs::metadata(path) else {
@@ -100,7 +100,7 @@ mod tests {
     use std::io::Write as _;
 
     #[test]
-    fn what_others_do_to_a_file_is_told_apart() {
+    fn changes_by_others_are_distinguished() {
         let temp = tempfile::tempdir().unwrap();
         let (path, other) = (temp.path().join("rows"), temp.path().join("other"));
         let mut file = File::create_new(&path).unwrap();

@@ -1,8 +1,8 @@
 //! `samples.bin`: one record per row, appended by [`JournalWriter`], read by [`Journal`].
 //!
-//! The layout stands in [`super::layout`]. The reader gives every row up to the first one that is not whole and
-//! sound, and says why it stopped: after a kill −9 or a power cut that is the last whole row. It does not look
-//! for sound rows behind a damaged one. Rows that were lost before they reached the file are gaps in the
+//! [`super::layout`] describes the layout. The reader gives every row up to the first one that is incomplete or
+//! damaged, and reports why it stopped. After a kill −9 or a power cut it stops behind the last whole row. It does
+//! not look for sound rows behind a damaged one. Rows that were lost before they reached the file are gaps in the
 //! sequence numbers: counted, not an error.
 
 use std::io::{self, Read};
@@ -83,7 +83,7 @@ impl<S: Store> JournalWriter<S> {
         self.appender.length()
     }
 
-    /// The file as it is, and what was written: see [`Appender::extent`].
+    /// Identity and length of the file, and the bytes written: see [`Appender::extent`].
     #[must_use]
     pub(crate) fn extent(&self) -> Option<Extent> {
         self.appender.extent()
@@ -107,7 +107,7 @@ impl<S: Store> JournalWriter<S> {
 pub enum End {
     /// The file ends with a whole row.
     Clean,
-    /// The file ends in the middle of a row: so many bytes are there.
+    /// The file ends in the middle of a row.
     Torn {
         /// Bytes behind the last whole row.
         bytes: usize,
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_has_the_bytes_that_the_table_says() {
+    fn record_has_the_documented_bytes() {
         let mut bytes = vec![0xEE];
         encode(258, &[1.0, -2.0], &mut bytes);
         // By hand: 258 = 0x0102; 1.0 = 0x3FF0…; −2.0 = 0xC000…; CRC-32 of these 24 bytes from zlib.
@@ -361,7 +361,7 @@ mod tests {
     const GOLDEN_CRC: [u8; 4] = [0xD1, 0xAD, 0x29, 0x9B];
 
     #[test]
-    fn a_file_cut_at_any_byte_of_its_last_two_rows_gives_every_whole_row() {
+    fn file_cut_at_any_byte_gives_whole_rows() {
         let columns = 3;
         let size = stride(columns);
         let bytes = file_of(6, columns);
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn one_flipped_bit_anywhere_in_a_row_ends_the_rows_before_it() {
+    fn flipped_bit_ends_the_rows_before_it() {
         let columns = 2;
         let size = stride(columns);
         let good = file_of(4, columns);
@@ -399,14 +399,14 @@ mod tests {
     }
 
     #[test]
-    fn a_tail_of_zeros_as_a_power_cut_leaves_it_is_no_row() {
+    fn tail_of_zeros_is_not_a_row() {
         let mut bytes = file_of(2, 2);
         bytes.resize(bytes.len() + 5 * stride(2), 0);
         assert_eq!(read(&bytes, 2), (vec![0, 1], 0, End::Damaged { row: 2 }));
     }
 
     #[test]
-    fn gaps_are_counted_and_a_number_that_does_not_grow_is_damage() {
+    fn gaps_count_falling_numbers_are_damage() {
         let mut bytes = Vec::new();
         for k in [2, 3, 7] {
             encode(k, &[0.0], &mut bytes);
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn files_longer_than_the_buffer_and_sources_that_dribble_read_alike() {
+    fn long_files_and_slow_sources_read_alike() {
         struct Dribble<'a>(&'a [u8], usize);
         impl Read for Dribble<'_> {
             fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
@@ -451,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disk_that_fills_and_recovers_leaves_sound_rows_and_a_gap() {
+    fn full_disk_leaves_sound_rows_and_a_gap() {
         let (columns, size) = (2, stride(2));
         let disk = SmallDisk::with_room(3 * size + 11);
         let mut writer = JournalWriter::new(disk.clone(), columns, 4 * size);

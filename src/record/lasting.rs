@@ -1,8 +1,8 @@
 //! The lasting record of a physical specimen: one file in one folder of the machine.
 //!
-//! It keeps a latched trip, and the place where the specimen began a motion that has not ended regularly. Its name comes from what
-//! stands behind a server or a test, so that every program of this machine finds the same record. The process that holds it has a lock on
-//! the file beside it.
+//! It keeps a latched trip, and the place where the specimen began a motion that has not ended regularly. Its name comes from the
+//! machine behind a server or a test, so that every program of this computer finds the same record. The process that holds it has a
+//! lock on the file beside it.
 
 use std::ffi::OsString;
 use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
@@ -67,7 +67,7 @@ impl Place {
         words.join(", ")
     }
 
-    /// Where it began, where it was left, and by what.
+    /// Start and last position of the motion, and its program, in words.
     #[must_use]
     pub fn words(&self) -> String {
         let known = |place: &[f64]| match place {
@@ -235,7 +235,7 @@ fn make_folder(folder: &Path) -> io::Result<()> {
     )?)
 }
 
-/// Why there is no lasting record.
+/// Reason why the lasting record is not usable.
 #[derive(Debug, Error)]
 pub enum LastingError {
     /// No folder for it.
@@ -244,9 +244,9 @@ pub enum LastingError {
     /// The folder cannot be used.
     #[error("{}: the records of specimens cannot be kept there: {source} (its owner must open it to this user; or GUSSET_STATE names another folder for all users)", folder.display())]
     Folder {
-        /// Which folder.
+        /// The folder.
         folder: PathBuf,
-        /// The system's word.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The address of a link cannot be resolved.
@@ -254,15 +254,15 @@ pub enum LastingError {
         "{address}: the address cannot be resolved, so the record of the specimen cannot be found: {source} (an IP address always can)"
     )]
     Unresolved {
-        /// Which address.
+        /// The address.
         address: String,
-        /// The system's word.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// Another process holds it.
     #[error("{}: the specimen is held by {}: end that first", file.display(), holder(*pid))]
     Held {
-        /// Which record.
+        /// The record.
         file: PathBuf,
         /// Number of the process, if it is known.
         pid: Option<u32>,
@@ -270,9 +270,9 @@ pub enum LastingError {
     /// The file cannot be used.
     #[error("{}: the record of the specimen cannot be used: {source}", file.display())]
     File {
-        /// Which file.
+        /// The file.
         file: PathBuf,
-        /// The system's word.
+        /// Error of the operating system.
         source: io::Error,
     },
 }

@@ -1,4 +1,4 @@
-//! The layout of `samples.bin`, as it stands in `samples.json`.
+//! The layout of `samples.bin`, as `samples.json` describes it.
 //!
 //! A record, little-endian, of `stride = 16 + 8 n` bytes for n columns:
 //!
@@ -37,7 +37,7 @@ const RESERVED: [&str; 3] = ["sequence", "crc32", "marker"];
 /// Why a list of columns cannot be a layout, or a `samples.json` cannot be read.
 #[derive(Debug, Error)]
 pub enum LayoutError {
-    /// No columns at all.
+    /// Without columns.
     #[error("a row must have at least one column")]
     Empty,
     /// A name that is empty, reserved, or contains what a header line or a script could not take.
@@ -81,12 +81,12 @@ pub enum LayoutError {
         /// Bytes that the file states.
         found: usize,
     },
-    /// A column that does not stand where the layout puts it, or bytes in another order.
+    /// A column with an offset other than that of the layout, or bytes in another order.
     #[error("column {name:?} is at offset {found}, the layout puts it at {expected}")]
     Offset {
         /// Column.
         name: String,
-        /// Where it must be.
+        /// The correct offset.
         expected: usize,
         /// Where the file says it is.
         found: usize,
@@ -96,7 +96,7 @@ pub enum LayoutError {
     ByteOrder(String),
 }
 
-/// The columns of a run and where they stand in a record. A `Layout` that exists is valid.
+/// The columns of a run and their places in a record. A `Layout` that exists is valid.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     columns: Vec<Column>,
@@ -106,7 +106,7 @@ impl Layout {
     /// A layout of these columns, in this order.
     ///
     /// # Errors
-    /// [`LayoutError`] if there are none or a name is unfit or repeated.
+    /// [`LayoutError`] if there is no column, or a name is unfit or repeated.
     pub fn new(columns: Vec<Column>) -> Result<Self, LayoutError> {
         if columns.is_empty() {
             return Err(LayoutError::Empty);
@@ -168,8 +168,8 @@ impl Layout {
     /// Reads the text of a `samples.json`.
     ///
     /// # Errors
-    /// [`LayoutError`] with what does not fit.
-    pub fn from_json(text: &str) -> Result<Self, LayoutError> {
+    /// [`LayoutError`] that names the mismatch.
+    pub(crate) fn from_json(text: &str) -> Result<Self, LayoutError> {
         let described: Described = serde_json::from_str(text)?;
         if described.format != FORMAT || described.version != VERSION {
             return Err(LayoutError::Version {
@@ -358,7 +358,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_description_reads_back_as_the_layout_it_describes() {
+    fn description_reads_back_as_its_layout() {
         let layout = named(&["step", "time", "x1", "t_wake"]);
         assert_eq!(Layout::from_json(&layout.to_json()).unwrap(), layout);
         let json: serde_json::Value = serde_json::from_str(&layout.to_json()).unwrap();
@@ -394,7 +394,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_foreign_or_damaged_description_is_refused() {
+    fn foreign_description_is_refused() {
         let good = named(&["time", "x1"]).to_json();
         for (from, to) in [
             ("\"version\": 1", "\"version\": 2"),

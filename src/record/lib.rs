@@ -1,13 +1,13 @@
 //! The row is the truth: what a tick computed is one row of doubles, written once.
 //!
-//! Report, export and replay read rows; none has a private path. The loop sees only [`Recorder`]; where the
-//! rows go (a ring to the writer thread, a vector in a test) is not its business.
+//! Report, export and replay read rows; none has a private path. The loop sees only [`Recorder`]; it does not know
+//! where the rows go (a ring to the writer thread, a vector in a test).
 //!
 //! | file | holds |
 //! |---|---|
-//! | [`mod@ring`], [`memory`], [`image`] | where the loop leaves rows: a wait-free ring, a vector, a folder in memory |
+//! | [`mod@ring`], `memory`, `image` | where the loop leaves rows: a wait-free ring, a vector, a folder in memory |
 //! | [`writer`] | the thread that drains the ring: rows to `samples.bin`, events to `events.jsonl` and the log |
-//! | [`onlooker`] | who looks at the rows as they pass through the writer |
+//! | [`onlooker`] | observers of the rows on their way through the writer |
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | what happened and its line in `events.jsonl`; events from outside the loop; the class of a miss |
 //! | `event_log` | events on their way into the file and the log |
@@ -20,9 +20,9 @@
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
 //!
 //! [`rt`] asks the operating system for what a real-time thread needs, holds the real clock, and has the only `unsafe` code. This
-//! member knows no specimen and no test file. Begin reading with [`layout`].
+//! member does not know specimens or test files. Begin reading with [`layout`].
 //!
-//! No clock is read here: whoever starts the writer says how ([`writer::Clocks`]).
+//! No clock is read here: the caller that starts the writer passes the clocks ([`writer::Clocks`]).
 
 pub mod append;
 pub mod atomic;
@@ -33,12 +33,14 @@ mod event_log;
 pub mod events;
 pub mod export;
 pub mod folder;
+#[cfg(any(test, feature = "test-doubles"))]
 pub mod image;
 mod intact;
 pub mod journal;
 pub mod lasting;
 pub mod layout;
 pub mod listing;
+#[cfg(any(test, feature = "test-doubles"))]
 pub mod memory;
 pub mod miss;
 mod missing;
@@ -54,14 +56,16 @@ mod warned;
 mod whereabouts;
 pub mod writer;
 
-pub use checkpoint::{Checkpoint, CheckpointFault, STATE_FILES, StateFaults, StateFolder};
+pub use checkpoint::{Checkpoint, CheckpointFault, StateFaults, StateFolder};
 pub use checksum::Checksum;
 pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
 pub use folder::{FolderError, RunFolder, make_free};
+#[cfg(any(test, feature = "test-doubles"))]
 pub use image::FolderImage;
-pub use intact::{Extent, Meddled, is_same_file};
+pub use intact::{Extent, Meddled};
 pub use journal::{End, Journal, Row};
 pub use layout::{COMMITS, Layout};
+#[cfg(any(test, feature = "test-doubles"))]
 pub use memory::MemoryRecorder;
 pub use miss::MissClasses;
 pub use miss::{ON_MISS, late_words};
@@ -82,7 +86,7 @@ use gusset_quantity::state::{StateError, TestState};
 /// One column of the rows: fixed and named before the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Column {
-    /// Name as the CSV export prints it, or a name of our own where the export has none.
+    /// Name in the CSV export; a column that is not in it has its own name.
     pub name: String,
     /// SI unit, "1" for a pure number.
     pub unit: String,
@@ -101,17 +105,17 @@ pub struct TimedEvent {
     pub time: f64,
     /// Nanoseconds of the loop's clock.
     pub clock_ns: u64,
-    /// What it was.
+    /// Its kind.
     pub kind: Event,
 }
 
-/// What happens on a grid of ticks.
+/// Purpose of a grid of ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GridOf {
-    /// It is tried which way round the specimens are wired.
+    /// The wiring check.
     Directions,
-    /// Everything else before t = 0, or before an interrupted test goes on.
+    /// Everything else before t = 0, or before an interrupted test continues.
     Opening,
     /// The test.
     Test,
@@ -163,15 +167,15 @@ impl MissCause {
     }
 }
 
-/// When the rows of the warm-up are handed over. It is no part of a test, and nothing of it is kept as long as nothing
-/// is asked in it and nothing goes wrong.
+/// When the rows of the warm-up are passed on. It is not part of a test. Its rows are discarded unless the operator
+/// requests something during it or a fault occurs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WarmUpRows {
     /// Afterwards, if they matter.
     IfTheyMatter,
     /// Tick by tick: they are compared with recorded ones.
     AsTheyCome,
-    /// Not at all: they are compared with a recording in which they did not matter.
+    /// Never: they are compared with a recording in which they did not matter.
     Never,
 }
 

@@ -1,4 +1,4 @@
-//! The runs below a folder, each in short: for people who look for one.
+//! Summaries of the runs below a folder, to help a user find one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,7 @@ pub enum Peak {
     Displacement {
         /// Size, m.
         metres: f64,
-        /// Which degree of freedom, from 1.
+        /// The degree of freedom, from 1.
         dof: usize,
     },
     /// Force in N of a specimen: for tests without a structure.

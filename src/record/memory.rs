@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_and_columns_come_back_as_they_went_in() {
+    fn rows_and_columns_come_back_unchanged() {
         let mut recorder = MemoryRecorder::with_capacity(2, 2, 0);
         assert!(recorder.row(&[1.0, 2.0]));
         assert!(recorder.row(&[3.0, 4.0]));

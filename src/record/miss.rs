@@ -125,7 +125,7 @@ impl SampleWindow {
             .is_some_and(|last| last.clock_ns >= clock_ns)
     }
 
-    /// Growth from the last sample at or before `from_ns` to the first at or after `to_ns`; where there is none,
+    /// Growth from the last sample at or before `from_ns` to the first at or after `to_ns`; without such a sample,
     /// from the oldest or to the newest. `None` without two different samples.
     #[must_use]
     pub(crate) fn evidence(&self, from_ns: u64, to_ns: u64) -> Option<Evidence> {
@@ -203,7 +203,7 @@ mod tests {
     use MissCause::{LateReply, Ours, Preempted, Stopped, TakenAway, Unknown};
 
     #[test]
-    fn the_class_follows_the_table() {
+    fn class_follows_the_table() {
         let none = Evidence::default();
         let steal = Evidence {
             steal_ms: 1_240,
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn evidence_is_the_growth_between_the_samples_that_enclose_the_miss() {
+    fn evidence_is_the_growth_around_the_miss() {
         let mut window = SampleWindow::default();
         assert_eq!(window.evidence(0, 10), None);
         for (k, counts) in [(0, 0, 0), (1, 0, 1), (3, 4, 1), (3, 4, 9)]
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn the_window_forgets_the_oldest_samples() {
+    fn window_forgets_the_oldest_samples() {
         let mut window = SampleWindow::default();
         for k in 0..2 * KEPT as u64 {
             window.push(sample(k, k, 0, 0));

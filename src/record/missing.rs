@@ -1,7 +1,7 @@
-//! What a record lacks at its end: rows that are whole may be too few.
+//! Rows missing at the end of a record: all rows may be whole, but too few.
 //!
-//! The summary tells how far the test went. Where there is none, the events do: the writer brings a row to its file before the
-//! events of its tick, so that a kill leaves no event that is more than one step ahead of the last row.
+//! The summary states how far the test went. Without a summary, the events do: the writer brings a row to its file before the
+//! events of its tick. So a kill leaves no event that is more than one step ahead of the last row.
 
 use super::events::{Event, EventLine};
 use super::run::Run;
@@ -10,7 +10,7 @@ use super::summary::Summary;
 /// The rows end before the test did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MissingEnd {
-    /// Who tells that the test went further.
+    /// Source that shows that the test went further.
     pub told_by: ToldBy,
     /// How far it went at least: test time, s.
     pub until_s: f64,
@@ -20,20 +20,20 @@ pub struct MissingEnd {
     pub missing: u64,
 }
 
-/// Who tells that a test went further than its rows.
+/// Source that shows that a test went further than its rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ToldBy {
-    /// The summary, of so many steps.
+    /// The summary, with this number of steps.
     Summary(u64),
     /// Without one, an event of a later step.
     Events,
-    /// Without one, and where test time stood still: the writer, which had taken rows that its file did not.
+    /// Without a summary, while test time was held: the writer, which had taken rows that the file lacks.
     Writer,
 }
 
 impl MissingEnd {
-    /// Of a run whose last row is of this test time; none if nothing is missing, or if that cannot be known: a served specimen
-    /// counts commands and no steps. Without a summary it is the last row of the file that counts.
+    /// The missing end of a run whose last row has this test time. `None` if nothing is missing, or if that cannot be known: a
+    /// served specimen counts commands and no steps. Without a summary the last row of the file counts.
     #[must_use]
     pub fn of(run: &Run, ends_s: Option<f64>) -> Option<Self> {
         if run.layout().is_served() {
@@ -68,7 +68,7 @@ impl MissingEnd {
         }
         let last = run.last_row().ok()?;
         if last.is_none() && run.rows_made().ok()? > 0 {
-            // Whoever reads the rows tells of the damage.
+            // The reader of the rows reports the damage.
             return None;
         }
         let place = run.layout().index_of("time")?;
@@ -182,7 +182,7 @@ mod tests {
     use serde_json::{Value, json};
 
     #[test]
-    fn rows_that_end_a_step_too_early_are_missed_and_none_that_end_in_time() {
+    fn rows_ending_a_step_early_are_reported() {
         let summary = Summary {
             steps: 100,
             dt: 0.01,
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_summary_events_that_are_more_than_a_step_ahead_of_the_rows_tell_of_more() {
+    fn events_ahead_of_rows_show_missing_rows() {
         let begins = loop_event(0, "phase");
         let missing = |more: &[EventLine], last| {
             let told: Vec<EventLine> = [&begins].into_iter().chain(more).cloned().collect();
@@ -248,7 +248,7 @@ mod tests {
         let words = "there are events up to 1.01 s, but the rows end at 0.9 s";
         assert_eq!(found.to_string(), words);
         assert_eq!(missing(&told, None).unwrap().missing, 101);
-        // Lines without a time or a tick of a test tell nothing.
+        // Lines without a time or a tick of a test prove nothing.
         let mute = [
             line(Value::Null, Value::Null, "files"),
             line(json!(0), json!(0.0), "grid"),
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_the_writer_took_and_could_not_write_are_missed_where_test_time_stood_still() {
+    fn unwritten_rows_in_a_hold_are_reported() {
         let held = |row: u64, name: &str| line(json!(row), json!(3.0), name);
         let failed = [held(700, "write_failed"), held(900, "rows_lost")];
         let missing = |last| of_events(&failed, Some((last, 3.0)));
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_that_goes_on_misses_nothing_on_its_way_in() {
+    fn resumed_test_misses_nothing_at_startup() {
         let told = [
             loop_event(300, "phase"),
             loop_event(300, "started"),

@@ -3,10 +3,10 @@
 use super::events::Event;
 use gusset_quantity::catalog::event::Severity;
 
-/// Where a test stands.
+/// Position of a test in its steps.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Position {
-    /// Step of the test, as the column `step` of a row has it and the loop's own events do.
+    /// Step of the test, as in the column `step` of a row and in the loop's own events.
     pub tick: Option<u64>,
     /// Its test time in s.
     pub time: Option<f64>,
@@ -51,7 +51,7 @@ impl Note {
         self.severity
     }
 
-    /// Where the test stood when it was made, and the time then; none if that is when it is taken down.
+    /// Position and time at which the note was made; `None` for a note that takes those of its writing.
     pub(super) const fn made(&self) -> Option<(Position, u64)> {
         self.made
     }

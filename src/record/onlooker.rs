@@ -1,8 +1,8 @@
-//! Whoever looks at the rows as they pass from the ring to the file: a live page, a status line.
+//! Observers of the rows on their way from the ring to the file: a live page, a status line.
 //!
-//! The writer shows and goes on. An onlooker has no way to hold it up but to be slow, so it must not wait for anybody: it
-//! takes what it needs and leaves the rest to a thread of its own. One that panics is sent away, and the recording goes on
-//! without it. The loop knows nothing of it.
+//! The writer shows each row and continues. An observer that is slow would delay it, so an observer must not wait: it
+//! takes what it needs and leaves the rest to its own thread. One that panics is removed, and the recording continues
+//! without it. The loop does not know of it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -12,7 +12,7 @@ use super::miss::MissClasses;
 use super::note::Note;
 use gusset_quantity::catalog::event::Remark;
 
-/// Where a run stands, as the writer last saw it.
+/// Progress of a run, as the writer last saw it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Progress {
     /// The latest row; empty before the first.
@@ -32,13 +32,13 @@ pub trait Onlooker: Send {
     /// One row that is about to be written; `sequence` counts the lost ones, too.
     fn row(&mut self, sequence: u64, row: &[f64]);
 
-    /// One event of the loop, behind the rows that it stands behind.
+    /// One event of the loop, after the rows that precede it.
     fn event(&mut self, _event: &TimedEvent) {}
 
     /// The end of a turn of the writer, every few milliseconds; `now_ns` is its monotonic clock.
     fn turn(&mut self, now_ns: u64, progress: &Progress);
 
-    /// What it wants to stand among the events: the next such note.
+    /// The observer's next note for the list of events.
     fn note(&mut self) -> Option<Note> {
         None
     }
@@ -47,7 +47,7 @@ pub trait Onlooker: Send {
     fn finish(&mut self, now_ns: u64, progress: &Progress);
 }
 
-/// An onlooker, or nobody: nobody is left after a panic.
+/// An observer, or none, as after a panic.
 #[derive(Default)]
 pub(super) struct Watched(Option<Box<dyn Onlooker>>);
 

@@ -7,7 +7,7 @@
 //!   ([`WhenFull::Wait`], the simulated clock, where no wall time is at stake).
 //! * Both rings are filled and drained once by [`ring`]: a first touch of their pages costs up to 70 µs.
 //! * The state of a checkpoint goes through separate buffers, and is skipped if no buffer is free.
-//! * The reader polls. Nobody is ever woken by the loop.
+//! * The reader polls. The loop never wakes a thread.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,7 +19,7 @@ use super::buffers::{StateReceiver, StateSender, state_buffers};
 use super::{Event, Recorder, TimedEvent};
 use gusset_quantity::state::{StateError, TestState};
 
-/// What the recorder does with a row that finds the ring full.
+/// Behaviour of the recorder when a row finds the ring full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WhenFull {
     /// The row is dropped and counted; the caller never waits. For the real clock.
@@ -65,11 +65,11 @@ pub enum RingError {
         "ring of {rows} rows of {columns} columns and {events} events: each must be at least 1 and fit in memory"
     )]
     Size {
-        /// Rows asked for.
+        /// Rows requested.
         rows: usize,
         /// Columns per row.
         columns: usize,
-        /// Events asked for.
+        /// Events requested.
         events: usize,
     },
 }
@@ -144,7 +144,7 @@ pub fn ring(
     Ok((recorder, reader))
 }
 
-/// Fills and drains both rings once, then starts the sequence numbers anew.
+/// Fills and drains both rings once, then resets the sequence numbers.
 fn warm(recorder: &mut RingRecorder, reader: &mut RingReader) {
     while recorder.rows.push_entire_slice(&recorder.framed).is_ok() {}
     while reader.row().is_some() {}
@@ -172,7 +172,7 @@ pub struct RingRecorder {
 }
 
 impl RingRecorder {
-    /// The counters of what was lost; keep a clone to read them after the run.
+    /// The counters of lost rows and events; keep a clone to read them after the run.
     #[must_use]
     #[cfg(test)]
     pub(crate) fn lost(&self) -> LostCounts {
@@ -237,7 +237,7 @@ impl Recorder for RingRecorder {
     }
 }
 
-/// One attempt, or attempts until there is room or nobody left to make it. Real-time: yes (under `Drop`).
+/// One attempt, or attempts until there is room or no reader is left. Real-time: yes (under `Drop`).
 fn push<T>(
     ring: &mut Producer<T>,
     when_full: WhenFull,
@@ -313,7 +313,7 @@ impl RingReader {
         self.states_skipped.load(Ordering::Relaxed)
     }
 
-    /// The counters of what was lost.
+    /// The counters of lost rows and events.
     #[must_use]
     pub(crate) fn lost(&self) -> LostCounts {
         self.lost.clone()
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_ring_drops_whole_rows_and_counts_them() {
+    fn full_ring_drops_and_counts_whole_rows() {
         let (mut recorder, mut reader) = ring(2, SIZE, WhenFull::Drop).unwrap();
         for k in 0..5 {
             assert_eq!(recorder.row(&[k as f64, -1.0]), k < 3);
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_of_the_wrong_length_is_refused_and_counted() {
+    fn row_of_wrong_length_is_refused() {
         let (mut recorder, mut reader) = ring(2, SIZE, WhenFull::Wait).unwrap();
         assert!(!recorder.row(&[1.0]));
         assert!(recorder.row(&[1.0, 2.0]));
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn under_wait_every_row_arrives_in_order_through_a_small_ring() {
+    fn wait_delivers_every_row_in_order() {
         let (mut recorder, reader) = ring(2, SIZE, WhenFull::Wait).unwrap();
         let lost = recorder.lost();
         let count = 20_000u64;
@@ -376,7 +376,7 @@ mod tests {
                     assert!(recorder.row(&[k as f64, 0.5 * k as f64]));
                 }
             });
-            // Dropped on the way out, so that a failed assertion does not leave the other thread waiting.
+            // Dropped at the end of the scope, so that a failed assertion does not leave the other thread waiting.
             let mut reader = reader;
             let mut expected = 0u64;
             while expected < count {
@@ -394,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn under_wait_a_dead_reader_ends_the_waiting() {
+    fn dead_reader_ends_the_wait() {
         let (mut recorder, reader) = ring(1, SIZE, WhenFull::Wait).unwrap();
         drop(reader);
         let taken = (0..5).filter(|_| recorder.row(&[1.0])).count();
@@ -402,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn pushing_rows_and_events_allocates_nothing() {
+    fn pushing_allocates_nothing() {
         let (mut recorder, mut reader) = ring(40, SIZE, WhenFull::Drop).unwrap();
         let row = [1.5; 40];
         let used = allocation_counter::measure(|| {
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_sizes_are_refused_and_default_sizes_are_bounded() {
+    fn impossible_ring_sizes_are_refused() {
         for (columns, rows, events) in [(0, 1, 1), (1, 0, 1), (1, 1, 0), (1, usize::MAX, 1)] {
             assert!(ring(columns, RingSize { rows, events }, WhenFull::Drop).is_err());
         }

@@ -111,7 +111,7 @@ impl Run {
         })
     }
 
-    /// Where it is.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -146,8 +146,8 @@ impl Run {
         Ok(Journal::new(file, self.layout.columns().len()).watched(work))
     }
 
-    /// The last whole row of its file with its number, if it is sound; `None` if there is no such row there. What stands before
-    /// it is not looked at.
+    /// The last whole row of its file with its number, if it is sound; `None` if there is no such row. Earlier rows are not
+    /// examined.
     ///
     /// # Errors
     /// The system refuses, or there is no `samples.bin`.
@@ -160,14 +160,14 @@ impl Run {
         };
         file.seek(SeekFrom::Start(last * stride))
             .map_err(at(&path))?;
-        // Its number stands by itself here: what was lost before it is counted by whoever reads from the first.
+        // Its number suffices here: a reader of all rows counts the losses before it.
         let mut journal = Journal::new(file, self.layout.columns().len());
         let row = journal.next_row().map_err(at(&path))?;
         Ok(row.map(|row| (row.sequence, row.values.to_vec())))
     }
 
-    /// Rows that were made as far as its file tells, lost ones included: by the number of its last row, or, where that is
-    /// damaged, by its length.
+    /// Rows made according to the file, lost ones included: by the number of its last row, or, where that is damaged, by
+    /// its length.
     ///
     /// # Errors
     /// The system refuses, or there is no `samples.bin`.
@@ -239,7 +239,7 @@ impl Run {
         Ok(confirmed)
     }
 
-    /// Whole columns by name, in the order asked for.
+    /// Whole columns by name, in the requested order.
     ///
     /// # Errors
     /// [`FolderError::NoColumn`], or the system refuses.
@@ -362,15 +362,14 @@ impl Iterator for EventLines {
     }
 }
 
-/// True of a pipe or a device: who opened it might wait for ever. A folder keeps no reader waiting, and is told of where it is
-/// read.
+/// True for a pipe or a device, which might block its reader for ever. False for a folder: reading it fails at once.
 #[must_use]
 pub fn keeps_waiting(path: &Path) -> bool {
     path.metadata()
         .is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
 
-/// What was read; none if there is no such file.
+/// The content read; `None` if there is no such file.
 fn if_there<T>(path: &Path, read: io::Result<T>) -> Result<Option<T>, FolderError> {
     match read {
         Ok(found) => Ok(Some(found)),

@@ -1,5 +1,5 @@
-//! Records of one size, one behind the other, read from a source as they come. The caller decides what a record says, and
-//! whether it is sound.
+//! Records of one size, one behind the other, read from a source as they come. The caller decides what a record means,
+//! and whether it is valid.
 
 use std::io::{self, Read};
 
@@ -11,7 +11,7 @@ pub(super) const BUFFER: usize = 256 << 10;
 pub(super) enum Next<'a> {
     /// A whole record.
     Record(&'a [u8]),
-    /// The source has ended, with so many bytes behind the last whole record.
+    /// The source has ended, with this number of bytes behind the last whole record.
     End(usize),
 }
 
@@ -26,7 +26,7 @@ pub(super) struct Strides<R> {
 }
 
 impl<R: Read> Strides<R> {
-    /// Of records of `stride` bytes, at least one. No need to buffer `source`.
+    /// Reads records of `stride` bytes, at least one. No need to buffer `source`.
     pub(crate) fn new(source: R, stride: usize) -> Self {
         let stride = stride.max(1);
         Self {
@@ -38,7 +38,7 @@ impl<R: Read> Strides<R> {
         }
     }
 
-    /// The next record, or the end; asked again, the source may have more.
+    /// The next record, or the end; at a later call the source may have more.
     pub(crate) fn next(&mut self) -> io::Result<Next<'_>> {
         if self.filled - self.start < self.stride {
             self.refill()?;

@@ -10,7 +10,7 @@ use super::MissClasses;
 pub use gusset_proof::RecordedVerdict;
 pub use gusset_quantity::catalog::ending::Status;
 
-/// Which clock a run used.
+/// Clock of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockKind {
@@ -47,8 +47,8 @@ impl<'de> Deserialize<'de> for Lambda {
     }
 }
 
-/// Largest magnitudes over the run, all DOFs whether recorded or not; of a run that went on with another one over the whole test,
-/// the steps in the other folder too. What does not exist or is not finite is null.
+/// Largest magnitudes over the run, all DOFs whether recorded or not. For a resumed run they cover the whole test, the steps in
+/// the other folder too. A value that does not exist or is not finite is null.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Peak {
@@ -81,10 +81,10 @@ pub struct LinkCounts {
     /// Messages that came more than once.
     #[serde(default)]
     pub duplicates: u64,
-    /// Lost answers that stood in the history of a later one.
+    /// Lost answers that were recovered from the history of a later one.
     #[serde(default)]
     pub recovered: u64,
-    /// Commands that never arrived, as the far end counts them.
+    /// Commands that never arrived, as the server counts them.
     #[serde(default)]
     pub missed: u64,
     /// ICMP errors in a signed session over datagrams.
@@ -103,7 +103,7 @@ pub struct InputFile {
     pub bytes: u64,
 }
 
-/// What stands in `summary.json`.
+/// Content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// How the run ended.
@@ -117,11 +117,11 @@ pub struct Summary {
     pub dt: f64,
     /// λ as used; null in a test without a structure.
     pub lambda: Option<Lambda>,
-    /// Which clock.
+    /// The clock.
     pub clock: ClockKind,
     /// Wall time of the loop in s.
     pub wall_seconds: f64,
-    /// Ticks per second of wall time that were asked for.
+    /// Requested ticks per second of wall time.
     pub rate_hz: f64,
     /// Deadline misses, warm-up not counted.
     pub deadline_misses: u64,
@@ -131,7 +131,7 @@ pub struct Summary {
     pub peak: Peak,
     /// Per timing quantity: count, min, p50, p90, p99, p99_9, max in µs.
     pub timing: Value,
-    /// What was asked of the system and what it granted.
+    /// Requests to the system and its answers.
     pub realtime: Value,
     /// Traffic per specimen by name.
     pub link: BTreeMap<String, LinkCounts>,
@@ -146,31 +146,30 @@ pub struct Summary {
     /// Deadline misses by class.
     #[serde(default)]
     pub miss_classes: MissClasses,
-    /// What a person should know.
+    /// Warnings for the user.
     #[serde(default)]
     pub warnings: Vec<String>,
-    /// Which limits there were, who checked them, and what a trip would have done.
+    /// The limits, who checked them, and the effect of a trip.
     #[serde(default)]
     pub limits: Value,
     /// The machine that the test ran on: what its own files say.
     #[serde(default)]
     pub machine: Value,
-    /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known. Of the rows in this
-    /// folder, as `falsified` is: no steps that are in another one.
+    /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known. They cover the rows
+    /// in this folder, as the whole-test errors do: no steps that are in another one.
     #[serde(default)]
     pub metrics: Value,
-    /// Why metrics are null though an axis may have moved, in words: rows were lost. Empty where all that there is to be known is
-    /// known.
+    /// Why metrics are null though an axis may have moved, in words: rows were lost. Empty where nothing is missing.
     #[serde(default)]
     pub metrics_missing: Vec<String>,
-    /// What the transfer systems falsified of the test as a whole, each number with its noise floor: energy error in J and as a
-    /// share, and per mode its frequency, damping ratio and the damping that the delays added; null in a test
+    /// Errors that the transfer systems introduced into the test as a whole, each number with its noise floor: energy error in
+    /// J and as a share, and per mode its frequency, damping ratio and the damping that the delays added. Null in a test
     /// without a structure.
     #[serde(default)]
     pub falsified: Value,
-    /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, `stayed` (at its last
-    /// command: nothing else is asked for, or its direction, zero or place was not known yet), or `lost` (its link is gone:
-    /// wherever its own end holds or leaves it).
+    /// Final position of each specimen, by name. `reached`: where the test file wants it. `not_reached`. `stayed`: at its
+    /// last command, because the file requests no other, or because its direction, zero or position was not known yet.
+    /// `lost`: its link is gone, and its position depends on its own end.
     #[serde(default)]
     pub left: BTreeMap<String, String>,
     /// Largest |force| before t = 0, zeroing, ramp, static load and warm-up included, whose rows are kept only where they
@@ -181,7 +180,7 @@ pub struct Summary {
     /// Findings that would have refused the test, and that the user has accepted: the name of each override and the reason given.
     #[serde(default)]
     pub accepted: BTreeMap<String, String>,
-    /// What `check` would say of the test; null where there is no verdict, and in folders of earlier versions.
+    /// The verdict of `check` on the test; null where there is no verdict, and in folders of earlier versions.
     #[serde(default)]
     pub verdict: Option<RecordedVerdict>,
     /// Why, as events spell it: of a limit its key. Older runs lack it.
@@ -294,7 +293,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn lambda_may_be_infinite_absent_or_a_number_but_not_a_word() {
+    fn lambda_is_a_number_infinite_or_absent() {
         for (lambda, text) in [
             (Some(Lambda(f64::INFINITY)), "\"inf\""),
             (Some(Lambda(4.0)), "4.0"),

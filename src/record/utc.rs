@@ -1,4 +1,4 @@
-//! Calendar text of a UTC instant given in nanoseconds since 1970. Pure: whoever knows the time says it.
+//! Calendar text of a UTC instant given in nanoseconds since 1970. Pure: the caller passes the time.
 
 /// Year, month, day, hour, minute, second and nanosecond of a UTC instant.
 fn civil(utc_ns: u64) -> (u64, u64, u64, u64, u64, u64, u64) {
@@ -42,7 +42,7 @@ pub fn instant(text: &str) -> Option<u64> {
         return None;
     }
     let ns: u64 = format!("{decimals:0<9}").get(..9)?.parse().ok()?;
-    // The way back of `civil`, from the same source.
+    // The inverse of `civil`, from its source.
     let (year, march_month) = if month > 2 {
         (year, month - 3)
     } else {
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn days_follow_each_other_for_four_centuries() {
+    fn days_are_consecutive_for_four_centuries() {
         // Independent of the algorithm: count the calendar forward by the rule of leap years.
         let (mut year, mut month, mut day) = (1970u64, 1u64, 1u64);
         for days in 0..146_097u64 {

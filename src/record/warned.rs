@@ -1,5 +1,5 @@
-//! Limits that were warned of while a test ran: how often, and what was found when they were first passed. Axes with a force
-//! before the test moved them. Axes of a resumed test whose position or force differs from the record.
+//! Limits with warnings while a test ran: how often, and the value when each was first passed. Axes with a force before the
+//! test moved them. Axes of a resumed test whose position or force differs from the record.
 
 use super::events::{Event, EventLine, LimitReached, Standing, Word};
 use gusset_quantity::units::{compared, unit_of_key};
@@ -18,13 +18,13 @@ struct Passed {
     of: Option<(u32, u32)>,
     limit: Word,
     times: u64,
-    /// What was found in the tick in which it was first passed, and what was allowed.
+    /// The value in the tick in which the limit was first passed, and the bound.
     value: f64,
     bound: f64,
 }
 
 impl Warned {
-    /// Counts a warning; everything else is none of its business.
+    /// Counts a warning; ignores all other events.
     pub(crate) fn count(&mut self, line: &EventLine) {
         let reached = match &line.event {
             Event::LimitWarning(reached) => reached,
@@ -125,7 +125,7 @@ mod tests {
     use crate::TimedEvent;
 
     #[test]
-    fn each_limit_is_told_once_with_its_number_and_how_it_began() {
+    fn each_limit_is_reported_once_with_counts() {
         let mut warned = Warned::default();
         let reached = |axis, value, bound| LimitReached {
             port: Some(0),

@@ -1,5 +1,6 @@
-//! Where a run folder is when its test is over: somebody may have moved or deleted it meanwhile, and another may stand where
-//! it was. And whether it is over: a test claims its folder by a lock, which goes with the process however that ends.
+//! Location of a run folder when its test is over: somebody may have moved or deleted it meanwhile, and another folder may
+//! have its name. Also whether the test is over: a test claims its folder by a lock, which ends with the process in any
+//! case.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -30,9 +31,9 @@ impl Hold {
         File::open(folder).map(Self)
     }
 
-    /// Tells who asks with [`is_claimed`] until this is released or dropped, and keeps nobody out.
+    /// Makes [`is_claimed`] true until this is released or dropped; it denies no access.
     pub(crate) fn claim(&self) {
-        // A file system without locks tells less, and is no reason not to record there.
+        // Without locks in the file system, claims are not visible, but recording there is allowed.
         let _who_asks_is_not_told = self.0.try_lock();
     }
 
@@ -71,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_is_claimed_until_the_hold_on_it_is_gone() {
+    fn folder_is_claimed_until_its_hold_ends() {
         let temp = tempfile::tempdir().unwrap();
         let hold = Hold::on(temp.path()).unwrap();
         assert!(!is_claimed(temp.path()));
@@ -87,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_found_again_unless_it_is_gone() {
+    fn folder_is_found_again_unless_deleted() {
         let temp = tempfile::tempdir().unwrap();
         let (one, two) = (temp.path().join("one"), temp.path().join("two"));
         fs::create_dir(&one).unwrap();

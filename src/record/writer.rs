@@ -1,16 +1,16 @@
-//! The writer thread: rows from the ring to `samples.bin`, events to `events.jsonl` and the log, progress to whoever looks.
+//! The writer thread: rows from the ring to `samples.bin`, events to `events.jsonl` and the log, progress to the observer.
 //!
-//! * It polls the ring every 2 ms; nobody wakes it but [`Writer::finish`].
+//! * It polls the ring every 2 ms; only [`Writer::finish`] wakes it.
 //! * What it has goes to the system at least every 20 ms, so a kill −9 costs the rows of the last 25 ms or so.
-//! * Rows go before the events that came with them: an event that is ahead of the last row tells of rows that are lost
+//! * Rows go before the events that came with them: an event that is ahead of the last row shows that rows are lost
 //!   ([`super::MissingEnd`]).
 //! * A second thread brings the files to the disk every 0.9 s, so that a sync that takes long holds up nothing but the
 //!   next sync; with the time of flush and sync a power cut costs about the last second. A write may still be held up
 //!   by the file system while it syncs; the ring covers that with four seconds ([`super::RingSize::for_rate`]).
 //! * The state of a checkpoint gets its SHA-256 here. A third thread writes it (`state.bin`), because a sync may take long.
-//! * What others do to its files while it writes them is told once of each, as often as it has them synced.
-//! * A file that refuses (disk full) ends nothing: rows wait in bounded memory, are offered again every 100 ms, and
-//!   what finds no room is counted and shouted. The file holds whole rows at all times.
+//! * Changes that others make to its files while it writes them are reported once for each file, at a sync.
+//! * A file that refuses (disk full) does not end the test: rows wait in bounded memory and are offered again every
+//!   100 ms. Rows without room are counted and reported. The file holds whole rows at all times.
 //!
 //! It does not pin itself: a thread inherits the processors of the one that spawns it. It reads no clock but the
 //! two that it is given, and none of its decisions touches the loop.
@@ -103,7 +103,7 @@ impl Default for WriterSettings {
     }
 }
 
-/// What a run's recording came to.
+/// Outcome of a run's recording.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Recorded {
     /// Rows in the file.
@@ -130,12 +130,12 @@ pub struct Recorded {
     pub first_error: Option<String>,
     /// Its files as it left them.
     pub files: Vec<(&'static str, Extent)>,
-    /// What others did to the record while it was written, in sentences, as far as that was looked for.
+    /// Changes that others made to the record while it was written, in sentences, as far as they were found.
     pub damaged: Vec<String>,
 }
 
 impl Recorded {
-    /// So many rows that were in the file are lost, too.
+    /// Counts `rows` rows that were in the file as lost, too.
     pub fn lose(&mut self, rows: u64, why: &str) {
         self.rows_written -= rows.min(self.rows_written);
         self.rows_lost_file += rows;
@@ -151,7 +151,7 @@ impl Recorded {
     }
 }
 
-/// Why there is no writer, or no longer.
+/// Reason why the writer is not running.
 #[derive(Debug, Error)]
 pub enum WriterError {
     /// The system gives no thread.
@@ -235,7 +235,7 @@ impl Writer {
         drain.keep(snapshots);
         let work = move || {
             loop {
-                // Read before the turn: what the loop left before the stop is then surely seen.
+                // Read before the turn: the rows that the loop left before the stop are then surely taken.
                 let last = stop_seen.load(Ordering::Acquire);
                 let busy = drain.turn(clocks.now());
                 if last {
@@ -246,7 +246,7 @@ impl Writer {
                 }
             }
         };
-        // Whoever listens where this is called hears the writer too.
+        // The log subscriber of the caller receives the writer's messages too.
         let listener = tracing::dispatcher::get_default(Clone::clone);
         let thread = std::thread::Builder::new()
             .name("gusset-writer".to_owned())
@@ -268,12 +268,12 @@ impl Writer {
         }
     }
 
-    /// Copies where the run stands. The loop has no part in this lock.
+    /// Copies the progress. The loop has no part in this lock.
     pub fn progress(&self, into: &mut Progress) {
         into.clone_from(&lock(&self.progress));
     }
 
-    /// Call after the loop has ended: writes and syncs everything and says what came of it.
+    /// Call after the loop has ended: writes and syncs everything and returns the outcome.
     ///
     /// # Errors
     /// [`WriterError::Died`] if the thread panicked.

@@ -1,8 +1,8 @@
-//! Whether `summary.json` says what the record shows: status, cause, steps and peaks.
+//! Compares `summary.json` with the record: status, cause, steps and peaks.
 //!
-//! A replay compares it with the loop that was made again ([`with_loop`]), a report with the rows and events ([`with_record`]):
-//! a report builds no test, and looks only at the DOFs that were recorded. A summary that was edited, or that belongs to another
-//! test, shows here. Folders of earlier versions may differ for other reasons: their differences are warnings.
+//! A replay compares it with the loop that was rebuilt ([`with_loop`]), a report with the rows and events ([`with_record`]): a
+//! report builds no test, and checks only the recorded DOFs. A summary that was edited, or that belongs to another test, shows
+//! here. Folders of earlier versions may differ for other reasons: their differences are warnings.
 
 mod rows;
 
@@ -21,7 +21,7 @@ use gusset_record::summary::{Peak, Status};
 use gusset_record::{Event, EventLine, FolderError, Run, Summary};
 use rows::Rows;
 
-/// A key of `summary.json` that is not what the record shows.
+/// A key of `summary.json` that differs from the record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SummaryDifference {
     /// The key.
@@ -61,7 +61,7 @@ fn json(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default()
 }
 
-/// Whether this version wrote the run, if the event says that.
+/// Whether this version wrote the run, if the event names one.
 fn is_of_this_version(line: &EventLine) -> Option<bool> {
     match &line.event {
         Event::Files { version, .. } => Some(version == env!("CARGO_PKG_VERSION")),
@@ -76,7 +76,8 @@ pub(super) fn is_of_an_earlier_version<'a>(
     events.find_map(is_of_this_version) == Some(false)
 }
 
-/// True if an earlier version wrote the run; false if its events do not say which did. Its events are read up to the one that names the version.
+/// True if an earlier version wrote the run; false if its events name none. Its events are read up to the one that names the
+/// version.
 ///
 /// # Errors
 /// The events cannot be read.
@@ -89,17 +90,15 @@ pub(super) fn of_an_earlier_version(run: &Run) -> Result<bool, FolderError> {
     Ok(false)
 }
 
-/// Differences from what the loop comes to when all recorded rows have passed through it again. `required`: the test file makes a
+/// Differences from the result of the loop when all recorded rows have passed through it again. `required`: the test file makes a
 /// damaged record a stopped test.
 pub(super) fn with_loop(
     summary: &Summary,
     outcome: &Outcome,
     required: bool,
 ) -> Vec<SummaryDifference> {
-    let mut all = Vec::new();
-    all.extend(ending(summary, Some(found(outcome)), required));
-    all.extend(steps_and_peaks(summary, outcome));
-    all
+    let differs = ending(summary, Some(found(outcome)), required).into_iter();
+    differs.chain(steps_and_peaks(summary, outcome)).collect()
 }
 
 /// How the loop ended, as far as measurements show it.
@@ -107,14 +106,12 @@ fn found(outcome: &Outcome) -> Found {
     let ending = &outcome.ending;
     // How many deadlines were missed only the clock knows.
     let is_known = !ending.is_for_being_late() && *ending != Ending::Stopped(Stop::Internal);
-    Found {
-        status: ending.cause().status(),
-        cause: is_known.then(|| ending.word().to_owned()),
-    }
+    let word = is_known.then(|| ending.word().to_owned());
+    (ending.cause().status(), word)
 }
 
-/// Differences of a test whose rows do not show its end, since nothing moved after it: the events say how it ended. Whatever they
-/// say, a test of fewer steps than its `duration_s` is not completed.
+/// Differences of a test whose rows do not show its end, since nothing moved after it: the events contain it. In any case, a test
+/// of fewer steps than its `duration_s` is not completed.
 ///
 /// # Errors
 /// The events cannot be read.
@@ -148,31 +145,26 @@ fn steps_of(table: &toml::Table) -> Option<u64> {
     Time::of(&time).ok().map(|time| time.steps)
 }
 
-/// True if the rows end in the running test, so that a limit may have tripped after them. It has not if the events say that the
-/// operator or a panic ended the test there.
+/// True if the rows end in the running test, so that a limit may have tripped after them. No limit tripped if the operator or a
+/// panic ended the test there, by its events.
 ///
 /// # Errors
 /// The events or rows cannot be read.
 pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
-    let ended = Events::of(run)?.ending.map(|found| found.status);
-    let ended_before = matches!(ended, Some(Status::Interrupted | Status::Failed));
+    let ended = Events::of(run)?.ending;
+    let ended_before = matches!(ended, Some((Status::Interrupted | Status::Failed, _)));
     let state = run.layout().index_of("state");
     let last = run.last_row()?;
     let last = last.and_then(|(_, row)| row.get(state?).copied());
     Ok(!ended_before && last.is_some_and(|state| Part::Test.has(state)))
 }
 
-/// An ending that the record shows.
-#[derive(Debug)]
-struct Found {
-    status: Status,
-    /// As the files spell it; none where the record does not show it.
-    cause: Option<String>,
-}
+/// Status and cause of an ending; no cause where the record does not show it.
+type Found = (Status, Option<String>);
 
 /// A status or cause that differs; none where it is not known.
 fn ending(summary: &Summary, found: Option<Found>, required: bool) -> Option<SummaryDifference> {
-    let Found { status, cause } = found?;
+    let (status, cause) = found?;
     if is_stopped_for_its_record(summary, required) {
         return None;
     }
@@ -192,7 +184,7 @@ fn is_stopped_for_its_record(summary: &Summary, required: bool) -> bool {
         && cause.is_none_or(|cause| cause == Cause::RecordDamaged.word())
 }
 
-/// True of a test whose loop broke down: it left no steps and no peaks to its summary.
+/// True for a test whose loop broke down: its summary has no steps and no peaks.
 fn has_no_outcome(summary: &Summary) -> bool {
     summary.status == Status::Failed && summary.steps == 0 && summary.peak == Peak::default()
 }
@@ -248,8 +240,8 @@ fn peaks(told: &Peak, found: &Peak) -> Vec<SummaryDifference> {
     all
 }
 
-/// Differences from what the rows and events of a run show; none without a summary, and of a server's record, whose controller knows
-/// the test. The rows are read once.
+/// Differences from the rows and events of a run. Empty without a summary, and for a server's record, whose controller knows the
+/// test. The rows are read once.
 ///
 /// # Errors
 /// The rows or events cannot be read.
@@ -265,15 +257,12 @@ pub(super) fn with_record(
     let mut all = Vec::new();
     let events = Events::of(run)?;
     let rows = Rows::of(run, &table)?;
-    // A row does not say whether a limit or a link tripped the test there.
+    // A row does not show whether a limit or a link tripped the test there.
     let is_shown = rows.tripped && summary.status != Status::Failed;
-    let found = events.ending.or_else(|| {
-        is_shown.then_some(Found {
-            status: Status::Stopped,
-            cause: None,
-        })
-    });
-    // The events may tell that only the last rows are missing: that is reported elsewhere.
+    let found = events
+        .ending
+        .or(is_shown.then_some((Status::Stopped, None)));
+    // The events may show that only the last rows are missing: that is reported elsewhere.
     let are_all = rows.are_whole && events.last_step.is_none_or(|last| last < summary.steps);
     let made = rows.steps.filter(|_| are_all).unwrap_or(summary.steps);
     let made = made.min(summary.steps);
@@ -312,21 +301,21 @@ fn is_required(table: &toml::Table) -> bool {
     required.and_then(toml::Value::as_bool) == Some(true)
 }
 
-/// Peaks of the summary that are smaller than what the rows have.
+/// Peaks of the summary that are smaller than those of the rows.
 fn lower_peaks(told: &Peak, found: &Peak) -> Vec<SummaryDifference> {
     differing(told, found, |told, found| {
         told.is_none_or(|told| told < found)
     })
 }
 
-/// Peaks of the summary that are larger than in any row. Rows tell nothing of a DOF that was not recorded.
+/// Peaks of the summary that are larger than in any row. A DOF that was not recorded cannot be checked.
 fn higher_peaks(told: &Peak, most: &Peak) -> Vec<SummaryDifference> {
     differing(told, most, |told, most| {
         told.is_some_and(|told| told > most)
     })
 }
 
-/// Peaks that `is_wrong` says of, given the number of the summary and that of the rows.
+/// Peaks for which `is_wrong` is true, given the number of the summary and that of the rows.
 fn differing(
     told: &Peak,
     found: &Peak,
@@ -354,9 +343,9 @@ fn differing(
 /// How the test ended according to its events.
 #[derive(Debug, Default)]
 struct Events {
-    /// None where they do not say it: some cannot be read, or the loop did not say that it was over.
+    /// `None` if it is not known: some events cannot be read, or the loop did not report its end.
     ending: Option<Found>,
-    /// The step in which the loop said that it was over.
+    /// The step in which the loop reported its end.
     last_step: Option<u64>,
 }
 
@@ -381,10 +370,7 @@ impl Events {
                     if let Some(of_word) = of_word
                         && Self::ends(ending.as_ref(), [*from, *to], of_word)
                     {
-                        ending = Some(Found {
-                            status: of_word.status(),
-                            cause: Some(cause.to_string()),
-                        });
+                        ending = Some((of_word.status(), Some(cause.to_string())));
                     }
                 }
                 _ => {}
@@ -397,10 +383,12 @@ impl Events {
         })
     }
 
-    /// True of a change of phase that is the ending: what trips after an orderly end counts, what comes after a trip does not.
+    /// True for a change of phase that is the end: a trip after a clean end counts, an event after a trip does not.
     fn ends(before: Option<&Found>, [from, to]: [Phase; 2], cause: Cause) -> bool {
-        let before = before.map(|found| found.status);
-        let is_orderly = matches!(before, None | Some(Status::Completed | Status::Interrupted));
+        let is_orderly = matches!(
+            before,
+            None | Some((Status::Completed | Status::Interrupted, _))
+        );
         let runs = [Phase::Running, Phase::Holding].contains(&from);
         let ends = [Phase::Leaving, Phase::Safe].contains(&to);
         let is_end = match cause.kind() {

@@ -1,4 +1,4 @@
-//! What a test is made of, in its run folder, and on record with its digests.
+//! The files of a test, archived in its run folder and recorded with their digests.
 
 use super::checksum::sha256;
 use super::lineage::{ORIGIN, Origin};
@@ -19,7 +19,7 @@ pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderEr
     Ok(())
 }
 
-/// What the test is made of, so that whoever goes on with it can prove that it is the same.
+/// The event that records the files of the test, so that a resume can prove that they are unchanged.
 pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Event {
     let mut hashes = serde_json::Map::new();
     let mut add = |name: &str, hash: String| {
@@ -27,7 +27,7 @@ pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Event 
     };
     add("test.toml", sha256(&files.test));
     add("resolved.toml", sha256(files.resolved.as_bytes()));
-    // Who changes what a column is called, or its unit, changes what was measured.
+    // A changed name or unit of a column changes the measured quantity.
     add("samples.json", sha256(layout.to_json().as_bytes()));
     for input in folder.inputs() {
         add(&input.path, input.sha256.clone());

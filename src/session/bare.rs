@@ -28,9 +28,9 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
 }
 
 /// A loop round a numerical side alone: no specimen, no bound, a missed deadline moves the grid. `record` are the degrees
-/// of freedom to record, `words` the title and what stands for the test file.
+/// of freedom to record; title and text replace the test file.
 #[must_use]
-pub fn loop_round(
+pub(crate) fn loop_round(
     side: Side,
     record: &[usize],
     rate: Ratio,

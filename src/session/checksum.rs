@@ -48,7 +48,7 @@ pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
     }
 }
 
-/// The files of the test and their SHA-256, as its events say; none if they do not.
+/// The files of the test and their SHA-256, from its events; `None` if they do not contain them.
 pub(super) fn files_of(run: &Run) -> Result<Option<Vec<(PathBuf, String)>>, FolderError> {
     for line in run.event_lines()? {
         if let Some(Event::Files { sha256, .. }) = line?.map(|line| line.event) {
@@ -62,7 +62,7 @@ pub(super) fn files_of(run: &Run) -> Result<Option<Vec<(PathBuf, String)>>, Fold
     Ok(None)
 }
 
-/// The files are those of the test, as far as it says which they were. True if it does.
+/// Checks the files of the test against its events. True if the events contain them.
 pub(super) fn check_files(run: &Run) -> Result<bool, ReplayError> {
     let files = files_of(run)?;
     for (path, wanted) in files.iter().flatten() {
@@ -71,7 +71,7 @@ pub(super) fn check_files(run: &Run) -> Result<bool, ReplayError> {
     Ok(files.is_some())
 }
 
-/// What says that a file of the run was changed after the test, if one was; none of those that are not there.
+/// The error that a file of the run was changed after the test, if any. Missing files do not count.
 #[must_use]
 pub fn altered(run: &Run) -> Option<ReplayError> {
     let files = files_of(run).ok().flatten().unwrap_or_default();
@@ -89,7 +89,7 @@ pub(super) fn check_inputs(run: &Run) -> Result<(), ReplayError> {
     Ok(())
 }
 
-/// A file is what it was.
+/// Checks that a file is unchanged.
 pub(super) fn same(path: &Path, wanted: &str) -> Result<(), ReplayError> {
     let found = sha256(&read(path)?);
     if found == wanted {

@@ -6,22 +6,22 @@ use super::page::{PageError, read, write};
 use gusset_record::{FolderError, Journal, Run};
 use gusset_view::report::{self, Matched, Matcher, Next, RunView};
 
-/// A page that was written, and what it says in a sentence.
+/// A page that was written, and its result in a sentence.
 #[derive(Debug)]
 pub struct Compared {
     /// The file.
     pub path: PathBuf,
-    /// What came of the comparison.
+    /// Result of the comparison.
     pub verdict: String,
-    /// What of either run's record is not there, and what its verdict found, in words.
+    /// Missing parts of either run's record, and findings of its verdict, in words.
     pub damages: Vec<String>,
 }
 
-/// Writes the page that compares the runs in two folders to `out`, replacing what is there. Runs that cannot be compared row by
-/// row are compared as far as they can be, and the page says why.
+/// Writes the page that compares the runs in two folders to `out`, replacing an earlier file. Runs that cannot be compared row
+/// by row are compared as far as possible, and the page gives the reason.
 ///
 /// # Errors
-/// [`PageError`]; `out` is then as it was.
+/// [`PageError`]; `out` is then unchanged.
 pub fn compare(first: &Path, second: &Path, out: &Path) -> Result<Compared, PageError> {
     let (a, b) = (read(first)?, read(second)?);
     let matched = matched((first, &a), (second, &b))?;
@@ -35,7 +35,7 @@ pub fn compare(first: &Path, second: &Path, out: &Path) -> Result<Compared, Page
     })
 }
 
-/// Where the page goes unless it is said otherwise: into the working directory, named after both.
+/// Default path of the page: in the working directory, named after both.
 #[must_use]
 pub fn compared_name(first: &Path, second: &Path) -> PathBuf {
     let of = |path: &Path| name(path).unwrap_or_else(|| "run".to_owned());

@@ -1,8 +1,8 @@
 //! Specimens are connected before the loop starts: all at the same time, each within its own time limits, and nothing
 //! moves.
 //!
-//! Invariant: nobody is left connected and untold. If one specimen cannot take part, the others are told that nothing
-//! will come, as soon as the last of them has said what it has to say.
+//! Invariant: no specimen stays connected without notice. If one specimen cannot take part, the others learn that
+//! nothing will come, as soon as the last of them has answered.
 
 use std::sync::mpsc;
 use std::time::Duration;
@@ -27,9 +27,9 @@ fn in_words(numbers: &[f64]) -> String {
     words.join(" ")
 }
 
-/// Specimens say again where they stood when a recorded test was connected to them.
+/// Makes specimens report the positions that they had when a recorded test connected them.
 pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderError> {
-    // What they said to an interrupted test was true then.
+    // Positions reported to an interrupted test were valid then only.
     for port in &mut *ports {
         port.startup_mut().report_position(&[]);
     }
@@ -56,7 +56,7 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
 /// Why there is no loop.
 #[derive(Debug)]
 pub(super) enum Unconnected {
-    /// Who cannot take part, in words.
+    /// The specimens that cannot take part, in words.
     Refused(String),
     /// Which specimen does not do for this test, in words: it measures no displacement, or has lost its state since the interruption.
     Unfit(String),
@@ -68,7 +68,7 @@ pub(super) enum Unconnected {
 pub(super) struct Connections {
     /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// Specimens (from 0) that do not say that they are computed.
+    /// Specimens (from 0) that do not declare themselves computed.
     pub moving: Vec<usize>,
 }
 
@@ -80,8 +80,8 @@ pub(super) fn let_go(experiment: &mut Experiment, why: String) -> Unconnected {
     Unconnected::Unfit(why)
 }
 
-/// Connects every specimen and notes what each says of itself: N of them take as long as the slowest. Nothing moves
-/// yet. Returns what the user should know, or why the test cannot begin; an operator who asks for an end is heard.
+/// Connects every specimen and records its introduction: N of them take as long as the slowest. Nothing moves yet.
+/// Returns warnings for the user, or why the test cannot begin. An operator's stop takes effect.
 pub(super) fn connect(
     experiment: &mut Experiment,
     clock: ClockChoice,
@@ -175,8 +175,7 @@ pub(super) fn connect(
     Err(why)
 }
 
-/// What of the test judges no specimen of `without`, whose ends do not say that they measure displacement, in words. True if that is
-/// all of them: then it judges nothing.
+/// Checks of the test that apply to no specimen of `without`, which measure no displacement, in words. True if none remains.
 fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
     let keys = &ports.first()?.startup().needs_measured_disp().of_the_test;
     if without.is_empty() || keys.is_empty() {
@@ -199,7 +198,7 @@ fn unjudged(ports: &[Port], without: &[&str]) -> Option<(String, bool)> {
     })
 }
 
-/// On the simulated clock commands follow each other as fast as they are answered: that is for computations.
+/// On the simulated clock commands follow each other as fast as they are answered: only computations may receive them.
 fn fit_for(
     clock: ClockChoice,
     port: &Port,
@@ -223,9 +222,9 @@ fn fit_for(
 /// The operator's line while the loop does not listen to it yet.
 pub(super) struct Line {
     requests: Receiver<Operator>,
-    /// Its other end; without it nothing is taken, for it could not be put back.
-    desk: Option<Sender<Operator>>,
-    /// What was said that is not for now.
+    /// Its other end; without it no command is taken, because it could not be returned.
+    request_socket: Option<Sender<Operator>>,
+    /// Commands that must wait for the loop.
     heard: Vec<Operator>,
 }
 
@@ -233,31 +232,31 @@ impl Line {
     pub(crate) fn of(control: &Control) -> Self {
         Self {
             requests: control.requests.clone(),
-            desk: control.desk.clone(),
+            request_socket: control.request_socket.clone(),
             heard: Vec::new(),
         }
     }
 
     /// True once an end of the test was asked for.
     fn asks_for_the_end(&mut self) -> bool {
-        if self.desk.is_some() {
+        if self.request_socket.is_some() {
             self.heard.extend(self.requests.try_iter());
         }
         self.heard.iter().any(|word| word.is_end())
     }
 
-    /// The loop hears all of it.
+    /// Returns all commands to the loop.
     fn put_back(&mut self) {
-        if let Some(desk) = &self.desk {
+        if let Some(request_socket) = &self.request_socket {
             for word in self.heard.drain(..) {
-                // Who says more than there is room for is not told: an end always has room.
-                let _ = word.say_into(desk);
+                // A command beyond the available room is dropped: a stop always has room.
+                let _ = word.say_into(request_socket);
             }
         }
     }
 }
 
-/// A port that has said what it has to say.
+/// A port with its introduction.
 type Said = (Port, Result<Introduction, Unavailable>);
 
 /// Connects each linked specimen on a separate thread, because connecting waits. When the operator asks for an end, a thread that
@@ -278,7 +277,7 @@ fn connect_all(ports: Vec<Port>, line: &mut Line) -> Vec<Option<Said>> {
             let outcome = port.connect();
             let _ = done.send((index, (port, outcome)));
         };
-        // A system that gives no thread is told of as one that panicked: nobody was connected.
+        // If the system gives no thread, the result is as after a panic: the specimen was not connected.
         let thread = std::thread::Builder::new().name("gusset-connect".into());
         owed += usize::from(thread.spawn(work).is_ok());
     }
@@ -301,21 +300,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_before_the_loop_listens_is_not_lost() {
-        let (desk, requests) = crossbeam_channel::bounded(4);
+    fn early_commands_are_not_lost() {
+        let (request_socket, requests) = crossbeam_channel::bounded(4);
         let control = Control {
-            desk: Some(desk.clone()),
+            request_socket: Some(request_socket.clone()),
             ..Control::from(requests.clone())
         };
         let mut line = Line::of(&control);
-        desk.try_send(Operator::Hold).unwrap();
-        desk.try_send(Operator::Continue).unwrap();
+        request_socket.try_send(Operator::Hold).unwrap();
+        request_socket.try_send(Operator::Continue).unwrap();
         assert!(!line.asks_for_the_end());
         assert!(requests.is_empty());
         line.put_back();
         let heard: Vec<Operator> = requests.try_iter().collect();
         assert_eq!(heard, [Operator::Hold, Operator::Continue]);
-        desk.try_send(Operator::Stop).unwrap();
+        request_socket.try_send(Operator::Stop).unwrap();
         assert!(line.asks_for_the_end());
     }
 }

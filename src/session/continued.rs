@@ -1,10 +1,10 @@
-//! Which tests went on with an interrupted one: `continued.json` in its folder, so that its specimens are not led through the
-//! same steps twice.
+//! Lineage of an interrupted test: `continued.json` in its folder lists the tests that resumed it, so that its specimens do
+//! not repeat steps.
 //!
-//! It is written before anything moves, so that a test which cannot say so does not begin; at its end it says how far it came.
-//! Of one that was killed its own record says that. What ended before it moved anything as part of the test has led nobody
-//! through anything, and takes its word back. Who goes on with such a one goes on with the test before it, too, back to the last
-//! that made steps. Where every specimen is a formula, which is made anew, nothing is said and nothing is asked.
+//! It is written before anything moves: a test that cannot write it does not begin. At its end the test adds the step that it
+//! reached. If it was killed, its own record shows that step. A test that ended before it moved anything as part of the test
+//! removes its entry. A resume of such a test also resumes the test before it, back to the last that made steps. Where every
+//! specimen is a formula, which restarts, nothing is written or read.
 
 use std::fs::File;
 use std::io;
@@ -22,51 +22,51 @@ use gusset_setup::Files;
 /// Name of the file in the folder of an interrupted test.
 const CONTINUED: &str = "continued.json";
 
-/// A test that went on with an interrupted one.
+/// A test that resumed an interrupted one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Continuation {
     /// Its folder, from that of the interrupted test, or absolute.
     folder: PathBuf,
-    /// The same, absolute, when it began.
+    /// Its folder, absolute, when it began.
     folder_absolute: PathBuf,
-    /// SHA-256 of the rows that it went on after, as its `resumed.json` has it.
+    /// SHA-256 of the rows before the resume, as in its `resumed.json`.
     rows_sha256: String,
-    /// Step after which it went on.
+    /// Step after which it resumed.
     after_step: u64,
     /// Last step that it was in, once that is known.
     reached: Option<u64>,
 }
 
-/// How far a test came that went on.
+/// How far a resumed test came.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Way {
     /// It has moved nothing as part of the test.
     None,
     /// Into this step.
     To(u64),
-    /// Its record does not say.
+    /// Its record does not show it.
     Unknown,
 }
 
-/// A test went on already with the one that is to go on.
+/// An earlier test that already resumed the interrupted one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WentOn {
     /// Its folder; where it was, if it is not there any more.
     pub folder: PathBuf,
-    /// Step after which it went on.
+    /// Step after which it resumed.
     pub after: u64,
     /// Last step that it was in, if that is known.
     pub reached: Option<u64>,
-    /// What became of it.
+    /// Its present state.
     pub now: Now,
 }
 
-/// What became of a test that went on.
+/// Present state of a resumed test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Now {
     /// It runs.
     Running,
-    /// It came to the last step of the test.
+    /// It reached the last step of the test.
     Complete,
     /// It ended before that.
     Ended,
@@ -104,7 +104,7 @@ impl Continuation {
         places(parent, &self.folder, &self.folder_absolute).find(is_it)
     }
 
-    /// What is known of it; none if it has moved nothing as part of the test.
+    /// Its state as known; `None` if it has moved nothing as part of the test.
     fn told(&self, parent: &Path) -> Option<WentOn> {
         let found = self.found(parent);
         let way = match (self.reached, &found) {
@@ -136,7 +136,7 @@ fn is_complete(folder: &Path) -> bool {
     summary.is_some_and(|summary| summary.status == Status::Completed)
 }
 
-/// How far the test in `folder` came that went on after step `after`.
+/// How far the test in `folder` came, which resumed after step `after`.
 fn way_of(folder: &Path, after: u64) -> Way {
     let run = match Run::open(folder) {
         Ok(run) => run,
@@ -166,7 +166,7 @@ fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
         place.ok_or_else(|| FolderError::NoColumn(name.to_owned()))
     };
     let places = [place("state")?, place("step")?];
-    // The operator ended the test in the second one, with a command of the test on its way.
+    // In the second state the operator ended the test while a command was unanswered.
     let is_of_test = |state: f64| Part::of(state) == Some(Part::Test) || state == NOT_AWAITED;
     let path = run.path().join("samples.bin");
     let io = |source| FolderError::Io {
@@ -185,10 +185,10 @@ fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
     Ok(last)
 }
 
-/// The last test that went on with the one in `folder`; none if nobody did.
+/// The last test that resumed the one in `folder`; `None` if no test did.
 ///
 /// # Errors
-/// What its folder says of that cannot be read.
+/// The entry of its folder cannot be read.
 pub(super) fn last_of(folder: &Path) -> Result<Option<WentOn>, FolderError> {
     let all = read(folder)?;
     let mut told = all.iter().rev().filter_map(|one| one.told(folder));
@@ -207,7 +207,7 @@ fn read(folder: &Path) -> Result<Vec<Continuation>, FolderError> {
     }
 }
 
-/// Changes what a folder says; nobody else does at the same time.
+/// Changes the entries of a folder; a lock keeps other processes out.
 fn change<R>(
     folder: &Path,
     how: impl FnOnce(&mut Vec<Continuation>) -> R,
@@ -216,10 +216,10 @@ fn change<R>(
         let path = path.to_owned();
         |source| FolderError::Io { path, source }
     };
-    // Not the folder: who claims that runs into it.
+    // Not the folder: another process that claims it would meet the lock.
     let path = folder.join("events.jsonl");
     let held = File::open(&path).map_err(io(&path))?;
-    // A file system without locks keeps nobody out, and is no reason not to say it there.
+    // A file system without locks keeps no other process out; the change is still made there.
     let _nobody_else = held.lock();
     let before = read(folder)?;
     let mut all = before.clone();
@@ -239,7 +239,7 @@ fn change<R>(
     Ok(result)
 }
 
-/// The word of a test that goes on, in the folders of those that it goes on with.
+/// The entry of a resumed test, in the folders of the tests that it resumes.
 #[derive(Debug, Default)]
 pub(super) struct Word {
     said_in: Vec<PathBuf>,
@@ -248,7 +248,7 @@ pub(super) struct Word {
 }
 
 impl Word {
-    /// Says that the test of these files goes on in `folder`, where that is one with specimens that are not made anew.
+    /// Records that the test of these files resumes in `folder`, if a specimen of it does not restart.
     pub(crate) fn say(files: &Files, ports: &[Port], folder: &Path) -> Result<Self, Unsaid> {
         let origin = files.origin.as_deref().map(serde_json::from_str::<Origin>);
         let Some(Ok(origin)) =
@@ -283,7 +283,7 @@ impl Word {
             let mut running = None;
             all.retain_mut(|one| {
                 if one.folder_absolute == self.folder {
-                    // What was in this folder before is gone.
+                    // The earlier content of this folder is gone.
                     one.reached.get_or_insert(one.after_step);
                     return true;
                 }
@@ -345,7 +345,7 @@ impl Word {
     }
 }
 
-/// Why a test that goes on cannot say so.
+/// Why a resumed test cannot record this.
 #[derive(Debug, thiserror::Error)]
 pub enum Unsaid {
     /// The folder refuses.
@@ -354,7 +354,7 @@ pub enum Unsaid {
          specimens would repeat steps: {0}; make the folder writable, or resume a copy of it"
     )]
     Folder(FolderError),
-    /// Another goes on with it.
+    /// Another resumed test is running.
     #[error("{}: {other}", folder.display())]
     Running {
         /// The folder of the interrupted test.
@@ -364,7 +364,7 @@ pub enum Unsaid {
     },
 }
 
-/// The test that another goes on with, and where it made no steps of its own those before it, too.
+/// The interrupted test, and those before it as long as the last one made no steps itself.
 fn line_of(origin: &Origin) -> Vec<PathBuf> {
     let mut line = vec![origin.parent_absolute.clone()];
     for generation in Lineage::of(&origin.parent_absolute) {

@@ -78,7 +78,7 @@ pub enum DerivedError {
     BetweenSteps,
 }
 
-/// The columns that are wanted, of the configuration in the folder of a run.
+/// The requested columns, from the configuration in the folder of a run.
 ///
 /// # Errors
 /// [`DerivedError`].
@@ -112,7 +112,7 @@ pub struct FloorPeaks {
     pub accel: Option<(usize, f64)>,
 }
 
-/// Largest storey drift and absolute acceleration in the steps of a run. A kind of which a column is not recorded is left out.
+/// Largest storey drift and absolute acceleration in the steps of a run. A kind with an unrecorded column is omitted.
 ///
 /// # Errors
 /// [`DerivedError`], or the system refuses the rows.

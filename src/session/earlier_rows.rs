@@ -23,7 +23,7 @@ pub(super) struct EarlierRows {
     hold: usize,
     /// Steps of the test.
     steps: u64,
-    /// Whether the operator wanted a hold in the row before.
+    /// Whether the operator requested a hold in the row before.
     holding: bool,
 }
 
@@ -67,7 +67,7 @@ impl EarlierRows {
                 before.is_some_and(|(before, _)| before == leaving || before == NOT_AWAITED);
             return stop_if(!was_leaving);
         }
-        // 1 while a hold is wanted, plus 2 for `continue`, plus 4 for a confirmation.
+        // 1 during a requested hold, plus 2 for `continue`, plus 4 for a confirmation.
         let mut commands = OperatorCommands::of(hold);
         let wanted = commands.has(OperatorCommands::HOLD);
         let continued = commands.has(OperatorCommands::CONTINUE);

@@ -1,5 +1,5 @@
-//! The equation of motion of a recorded test, for the energy balance and the falsified damping of its report: made again of the
-//! folder's own configuration.
+//! The equation of motion of a recorded test, for the energy balance and the damping error of its report: rebuilt from the
+//! folder's configuration.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub(super) struct Energetics {
 pub(super) enum Without {
     /// It has no structure.
     Structure,
-    /// Something is in the way, in words.
+    /// The reason that prevents it, in words.
     Because(String),
 }
 
@@ -37,15 +37,15 @@ fn chain(resolved: &str) -> Option<usize> {
     usize::try_from(dofs.as_integer()?).ok()
 }
 
-/// What is known of a structure for its report.
+/// Properties of a structure for its report.
 pub(super) struct Known {
-    /// For the energy balance, or why there is none.
+    /// Input of the energy balance, or why there is no balance.
     pub balance: Result<Energetics, Without>,
     /// Its modes, or why they are not known.
     pub modes: Result<Vec<Mode>, String>,
     /// Why no margin to a critical delay was watched, if none was.
     pub no_margin: Option<String>,
-    /// Motion of the ground up to the step that was asked for, as the rows have it; empty where it is not known.
+    /// Motion of the ground up to the requested step, as in the rows; empty where it is not known.
     pub ground_before: Vec<f64>,
 }
 
@@ -164,7 +164,7 @@ impl Energetics {
         (0..=last).map(at).collect()
     }
 
-    /// The modes at rest, and what delays of the specimens add to their damping.
+    /// The modes at rest, and the damping that delays of the specimens add.
     fn modes(&self) -> Result<Vec<Mode>, String> {
         let modes: Vec<Mode> = self
             .analysis

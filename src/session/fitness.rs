@@ -4,8 +4,8 @@
 //! A lower rate is expected to be kept if no tick took longer than its period. A higher rate is expected to be missed
 //! if a tick took longer than its period; that it is kept is never inferred, because ticks between the measured ones are unknown.
 //!
-//! Without all real-time rights the ticks say nothing about the computer: no rate is judged. A measurement that was interrupted
-//! or is too short can show that a rate is missed, but not that it is kept.
+//! Without all real-time rights the ticks say nothing about the computer: no rate is judged. An interrupted or too short
+//! measurement can show that a rate is missed, but not that it is kept.
 
 use serde_json::{Value, json};
 
@@ -34,7 +34,7 @@ pub struct Measured<'a> {
     pub loaded: bool,
     /// Whether all real-time rights were granted.
     pub granted: bool,
-    /// Whether it came to its end.
+    /// Whether it was completed.
     pub complete: bool,
 }
 
@@ -102,7 +102,7 @@ impl Measured<'_> {
         })
     }
 
-    /// Whether a rate with `late` late ticks is kept. Returns none where the measurement cannot tell.
+    /// Whether a rate with `late` late ticks is kept. `None` where the measurement cannot show it.
     fn fit(&self, late: u64) -> Option<bool> {
         match (self.granted, late) {
             (false, _) => None,
@@ -116,7 +116,7 @@ impl Measured<'_> {
         self.seconds + self.rate_hz.recip() >= ENOUGH_S
     }
 
-    /// What keeps the measurement from a verdict.
+    /// Reasons that prevent a verdict.
     fn reservations(&self) -> Vec<String> {
         let unproven = self.misses == 0;
         let each = [
@@ -163,7 +163,7 @@ impl Measured<'_> {
         }
     }
 
-    /// The usual rates for which the measured ticks say something.
+    /// The usual rates that the measured ticks can judge.
     fn expected(&self) -> Vec<Expected> {
         let own_us = 1e6 / self.rate_hz;
         let mut found = Vec::new();
@@ -190,7 +190,7 @@ impl Measured<'_> {
             .any(|key| self.cells(key).next().is_some())
     }
 
-    /// Ticks that took longer than `period_us` from their edge to their end, by the near and by the far end of their bins.
+    /// Ticks that took longer than `period_us` from their edge to their end, by the lower and the upper end of their bins.
     fn longer_than(&self, period_us: f64, own_us: f64) -> (u64, u64) {
         let early = self
             .cells("slack")
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn rate_without_a_miss_is_fit_and_no_higher_rate_is_inferred() {
+    fn rate_without_misses_is_fit() {
         // Ticks of 1024 Hz have 976.5625 µs. All ended within 477 µs: 2048 Hz has 488 µs, 4096 Hz has 244 µs.
         let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 61_000]] } });
         let found = measured(&bins, 0, MissClasses::default());
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn miss_is_told_with_its_cause_and_forbids_the_rates_with_shorter_periods() {
+    fn miss_forbids_rates_with_shorter_periods() {
         // The end of the tick was 976.6 + 1500 µs after its edge: more than 512 Hz has, and less than 256 Hz has.
         let bins = json!({
             "slack": { "bins": [[970.0, 971.0, 61_000]] },
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn verdict_is_not_known_without_rights_or_after_too_short_a_measurement() {
+    fn verdict_needs_rights_and_enough_time() {
         let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 300]] } });
         let whole = || measured(&bins, 0, MissClasses::default());
         let short = Measured {
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn measurement_of_one_minute_is_long_enough_although_its_last_tick_begins_earlier() {
+    fn one_minute_is_long_enough() {
         let bins = json!({});
         let found = Measured {
             seconds: 60.0 - 0.9 / 1024.0,

@@ -66,8 +66,8 @@ impl Trials<'_> {
     /// Ticks that judge a size quickly.
     pub const QUICK_PROOF: u64 = 1000;
 
-    /// The largest size at a rate and its trial, beginning with what the rate before has shown; none if not even the least size is
-    /// kept, or the operator has ended the search. `each` is called before each trial.
+    /// The largest size at a rate and its trial, beginning with the result of the rate before; `None` if not even the least size
+    /// is kept, or the operator has ended the search. `each` is called before each trial.
     ///
     /// # Errors
     /// A trial cannot be run.
@@ -89,7 +89,7 @@ impl Trials<'_> {
         })
     }
 
-    /// The size that was really run and how it went; none if the operator has had enough.
+    /// The size that was really run and its result; `None` if the operator ended the search.
     fn run(
         &self,
         wanted: usize,
@@ -113,12 +113,12 @@ impl Trials<'_> {
         let test = loop_round(side, &[0, n - 1], rate, ticks, self.timing.clone(), words);
         let folder = RunFolder::create(&self.scratch).map_err(FrontierError::Folder)?;
         let requests = self.signals.requests();
-        // Deadlines are missed on purpose here: they are counted, not told one by one.
+        // Deadlines are missed on purpose here: they are counted, not reported one by one.
         let finished = tracing::subscriber::with_default(NoSubscriber::new(), || {
             let unseen = &mut |_: &Progress| {};
             run(test, folder, requests, Watches::default(), unseen)
         });
-        // A trial is not a test that anybody wants to keep.
+        // A trial is not a test worth keeping.
         let _ = std::fs::remove_dir_all(&self.scratch);
         let summary = finished?.summary;
         if self.signals.seen().is_some() {

@@ -1,6 +1,6 @@
 //! Runs a test on the loop's thread.
 //!
-//! The life cycle of the engine catches a panic and retires every specimen. What it means for the exit code is decided elsewhere.
+//! The life cycle of the engine catches a panic and retires every specimen. The exit code is decided elsewhere.
 
 use super::connect::Unconnected;
 use gusset_control::engine::{Connected, Control, Outcome};
@@ -8,9 +8,9 @@ use gusset_record::rt::os;
 
 /// How the loop's thread ended.
 pub(super) struct Ended {
-    /// What it left behind; none if the thread died outside of the engine.
+    /// Its outcome; `None` if the thread died outside of the engine.
     pub outcome: Option<Outcome>,
-    /// A panic of our own, in words.
+    /// A panic of the program, in words.
     pub fault: Option<String>,
     /// Why the specimens are not connected, so that the loop never started.
     pub unconnected: Option<Unconnected>,

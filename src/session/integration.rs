@@ -10,7 +10,7 @@ use gusset_setup::{Facts, StructureFacts};
 const NO_BOUND: &str = "no proof: a tangent has no declared bound";
 const NO_PROOF: &str = "no proof is made for this method";
 
-/// The stability in full, and what governs it, each with its name.
+/// The stability in full, and the part that governs it, each with its name.
 #[must_use]
 pub fn in_full(facts: &Facts, structure: &StructureFacts) -> Vec<(&'static str, String)> {
     if let Some(why) = grows(structure.analysis.as_ref()) {

@@ -1,4 +1,4 @@
-//! A test with its verdict: what every command that moves a specimen obeys before anything connects.
+//! A test with its verdict: every command that moves a specimen obeys it before anything connects.
 
 use super::rehearsal::{FullRehearsal, errors};
 use gusset_config::{ConfigError, DIVERGENCE_M, KeyPath};
@@ -38,7 +38,7 @@ impl Judged {
         }
     }
 
-    /// Judges what is proven of a test, without a rehearsal.
+    /// Judges the proofs of a test, without a rehearsal.
     #[must_use]
     pub fn without_rehearsal(mut test: Prepared) -> Self {
         let (following, verdict) = match test.case() {

@@ -1,9 +1,9 @@
-//! What became of the record while the test ran: others may have moved, deleted or changed what was being written.
+//! State of the record after the test: other programs may have moved, deleted or changed its files meanwhile.
 
 use gusset_record::{FolderError, Meddled, Recorded, Run, RunFolder, Whereabouts};
 use gusset_setup::Facts;
 
-/// Finds the folder again and counts as lost what cannot be read in it any more.
+/// Finds the folder again and counts unreadable parts as lost.
 pub(super) fn look_over(folder: &mut RunFolder, facts: &mut Facts, recorded: &mut Recorded) {
     match folder.find_again() {
         Whereabouts::There => {}
@@ -33,8 +33,8 @@ pub(super) fn look_over(folder: &mut RunFolder, facts: &mut Facts, recorded: &mu
     recorded.damaged = damaged;
 }
 
-/// What others did to its files, in sentences: to those of the writer, as that left them, and to those without which nobody reads
-/// or repeats a run.
+/// Changes by others to the files, in sentences: to those of the writer, compared with their last state, and to those that are
+/// needed to read or repeat a run.
 fn meddled(folder: &RunFolder, recorded: &Recorded) -> Vec<String> {
     let at = |name: &str| folder.path().join(name);
     let written = recorded.files.iter().filter_map(|(name, extent)| {
@@ -49,11 +49,11 @@ fn meddled(folder: &RunFolder, recorded: &Recorded) -> Vec<String> {
     written.chain(gone).collect()
 }
 
-/// Rows that whoever reads the folder gets.
+/// Rows that a reader of the folder gets.
 fn readable(folder: &RunFolder) -> Result<u64, FolderError> {
     let mut journal = Run::open(folder.path())?.journal()?;
     let mut rows = 0;
-    // What cannot be read ends the rows, too.
+    // An unreadable row ends the rows, too.
     while let Ok(Some(_)) = journal.next_row() {
         rows += 1;
     }

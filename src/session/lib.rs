@@ -1,4 +1,4 @@
-//! One test from the prepared experiment to the finished run folder: the threads, and what each owns.
+//! One test from the prepared experiment to the finished run folder: the threads, and the objects of each.
 //!
 //! | thread | owns | talks through |
 //! |---|---|---|
@@ -23,7 +23,6 @@ mod compare;
 mod connect;
 mod continued;
 mod derived;
-mod desk;
 mod earlier_rows;
 mod energetics;
 pub mod fitness;
@@ -35,12 +34,14 @@ mod judged;
 mod kept;
 mod lineage;
 mod page;
+mod playback;
 mod ready;
 mod reason;
 mod recorded;
 pub mod rehearsal;
 mod replay;
 mod replay_error;
+mod request_socket;
 mod reset;
 mod resume;
 mod retrace;
@@ -49,7 +50,6 @@ mod sampling;
 mod signals;
 mod specimen_records;
 mod summary;
-mod tape;
 pub(crate) mod unaware;
 mod watches;
 
@@ -59,32 +59,37 @@ use std::time::Duration;
 use thiserror::Error;
 
 pub use agreement::SummaryDifference;
-pub use bare::{bare_loop, loop_round};
+pub use bare::bare_loop;
+pub(crate) use bare::loop_round;
 pub use checksum::altered;
 pub use compare::{Compared, compare, compared_name};
 pub use continued::{Now, Unsaid, WentOn};
 pub use derived::{Derived, DerivedError, FloorPeaks, derived, floor_peaks};
-pub use desk::{Answer, Request, Unanswered, ask};
 pub use judged::{Judged, Subject};
 pub use page::{Page, PageError, conclude, hero, write_report};
+pub use playback::Difference;
 pub use ready::missing;
 pub use reason::ending;
-pub use replay::{Replay, replay, replay_rows};
+#[cfg(any(test, feature = "test-doubles"))]
+pub use replay::replay_rows;
+pub use replay::{Replay, replay};
 pub use replay_error::ReplayError;
+pub use request_socket::{Answer, Request, Unanswered, ask};
 pub use reset::{
     ControlError, ControlPlace, RecordWords, ResetError, ServerControl, ServerRequest, ask_server,
 };
-pub use resume::{Allowed, ResumeError, resume, resume_allowed, resume_over};
+#[cfg(any(test, feature = "test-doubles"))]
+pub use resume::resume_over;
+pub use resume::{Allowed, ResumeError, resume, resume_allowed};
 pub use signals::{Signal, Signals, Taken};
 pub use specimen_records::SpecimenRecords;
-pub use tape::Difference;
 pub use watches::{Attendance, Watches};
 
 use connect::{Connections, Line};
 use continued::Word;
-use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
+use request_socket::RequestSocket;
 use specimen_records::HeldRecords;
 
 use gusset_config::ConfigError;
@@ -104,7 +109,7 @@ pub enum SessionError {
     /// The run folder refuses.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// It goes on with an interrupted test that cannot be told so.
+    /// The interrupted test cannot record this resume.
     #[error(transparent)]
     Unsaid(#[from] Unsaid),
     /// The writer refuses.
@@ -116,7 +121,7 @@ pub enum SessionError {
     /// The system gives no thread.
     #[error("cannot start the loop's thread: {0}")]
     Thread(std::io::Error),
-    /// Whoever attends the test cannot.
+    /// A helper of the test cannot start.
     #[error("the live page cannot be served: {0}")]
     Attendance(std::io::Error),
     /// The verdict forbids the test.
@@ -131,23 +136,23 @@ pub enum SessionError {
     /// Real-time conditions are required and were not granted.
     #[error("real-time conditions are required and not granted: {}", missing.join("; "))]
     NotRealTime {
-        /// What was refused, why, and what to do about it.
+        /// Refused requests, with reason and remedy.
         missing: Vec<String>,
     },
 }
 
-/// What a session leaves behind.
+/// Results of a session.
 #[derive(Debug)]
 pub struct Finished {
     /// How it ended; its row has the exit code and the status.
     pub cause: Cause,
-    /// The run folder. Others may move or delete it at any time: what is added to it is written by itself.
+    /// The run folder. Other programs may move or delete it at any time: additions check for it.
     pub folder: RunFolder,
-    /// What stands in summary.json.
+    /// Content of summary.json.
     pub summary: Summary,
-    /// What the recording came to.
+    /// Result of the recording.
     pub recorded: Recorded,
-    /// What the operating system gave; none under the simulated clock.
+    /// Grants of the operating system; `None` under the simulated clock.
     pub granted: Option<Granted>,
     /// Files that could not be written, each with its reason.
     pub unwritten: Vec<String>,
@@ -171,8 +176,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// anything connects. `progress` is called about ten times a second.
 ///
 /// # Errors
-/// [`SessionError`] if the test could not be started: nothing was moved, and the folder is gone again. How a started
-/// test ended is not an error but [`Finished`].
+/// [`SessionError`] if the test could not be started: nothing was moved, and the folder is removed. The end of a
+/// started test is not an error but [`Finished`].
 pub fn run(
     test: impl Into<Subject>,
     mut folder: RunFolder,
@@ -194,11 +199,11 @@ pub fn run(
         ..
     } = test;
     let control = control.into();
-    let desk = control
-        .desk
+    let request_socket = control
+        .request_socket
         .clone()
         .map(|asks| (asks, control.phase.clone()));
-    if desk.is_some() {
+    if request_socket.is_some() {
         folder.claim();
     }
     let line = Line::of(&control);
@@ -214,8 +219,9 @@ pub fn run(
     let records = watches.specimen_records.take();
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
-            let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase));
-            if let Some(Err(error)) = &desk {
+            let request_socket =
+                request_socket.map(|(asks, phase)| RequestSocket::open(folder.path(), asks, phase));
+            if let Some(Err(error)) = &request_socket {
                 let text = format!("other programs cannot reach this test: {error}");
                 ready.writer.note(Event::said(Remark::Warning, text));
             }
@@ -245,7 +251,7 @@ fn permitted(test: Subject) -> Result<(Prepared, Option<RecordedVerdict>), Sessi
     Ok((test, record))
 }
 
-/// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.
+/// From the first edge to the finished folder. Nothing here fails: a file that cannot be written is reported.
 fn carry_out(
     ready: Ready,
     (line, records): (Line, Option<SpecimenRecords>),
@@ -302,7 +308,7 @@ fn carry_out(
         Recorded::default()
     });
     kept::look_over(&mut folder, &mut facts, &mut recorded);
-    let mut unwritten = held.end(&ended);
+    let mut unwritten = Vec::new();
     let span = summary::Span {
         began,
         seconds: ended.wall_ns as f64 * 1e-9,
@@ -332,6 +338,8 @@ fn carry_out(
         }
         unwritten.push(error.to_string());
     }
+    // A test that is killed before it has a summary leaves its places.
+    unwritten.extend(held.end(&ended));
     folder.release();
     Finished {
         cause,
@@ -343,7 +351,7 @@ fn carry_out(
     }
 }
 
-/// Shows the progress until the loop's thread says how it ended.
+/// Shows the progress until the loop's thread reports its end.
 fn wait_for_the_end(
     done: &mpsc::Receiver<Ended>,
     writer: &Writer,

@@ -1,7 +1,7 @@
 //! Which run continued which: `resumed.json` in the folder of a resumed test names the test before it, the rows of that which
 //! count, and their digest.
 //!
-//! [`Lineage`] walks from a run to the first of its ancestors. It is the only way through `resumed.json`: a folder that names
+//! [`Lineage`] walks from a run to the first of its ancestors. Only it reads a chain of `resumed.json`: a folder that names
 //! itself, or one whose ancestors name it again, is refused there.
 
 use std::path::{Component, Path, PathBuf};
@@ -34,12 +34,12 @@ pub(super) fn places(
     places.into_iter().flatten()
 }
 
-/// The way from one folder to another, which are both there; none where they have nothing in common but the root.
+/// The relative path from one existing folder to another; `None` if they have only the root in common.
 pub(super) fn way_from(folder: &Path, to: &Path) -> Option<PathBuf> {
     way_between(&folder.canonicalize().ok()?, &to.canonicalize().ok()?)
 }
 
-/// The way from one folder to another, both absolute; none where they have nothing in common but the root.
+/// The relative path from one folder to another, both absolute; `None` if they have only the root in common.
 fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
     let pairs = from.components().zip(to.components());
     let common = pairs.take_while(|(one, other)| one == other).count();
@@ -47,12 +47,12 @@ fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
     (common > 1).then(|| up.chain(to.components().skip(common)).collect())
 }
 
-/// Where one axis was left, and how far off it may be, in its own units.
+/// Position of one axis at the end of a test, and its tolerance, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Kept {
     /// The last command.
     pub command: f64,
-    /// What its sensors read there.
+    /// Readings of its sensors there.
     pub place: Place,
 }
 
@@ -73,17 +73,17 @@ pub(super) struct Origin {
     pub step: u64,
     /// Test time of it, s.
     pub time: f64,
-    /// Where the axes of each specimen were left, each in its own unit: the last command, what the sensor reads there, the
-    /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
+    /// End of each axis of each specimen, in its own unit: the last command, the reading there, the force, and the
+    /// tolerance. As text, since JSON's numbers need not return to the last bit.
     pub left: Vec<Vec<[String; 4]>>,
     /// Per axis: the displacement reading in the row of the last force, and how far the force may differ. Recordings of earlier
     /// versions lack it: their forces refused nothing.
     #[serde(default)]
     pub left_forces: Vec<Vec<[String; 2]>>,
-    /// Per axis: the way of the commands that the record may have lost. Recordings of earlier versions lack it.
+    /// Per axis: the distance of the commands that the record may have lost. Recordings of earlier versions lack it.
     #[serde(default)]
     pub left_ways: Vec<Vec<String>>,
-    /// Largest magnitudes of the test so far, those after the rows that count, too. Older ones do not say.
+    /// Largest magnitudes of the test so far, including those after the rows that count. Older files omit them.
     #[serde(default)]
     pub peak: Peak,
     /// Why the user has accepted that a specimen changed since the interruption; absent if nothing was accepted.
@@ -115,7 +115,7 @@ impl Origin {
         serde_json::to_string_pretty(&origin).ok()
     }
 
-    /// The parent's run, wherever both are now. What is there is the one if its digests are.
+    /// The parent's run, wherever both are now. A folder is the parent if its digests match.
     fn parent_from(&self, folder: &Path) -> Result<Run, ReplayError> {
         let mut wrong = None;
         for place in places(folder, &self.parent, &self.parent_absolute) {
@@ -147,7 +147,7 @@ impl Origin {
         Ok(run)
     }
 
-    /// Where one axis was left.
+    /// End position of one axis.
     pub(crate) fn axis(&self, port: usize, axis: usize) -> Option<Kept> {
         let values = self.left.get(port)?.get(axis)?;
         Some(kept(
@@ -165,7 +165,7 @@ impl Origin {
         self.left_forces.get(port)?.get(axis)
     }
 
-    /// Keeps where the axes of each specimen were left.
+    /// Keeps the end positions of the axes of each specimen.
     pub(crate) fn keep(&mut self, left: &[Vec<Kept>]) {
         let words = |axis: &Kept| {
             let Place {
@@ -198,7 +198,7 @@ impl Origin {
         self.accepted_changed.is_some()
     }
 
-    /// Specimens behind links stand where they were left, wherever the interrupted test was when it was retraced.
+    /// Specimens behind links are at their end positions, wherever the interrupted test was when it was retraced.
     pub(crate) fn put(&self, ports: &mut [Port]) {
         for (port, axes) in ports.iter_mut().zip(&self.left) {
             if port.exchange().is_remote() {
@@ -208,7 +208,7 @@ impl Origin {
         }
     }
 
-    /// Where they were left.
+    /// Their end positions.
     pub(crate) fn places(&self) -> Vec<Vec<Place>> {
         let specimen = |(port, axes): (usize, &Vec<[String; 4]>)| {
             let each = axes.iter().enumerate();
@@ -250,7 +250,7 @@ fn number(text: &str) -> f64 {
 pub(super) struct Generation {
     /// The folder of the resumed test.
     pub folder: PathBuf,
-    /// What its `resumed.json` says.
+    /// Content of its `resumed.json`.
     pub origin: Origin,
     /// The test that it continued, if that is found and proven.
     pub parent: Result<Run, ReplayError>,
@@ -288,7 +288,7 @@ impl Lineage {
     }
 }
 
-/// A folder by the one name that it has whichever way leads there.
+/// The canonical path of a folder.
 pub(super) fn itself(folder: &Path) -> PathBuf {
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned())
 }
@@ -349,7 +349,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_way_to_the_parent_is_short_and_stays_on_this_side_of_the_root() {
+    fn path_to_the_parent_is_short() {
         let way = |from: &str, to: &str| way_between(Path::new(from), Path::new(to));
         for (from, to, wanted) in [
             ("/data/runs/two", "/data/runs/one", "../one"),

@@ -35,12 +35,12 @@ pub enum PageError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
 }
 
-/// What a run folder's page says.
+/// Content of a run folder's page.
 #[derive(Debug)]
 pub struct Page {
     /// The file.
@@ -49,7 +49,7 @@ pub struct Page {
     pub identified: Vec<IdentifiedAxis>,
     /// How each axis followed its target, in words.
     pub followed: Vec<String>,
-    /// What of the record is not there any more, in words.
+    /// Missing parts of the record, in words.
     pub damaged: Vec<String>,
     /// One of that is a damaged row.
     pub has_damaged_rows: bool,
@@ -104,7 +104,7 @@ fn page(path: PathBuf, run: &RunView) -> Page {
     }
 }
 
-/// The rows of a run folder, read from the file as often as they are needed.
+/// The rows of a run folder, read from the file as often as needed.
 struct OnDisk<'a> {
     run: &'a Run,
     path: PathBuf,
@@ -227,7 +227,7 @@ pub(super) fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
     }
 }
 
-/// What the page of the run in `folder` is made of.
+/// Reads the input of the page of the run in `folder`.
 pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     let run = Run::open(folder)?;
     let at = |name: &str| folder.join(name);
@@ -242,7 +242,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())
     };
-    // One that lacks what it must have is none.
+    // A summary without its required entries counts as missing.
     let summary = run.summary().and_then(|_| json("summary.json"));
     let summary = summary.map(SummaryView::from);
     let recorded = summary.as_ref().and_then(|summary| summary.progress.dt);
@@ -315,7 +315,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     })
 }
 
-/// What says that a run continues itself, if it does.
+/// Error of a run that continues itself, if it does.
 fn circle(folder: &Path) -> Option<String> {
     let mut generations = Lineage::of(folder).filter_map(Result::ok);
     generations.find_map(|generation| match generation.parent {
@@ -324,8 +324,8 @@ fn circle(folder: &Path) -> Option<String> {
     })
 }
 
-/// The folders in which the steps of a test up to the one stand that it went on after, with their steps where those are in several.
-/// A test of the line that made none has none. What a folder that is not there any more went on with is not known.
+/// The folders that hold the earlier steps of a resumed test, with their steps if there are several folders. A test without steps
+/// is omitted. The ancestors of a missing folder are unknown.
 fn folders_of(folder: &Path) -> String {
     let mut folders: Vec<(String, u64, u64)> = Vec::new();
     let mut generations = Lineage::of(folder).flatten().peekable();
@@ -362,7 +362,7 @@ fn folders_of(folder: &Path) -> String {
     each.collect::<Vec<_>>().join(" and ")
 }
 
-/// What of a record is not there any more, in words. Rows that were lost while it was recorded are told by the summary.
+/// Missing parts of a record, in words. The summary reports rows that were lost during recording.
 fn damages(run: &Run, told: &Events, rows: RowsEnd) -> Vec<String> {
     let ended = rows.end.filter(|end| *end != End::Clean);
     let never_there = run.summary().map_or(0, |summary| summary.rows_lost);
@@ -381,7 +381,7 @@ fn damages(run: &Run, told: &Events, rows: RowsEnd) -> Vec<String> {
     });
     let ended = ended.map(|end| end.to_string());
     let missing = missing.map(|end| end.to_string());
-    // A loop that broke down did not say that it was over.
+    // A loop that broke down did not report its end.
     let ended_itself = run.summary().is_some_and(|s| s.status != Status::Failed);
     let events = if !told.is_there {
         Some("events.jsonl is not there: what happened is not told here")

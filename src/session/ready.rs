@@ -1,4 +1,4 @@
-//! Everything before the first edge: what is known is written, real-time conditions are asked for, the threads stand ready.
+//! Everything before the first edge: facts are written, real-time conditions requested, threads started.
 
 use std::sync::mpsc::{self, SyncSender};
 use std::thread::JoinHandle;
@@ -19,7 +19,7 @@ use gusset_record::{
 };
 use gusset_setup::{Facts, Files, rt_plan};
 
-/// A test whose threads stand ready; nothing has moved.
+/// A test whose threads are ready; nothing has moved.
 pub(super) struct Ready {
     pub thread: JoinHandle<()>,
     pub go: SyncSender<Experiment>,
@@ -30,7 +30,7 @@ pub(super) struct Ready {
     pub granted: Option<Granted>,
 }
 
-/// Writes what is known before the test, asks for real-time conditions and starts the threads.
+/// Writes the facts before the test, requests real-time conditions and starts the threads.
 pub fn prepare(
     experiment: Experiment,
     facts: &Facts,
@@ -50,7 +50,7 @@ pub fn prepare(
         .map_err(|e| SessionError::Recording(e.to_string()))?;
     let (sample_in, sample_out) = crossbeam_channel::bounded(1024);
 
-    // The loop's thread first: it says what it was granted before anything else is set up or moved.
+    // The loop's thread first: it reports its grants before anything else is set up or moved.
     let plan = real.then(|| rt_plan(&facts.timing, period_ns(facts.rate_hz)));
     let (onlooker, when_placed) = (watches.onlooker.take(), watches.when_placed.take());
     let (before_first_tick, after_last_tick) = (watches.before_first_tick, watches.after_last_tick);
@@ -128,7 +128,7 @@ pub fn prepare(
 
     writer.note(archive::note(files, &layout, folder));
     for warning in &facts.warnings {
-        // For the file only: whoever built the test has heard of it, with its place in the test file.
+        // For the file only: the program has already shown this warning, with its place in the test file.
         let event = Event::said(Remark::Warning, warning.as_str());
         writer.note(Note::new(event).at(Severity::Info));
     }
@@ -148,7 +148,7 @@ pub fn prepare(
     })
 }
 
-/// What was refused, in sentences.
+/// Refused real-time requests, in sentences.
 #[must_use]
 pub fn missing(granted: &Granted) -> Vec<String> {
     granted

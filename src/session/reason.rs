@@ -1,4 +1,4 @@
-//! Why a test ended, in words, and what its specimens report after the last command.
+//! Why a test ended, in words, and the reports of its specimens after the last command.
 
 use super::lineage::ACCEPT;
 use gusset_control::engine::{EndPosition, Ending, IncompleteShutdown, Outcome, Stop};
@@ -74,7 +74,7 @@ pub fn ending(outcome: &Outcome) -> (Cause, String) {
     (outcome.ending.cause(), reason)
 }
 
-/// The specimens that were left so.
+/// The specimens with this end position.
 fn left_as(outcome: &Outcome, how: EndPosition) -> impl Iterator<Item = (usize, &EndPosition)> {
     let left = outcome.left.iter().enumerate();
     left.filter(move |(_, left)| **left == how)
@@ -98,7 +98,7 @@ fn words(ending: &Ending, outcome: &Outcome) -> String {
         return ending.to_string();
     };
     let told = match stop {
-        // A gateway says which of its limits opened the interlock.
+        // A gateway reports which of its limits opened the interlock.
         Stop::Link { port, .. } | Stop::Interlock { port } => {
             outcome.complaints.iter().find(|(index, _)| index == port)
         }
@@ -136,7 +136,8 @@ fn words(ending: &Ending, outcome: &Outcome) -> String {
     reason
 }
 
-/// What specimens report after the last command beyond a plain goodbye: by the number of the specimen, from 0, in sentences. What the reason of the end tells already is not said again.
+/// Reports of specimens after the last command beyond a plain goodbye: by the number of the specimen, from 0, in sentences. A
+/// report that the reason of the end already contains is not repeated.
 pub(super) fn last_words(outcome: &Outcome) -> Vec<(usize, String)> {
     let sentence = |(index, text): &(usize, String)| {
         let name = outcome.ports.get(*index).map(|port| port.0.as_str());

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::tape::{Shared, at, with};
+use super::playback::{Shared, at, with};
 use gusset_control::engine::Experiment;
 use gusset_control::port::PortError;
 use gusset_quantity::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
@@ -14,7 +14,7 @@ use gusset_record::Layout;
 
 /// Answers as the recorded specimen did.
 struct Recorded {
-    tape: Shared,
+    playback: Shared,
     /// Places of raw displacement and raw force of each axis, of the sequence number and of the status.
     axes: Vec<[usize; 2]>,
     sequence: usize,
@@ -25,12 +25,12 @@ struct Recorded {
 }
 
 impl Recorded {
-    /// Fails where the row that comes says so: there the specimen was lost.
+    /// Fails if the next row marks the specimen as lost.
     fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
-        with(&self.tape, |tape| {
-            let status = Status(at(tape.next(), self.status) as u32);
-            if tape.is_over_next() && status.has(mark) {
-                return Err(tape.fault_next());
+        with(&self.playback, |playback| {
+            let status = Status(at(playback.next(), self.status) as u32);
+            if playback.is_over_next() && status.has(mark) {
+                return Err(playback.fault_next());
             }
             Ok(())
         })
@@ -53,16 +53,18 @@ impl Substructure for Recorded {
 
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         let issued = self.issued;
-        let told = with(&self.tape, |tape| at(tape.next(), self.sequence) as u64);
+        let told = with(&self.playback, |playback| {
+            at(playback.next(), self.sequence) as u64
+        });
         // One that was lost after it had answered has answered.
         if told < issued || told <= into.sequence {
             self.is_lost(Status::LOST)?;
         }
         let answered = &mut self.answered;
-        with(&self.tape, |tape| {
+        with(&self.playback, |playback| {
             // The end of the recording ends the replay.
-            tape.ran_out |= tape.next().is_none();
-            let row = tape.next().ok_or(LinkFault::Closed)?;
+            playback.ran_out |= playback.next().is_none();
+            let row = playback.next().ok_or(LinkFault::Closed)?;
             let at = |index: usize| at(Some(row), index);
             let recorded = at(self.sequence) as u64;
             let axes = into.disp.iter_mut().zip(&mut into.force);
@@ -71,8 +73,8 @@ impl Substructure for Recorded {
             }
             into.status = Status(at(self.status) as u32);
             into.sequence = recorded;
-            *answered = Some(tape.row);
-            // Ticks in which nothing moves share a number: there the row says how old its measurement is.
+            *answered = Some(playback.row);
+            // Ticks in which nothing moves share a number: there the row shows the age of its measurement.
             let stale = issued == recorded && into.status.has(Status::STALE);
             Ok(if issued > recorded || stale {
                 Freshness::Stale
@@ -82,15 +84,15 @@ impl Substructure for Recorded {
         })
     }
 
-    /// A partner that takes several ticks answers in the row in which it answered. Who is waited for answers, unless the row
-    /// says that the operator ended the wait.
+    /// A partner that takes several ticks answers in the row of its recorded answer. A partner that the loop waits for
+    /// answers, unless the operator ended the wait in this row.
     fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
-        let is_here = with(&self.tape, |tape| {
-            tape.ran_out |= tape.next().is_none();
-            let row = tape.next().ok_or(LinkFault::Closed)?;
+        let is_here = with(&self.playback, |playback| {
+            playback.ran_out |= playback.next().is_none();
+            let row = playback.next().ok_or(LinkFault::Closed)?;
             if Status(at(Some(row), self.status) as u32).has(Status::OWED) {
-                // Who was asked for it was waited for, too, where the wait ended in this row.
-                return Ok(wait_ns == 0 && tape.waits_in_vain_next());
+                // If the wait ended in this row, a partner that was checked was also waited for.
+                return Ok(wait_ns == 0 && playback.waits_in_vain_next());
             }
             Ok(wait_ns > 0 || at(Some(row), self.sequence) as u64 >= self.issued)
         })?;
@@ -101,9 +103,9 @@ impl Substructure for Recorded {
         Ok(is_here)
     }
 
-    /// Lost when it was told that its answer counts: the row of this very tick was never made.
+    /// Lost at the commit: the row of this very tick was never made.
     fn accepted(&mut self, _: u64) -> Result<(), LinkFault> {
-        let rows = with(&self.tape, |tape| tape.row);
+        let rows = with(&self.playback, |playback| playback.row);
         if self.answered == Some(rows) {
             self.is_lost(Status::LOST)?;
         }
@@ -115,9 +117,9 @@ impl Substructure for Recorded {
         self.is_lost(Status::LOST)
     }
 
-    /// Lost as the hold began: nobody was told again where to stand.
+    /// Lost as the hold began: the position was not sent again.
     fn pause(&mut self) -> Result<(), LinkFault> {
-        if with(&self.tape, |tape| tape.has_an_answer_next()) {
+        if with(&self.playback, |playback| playback.has_an_answer_next()) {
             return Ok(());
         }
         self.is_lost(Status::LOST)
@@ -131,14 +133,14 @@ impl Substructure for Recorded {
 pub(super) enum Replaced {
     /// That of every specimen.
     All,
-    /// That of specimens behind links: formulas go their own way again, and remember it.
+    /// That of specimens behind links: formulas continue by themselves, and remember it.
     Remote,
 }
 
 /// Puts the recording in place of the specimens.
 pub(super) fn put_recorded(
     experiment: &mut Experiment,
-    tape: &Shared,
+    playback: &Shared,
     layout: &Layout,
     replaced: Replaced,
 ) -> Result<(), PortError> {
@@ -155,7 +157,7 @@ pub(super) fn put_recorded(
             ]
         };
         port.put_recording(Box::new(Recorded {
-            tape: Arc::clone(tape),
+            playback: Arc::clone(playback),
             axes: (1..=port.axes()).map(axis).collect(),
             sequence: place(&SEQUENCE.of_specimen(s)),
             status: place(&STATUS.of_specimen(s)),

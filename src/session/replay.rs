@@ -1,9 +1,11 @@
-//! A recorded test once more: what was measured goes through the same loop, and every number must come out bit for bit.
+//! A recorded test once more: its measurements pass through the same loop, and every number must be reproduced bit for
+//! bit.
 //!
-//! The folder alone is enough: `resolved.toml` and the copies of its inputs make the experiment; in place of each specimen
-//! stands a reader of the recorded rows. What was decided while the test ran is a column, so holds and stale measurements
-//! happen again where they happened. The simulated clock keeps time; columns that depend on the wall clock are not compared.
+//! The folder alone is enough: `resolved.toml` and the copies of its inputs make the experiment; a reader of the recorded
+//! rows replaces each specimen. Every decision of the running test is a column, so holds and stale measurements happen again
+//! in the same rows. The simulated clock keeps time; columns that depend on the wall clock are not compared.
 
+#[cfg(any(test, feature = "test-doubles"))]
 use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -12,14 +14,14 @@ use super::agreement::{
     SummaryDifference, may_trip_after_its_rows, of_an_earlier_version, with_events, with_loop,
 };
 use super::checksum::check_files;
+use super::playback::{Comparing, Difference, Playback, Recording, with};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::retrace::{prepared, same_columns};
-use super::tape::{Comparing, Difference, Recording, Tape, with};
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Outcome};
 use gusset_record::{End, Layout, MissingEnd, Run};
 
-/// What a replay came to.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replay {
     /// Rows that are the same.
@@ -30,19 +32,19 @@ pub struct Replay {
     pub time: f64,
     /// The first that is not.
     pub difference: Option<Difference>,
-    /// What ends the proof before the end of the test; none if all of it is proven.
+    /// Cause that ends the proof before the end of the test; `None` if all of it is proven.
     pub short: Option<String>,
-    /// The recording says which files it is of, and they are the same.
+    /// The recording lists its files, and they are unchanged.
     pub files_proven: bool,
-    /// Keys of the summary that are not what the loop comes to; none of a run without a summary, or one that is not proven to its
-    /// end.
+    /// Keys of the summary that differ from the result of the loop; empty for a run without a summary, or one that is not proven
+    /// to its end.
     pub summary: Vec<SummaryDifference>,
-    /// The summary is of an earlier version: what differs there proves nothing.
+    /// The summary is of an earlier version: its differences prove nothing.
     pub is_of_an_earlier_version: bool,
 }
 
 impl Replay {
-    /// True if every recorded number came out again, and the summary says what the loop comes to.
+    /// True if every recorded number was reproduced, and the summary agrees with the loop.
     #[must_use]
     pub const fn is_exact(&self) -> bool {
         let summary_agrees = self.summary.is_empty() || self.is_of_an_earlier_version;
@@ -82,7 +84,7 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     Ok(found)
 }
 
-/// How the test ended if the loop trips in the tick after the last row: the command that was too much never left.
+/// How the test ended if the loop trips in the tick after the last row: the command beyond the limit never left.
 fn trip_of_the_next_tick(run: &Run) -> Result<Option<Outcome>, ReplayError> {
     let test = prepared(run, Replaced::All, false)?;
     let recording = Recording::of(run)?;
@@ -90,7 +92,7 @@ fn trip_of_the_next_tick(run: &Run) -> Result<Option<Outcome>, ReplayError> {
     Ok((found.is_exact() && !ran_out).then_some(outcome))
 }
 
-/// What is proven is not all that there was: rows that are whole may be too few.
+/// The record may be longer than its proven part: too few rows may be whole.
 fn missing_end(run: &Run, found: &Replay) -> Option<String> {
     if found.rows == 0 {
         return Some("there are no rows to be compared".to_owned());
@@ -99,10 +101,11 @@ fn missing_end(run: &Run, found: &Replay) -> Option<String> {
     Some(end.to_string())
 }
 
-/// Runs recorded rows through a loop that is made anew: `experiment` is the test, `samples` are its records in `layout`.
+/// Runs recorded rows through a new loop: `experiment` is the test, `samples` are its records in `layout`.
 ///
 /// # Errors
 /// [`ReplayError::Columns`]. A number that differs is no error but [`Replay::difference`].
+#[cfg(any(test, feature = "test-doubles"))]
 pub fn replay_rows(
     experiment: Experiment,
     layout: &Layout,
@@ -125,18 +128,18 @@ fn follow(
 ) -> Result<(Replay, Outcome, bool), ReplayError> {
     same_columns(layout.columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let mut tape = Tape::new(recording, layout, &experiment, operator, 0..u64::MAX, false);
-    tape.goes_on = goes_on;
-    let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, layout, Replaced::All)?;
+    let mut playback = Playback::new(recording, layout, &experiment, operator, 0..u64::MAX, false);
+    playback.goes_on = goes_on;
+    let playback = Arc::new(Mutex::new(playback));
+    put_recorded(&mut experiment, &playback, layout, Replaced::All)?;
     let compared = layout.columns().iter().filter(|c| !c.timing).count();
-    let recorder = Box::new(Comparing(Arc::clone(&tape)));
+    let recorder = Box::new(Comparing(Arc::clone(&playback)));
     let test = Connected::for_a_replay(experiment, recorder);
     let outcome = test.run(&Control::from(requests)).into_outcome();
-    let (found, ran_out) = with(&tape, |tape| {
-        let left = !tape.is_over() && tape.difference.is_none();
-        let short = match (tape.end(), &outcome.ending) {
-            _ if tape.short.is_some() => tape.short.take(),
+    let (found, ran_out) = with(&playback, |playback| {
+        let left = !playback.is_over() && playback.difference.is_none();
+        let short = match (playback.end(), &outcome.ending) {
+            _ if playback.short.is_some() => playback.short.take(),
             _ if left => Some(match outcome.ending {
                 Ending::Stopped(stop) => format!("the replay stops where the test did not: {stop}"),
                 Ending::Completed => "the test continued after the end of the replay".to_owned(),
@@ -145,16 +148,16 @@ fn follow(
             (Some(end), _) => Some(end.to_string()),
         };
         let found = Replay {
-            rows: tape.row,
+            rows: playback.row,
             columns: compared,
-            time: tape.time,
-            difference: tape.difference.take(),
+            time: playback.time,
+            difference: playback.difference.take(),
             short,
             files_proven: false,
             summary: Vec::new(),
             is_of_an_earlier_version: false,
         };
-        (found, tape.ran_out)
+        (found, playback.ran_out)
     });
     Ok((found, outcome, ran_out))
 }

@@ -20,10 +20,10 @@ pub enum ReplayError {
     /// Its rows do not fit the specimens of the test.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// A server wrote it: what it commanded came from elsewhere.
+    /// A server wrote it: its commands came from elsewhere.
     #[error("{}: this is a server's record of what its controller commanded: there is nothing to be computed again, but in the run folder of that controller", .0.display())]
     Served(PathBuf),
-    /// A copy of an input is not what the test read.
+    /// A copy of an input differs from the file that the test read.
     #[error("{} was changed: its SHA-256 is {found}, but the test had {wanted}", path.display())]
     Input {
         /// The copy.

@@ -1,8 +1,8 @@
 //! The control socket of a server: through it the operator of a specimen clears its latched trip.
 //!
-//! It is made as that of a running test is ([`super::desk`]): one line of JSON in, one out. `{"request": "reset"}` is answered
-//! with `{"trip": …, "place": …}`, what was cleared in words, or `null` where nothing was recorded. `{"request": "show"}` clears
-//! nothing.
+//! Its protocol is that of a running test ([`super::request_socket`]): one line of JSON in, one out. The answer to `{"request": "reset"}`
+//! is `{"trip": …, "place": …}`, the cleared entries in words, or `null` where nothing was recorded. `{"request": "show"}`
+//! clears nothing.
 
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileTypeExt;
@@ -11,7 +11,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::desk::{Caller, Desk, SOCKET, in_a_line, reach, read_line, write_line};
+use super::request_socket::{
+    Caller, RequestSocket, SOCKET, in_a_line, reach, read_line, write_line,
+};
 
 /// Where a server is controlled: a folder and the name of the socket in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,7 +78,7 @@ pub enum ControlError {
 /// The control socket of a server; closed and removed when dropped.
 #[derive(Debug)]
 pub struct ServerControl {
-    _desk: Desk,
+    _socket: RequestSocket,
 }
 
 /// A request to a server.
@@ -116,8 +118,8 @@ struct ResetAnswer {
 }
 
 impl ServerControl {
-    /// Listens at `place`, and calls `carry_out` for each request: it returns the record in words. A socket that a killed
-    /// server has left is replaced.
+    /// Listens at `place`, and calls `carry_out` for each request: it returns the record in words. The socket of a killed
+    /// server is replaced.
     ///
     /// # Errors
     /// [`ControlError`].
@@ -152,9 +154,9 @@ impl ServerControl {
                 },
             })
         };
-        let desk = Desk::listen(&place.folder, &place.name, Box::new(serve));
+        let request_socket = RequestSocket::listen(&place.folder, &place.name, Box::new(serve));
         Ok(Self {
-            _desk: desk.map_err(wrong)?,
+            _socket: request_socket.map_err(wrong)?,
         })
     }
 }
@@ -191,7 +193,7 @@ pub enum ResetError {
     },
 }
 
-/// Asks the server that is controlled at `place`; what is recorded of its specimen.
+/// Sends a request to the server that is controlled at `place`; returns the record of its specimen.
 ///
 /// # Errors
 /// [`ResetError`].
@@ -227,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_clears_what_is_latched_and_says_what_it_was() {
+    fn reset_clears_and_reports_the_latch() {
         let folder = tempfile::tempdir().unwrap();
         for path in [folder.path().to_owned(), folder.path().join("rig.sock")] {
             let place = ControlPlace::at(&path);
@@ -256,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn the_socket_of_a_killed_server_is_replaced_and_no_other_file_is() {
+    fn socket_of_a_killed_server_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let place = ControlPlace::at(folder.path());
         let path = folder.path().join(SOCKET);

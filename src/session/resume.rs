@@ -1,11 +1,11 @@
-//! `gusset run --resume`: an interrupted test from its folder to an experiment that goes on with it.
+//! `gusset run --resume`: from the folder of an interrupted test to an experiment that resumes it.
 //!
 //! The loop retraces all rows, bit for bit: some hundred times faster than the test ran. Digests of the state, written while the
 //! test ran, prove that the state is the same. If no specimen is behind a link, the newest state that a checkpoint kept replaces
-//! the rows before it. Where the last rows are damaged, the test resumes after the last checkpoint that came out
-//! again, and specimens behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and the
-//! resume is refused. Files that were changed since are refused. Nothing is written to the interrupted run. A trip stays latched:
-//! a test that ended with one resumes only with `--after-trip`.
+//! the rows before it. Where the last rows are damaged, the test resumes after the last reproduced checkpoint, and specimens
+//! behind links repeat the steps after it. If that is more than a kill can lose, the record is damaged and the resume is refused.
+//! Files that were changed since are refused. Nothing is written to the interrupted run. A trip stays latched: a test that ended
+//! with one resumes only with `--after-trip`.
 
 mod error;
 mod places;
@@ -16,21 +16,24 @@ use std::path::Path;
 
 use super::checksum::{check_files as check_files_of, read, rows_sha256, sha256};
 use super::continued;
-use super::desk::{Request, Unanswered, ask};
 use super::lineage::Origin;
 use super::recorded::Replaced;
+use super::request_socket::{Request, Unanswered, ask};
 use super::retrace::{
     Build, Retraced, prepared_by, prepared_to_resume, recorded_file, retrace, take_over,
     unusable_states,
 };
 use super::row_peaks::{earlier_peaks, peak_of};
 pub use error::ResumeError;
+#[cfg(any(test, feature = "test-doubles"))]
 use gusset_config::Loaded;
 use gusset_control::port::Port;
 use gusset_quantity::units::duration;
 use gusset_record::summary::Status;
 use gusset_record::{MissingEnd, Run, ToldBy};
-use gusset_setup::{self as setup, Dial, Facts, Prepared};
+#[cfg(any(test, feature = "test-doubles"))]
+use gusset_setup::Dial;
+use gusset_setup::{self as setup, Facts, Prepared};
 use places::{Tolerances, places, ticks_lost};
 use trips::Trips;
 
@@ -49,15 +52,15 @@ const WIDENED: &str = "wider_limits";
 pub struct Allowed<'a> {
     /// It may resume although it tripped.
     pub after_trip: bool,
-    /// Why it may go on although a specimen changed since the interruption: it stands elsewhere, its force is another one, or it is
-    /// computed by a server that does not keep its state.
+    /// Why it may resume although a specimen changed since the interruption: its position or force differs, or a server computes
+    /// it without keeping its state.
     pub changed: Option<&'a str>,
     /// Limits that it widens, as `KEY=VALUE`, and why.
     pub wider: Option<(&'a [String], &'a str)>,
 }
 
-/// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
-/// interrupted. `after_trip`: see [`Allowed`].
+/// Prepares the test in `folder` for a resume. `test`: the test file, if one was given; it must be the interrupted one.
+/// `after_trip`: see [`Allowed`].
 ///
 /// # Errors
 /// See [`ResumeError`].
@@ -85,10 +88,11 @@ pub fn resume_allowed(
     resume_by(folder, test, allowed, &mut setup::build)
 }
 
-/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+/// Resumes over transports that are connected already: those that `dial` makes, one after the other.
 ///
 /// # Errors
 /// As [`resume`].
+#[cfg(any(test, feature = "test-doubles"))]
 pub fn resume_over(
     folder: &Path,
     after_trip: bool,
@@ -251,7 +255,7 @@ fn may_be_resumed(run: &Run) -> Result<(), ResumeError> {
 
 /// Refuses a record whose last rows are missing.
 fn has_its_end(run: &Run, origin: Option<&Origin>) -> Result<(), ResumeError> {
-    // One that ended on its way in has made no step of those that its summary tells of.
+    // A test that ended during startup has made none of the steps in its summary.
     let has_steps = |missing: &MissingEnd| {
         let before = origin.map(|origin| origin.step);
         before.is_none_or(|step| missing.told_by != ToldBy::Summary(step))
@@ -339,8 +343,8 @@ fn end_before(run: &Run, after_trip: bool) -> Result<String, ResumeError> {
     Ok(text)
 }
 
-/// The state after the last good row; where the record is damaged, that of the last checkpoint, the trouble with what comes
-/// after it, and what is to be said of it.
+/// The state after the last good row. For a damaged record: that of the last checkpoint, the damage after it, and the text
+/// about it.
 fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
     let traced = retrace(run, None, Replaced::Remote)?;
     let Some(trouble) = traced.trouble.clone() else {
@@ -391,11 +395,11 @@ fn check_way_back(
     })
 }
 
-/// The files are those that the test was made of, as its first events say.
+/// Checks that the files are those of the test, by its first events.
 fn check_files(run: &Run, test: Option<&Path>, origin: Option<&Origin>) -> Result<(), ResumeError> {
     let folder = run.path();
     if !check_files_of(run)? {
-        // It was killed before it wrote anything; one that was to go on with another is no beginning.
+        // It was killed before it wrote anything; a resumed test is not a beginning.
         if origin.is_none() && run.rows_made()? == 0 {
             return Err(ResumeError::NotBegun(folder.to_owned()));
         }

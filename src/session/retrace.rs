@@ -11,10 +11,10 @@ use super::checksum::check_inputs;
 use super::connect::put_standing;
 use super::earlier_rows::may_be_absent;
 use super::lineage::{Ancestor, Origin, ancestors};
+use super::playback::{Comparing, Playback, Recording, Verified, with};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::row_peaks::earlier_peaks;
-use super::tape::{Comparing, Recording, Tape, Verified, with};
 use gusset_config::{self as config, ConfigError, Loaded};
 use gusset_control::engine::{
     Connected, Control, Ending, Experiment, Resumption, Retraced as Followed, Side,
@@ -26,12 +26,12 @@ use gusset_setup::{self as setup, Prepared};
 /// Makes the experiment of a test file.
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
 
-/// The test of a run folder, as it was built, with the state of its ancestors if it has any. Nobody is connected.
+/// Rebuilds the test of a run folder, with the state of its ancestors, if any. No specimen is connected.
 pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prepared, ReplayError> {
     prepared_by(run, replaced, keys, &mut setup::build)
 }
 
-/// The same, built by `build`.
+/// Like `prepared`, but built by `build`.
 pub(super) fn prepared_by(
     run: &Run,
     replaced: Replaced,
@@ -65,7 +65,7 @@ pub(super) fn recorded_file(folder: &Path, sets: &[String]) -> Result<Loaded, Co
     Ok(loaded)
 }
 
-/// Builds the test of a run folder, with the state that its ancestors came to, if it has any.
+/// Builds the test of a run folder, with the final state of its ancestors, if it has any.
 fn prepared_from(
     run: &Run,
     sets: &[String],
@@ -80,7 +80,7 @@ fn prepared_from(
     check_inputs(run)?;
     let mut loaded = recorded_file(folder, sets)?;
     if !keys {
-        // No specimen is spoken to: what only a link needs is not asked for.
+        // No specimen is connected: the needs of a link are not checked.
         for link in loaded
             .file
             .specimen
@@ -98,10 +98,10 @@ fn prepared_from(
     Ok(test)
 }
 
-/// What a test is made of that goes on: the numerical side, the ports, and the rest.
+/// State of a test that is resumed: the numerical side, the ports, and the rest.
 type State = (Side, Vec<Port>, Resumption);
 
-/// Makes an experiment continue as its `resumed.json` says, with the state that its ancestors came to.
+/// Makes an experiment continue from its `resumed.json`, with the final state of its ancestors.
 fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
     let (side, ports, mut resumption) = state;
     resumption.left = origin.places();
@@ -112,7 +112,7 @@ fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
     experiment.resume = Some(resumption);
 }
 
-/// The state that the ancestors of a test came to, the first of them first; none for a test without any. An ancestor that ended
+/// The final state of the ancestors of a test, the first of them first; `None` for a test without any. An ancestor that ended
 /// before its first step has changed nothing: the state is that of those before it.
 fn state_of(
     mut ancestors: Vec<Ancestor>,
@@ -164,20 +164,20 @@ pub(super) fn take_over(experiment: &mut Experiment, side: Side, ports: Vec<Port
     }
 }
 
-/// What a run came to when it was retraced.
+/// Result of retracing a run.
 pub(super) struct Retraced {
-    /// The state after its last good row; none if it ended before its first step, or at its last. That of a resumed test which
-    /// ended on its way in is the state that it went on with.
+    /// The state after its last good row; `None` if it ended before its first step, or at its last. For a resumed test that
+    /// ended during startup, it is the state with which it resumed.
     pub state: Option<State>,
     /// It is a resumed test, and did.
     pub on_its_way_in: bool,
-    /// Rows that came out again.
+    /// Rows that were reproduced.
     pub rows: u64,
     /// The last checkpoint that did.
     pub verified: Option<Verified>,
-    /// What ended it before its time.
+    /// Cause that ended it before its time.
     pub trouble: Option<String>,
-    /// True if it came to the last step of the test.
+    /// True if it reached the last step of the test.
     pub completed: bool,
     /// Step and rows of the state that was restored; none if all rows were retraced.
     pub restored: Option<(u64, u64)>,
@@ -214,8 +214,8 @@ pub(super) fn retrace(
     Ok(traced)
 }
 
-/// Follows a run from the newest state that it kept. None without a state before its last row, or if anything is wrong with the
-/// rows after it: then all rows are to be followed.
+/// Follows a run from the newest state that it kept. `None` without a state before its last row, or if anything is wrong with
+/// the rows after it: then all rows must be followed.
 fn retrace_from_state(
     run: &Run,
     until: Option<u64>,
@@ -225,16 +225,16 @@ fn retrace_from_state(
     let Some(kept) = kept else {
         return Ok(None);
     };
-    // The state holds what the test had of its ancestors.
+    // The state contains everything from the ancestors.
     let experiment = prepared_from(run, &[], None, false, &mut setup::build)?.experiment;
     let rows = kept.rows..until.unwrap_or(u64::MAX);
-    let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;
+    let (test, playback, control) = recorded_test(run, experiment, rows, replaced)?;
     let Ok(followed) = test.retrace_from(&kept.state, &control) else {
         return Ok(None);
     };
     let traced = Retraced {
         restored: Some((kept.step, kept.rows)),
-        ..judged(followed, &tape, until)
+        ..judged(followed, &playback, until)
     };
     let is_whole = traced.trouble.is_none() && (traced.completed || traced.state.is_some());
     Ok(Some(traced).filter(|_| is_whole))
@@ -248,8 +248,8 @@ fn follow(
     replaced: Replaced,
 ) -> Result<Retraced, ReplayError> {
     let rows = 0..until.unwrap_or(u64::MAX);
-    let (test, tape, control) = recorded_test(run, experiment, rows, replaced)?;
-    Ok(judged(test.retrace(&control), &tape, until))
+    let (test, playback, control) = recorded_test(run, experiment, rows, replaced)?;
+    Ok(judged(test.retrace(&control), &playback, until))
 }
 
 /// A test whose specimens are replaced by these rows of a run.
@@ -258,37 +258,37 @@ fn recorded_test(
     mut experiment: Experiment,
     rows: Range<u64>,
     replaced: Replaced,
-) -> Result<(Connected, Arc<Mutex<Tape>>, Control), ReplayError> {
+) -> Result<(Connected, Arc<Mutex<Playback>>, Control), ReplayError> {
     same_columns(run.layout().columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
     let recording = Recording::of(run)?;
-    let tape = Tape::new(recording, run.layout(), &experiment, operator, rows, true);
-    let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, run.layout(), replaced)?;
-    let recorder = Box::new(Comparing(Arc::clone(&tape)));
+    let playback = Playback::new(recording, run.layout(), &experiment, operator, rows, true);
+    let playback = Arc::new(Mutex::new(playback));
+    put_recorded(&mut experiment, &playback, run.layout(), replaced)?;
+    let recorder = Box::new(Comparing(Arc::clone(&playback)));
     let test = Connected::for_a_replay(experiment, recorder);
-    Ok((test, tape, Control::from(requests)))
+    Ok((test, playback, Control::from(requests)))
 }
 
 /// Compares a retraced test with its record.
-fn judged(followed: Followed, tape: &Arc<Mutex<Tape>>, until: Option<u64>) -> Retraced {
+fn judged(followed: Followed, playback: &Arc<Mutex<Playback>>, until: Option<u64>) -> Retraced {
     let Followed { ending, state } = followed;
     let completed = ending == Ending::Completed;
     let state = state.filter(|_| !completed);
-    with(tape, |tape| {
-        let damage = tape.end().filter(|end| {
+    with(playback, |playback| {
+        let damage = playback.end().filter(|end| {
             use gusset_record::End::{Clean, Torn};
             // A kill ends the file in the middle of a row.
             !matches!(end, Clean | Torn { .. })
         });
-        let trouble = match (&tape.difference, &ending) {
+        let trouble = match (&playback.difference, &ending) {
             (Some(difference), _) => Some(format!(
                 "`{}` of row {} (step {}) does not come out again",
                 difference.column, difference.row, difference.step
             )),
-            _ if tape.short.is_some() => tape.short.take(),
+            _ if playback.short.is_some() => playback.short.take(),
             _ if damage.is_some() && until.is_none() => damage.map(|end| end.to_string()),
-            (None, Ending::Stopped(stop)) if !tape.is_over() => {
+            (None, Ending::Stopped(stop)) if !playback.is_over() => {
                 Some(format!("the loop stops where the test did not: {stop}"))
             }
             _ => None,
@@ -296,8 +296,8 @@ fn judged(followed: Followed, tape: &Arc<Mutex<Tape>>, until: Option<u64>) -> Re
         Retraced {
             state,
             on_its_way_in: false,
-            rows: tape.row,
-            verified: tape.verified,
+            rows: playback.row,
+            verified: playback.verified,
             trouble,
             completed,
             restored: None,
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn an_older_recording_may_lack_only_columns_that_later_versions_added() {
+    fn older_recording_may_lack_newer_columns() {
         let now = columns(&["step", "operator", "x1", "release_s", "record_before_s"]);
         let same = |names: &[&str]| same_columns(&columns(names), &now).is_ok();
         assert!(same(&[

@@ -12,8 +12,8 @@ use gusset_quantity::substructure::Status;
 use gusset_record::summary::Peak;
 use gusset_record::{FolderError, Run};
 
-/// Largest magnitudes of a test and of those that it went on with, which came to `before`: as its summary has them, of a test
-/// without one those of its rows from the one with this number on. What is before them the retraced loop knows.
+/// Largest magnitudes of a test and its ancestors, which reached `before`. They come from its summary, else from its rows
+/// beginning with number `from`. The retraced loop knows the peaks before them.
 pub(super) fn peak_of(
     run: &Run,
     from: u64,
@@ -21,7 +21,7 @@ pub(super) fn peak_of(
     before: Option<&Peak>,
 ) -> Result<Peak, FolderError> {
     let summary = run.summary().map(|summary| &summary.peak);
-    // A loop that broke down said nothing of them.
+    // A loop that broke down did not write them.
     let told = summary.filter(|peak| **peak != Peak::default());
     let mut peak = match told {
         Some(peak) => peak.clone(),
@@ -33,7 +33,7 @@ pub(super) fn peak_of(
     Ok(peak)
 }
 
-/// For the loop of the test that goes on, with these specimens.
+/// The earlier peaks for the loop of the resumed test, with these specimens.
 pub(super) fn earlier_peaks(peak: &Peak, ports: &[Port]) -> EarlierPeaks {
     let numbers = |values: &Vec<Option<f64>>| {
         let values = values.iter().map(|value| value.unwrap_or(f64::NAN));
@@ -68,7 +68,7 @@ fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
     Ok(peaks.finish(names))
 }
 
-/// Largest magnitudes of rows, as the loop counts them. All who need the peaks of a record fold its rows with this.
+/// Largest magnitudes of rows, as the loop counts them. Every reader of the peaks of a record folds its rows with this.
 pub(super) struct RowPeaks {
     state: usize,
     /// Columns of displacements, velocities and accelerations: DOF from 0, and place.
@@ -193,7 +193,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn peaks_come_back_from_their_text_to_the_last_bit_and_are_raised_by_what_is_larger() {
+    fn peaks_are_read_back_exactly_and_raised() {
         let numbers = (1..4000).map(|k| Some((f64::from(k) * 1.37).sin().abs() * 1e5));
         let mut peak = Peak {
             displacement: numbers.collect(),

@@ -1,4 +1,4 @@
-//! The sampler of a session: the kernel's counters of the loop's thread, on their way to the writer.
+//! The sampler of a session: it sends the kernel's counters of the loop's thread to the writer.
 
 use crossbeam_channel::Sender;
 

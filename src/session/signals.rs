@@ -1,4 +1,4 @@
-//! SIGINT, SIGQUIT, SIGTERM, SIGHUP and the like become a request to the loop: an orderly end, never a sudden one.
+//! SIGINT, SIGQUIT, SIGTERM, SIGHUP and the like become a request to the loop: a clean end, never a sudden one.
 
 use std::future::poll_fn;
 use std::io;
@@ -19,18 +19,18 @@ use gusset_record::rt::sampler::count_continuation;
 pub enum Signal {
     /// SIGINT or SIGQUIT: Ctrl-C, or Ctrl-\ beside it.
     Interrupt,
-    /// SIGTERM, SIGHUP (the terminal, or the connection it came through, is gone), or one of those that nobody should send.
+    /// SIGTERM, SIGHUP (the terminal, or its connection, is gone), or a stray signal.
     Terminate,
 }
 
-/// Asked for by whoever is at the keyboard.
+/// Signals of the keyboard.
 const INTERRUPTING: [SignalKind; 2] = [SignalKind::interrupt(), SignalKind::quit()];
 
 /// Those of signal(7) that the C library leaves to programs.
 const REAL_TIME: std::ops::RangeInclusive<i32> = 34..=64;
 
-/// A stray SIGUSR1 or SIGALRM, the timers' SIGPROF, a failing power supply's SIGPWR, SIGXCPU, by which the kernel warns who exceeds
-/// RLIMIT_CPU or RLIMIT_RTTIME, and all real-time signals end a process as SIGTERM does.
+/// These signals end a process as SIGTERM does: a stray SIGUSR1 or SIGALRM, the timers' SIGPROF, a failing power supply's SIGPWR,
+/// all real-time signals, and SIGXCPU, the kernel's warning beyond RLIMIT_CPU or RLIMIT_RTTIME.
 fn terminating() -> impl Iterator<Item = SignalKind> {
     let strays = [
         Raw::HUP,
@@ -53,9 +53,9 @@ fn terminating() -> impl Iterator<Item = SignalKind> {
     std::iter::once(SignalKind::terminate()).chain(heard)
 }
 
-/// What would end the process at once without a fault of its own, taken over from the system: SIGINT, SIGQUIT, SIGTERM, and, unless
-/// they were ignored before, SIGHUP (nohup(1) asks for that) and those that nobody should send. What would only stop the process, with a specimen
-/// in its hands, is not heard.
+/// Signals that would end the process without a fault, taken over from the system: SIGINT, SIGQUIT, SIGTERM and, unless they were
+/// ignored before, SIGHUP (nohup(1) ignores it) and stray signals. Signals that would only stop the process, while it controls a
+/// specimen, are ignored.
 #[derive(Debug)]
 pub struct Taken {
     ending: Vec<(Signal, unix::Signal)>,
@@ -64,7 +64,7 @@ pub struct Taken {
 }
 
 impl Taken {
-    /// Within an asynchronous runtime, which hears them.
+    /// Within an asynchronous runtime, which receives them.
     ///
     /// # Errors
     /// The system gives no handler.
@@ -100,7 +100,7 @@ impl Taken {
     }
 }
 
-/// Listens on a thread of its own for as long as the process lives.
+/// Listens on a separate thread for as long as the process lives.
 #[derive(Debug)]
 pub struct Signals {
     seen: Arc<AtomicU8>,

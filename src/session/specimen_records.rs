@@ -1,7 +1,8 @@
-//! The lasting records of the specimens that a test moves: where each stood before the first motion, until the regular end.
+//! The lasting records of the specimens that a test moves: the position of each before the first motion, until the regular
+//! end.
 //!
-//! A record is written after the specimens are connected and before the loop starts, and again when the loop has ended. The loop itself
-//! knows nothing of it.
+//! A record is written after the specimens are connected and before the loop starts, and again when the loop has ended. The loop
+//! itself does not use it.
 
 use std::path::Path;
 
@@ -20,7 +21,7 @@ use gusset_setup::Facts;
 /// The lasting records of a test that its caller knows.
 #[derive(Debug, Clone)]
 pub struct SpecimenRecords {
-    /// Protocol family and address of each specimen, in order; none of one that is computed.
+    /// Protocol family and address of each specimen, in order; `None` for a computed one.
     pub links: Vec<Option<(&'static str, String)>>,
     /// Command that moves the specimens.
     pub what: &'static str,
@@ -41,7 +42,7 @@ struct HeldRecord {
 pub(super) struct HeldRecords(Vec<HeldRecord>);
 
 impl SpecimenRecords {
-    /// Holds the record of each specimen in `moving`, and writes where it stands. Nothing has moved yet.
+    /// Holds the record of each specimen in `moving`, and writes its position. Nothing has moved yet.
     ///
     /// # Errors
     /// A specimen must not be moved; the reason in words.
@@ -140,7 +141,7 @@ impl HeldRecords {
             });
             let last = outcome.and_then(|outcome| outcome.last_commands.get(port));
             let is_lost = outcome.is_none_or(|outcome| {
-                // The position of a specimen that is lost, or owes its last answer, is unknown.
+                // The position of a specimen that is lost, or has not answered its last command, is unknown.
                 matches!(outcome.left.get(port), Some(EndPosition::Lost) | None)
                     || outcome.unheard.contains(&port)
             });
@@ -166,7 +167,7 @@ impl HeldRecords {
     }
 }
 
-/// True if the specimen stands where an earlier test left it.
+/// True if the specimen is at the end position of an earlier test.
 fn is_left(before: &Kept, last: &[f64]) -> bool {
     let place = before.place.as_ref();
     place.is_some_and(|place| is_same(&place.left, last))

@@ -28,7 +28,8 @@ pub(super) struct Span {
     pub seconds: f64,
 }
 
-/// timing.json, one .hgrm per quantity, and the interval log of all of them. What could not be written is told in `unwritten`.
+/// timing.json, one .hgrm per quantity, and the interval log of all of them. Files that could not be written are listed in
+/// `unwritten`.
 pub(super) fn write_timing(
     folder: &RunFolder,
     timing: &Timing,
@@ -152,7 +153,7 @@ pub(super) fn summarise(
     (cause, summary)
 }
 
-/// Specimens whose simulated actuators did not come to terms with what they move, in sentences.
+/// Specimens whose actuator–specimen iteration did not converge, in sentences.
 fn unsettled(outcome: &Outcome) -> Vec<String> {
     let each = outcome.ports.iter().filter(|port| port.2.unsettled > 0);
     let sentence = |(name, _, link): &(String, Vec<f64>, gusset_control::port::LinkCount)| {
@@ -165,7 +166,7 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
     each.map(sentence).collect()
 }
 
-/// Where no command left, in a sentence.
+/// Ticks without a command, in a sentence.
 fn gaps(gaps: Gaps) -> Option<String> {
     let (times, longest_s) = (times(gaps.times), gaps.longest_ns as f64 * 1e-9);
     let sentence = format!(
@@ -175,7 +176,7 @@ fn gaps(gaps: Gaps) -> Option<String> {
     (gaps.times > 0).then_some(sentence)
 }
 
-/// Specimens that said that they hold by their own watchdog, in sentences.
+/// Specimens that reported a hold by their own watchdog, in sentences.
 fn held(outcome: &Outcome) -> Vec<String> {
     let each = outcome.ports.iter().filter(|port| port.2.holds > 0);
     let sentence = |(name, _, link): &(String, Vec<f64>, gusset_control::port::LinkCount)| {
@@ -188,7 +189,7 @@ fn held(outcome: &Outcome) -> Vec<String> {
     each.map(sentence).collect()
 }
 
-/// Topics of the machine that a reader of a report wants to know.
+/// Topics of the machine for a reader of a report.
 const MACHINE: [&str; 5] = [
     "kernel",
     "processors",
@@ -197,7 +198,7 @@ const MACHINE: [&str; 5] = [
     "isolated processors",
 ];
 
-/// What this machine's own files say of it, by topic.
+/// Description of this machine from its own files, by topic.
 fn machine() -> Value {
     let found = gusset_record::rt::doctor::read();
     let told = found

@@ -1,5 +1,5 @@
-//! A test with drawn numbers, by a controller that does not know them: what is drawn is the truth, and the estimates k̂, ĉ and λ
-//! of the controller stay those of the file.
+//! A test with drawn numbers, by a controller that does not know them: the draws are the truth, and the estimates k̂, ĉ and λ of
+//! the controller stay those of the file.
 
 use gusset_config::{ConfigError, LambdaValue, Loaded};
 use gusset_setup::{self as setup, Trial};

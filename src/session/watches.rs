@@ -1,10 +1,10 @@
-//! What a caller adds to a session: guards round the ticks, who looks at the rows, who attends the test.
+//! Additions of a caller to a session: guards round the ticks, observers of the rows, helpers of the test.
 
 use super::SpecimenRecords;
 use gusset_control::engine::Watch;
 use gusset_record::Onlooker;
 
-/// What a caller may put round the ticks, on the loop's own thread and on the others.
+/// Hooks of a caller round the ticks, on the loop's own thread and on the others.
 #[derive(Default)]
 pub struct Watches {
     /// Called when the warm-up is over.
@@ -13,14 +13,14 @@ pub struct Watches {
     pub after_last_tick: Option<Watch>,
     /// Looks at the rows on the writer's thread.
     pub onlooker: Option<Box<dyn Onlooker>>,
-    /// Called when the caller's thread has been put off the loop's processor and before anything moves: a thread that is
-    /// started here stays off it, too.
+    /// Called when the caller's thread has been moved off the loop's processor and before anything moves: a thread that
+    /// is started here stays off it, too.
     pub when_placed: Option<Attendance>,
     /// The lasting records of the specimens; without them nothing outlives the run folder.
     pub specimen_records: Option<SpecimenRecords>,
 }
 
-/// Starts whoever attends a test.
+/// Starts a helper that accompanies a test.
 pub type Attendance = Box<dyn FnOnce() -> std::io::Result<()>>;
 
 impl std::fmt::Debug for Watches {

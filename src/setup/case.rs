@@ -5,7 +5,7 @@ use gusset_config::{ClockChoice, IntegratorTable, SafetyTable, SpecimenTable};
 use gusset_proof::{Accepts, Actuator, Case, Machine};
 
 impl Prepared {
-    /// What its verdict follows from; none of a trial, and of a loop that has no file.
+    /// Input of its verdict; `None` for a trial, and for a loop that has no file.
     #[must_use]
     pub fn case(&self) -> Option<Case<'_>> {
         let file = &self.loaded.as_ref()?.file;
@@ -47,7 +47,7 @@ fn actuator(number: usize, table: &SpecimenTable) -> Actuator {
     }
 }
 
-/// Key of what decides how a specimen follows: the compensation, or else the actuator.
+/// Key that decides how a specimen follows: the compensation, or else the actuator.
 const fn decides(table: &SpecimenTable) -> &'static str {
     match (&table.compensation, &table.link, &table.transfer) {
         (Some(_), _, _) => "compensation",

@@ -1,4 +1,4 @@
-//! What moves the structure, on the step grid.
+//! Loads and motions of the structure, on the step grid.
 
 use super::specimens::Specimens;
 use super::structure::vector;
@@ -58,7 +58,7 @@ pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
     }
 }
 
-/// Runs `evaluate` on a motion whose table stands at `at`, with its file read.
+/// Runs `evaluate` on a motion whose table is at `at`, with its file read.
 pub(super) fn with_files<T>(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -91,7 +91,7 @@ pub(super) fn with_files<T>(
     }
 }
 
-/// What a motion comes from: the key that names its file, or the whole signal.
+/// Source of a motion: the key that names its file, or the whole signal.
 fn source(site: &Site<'_>, at: &KeyPath, signal: &Signal) -> KeyPath {
     let at = at.key("signal");
     match signal.path() {
@@ -100,7 +100,7 @@ fn source(site: &Site<'_>, at: &KeyPath, signal: &Signal) -> KeyPath {
     }
 }
 
-/// Keeps the warnings about the motion whose table stands at `at`.
+/// Keeps the warnings about the motion whose table is at `at`.
 pub(super) fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
     let place = source(site, at, signal);
     let warnings = texts.into_iter();
@@ -108,7 +108,7 @@ pub(super) fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Ve
         .extend(warnings.map(|text| Finding::warning(place.clone(), text)));
 }
 
-/// Warns of a load at `at` of which every number is zero: what was meant to move something does not.
+/// Warns of a load at `at` whose numbers are all zero: it moves nothing.
 fn warn_of_nothing(site: &mut Site<'_>, at: KeyPath, values: [&[f64]; 2]) {
     let [place, history] = values.map(|values| values.iter().all(|value| *value == 0.0));
     if place || history {
@@ -218,7 +218,8 @@ pub(super) fn excitation(
     Ok((excitation, load))
 }
 
-/// A force on every DOF, from a file whose columns are taken in order: what their names say against that is told.
+/// A force on every DOF, from a file whose columns are taken in order. A warning reports names that contradict this
+/// order.
 fn nodal_table(
     site: &mut Site<'_>,
     at: &KeyPath,

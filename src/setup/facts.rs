@@ -1,4 +1,4 @@
-//! What is known about a test before it runs: for `check`, the session and the report.
+//! Facts about a test before it runs: for `check`, the session and the report.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use gusset_motion::RecordFacts;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
 
-/// What is known about a test before it runs.
+/// Facts about a test before it runs.
 #[derive(Debug, Clone)]
 pub struct Facts {
     /// Its title.
@@ -18,7 +18,7 @@ pub struct Facts {
     pub dt: f64,
     /// Number of steps.
     pub steps: u64,
-    /// Ticks of the controller per second of wall time that are asked for.
+    /// Requested ticks of the controller per second of wall time.
     pub rate_hz: f64,
     /// Ticks of the controller in one step.
     pub ticks_per_step: u32,
@@ -32,31 +32,32 @@ pub struct Facts {
     pub units: Vec<Vec<[&'static str; 2]>>,
     /// Those of them whose displacements and forces are others for the structure, units apart.
     pub scaled: Vec<String>,
-    /// What is asked of the machine.
+    /// Requests of the test to the machine.
     pub timing: TimingSpec,
     /// Whether a lost row or a damaged record makes the test a failed one.
     pub record_required: bool,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
-    /// How far from where it was left each axis may stand when an interrupted test goes on, in m; none: as the record says.
+    /// How far each axis may be from its last position when an interrupted test resumes, in m; `None`: as far as the record
+    /// allows.
     pub resume_within: Option<f64>,
-    /// How far the force of each axis may differ then, in N at the specimen; none: as the record says.
+    /// How far the force of each axis may differ then, in N at the specimen; `None`: as far as the record allows.
     pub resume_within_n: Option<f64>,
     /// Root mean square of the noise that each specimen's load cells are declared to have, in N at the specimen.
     pub force_noise_n: Vec<f64>,
-    /// The interrupted test that it goes on with, if it does: its folder, and the last step that was made there.
+    /// The interrupted test that this test resumes, if any: its folder, and the last step made there.
     pub resumed: Option<(PathBuf, u64)>,
-    /// What is moved before the test, and why.
+    /// Motions before the test, and their reasons.
     pub announced: Vec<String>,
     /// Specimens behind links that have a law for rehearsals, too, in sentences.
     pub moved: Vec<String>,
-    /// Whether an operator must confirm what was read before anything moves.
+    /// Whether an operator must confirm the readings before anything moves.
     pub confirm: bool,
     /// Facts about the records of its motions, in the order of the test file.
     pub records: Vec<RecordFacts>,
-    /// Which limits there are, who checks them, what happens then.
+    /// The limits, who checks them, and their consequences.
     pub limits: LimitFacts,
-    /// What the user should know although the test may run.
+    /// Warnings for the user; the test may run.
     pub warnings: Vec<String>,
     /// Findings that would have refused the test, and that the user has accepted: the name of each override and the reason given.
     pub accepted: BTreeMap<String, String>,
@@ -71,7 +72,7 @@ impl Facts {
     }
 }
 
-/// What is known about the numerical side.
+/// Facts about the numerical side.
 #[derive(Debug, Clone)]
 pub struct StructureFacts {
     /// Degrees of freedom.
@@ -82,7 +83,7 @@ pub struct StructureFacts {
     pub method: Method,
     /// How M_eff is stored and factored, for the family.
     pub storage: Option<String>,
-    /// 1/κ of what is factored for α, its diagonal scaled to one; none for methods that make no α.
+    /// 1/κ of the matrix that is factored for α, its diagonal scaled to one; `None` for methods without α.
     pub reciprocal_condition: Option<f64>,
     /// λ in use, for the family.
     pub lambda: Option<Lambda>,
@@ -90,7 +91,7 @@ pub struct StructureFacts {
     pub rest_damping_share: Option<f64>,
     /// Whether λ was asked for by number.
     pub lambda_by_number: bool,
-    /// What is known of its stability at the declared bounds.
+    /// Stability at the declared bounds.
     pub stability: Stability,
     /// Gain bound g of the automatic choice.
     pub gain: f64,
@@ -100,7 +101,7 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// Degree of freedom, from 0, and largest force in N of a table of nodal forces.
     pub peak_nodal_force: Option<(usize, f64)>,
-    /// What modes and delays can be analysed from, for structures that are not too large.
+    /// Input for the analysis of modes and delays, for structures that are not too large.
     pub analysis: Option<Analysis>,
     /// Why no margin to a critical delay is watched; none where one is.
     pub no_margin: Option<String>,
@@ -111,7 +112,7 @@ pub struct StructureFacts {
 }
 
 impl StructureFacts {
-    /// λ, its limit and what governs it, where λ has been judged.
+    /// λ, its limit and the part that governs it, where λ has been judged.
     #[must_use]
     pub const fn choice(&self) -> Option<&LambdaChoice> {
         match &self.stability {

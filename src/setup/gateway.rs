@@ -29,7 +29,7 @@ use gusset_link::{NativeLink, NativeSetup};
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::Sampling;
 
-/// The specimen must hold after this silence where neither the file nor the controller says when, in s.
+/// The specimen must hold after this silence if neither file nor controller sets another, in s.
 const USUAL_WATCHDOG_S: f64 = 10.0;
 /// From one exchange of the motion that shows the direction to the next, in s.
 const PROBE_PERIOD_S: f64 = 0.01;
@@ -222,7 +222,7 @@ fn check_test_file(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Findin
     Err(Box::new(finding))
 }
 
-/// Our own protocol towards the specimen: what the controller said is passed on, where the file says nothing.
+/// Our protocol towards the specimen: the controller's values are passed on, where the file has none.
 fn native(
     table: &SpecimenTable,
     link: &LinkSpec,
@@ -272,7 +272,7 @@ fn native(
     }))
 }
 
-/// Who we are over TLS and whom we trust; none over anything else.
+/// Our certificate and the trusted authorities over TLS; `None` over any other transport.
 fn tls_or(link: &LinkSpec, at: &KeyPath, path: &Path) -> Result<Option<TlsClient>, Box<Finding>> {
     tls_client(link, &folder(path)).map_err(|error| {
         let here = at.key("link").key("tls").key(error.key);

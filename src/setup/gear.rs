@@ -1,4 +1,4 @@
-//! What lies between a deformation of the structure and the numbers of an axis: gear, scale and units.
+//! Relation between a deformation of the structure and the numbers of an axis: scaling, sign and units.
 
 use gusset_config::{AxisTable, SpecimenTable};
 use gusset_control::port::Axis;

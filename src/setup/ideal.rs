@@ -1,7 +1,7 @@
 //! A test with ideal specimens in one system of equations: no actuator, no sensor, no compensation, no path between two steps.
 //!
-//! What its method and its actuators do to a test is measured against this system. Its specimens are their laws, the declared
-//! stand-ins or linear ones, and they feel the velocities of the test. Nothing here is on the real-time path.
+//! This system is the reference for the errors of method and actuators. Its specimens are their laws, the declared stand-ins
+//! or linear ones, and they receive the velocities of the test. Nothing here is on the real-time path.
 
 use std::cell::{Cell, RefCell};
 
@@ -479,7 +479,7 @@ impl IdealPort {
             }
         };
         for (i, row) in rows.iter().enumerate() {
-            // A solver wants a symmetric tangent.
+            // A solver needs a symmetric tangent.
             for (j, own) in row.iter().enumerate() {
                 let value = 0.5 * (own + rows[j][i]);
                 for (p, a) in &self.axes[i].row {

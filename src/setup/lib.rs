@@ -63,21 +63,21 @@ pub use trial::{Drawn, Trial};
 /// A test that is ready to run.
 #[derive(Debug)]
 pub struct Prepared {
-    /// What the loop needs.
+    /// Input of the loop.
     pub experiment: Experiment,
-    /// What is known about it before it runs.
+    /// Facts about the experiment before it runs.
     pub facts: Facts,
-    /// What the run folder archives.
+    /// Files that the run folder archives.
     pub files: Files,
     /// The warnings of the facts, with their places in the file.
     pub warnings: Diagnostics,
     /// Findings of stability that the build made, with their kinds: its verdict weighs them.
     pub doubts: Vec<(Kind, Finding)>,
-    /// The file that it was made from; none of a trial, and of a loop that has no file.
+    /// Its test file; `None` for a trial, and for a loop that has no file.
     pub loaded: Option<Box<Loaded>>,
 }
 
-/// What the run folder archives.
+/// Files that the run folder archives.
 #[derive(Debug, Clone)]
 pub struct Files {
     /// The test file, byte for byte.
@@ -98,7 +98,7 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
     build_as(loaded, None, None)
 }
 
-/// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
+/// Builds the experiment without its links: the declared stand-in replaces each specimen behind one. Nothing else is
 /// different.
 ///
 /// # Errors
@@ -107,7 +107,8 @@ pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
     build_trial(loaded, &trial::NOMINAL)
 }
 
-/// Makes the rehearsal with specimens behind links that move at the velocities of the test. None if no force differs by that.
+/// Makes the rehearsal with specimens behind links that move at the velocities of the test. `None` if no force differs by
+/// that.
 ///
 /// # Errors
 /// As [`build`].
@@ -122,7 +123,7 @@ pub fn build_at_test_speed(loaded: &Loaded) -> Result<Option<Prepared>, ConfigEr
     tables.iter().any(is_slowed).then(built).transpose()
 }
 
-/// The same with what was drawn for one rehearsal.
+/// Builds the experiment with the draws of one rehearsal.
 ///
 /// # Errors
 /// As [`build`].
@@ -130,7 +131,7 @@ pub fn build_trial(loaded: &Loaded, trial: &Trial) -> Result<Prepared, ConfigErr
     build_as(loaded, Some(trial), None)
 }
 
-/// What the controller believes of a specimen, by rows, at the structure's scale.
+/// The controller's estimate of a specimen, by rows, at the structure's scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     /// k̂ in N/m.
@@ -145,7 +146,7 @@ pub struct Estimate {
     pub damping_at_rest: Vec<Vec<f64>>,
 }
 
-/// What the controller believes of each specimen.
+/// The controller's estimates of all specimens.
 ///
 /// # Errors
 /// As [`build`].
@@ -157,13 +158,15 @@ pub fn estimates(loaded: &Loaded) -> Result<Vec<Estimate>, ConfigError> {
     }
 }
 
-/// Makes the transport of a link of our own protocol, in place of a connection.
+/// Makes the transport of a link of our protocol, instead of a connection.
 pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
 
-/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+/// Builds the experiment with links over transports that are connected already: those that `dial` makes, one after the
+/// other.
 ///
 /// # Errors
 /// As [`build`].
+#[cfg(any(test, feature = "test-doubles"))]
 pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
     build_as(loaded, None, Some(dial))
 }
@@ -299,7 +302,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     })
 }
 
-/// What is moved before the test, in sentences.
+/// Motions before the test, in sentences.
 fn announced(file: &TestFile) -> Vec<String> {
     let probed = file.specimen.iter().filter_map(|specimen| {
         let metres = specimen.link.as_ref()?.probe_m?;

@@ -1,4 +1,4 @@
-//! Which limits a test has, who checks them and what happens then: for whoever answers for the specimens.
+//! Limits of a test, who checks them and what they cause: for the person responsible for the specimens.
 
 mod specimen;
 
@@ -17,17 +17,17 @@ use gusset_quantity::units::duration;
 pub struct LimitFacts {
     /// Per specimen, in order.
     pub specimens: Vec<SpecimenLimits>,
-    /// What belongs to no specimen alone.
+    /// Limits that belong to no specimen alone.
     pub test: Vec<LimitFact>,
-    /// What trips whatever the file says.
+    /// Causes of a trip that need no key.
     pub always: Vec<String>,
-    /// What a trip does.
+    /// Effect of a trip.
     pub on_trip: String,
-    /// How the specimens are left after the last step, or when the operator ends the test.
+    /// End position of the specimens after the last step, or when the operator ends the test.
     pub at_end: String,
-    /// How the specimens come to where the test begins, and to rest in a hold.
+    /// How the specimens reach the start of the test, and come to rest in a hold.
     pub way_in: String,
-    /// What a missed deadline does that trips nothing.
+    /// Effect of a missed deadline that trips nothing.
     pub on_miss: String,
     /// Why a specimen behind a link may lack limits.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -42,22 +42,22 @@ pub struct SpecimenLimits {
     /// The loading unit whose actuators the axes are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geometry: Option<LoadingFacts>,
-    /// Who keeps them.
+    /// Program that keeps them.
     pub checked_by: String,
-    /// One list per axis; what is not in it is not limited.
+    /// One list per axis; a missing quantity has no limit.
     pub axes: Vec<Vec<LimitFact>>,
-    /// What happens to measurements that stay away.
+    /// Treatment of stale measurements.
     pub stale: String,
-    /// When the specimen's end holds by itself because no command comes, and who sees to it.
+    /// When the specimen's end holds because no command comes, and which program does it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<String>,
-    /// What a simulated actuator and its sensors end at, and what happens there.
+    /// Bounds of a simulated actuator and its sensors, and their effect.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ends: Option<String>,
     /// Whether a reversed or dead channel is looked for before the test.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<String>,
-    /// Where it is left by "safe_displacement", in m, one number per axis.
+    /// Its position for "safe_displacement", in m, one number per axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub safe_disp_m: Option<Vec<f64>>,
 }
@@ -73,15 +73,15 @@ pub struct LimitFact {
     pub warn: Vec<f64>,
     /// Tripped beyond; empty: never.
     pub trip: Vec<f64>,
-    /// Whether the specimen's end is told of it and keeps it, too.
+    /// Whether the specimen's end also receives and keeps the limit.
     pub also_at_the_specimen: bool,
-    /// How it is judged, where that is not plain: what else the file says of it.
+    /// How it is judged, where that depends on other keys of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judged: Option<String>,
 }
 
 fn sizes(values: &[f64]) -> Vec<f64> {
-    // Where there is no limit there is an infinite one; half a range is shown whole.
+    // A missing limit is an infinite one; half a range is shown whole.
     if values.iter().any(|value| value.is_finite()) {
         values.to_vec()
     } else {
@@ -100,7 +100,7 @@ fn of_test(quantity: Limit, bound: Bound, judged: Option<String>) -> LimitFact {
     }
 }
 
-/// What a choice does to the specimens.
+/// Effect of a choice on the specimens.
 fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     let speed = speed.unwrap_or_default();
     let led = |to: &str| {
@@ -122,7 +122,7 @@ fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     }
 }
 
-/// How the specimens come to where the test begins, and to rest.
+/// How the specimens reach the start of the test, and come to rest.
 fn way_in(file: &TestFile, time: &Time) -> String {
     if file.specimen.is_empty() {
         return "nothing is moved".to_owned();
@@ -149,7 +149,7 @@ fn way_in(file: &TestFile, time: &Time) -> String {
     )
 }
 
-/// What a tick that is late does by itself.
+/// Effect of a late tick.
 fn on_miss(file: &TestFile, limits: &Limits, is_real: bool) -> String {
     let text = match limits.on_miss {
         _ if !is_real => return "none: the simulated clock has no late ticks".to_owned(),

@@ -22,7 +22,7 @@ use gusset_record::rt::throttle::Throttle;
 use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
 
-/// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
+/// Default silence after which a specimen must hold: in s, and in ticks.
 const WATCHDOG_S: f64 = 0.25;
 const WATCHDOG_TICKS: f64 = 10.0;
 
@@ -49,12 +49,12 @@ pub(super) fn native(
             }
         },
     };
-    // A socket has a wall clock of its own: under the simulated clock the test waits for each answer.
+    // A socket has a separate wall clock: under the simulated clock the test waits for each answer.
     let coupling = match (link.coupling, time.clock) {
         (LinkCoupling::Sampled, ClockChoice::Real) => Coupling::Sampled,
         _ => Coupling::Lockstep,
     };
-    // A partner that is commanded once a step counts steps.
+    // A per-step partner counts steps.
     let ticks = time.ticks_between_commands(link);
     let period_s = time.between_commands_s(link);
     let (per_second, seconds) = time.period.inverse().terms();
@@ -105,7 +105,7 @@ fn fitted(wait: Wait, period_ns: u64, pacer_ns: u64) -> Wait {
     }
 }
 
-/// Who we are over TLS and whom we trust; none over anything else.
+/// Our certificate and the trusted authorities over TLS; `None` over any other transport.
 fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsClient>, Refused> {
     match tls_client(link, &folder(&site.loaded.path)) {
         Ok(tls) => Ok(tls),
@@ -117,7 +117,7 @@ fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsC
     }
 }
 
-/// The same, with files relative to `folder`.
+/// The TLS client of a link, with files relative to `folder`.
 pub(super) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsClient>, FileError> {
     if link.transport != Carrier::Tls {
         return Ok(None);
@@ -127,7 +127,7 @@ pub(super) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsCli
     TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name).map(Some)
 }
 
-/// What the link alone says: a lockstep link of no particular test, 100 commands a second.
+/// Set-up from the link alone: a lockstep link of no particular test, 100 commands a second.
 pub(super) fn native_setup(
     link: &LinkSpec,
     key: Option<PreSharedKey>,
@@ -219,8 +219,8 @@ pub(super) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>)
         .collect()
 }
 
-/// The configuration for the run folder: a key is never copied there, so it is named in a way that holds from anywhere;
-/// so are certificates.
+/// The configuration for the run folder: a key is never copied there, so it gets a path that is valid from anywhere; so
+/// do certificates.
 pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile {
     let mut named = file.clone();
     for link in named.specimen.iter_mut().filter_map(|s| s.link.as_mut()) {
@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_waits_of_a_tick_leave_the_kernel_its_share() {
+    fn tick_waits_leave_the_kernel_its_share() {
         let asked = Wait::default();
         for (rate_hz, first_us, last_us) in [
             (1000, 60, 50),

@@ -9,7 +9,7 @@ use gusset_numerics::integrate::{
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Structure;
 
-/// What a method is made of, besides M.
+/// Input of a method, besides M.
 pub(super) struct Initial<'a> {
     /// C0, specimens included.
     pub damping: &'a SymMatrix,
@@ -60,7 +60,7 @@ pub(super) fn family(
     }
 }
 
-/// Any other method, and 1/κ of what it factors for α where it does; none if the family is asked for.
+/// Any other method, and 1/κ of the matrix that it factors for α, if any; `None` for the family.
 pub(super) fn companion(
     site: &mut Site<'_>,
     structure: &Structure,
@@ -133,7 +133,7 @@ const DIGITS: f64 = 8.0;
 /// Says that a solve loses digits, where it loses many.
 pub(super) fn warn_of_digits(site: &mut Site<'_>, reciprocal_condition: f64) {
     let lost = -reciprocal_condition.log10();
-    // Written so that NaN is told.
+    // Written so that NaN is reported.
     if lost <= DIGITS {
         return;
     }

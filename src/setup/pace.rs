@@ -1,4 +1,4 @@
-//! How steps and ticks belong together, and what the loop puts up with.
+//! Relation between steps and ticks, and the limits of the loop.
 
 use toml_edit::{DocumentMut, Item};
 
@@ -7,7 +7,7 @@ use gusset_config::{self as config, DIVERGENCE_M, Policy, TestFile, Time, Timing
 use gusset_control::engine::{Limits, OnMiss, Pacing};
 use gusset_record::rt::RtPlan;
 
-/// Longest wait for a partner that owes a reply.
+/// Longest wait for the reply of a specimen.
 const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 /// Stale measurements in a row after which a test stops.
 const STALE_IN_A_ROW: u64 = 10;
@@ -40,7 +40,7 @@ pub(super) fn pacing(file: &TestFile, time: Time) -> Pacing {
     }
 }
 
-/// What the loop puts up with.
+/// Faults that the loop tolerates.
 pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
     let timing = &file.timing;
     Limits {

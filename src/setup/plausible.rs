@@ -106,7 +106,7 @@ fn unusual_period(frequencies: &[f64]) -> Option<Finding> {
     )
 }
 
-/// Stiffnesses of storeys and specimens that belong to different units. Those of rotations are left out.
+/// Stiffnesses of storeys and specimens that belong to different units. Those of rotations are omitted.
 fn mixed_stiffnesses(
     site: &Site<'_>,
     specimens: &Specimens,

@@ -1,5 +1,5 @@
-//! What moves the specimens of a test without a structure, on the step grid: deformations of their axes, coordinates of their
-//! platforms, or strokes of the actuators that hold those, which are laid out as the coordinates that they lead to.
+//! Motions of the specimens of a test without a structure, on the step grid: deformations of their axes, coordinates of their
+//! platforms, or strokes of the actuators, which are converted to coordinates.
 
 use super::excitation::{grid, motion, warn, with_files};
 use super::specimens::Specimens;
@@ -14,12 +14,12 @@ struct Moved<'a> {
     geometry: Option<&'a Geometry>,
     /// One for each axis, or for each coordinate of the platform.
     own: Vec<Option<Prescribed>>,
-    /// One for each actuator, and where the first of them stands.
+    /// One for each actuator, and the place of the first of them.
     strokes: Vec<Option<Prescribed>>,
     first: Option<KeyPath>,
 }
 
-/// Given deformations of every axis of every specimen, in order; an axis that nobody moves holds zero.
+/// Given deformations of every axis of every specimen, in order; an axis without a motion holds zero.
 pub(super) fn prescribed(
     site: &mut Site<'_>,
     specimens: &Specimens,

@@ -223,8 +223,8 @@ pub(super) fn of_alpha(
 }
 
 /// Warns if a method of bounded stability is beyond its bound at the declared tangents: those of Newmark are stable
-/// exactly where the member of the family with their poles is, K0 and C0 following the tangents. Nothing is said here of
-/// the others, and nothing where a tangent has no bound.
+/// exactly where the member of the family with their poles is, K0 and C0 following the tangents. It judges no other
+/// method, and no tangent without a bound.
 pub(super) fn warn_of_limit(
     site: &mut Site<'_>,
     structure: &Structure,
@@ -266,7 +266,7 @@ pub(super) fn warn_of_limit(
     }
 }
 
-/// The table of what is largest in the proof: the structure, one of its elements or a specimen.
+/// The table of the largest part in the proof: the structure, one of its elements or a specimen.
 fn largest(structure: &Structure, specimens: &Specimens) -> KeyPath {
     let matrices = [structure.mass(), structure.stiffness(), structure.damping()];
     let entries = matrices.into_iter().flat_map(|matrix| matrix.entries());
@@ -289,7 +289,7 @@ fn largest(structure: &Structure, specimens: &Specimens) -> KeyPath {
 
 /// Storeys, elements and specimens; those of a structure whose bounds are known.
 fn every_part(structure: &Structure, specimens: &Specimens, visit: &mut dyn FnMut(&Part)) {
-    // Without bounds there is no proof, and nobody asks.
+    // Without bounds there is no proof, and this is never called.
     let _ = structure.for_each_part(visit);
     specimens.parts().iter().for_each(visit);
 }

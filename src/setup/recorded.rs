@@ -4,7 +4,7 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{DispUnit, DofChoice, Finding};
 
-/// Largest model whose DOFs are all recorded unless the test says otherwise.
+/// Largest model whose DOFs are all recorded by default.
 const RECORD_ALL: usize = 64;
 
 pub(super) fn record_dofs(

@@ -11,7 +11,7 @@ use gusset_control::port::limits::Bound;
 use gusset_control::port::{Axis, Exit, Exits, Reference, Zero};
 use gusset_quantity::catalog::limit::Limit;
 
-/// Wall time in s over which sensors are averaged, unless the file says otherwise.
+/// Default wall time in s over which sensors are averaged.
 const ZERO_S: f64 = 0.2;
 
 /// Wall time in s over which every sensor is read before anything moves; 0: not at all.
@@ -70,12 +70,12 @@ pub(super) fn force_noise_n(file: &TestFile, time: &Time) -> Vec<f64> {
     file.specimen.iter().map(noise).collect()
 }
 
-/// True if what is read must be confirmed: something must be.
+/// True if readings must be confirmed and exist.
 fn confirms(file: &TestFile) -> bool {
     zero_s(file) > 0.0 && (file.safety.confirm || is_relative(file))
 }
 
-/// True if an operator must look at what was read before anything moves.
+/// True if an operator must check the readings before anything moves.
 pub(super) fn needs_confirmation(file: &TestFile) -> bool {
     !file.specimen.is_empty() && confirms(file)
 }
@@ -88,15 +88,14 @@ fn is_relative(file: &TestFile) -> bool {
     axes.any(relative)
 }
 
-/// Largest structure whose steps are audited unless the test says otherwise: the product with M_eff costs as much as
-/// the solve.
+/// Largest structure whose steps are audited by default: the product with M_eff costs as much as the solve.
 const AUDITED_DOFS: usize = 64;
 /// Roundoff of a test stays below the first by far; no fault of a program is as small as the second.
 const AUDIT: Bound = Bound {
     warn: 1e-9,
     trip: 1e-6,
 };
-/// Beyond the room for stability a sawtooth may grow.
+/// Beyond the stability margin a sawtooth may grow.
 const STABILITY_USED: Bound = Bound {
     warn: 1.0,
     trip: f64::INFINITY,
@@ -108,7 +107,7 @@ const DELAY_USED: Bound = Bound {
     trip: f64::INFINITY,
 };
 
-/// Levels of what belongs to no specimen alone.
+/// Levels of limits that belong to no specimen alone.
 pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     let (safety, timing) = (&file.safety, &file.timing);
     let or = |spec: Option<BoundSpec>, usual| spec.map_or(usual, Bound::of);
@@ -145,7 +144,7 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     limits
 }
 
-/// Bounds of the test that are given and of what is not known in it.
+/// Warns of bounds of the test that are given but cannot trip in it.
 pub(super) fn unkept(site: &mut Site<'_>, kept: &[Limit]) {
     let safety = &site.loaded.file.safety;
     for (quantity, given, why) in [
@@ -174,7 +173,7 @@ pub(super) fn audits(file: &TestFile, dofs: usize) -> bool {
     file.safety.step_audit.is_some() || dofs <= AUDITED_DOFS
 }
 
-/// The structure with an account of the energy that it takes in, if the test bounds what is added to it.
+/// The structure with an account of the energy that it takes in, if the test limits the added energy.
 pub(super) fn counted(file: &TestFile, numerical: Numerical) -> Numerical {
     let Some(share) = file.safety.added_energy_share else {
         return numerical;
@@ -189,7 +188,7 @@ pub(super) fn counted(file: &TestFile, numerical: Numerical) -> Numerical {
     numerical.counted(intake)
 }
 
-/// Which channels take their zero from what is read.
+/// Channels that take their zero from their reading.
 pub(super) fn references(table: &SpecimenTable, axes: usize) -> Vec<Reference> {
     let zero = |choice| match choice {
         ZeroChoice::Absolute => Zero::Absolute,
@@ -206,7 +205,7 @@ pub(super) fn references(table: &SpecimenTable, axes: usize) -> Vec<Reference> {
         .collect()
 }
 
-/// How a specimen is left whose axes have these metres per unit and this k̂ in N/m.
+/// End positions of a specimen whose axes have these metres per unit and this k̂ in N/m.
 pub(super) fn exits(
     site: &mut Site<'_>,
     index: usize,
@@ -270,8 +269,8 @@ pub(super) fn exits(
     })
 }
 
-/// Warns of a place to be left at after a trip at which a specimen bears, by its k̂ (by rows), more than its limit or its rig
-/// allows. A way out at the end is rehearsed; `units` are metres and newtons per unit of each of its axes.
+/// Warns if a specimen's force at its safe position after a trip exceeds its limit or the capacity of its rig, by k̂ (by
+/// rows). A return move at the end is rehearsed. `units` are metres and newtons per unit of each axis.
 pub(super) fn warn_of_force(
     site: &mut Site<'_>,
     index: usize,
@@ -288,7 +287,7 @@ pub(super) fn warn_of_force(
     else {
         return;
     };
-    // Where an axis takes its zero from what it reads, its deformation there is not known.
+    // Where an axis takes its zero from its reading, its deformation there is not known.
     if table.axis.iter().any(relative) {
         return;
     }

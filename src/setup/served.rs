@@ -98,7 +98,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     } else {
         host
     };
-    // A key is never copied into a run folder, so it is named in a way that holds from anywhere.
+    // A key is never copied into a run folder, so it gets a path that is valid from anywhere.
     let file = &mut source.file;
     let links = file.specimen.iter_mut().filter_map(|s| s.link.as_mut());
     let keys = links.filter_map(|link| link.key_file.as_mut());

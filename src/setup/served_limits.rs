@@ -35,7 +35,7 @@ impl ServedLimit {
     }
 }
 
-/// Limits of `command_disp_m` and `measured_force_n`: those of the axes in m and N, and the same as the client counts.
+/// Limits of `command_disp_m` and `measured_force_n`: those of the axes in m and N, and those in the client's units.
 #[must_use]
 pub fn served_limits(source: &ServedFile) -> [Vec<ServedLimit>; 2] {
     let Some(table) = source.specimen() else {
@@ -165,7 +165,7 @@ mod tests {
     "#;
 
     #[test]
-    fn limits_of_an_axis_are_those_of_its_client_behind_scale_sign_offset_and_units() {
+    fn client_limits_convert_to_the_axis() {
         let [own, client] = limits(&format!(
             "[serve]\nunit_disp = \"in\"\nunit_force = \"kip\"\n{AXIS}"
         ));
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn without_conversion_the_client_counts_in_the_units_of_the_axis() {
+    fn without_conversion_units_are_the_axis() {
         let plain = AXIS.replace("similitude = { length = 2.0, force = 8.0 }", "");
         let plain = plain.replace(", sign = -1, scale = 0.5, offset_m = 0.01", "");
         let [_, client] = limits(&plain);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_coordinate_is_bounded_by_the_actuator_that_ends_first() {
+    fn first_actuator_end_bounds_a_coordinate() {
         let [own, client] = limits(
             r#"
             [serve]

@@ -1,4 +1,4 @@
-//! The way of a static load onto the structure before t = 0.
+//! The ramp of a static load onto the structure before t = 0.
 
 use super::{Refused, Site, path};
 use gusset_config::Finding;

@@ -1,4 +1,4 @@
-//! What a build has found so far, and read; and how it refuses: a finding at its place in the file.
+//! Findings and files of a build so far, and how it refuses: a finding at its place in the file.
 
 use super::{Dial, Trial};
 use gusset_config::{Finding, Inputs, KeyPath, Loaded};
@@ -17,7 +17,7 @@ pub(super) struct Site<'a> {
     pub records: Vec<RecordFacts>,
     /// Findings of stability: they forbid a test only where it moves a specimen behind a link.
     pub doubts: Vec<(Kind, Finding)>,
-    /// No link is wanted: something stands for every specimen behind one.
+    /// Draws of a rehearsal: a stand-in replaces every specimen behind a link, and no link is made.
     pub trial: Option<&'a Trial>,
 }
 

@@ -1,4 +1,4 @@
-//! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
+//! The specimens of a test file: their rows of B, their laws, and their contributions to K0, C0 and their bounds.
 
 pub(super) mod compensation;
 mod entry;
@@ -44,26 +44,27 @@ struct Entry {
     rest_damping: Rows,
     /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
     stiffness_at_rest: Rows,
-    /// The same of the damping, or the reference of the law where that is less: 0 for a damper of a power beyond 1.
+    /// Damping before anything moves, or the reference of the law where that is less: 0 for a damper of a power
+    /// beyond 1.
     damping_at_rest: Rows,
-    /// What the structure carries for the specimen.
+    /// Mass that the structure carries for the specimen.
     mass: Rows,
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
     bounds: Result<(Rows, Rows), usize>,
     /// How much of its damping counts in a sawtooth of period 2 steps, in parts of that at the integrator's own velocity.
     sawtooth: f64,
-    /// What its commands are made of, as [`gusset_numerics::spectral::delay::Delayed::ticks`].
+    /// Weights of its commands, as [`gusset_numerics::spectral::delay::Delayed::ticks`].
     ticks: Vec<Weights>,
     mass_in_force: f64,
 }
 
-/// True if where it stands is known before its first command: from the file, or from its far end, as our own protocol lets it
-/// tell, and some of OpenFresco's.
+/// True if its position is known before its first command: from the file, or from its far end, as our own protocol and some
+/// of OpenFresco's can report it.
 fn is_known_to_stand(link: &LinkSpec, axes: usize) -> bool {
     link.stands_at_m.is_some() || link.reports_position(axes) != Some(false)
 }
 
-/// What stands for a specimen.
+/// The object that represents a specimen.
 #[derive(Debug)]
 enum Stand {
     Law(Box<dyn Specimen>),
@@ -108,7 +109,7 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
     Ok(Specimens(entries))
 }
 
-/// Order of the way between two targets.
+/// Order of the interpolation between two targets.
 fn order(loaded: &Loaded) -> Order {
     match loaded.file.time.prediction_order {
         1 => Order::Linear,
@@ -137,7 +138,7 @@ fn drill(site: &mut Site<'_>, index: usize) -> Result<Option<f64>, Refused> {
 }
 
 impl Entry {
-    /// What its axes are watched against; `gains` are those of S.
+    /// Bounds of its axes; `gains` are those of S.
     fn declared(&self, gains: Option<&Vec<f64>>) -> Vec<Declared> {
         let bound = |of: fn(&(Rows, Rows)) -> &Rows, axis: usize| {
             let bounds = self.bounds.as_ref();
@@ -159,7 +160,7 @@ impl Entry {
         .collect()
     }
 
-    /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
+    /// How the direction of a specimen behind a link is checked: as configured, else by the static load.
     fn direction(
         &self,
         link: &LinkSpec,
@@ -298,7 +299,7 @@ impl Specimens {
         each.collect()
     }
 
-    /// What the port of each specimen is built from.
+    /// Everything that the port of each specimen is built from.
     pub(super) fn into_specs(
         self,
         site: &mut Site<'_>,
@@ -492,7 +493,8 @@ pub(super) fn build(site: &mut Site<'_>, specs: Vec<PortSpec>) -> Result<Vec<Por
         };
         let link = site.loaded.file.specimen[index].link.as_ref();
         let stands = link.is_some_and(|link| is_known_to_stand(link, port.axes()));
-        // What stands for it in a rehearsal is led as it is itself: unbent, since it is not asked.
+        // The stand-in of a specimen without a measured position starts like the specimen itself, from zero
+        // deformation: it is not queried.
         if site.trial.is_some() && stands {
             let unbent = port.path().sent().to_vec();
             port.startup_mut().report_position(&unbent);

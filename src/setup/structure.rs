@@ -35,7 +35,7 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
     let files = matrix_files(site, &at.key(kind), spec)?;
     let dofs = match spec.dofs(&files) {
         Ok(dofs) => dofs,
-        // Without masses nothing can be said of the specimens' rows.
+        // Without masses the specimens' rows cannot be judged.
         Err(error) => {
             let finding = build_finding(site, &at, kind, &error);
             return site.refuse(finding);
@@ -88,7 +88,7 @@ fn names<'a>(spec: &'a StructureSpec, key: &str) -> Option<&'a str> {
     }
 }
 
-/// Where in the file a mistake of the model stands.
+/// Place in the file of a mistake of the model.
 fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) -> Finding {
     let beneath = |key: &str| site.loaded.locator.beneath(&at.key(kind), key);
     let element = |name: &str| {
@@ -166,7 +166,7 @@ fn given(site: &Site<'_>, at: &KeyPath, what: &str) -> KeyPath {
     site.loaded.locator.beneath(at, &file)
 }
 
-/// A matrix that is none; where its entries stand in the file, the wrong ones are shown.
+/// An invalid matrix; its wrong entries are shown if they are in the file.
 fn matrix_finding(matrix: KeyPath, error: &BuildError, source: &MatrixError) -> Finding {
     let text = error.to_string();
     match *source {
@@ -198,7 +198,7 @@ fn matrix_finding(matrix: KeyPath, error: &BuildError, source: &MatrixError) -> 
     }
 }
 
-/// Where the mass of DOF `dof` (from 0) stands, as near as the file names it.
+/// Place of the mass of DOF `dof` (from 0), as near as the file names it.
 pub(super) fn mass_of(site: &Site<'_>, dof: usize) -> KeyPath {
     let at = path("structure");
     let kinds = site.loaded.file.structure.as_ref().map(|s| s.kinds());
@@ -217,7 +217,7 @@ pub(super) fn mass_of(site: &Site<'_>, dof: usize) -> KeyPath {
     }
 }
 
-/// M_eff that is not positive definite: which DOF has no inertia, and what could give it one.
+/// Finds an M_eff that is not positive definite: the DOF without inertia, and a remedy.
 pub(super) fn not_definite(site: &Site<'_>, mass: &SymMatrix, error: &GuiError) -> Finding {
     let GuiError::EffectiveMass(pivot) = error else {
         return Finding::error(path("structure"), error.to_string());
@@ -258,7 +258,7 @@ pub(super) fn vector(
     }
 }
 
-/// Beyond this share of its own diagonal a negative stiffness is none of roundoff, nor of six printed digits.
+/// Beyond this share of its own diagonal a negative stiffness comes neither from roundoff nor from six printed digits.
 const INDEFINITE: f64 = 1e-6;
 
 /// True if a stiffness or a damping has no negative eigenvalue; bodies that move freely have one of zero.
@@ -273,8 +273,9 @@ fn is_held(matrix: &SymMatrix) -> bool {
     Spd::factor(&matrix.plus(1.0, &SymMatrix::diagonal(&little))).is_ok()
 }
 
-/// What grows instead of swinging at rest: refused where it is a matrix of the structure that no element and no specimen makes up
-/// for, warned of where a law begins with a falling branch, or something that is not yet in touch may hold it.
+/// Finds a stiffness at rest at which a motion grows instead of oscillating. It is refused if it is a matrix of the structure
+/// that no element and no specimen compensates. It is warned about if a law begins with a falling branch, or an open gap may hold
+/// it.
 pub(super) fn definite(
     site: &mut Site<'_>,
     structure: &Structure,
@@ -301,8 +302,8 @@ pub(super) fn definite(
     )
 }
 
-/// What the damping at rest feeds with energy instead of taking it: refused where it is a matrix of the structure that no element
-/// and no specimen makes up for, warned of where it comes of a falling stiffness, of an estimate, or ends with motion.
+/// Finds a damping at rest that adds energy. It is refused if it is a matrix of the structure that no element and no specimen
+/// compensates. It is warned about if it comes from a falling stiffness or an estimate, or ends with motion.
 pub(super) fn dissipative(
     site: &mut Site<'_>,
     structure: &Structure,

@@ -1,4 +1,4 @@
-//! What a user sees: every mistake of a test file as it is shown, and what a good file becomes.
+//! The user's view: every mistake of a test file as shown, and the test that a good file makes.
 
 use std::path::Path;
 

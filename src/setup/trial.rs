@@ -1,13 +1,13 @@
-//! One rehearsal among many: what is drawn for it.
+//! One rehearsal among many: its draws.
 
 use super::Estimate;
 
-/// What a rehearsal draws.
+/// Draws of a rehearsal.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trial {
-    /// One per specimen; what is missing is nominal.
+    /// One per specimen; missing ones are nominal.
     pub specimens: Vec<Drawn>,
-    /// What the controller believes of each specimen, whatever the file that was drawn says of it; empty: what the file says.
+    /// The controller's estimate of each specimen, whatever the drawn file contains; empty: the estimates of the file.
     pub believed: Vec<Estimate>,
     /// The masses whose inertia is inside measured forces are counted in M instead: for ideal actuators, which have none.
     pub ideal: bool,
@@ -15,7 +15,7 @@ pub struct Trial {
     pub at_test_speed: bool,
 }
 
-/// What is drawn for one specimen.
+/// Draws for one specimen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drawn {
     /// Its stiffness over that of its law.

@@ -6,15 +6,14 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `lenient` | fields of a file that are left at their default where they cannot be read |
+//! | `lenient` | fields of a file that keep their default where they cannot be read |
 //! | `summary`, `limits`, `timing`, `test_file` | `summary.json`, its limits, `timing.json`, `resolved.toml` |
 //! | `report` | the pages: one run, two runs, and the pieces of all other pages |
 //! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
 //!
-//! This member knows no loop that it could disturb: it reads what was recorded, or what passes. It moves nothing. Begin reading
-//! with [`report`].
+//! This member has no access to a loop: it reads records, or passing rows. It moves nothing. Begin reading with [`report`].
 
-pub mod assets;
+mod assets;
 mod lenient;
 mod limits;
 pub mod live;
@@ -37,7 +36,7 @@ use gusset_motion::metrics::falsified::Mode;
 use gusset_record::{Column, EventLine};
 use report::Digest;
 
-/// What of the record of a run is missing or wrong, in words.
+/// Missing or wrong parts of a run's record, in words.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Flaws {
     /// Why the folder counts as unfinished, if it does.
@@ -80,7 +79,7 @@ pub struct RunView {
     pub trials: Vec<Trials>,
     /// Reason for a missing energy balance.
     pub no_balance: Option<String>,
-    /// Modes of the structure with what delays do to their damping; none without a structure.
+    /// Modes of the structure with the effect of delays on their damping; empty without a structure.
     pub modes: Vec<Mode>,
     /// Why the modes are not known, if they are not.
     pub no_modes: Option<String>,
@@ -114,7 +113,7 @@ impl RunView {
         self.summary.as_ref().is_some_and(SummaryView::is_simulated)
     }
 
-    /// True of a server's record of what its controller commanded.
+    /// True for a server's record of its controller's commands.
     #[must_use]
     pub(crate) fn is_served(&self) -> bool {
         let role = self.summary.as_ref().map(|summary| &summary.realtime.role);

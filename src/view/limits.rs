@@ -38,10 +38,10 @@ pub struct SpecimenLimitsView {
     /// The program that checks them.
     #[serde(deserialize_with = "lenient::field")]
     pub checked_by: Option<String>,
-    /// What happens without a measurement.
+    /// Treatment of a missing measurement.
     #[serde(deserialize_with = "lenient::field")]
     pub stale: Option<String>,
-    /// What its watchdog does.
+    /// Reaction of its watchdog.
     #[serde(deserialize_with = "lenient::field")]
     pub watchdog: Option<String>,
     /// How its wiring was checked.
@@ -55,7 +55,7 @@ pub struct SpecimenLimitsView {
     pub safe_disp_m: Vec<f64>,
 }
 
-/// All limits of a test, and what follows from them.
+/// All limits of a test, and their consequences.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default)]
 pub struct LimitsView {
@@ -65,7 +65,7 @@ pub struct LimitsView {
     /// Limits of the test as a whole.
     #[serde(deserialize_with = "lenient::items")]
     pub test: Vec<LimitView>,
-    /// What ends every test.
+    /// Causes that end every test.
     #[serde(deserialize_with = "lenient::items")]
     pub always: Vec<String>,
     /// Quantities without a limit.

@@ -13,7 +13,7 @@ use gusset_quantity::catalog::ending::Status;
 use gusset_record::MissClasses;
 use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
 
-/// How far a test came, and what it lost.
+/// How far a test came, and its losses.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
 #[serde(default)]
 pub struct Progress {
@@ -89,7 +89,7 @@ pub struct Remarks {
     /// Findings that the user accepted: override and reason.
     #[serde(deserialize_with = "lenient::entries")]
     pub accepted: BTreeMap<String, String>,
-    /// What `check` says of the test.
+    /// The verdict of `check` on the test.
     #[serde(deserialize_with = "lenient::field")]
     pub verdict: Option<RecordedVerdict>,
 }
@@ -134,7 +134,7 @@ pub struct SummaryView {
     /// The machine, by topic.
     #[serde(deserialize_with = "lenient::entries")]
     pub machine: BTreeMap<String, String>,
-    /// Where each specimen was left, by name.
+    /// End position of each specimen, by name.
     #[serde(deserialize_with = "lenient::entries")]
     pub left: BTreeMap<String, String>,
     /// Warnings, accepted findings and verdict.

@@ -1,14 +1,14 @@
 //! Keys: a secret both ends hold, the session key made from it and two nonces, and the MAC of a frame.
 //!
-//! All of it is BLAKE3: its key derivation mode makes keys, its keyed mode signs. The pre-shared key never
-//! signs anything that carries data, and a session key is used in one session only, so a frame of yesterday's
-//! test proves nothing today. Keys are read from a file by the caller and never printed: `Debug` shows nothing.
-//! This is authentication, not secrecy: who listens can read the displacements.
+//! All of it is BLAKE3: its key derivation mode makes keys, its keyed mode signs. The pre-shared key never signs
+//! anything that carries data, and a session key is used in one session only, so a frame of yesterday's test proves
+//! nothing today. Keys are read from a file by the caller and never printed: `Debug` shows nothing. This is
+//! authentication, not secrecy: an eavesdropper can read the displacements.
 
 use super::WireError;
 
 /// Bytes of a MAC: BLAKE3's 32, cut to the first 16.
-pub const MAC_LEN: usize = 16;
+pub(crate) const MAC_LEN: usize = 16;
 /// Bytes of a nonce. Fresh random bytes for every handshake, from the operating system.
 pub const NONCE_LEN: usize = 32;
 /// Bytes of a proof.
@@ -32,7 +32,7 @@ pub type Proof = [u8; PROOF_LEN];
 pub struct PreSharedKey([u8; 32]);
 
 impl PreSharedKey {
-    /// From the bytes of a key file, taken as they are: the caller decides about a line end.
+    /// Key from the bytes of a key file, unchanged: the caller decides about a line end.
     ///
     /// # Errors
     /// [`WireError::Bounds`] if the key is too short or too long.
@@ -83,7 +83,7 @@ pub struct SessionKey([u8; 32]);
 impl SessionKey {
     /// The MAC of `bytes`. Real-time: yes.
     #[must_use]
-    pub fn mac(&self, bytes: &[u8]) -> [u8; MAC_LEN] {
+    pub(crate) fn mac(&self, bytes: &[u8]) -> [u8; MAC_LEN] {
         let hash = blake3::keyed_hash(&self.0, bytes);
         let mut mac = [0; MAC_LEN];
         for (short, long) in mac.iter_mut().zip(hash.as_bytes()) {
@@ -118,7 +118,7 @@ fn keyed_hash(key: &[u8; 32], parts: &[&[u8]]) -> Proof {
     *hasher.finalize().as_bytes()
 }
 
-/// Equality without an early exit, so that time does not tell how many bytes were right.
+/// Equality without an early exit, so that the duration does not reveal how many bytes were right.
 pub(crate) fn same<const N: usize>(a: &[u8; N], b: &[u8; N]) -> bool {
     let difference = a
         .iter()
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_shorter_than_sixteen_bytes_is_refused() {
+    fn key_below_sixteen_bytes_is_refused() {
         assert!(matches!(
             PreSharedKey::new(&[7; 15]),
             Err(WireError::Bounds { found: 15, .. })
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mac_holds_for_its_bytes_and_its_key_only() {
+    fn mac_holds_for_its_bytes_and_key_only() {
         let key = PreSharedKey::new(&[5; 32]).unwrap();
         let session = key.session(&[1; 32], &[2; 32], 3);
         let mac = session.mac(b"displacement");

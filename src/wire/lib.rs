@@ -10,10 +10,10 @@
 //!
 //! This member knows values and bytes, and the hinge. Begin reading with [`native`].
 //!
-//! Invariants: every size, count and length that comes from a peer is checked before it is used, and bounded
-//! by a constant of this module; a frame either decodes as a whole or names the field that is wrong; nothing
-//! on the data path allocates; arbitrary bytes never panic. What is not here: when to give up waiting, what to
-//! do with a stale value, whom to listen to. That is the link's business.
+//! Invariants: every size, count and length that comes from a peer is checked before it is used, and bounded by a
+//! constant of this module; a frame either decodes as a whole or names the field that is wrong; nothing on the data
+//! path allocates; arbitrary bytes never panic. The link decides when to give up waiting, what to do with a stale
+//! value, and whom to listen to.
 
 pub(crate) mod bytes;
 pub mod handshake;
@@ -26,20 +26,20 @@ use thiserror::Error;
 
 use gusset_quantity::substructure::LinkFault;
 
-/// What a look at the bytes received so far gave.
+/// State of the bytes received so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use]
 pub enum Progress {
     /// No whole frame yet: keep the bytes and read on.
     NeedMore,
-    /// One whole frame stands at the beginning.
+    /// One whole frame is at the beginning.
     Frame {
         /// Its length; the next frame begins behind it.
         consumed: usize,
     },
 }
 
-/// Who wrote a frame.
+/// Author of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Side {
     /// The end that commands: the hybrid test.
@@ -94,13 +94,13 @@ pub enum WireError {
     Magic {
         /// The bytes that start every frame.
         expected: [u8; 4],
-        /// What came; zeros stand where nothing has come yet.
+        /// The bytes received, filled up with zeros.
         found: [u8; 4],
     },
     /// The first bytes are known from elsewhere.
     #[error("the first bytes are those of {found}: the peer speaks another protocol")]
     Foreign {
-        /// Who begins so.
+        /// The protocol that begins with these bytes.
         found: &'static str,
     },
     /// No protocol version in common.
@@ -116,7 +116,7 @@ pub enum WireError {
     /// A code that the table does not have.
     #[error("{field} is {found}, which the protocol does not have")]
     Code {
-        /// Which field.
+        /// The field.
         field: &'static str,
         /// Its value.
         found: u64,
@@ -124,11 +124,11 @@ pub enum WireError {
     /// A reserved field is not zero.
     #[error("{field} is {found:#x}, bits outside {allowed:#x} must be zero")]
     Reserved {
-        /// Which field.
+        /// The field.
         field: &'static str,
         /// Bits that may be set.
         allowed: u32,
-        /// What was found.
+        /// The value found.
         found: u32,
     },
     /// A client of OpenFresco's protocols reads another number of forces than it commands displacements.
@@ -146,7 +146,7 @@ pub enum WireError {
     /// A number of things differs from what was agreed.
     #[error("{field}: {expected} wanted, {found} found")]
     Count {
-        /// What is counted.
+        /// Name of the counted quantity.
         field: &'static str,
         /// As agreed.
         expected: usize,
@@ -156,13 +156,13 @@ pub enum WireError {
     /// A number from the wire is outside its bounds.
     #[error("{field} is {found}, {lowest} to {highest} allowed")]
     Bounds {
-        /// Which number.
+        /// The number.
         field: &'static str,
         /// Smallest value allowed.
         lowest: i64,
         /// Largest value allowed.
         highest: i64,
-        /// What was found: any number that a field can hold.
+        /// The value found: any number that a field can hold.
         found: i128,
     },
     /// The checksum does not match: the frame was damaged.
@@ -197,7 +197,7 @@ pub enum WireError {
     Direction {
         /// The kind of the frame.
         field: &'static str,
-        /// Who is marked as its writer.
+        /// The end that is marked as its writer.
         found: Side,
     },
     /// A frame that was here before: a duplicate of the network, or a replay.
@@ -206,7 +206,7 @@ pub enum WireError {
         /// The frame's counter.
         counter: u64,
     },
-    /// A frame too far behind the newest one to tell whether it is a replay.
+    /// A frame too far behind the newest one to decide whether it is a replay.
     #[error("frame {counter} is too old: {newest} has been received")]
     TooOld {
         /// The frame's counter.
@@ -217,19 +217,19 @@ pub enum WireError {
     /// Infinite or not a number.
     #[error("{field}[{index}] is not a finite number")]
     NotFinite {
-        /// Which vector or number.
+        /// The vector or number.
         field: &'static str,
-        /// Which entry of it, from 0.
+        /// Its entry, from 0.
         index: usize,
     },
     /// A number that is outside its range, or not a number.
     #[error("{field}[{index}] is {found}, outside its range")]
     Range {
-        /// Which vector or number.
+        /// The vector or number.
         field: &'static str,
-        /// Which entry of it, from 0.
+        /// Its entry, from 0.
         index: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
     /// A text is too long, empty, or not text.
@@ -237,7 +237,7 @@ pub enum WireError {
         "{field} is not a text of 1 to {limit} bytes without control or other hidden characters"
     )]
     Text {
-        /// Which text.
+        /// The text.
         field: &'static str,
         /// Longest length in bytes.
         limit: usize,
@@ -248,7 +248,7 @@ pub enum WireError {
     /// The peer could not prove that it has the key.
     #[error("the {found} could not prove that it has the pre-shared key")]
     Proof {
-        /// Which end failed.
+        /// The end that failed.
         found: Side,
     },
     /// A message that may not come now.
@@ -262,7 +262,7 @@ pub enum WireError {
     /// An action that is not even a plausible number.
     #[error("the action is {found}; there are 1 to 15, 98 and 99, all whole, and 4.1, 4.2 and 4.3")]
     Action {
-        /// What was found.
+        /// The value found.
         found: f64,
     },
     /// Forces are commanded, as in force control.
@@ -306,7 +306,7 @@ pub enum WireError {
     /// The version numbers of an OpenFresco shadow and its actor differ.
     #[error("the peer is OpenFresco version {found}, {expected} wanted")]
     SiteVersion {
-        /// The version that this end was told to be.
+        /// The version set for this end.
         expected: f64,
         /// The peer's.
         found: f64,
@@ -316,13 +316,13 @@ pub enum WireError {
     Failed,
 }
 
-/// What is wrong with the encoding of a control message.
+/// Fault in the encoding of a control message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum ControlFault {
     /// It ends too early.
     #[error("it ends too early")]
     Short,
-    /// Bytes stand behind it.
+    /// Bytes follow it.
     #[error("{0} bytes stand behind its end")]
     Trailing(usize),
     /// It claims more than a control message may hold.
@@ -372,7 +372,7 @@ impl WireError {
     }
 }
 
-/// Who is known to begin like this, where a protocol has no mark of its own to be recognised by.
+/// Names the known protocol that begins with these bytes, where the expected protocol has no magic number.
 ///
 /// # Errors
 /// [`WireError::Foreign`].

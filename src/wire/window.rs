@@ -1,8 +1,8 @@
-//! Which counters have been seen: duplicates, replays and late datagrams, as pure arithmetic.
+//! Window of received counters: duplicates, replays and late datagrams, as pure arithmetic.
 //!
-//! The window keeps the newest counter and one bit for each of the 64 counters up to it, as the anti-replay
-//! window of RFC 4303 (IPsec ESP), section 3.4.3, does. Invariant: a counter is accepted at most once, and
-//! never when it is so old that this cannot be told. Counters begin at 1; 0 is always refused.
+//! The window keeps the newest counter and one bit for each of the 64 counters up to it, as the anti-replay window of
+//! RFC 4303 (IPsec ESP), section 3.4.3, does. Invariant: a counter is accepted at most once, and never when it is too
+//! old to decide this. Counters begin at 1; 0 is always refused.
 
 use super::WireError;
 
@@ -17,8 +17,8 @@ pub enum Arrival {
         /// How many counters were passed over: frames that are lost, unless they turn up late.
         skipped: u64,
     },
-    /// Older than the newest one, seen for the first time: overtaken on the way. Its content may fill a gap
-    /// but must never replace newer content.
+    /// Older than the newest one, received for the first time: overtaken on the way. Its content may fill a gap but
+    /// must never replace newer content.
     Late {
         /// How far behind the newest one.
         behind: u64,
@@ -30,12 +30,12 @@ pub enum Arrival {
 pub struct SequenceWindow {
     /// Newest counter, 0 before the first.
     newest: u64,
-    /// Bit i is set if `newest - i` has been seen.
+    /// Bit i is set if `newest - i` has been received.
     seen: u64,
 }
 
 impl SequenceWindow {
-    /// Nothing seen.
+    /// A window before the first counter.
     #[must_use]
     pub const fn new() -> Self {
         Self { newest: 0, seen: 0 }
@@ -48,7 +48,7 @@ impl SequenceWindow {
         self.newest
     }
 
-    /// Accepts a counter that has not been seen, and remembers it. Real-time: yes.
+    /// Accepts a counter that has not been received, and remembers it. Real-time: yes.
     ///
     /// # Errors
     /// [`WireError::Replayed`] or [`WireError::TooOld`]; the window is unchanged then.
@@ -87,7 +87,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_table_of_arrivals() {
+    fn arrivals_match_the_table() {
         let newest = |skipped| Ok(Arrival::Newest { skipped });
         let late = |behind| Ok(Arrival::Late { behind });
         let replayed = |counter| Err(WireError::Replayed { counter });
@@ -126,7 +126,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_decides_as_a_set_of_all_counters_would(counters in prop::collection::vec(0_u64..400, 1..400)) {
+        fn window_decides_like_a_set_of_counters(counters in prop::collection::vec(0_u64..400, 1..400)) {
             let mut window = SequenceWindow::new();
             let mut all = std::collections::HashSet::new();
             let mut newest = 0;

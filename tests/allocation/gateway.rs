@@ -1,4 +1,4 @@
-//! What a server does for an exchange allocates nothing: limits, formula, log.
+//! An exchange on a server allocates nothing: limits, formula, log.
 
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::LimitsSpec;
@@ -8,8 +8,23 @@ use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Run;
 
+/// A controller of which only the address is known.
+fn unnamed() -> Controller {
+    Controller {
+        peer: ([127, 0, 0, 1], 1).into(),
+        test: String::new(),
+        software: String::new(),
+        rate: None,
+        watchdog_s: None,
+        sampling: gusset_wire::handshake::Sampling::Reply,
+        first_sequence: 0,
+        start: Vec::new(),
+        limits: Vec::new(),
+    }
+}
+
 #[test]
-fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
+fn exchange_allocates_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let text = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
     let law: SpecimenLaw = toml::from_str(text).unwrap();
@@ -34,12 +49,7 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
             verdict: None,
             ended: None,
         }));
-    served
-        .begin(
-            &Controller::unnamed(([127, 0, 0, 1], 1).into()),
-            &mut || Ok(()),
-        )
-        .unwrap();
+    served.begin(&unnamed(), &mut || Ok(())).unwrap();
     let mut measured = Measurement::zeros(2);
     let count = allocation_counter::measure(|| {
         for sequence in 0..500 {

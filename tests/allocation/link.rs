@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::Carrier;
-use gusset_link::native::unlimited_axis;
 use gusset_link::server::{Host, ServeOptions, Server};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions};
 use gusset_numerics::law::{LawSpec, LinearSpec};
@@ -16,12 +15,17 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os::monotonic_ns;
-use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
 
 fn axes() -> Vec<Axis> {
     (1..=2)
-        .map(|j| unlimited_axis(format!("axis {j}"), Unit::Metre, Unit::Newton))
+        .map(|j| Axis {
+            name: format!("axis {j}"),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        })
         .collect()
 }
 
@@ -99,7 +103,7 @@ fn issue_and_collect_allocate_nothing() {
 }
 
 #[test]
-fn a_stale_measurement_is_the_newest_known_and_allocates_nothing_either() {
+fn stale_measurement_allocates_nothing() {
     let mut link = linked(Carrier::Udp, None, Coupling::Sampled);
     let mut measured = Measurement::zeros(2);
     let exchange = |link: &mut NativeLink, measured: &mut Measurement, sequence, wait_ns: u64| {
@@ -119,7 +123,7 @@ fn a_stale_measurement_is_the_newest_known_and_allocates_nothing_either() {
     assert_eq!(fresh, Freshness::Fresh);
     let info = allocation_counter::measure(|| {
         for sequence in 1..50 {
-            // A deadline that has passed already: whatever is known counts, and it is never newer than the command.
+            // The deadline has passed already: the latest known measurement counts, and it is never newer than the command.
             match exchange(&mut link, &mut measured, sequence, 0) {
                 Freshness::Fresh => assert_eq!(measured.sequence, sequence),
                 Freshness::Stale => assert!(measured.sequence < sequence),
@@ -134,7 +138,7 @@ fn a_stale_measurement_is_the_newest_known_and_allocates_nothing_either() {
 }
 
 #[test]
-fn a_link_that_was_never_connected_is_closed_and_not_a_panic() {
+fn unconnected_link_closes_without_panic() {
     let (tell, told) = mpsc::channel();
     std::thread::spawn(move || {
         let mut link = NativeLink::new(NativeSetup {

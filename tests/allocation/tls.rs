@@ -1,5 +1,5 @@
-//! Over TLS the loop's thread keeps its promises: it allocates nothing, and waits no longer than its deadline; the helper
-//! thread is ended and joined on every way out.
+//! Over TLS the loop's thread allocates nothing and waits no longer than its deadline. The helper thread ends and is joined however
+//! the test ends.
 
 use std::net::SocketAddr;
 use std::sync::Mutex;
@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::{Carrier, ServeTlsSpec, TlsSpec};
-use gusset_link::native::unlimited_axis;
 use gusset_link::server::{Host, ServeError, ServeOptions, Server};
 use gusset_link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait};
@@ -17,13 +16,18 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os::monotonic_ns;
-use gusset_wire::handshake::{Axis, Sampling, Unit};
+use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 
 /// Threads are counted, so these tests run one after another.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 fn axes() -> Vec<Axis> {
-    vec![unlimited_axis("axis 1".into(), Unit::Metre, Unit::Newton)]
+    vec![Axis {
+        name: "axis 1".into(),
+        disp_unit: Unit::Metre,
+        force_unit: Unit::Newton,
+        limits: Limits::NONE,
+    }]
 }
 
 fn options(carrier: Carrier, listen: &str) -> (Host, ServeOptions) {
@@ -119,7 +123,7 @@ fn command(sequence: u64, disp: &[f64]) -> Command<'_> {
 }
 
 #[test]
-fn on_the_loops_thread_an_exchange_over_tls_allocates_nothing() {
+fn tls_exchange_allocates_nothing() {
     let _alone = ONE_AT_A_TIME.lock();
     let ends = Ends::new();
     for coupling in [Coupling::Lockstep, Coupling::Sampled] {
@@ -143,7 +147,7 @@ fn on_the_loops_thread_an_exchange_over_tls_allocates_nothing() {
 }
 
 #[test]
-fn a_wait_ends_at_its_deadline_and_stale_is_said() {
+fn wait_ends_at_its_deadline_as_stale() {
     let _alone = ONE_AT_A_TIME.lock();
     let ends = Ends::new();
     let mut link = ends.link(Coupling::Sampled);
@@ -157,7 +161,11 @@ fn a_wait_ends_at_its_deadline_and_stale_is_said() {
     let patience = Nanos(monotonic_ns()).plus(20_000_000_000);
     assert_eq!(link.collect(patience, &mut measured), Ok(Freshness::Fresh));
     // The next command is not out yet, so there is nothing to wait for but the deadline.
-    for wait in [Wait::SPIN, Wait::SLEEP, Wait::default()] {
+    let spins = Wait {
+        spin_first_ns: u64::MAX,
+        spin_last_ns: 0,
+    };
+    for wait in [spins, Wait::SLEEP, Wait::default()] {
         let options = SocketOptions {
             wait,
             ..SocketOptions::default()
@@ -176,10 +184,10 @@ fn a_wait_ends_at_its_deadline_and_stale_is_said() {
 }
 
 #[test]
-fn the_helper_thread_is_joined_on_every_way_out() {
+fn helper_thread_is_always_joined() {
     let _alone = ONE_AT_A_TIME.lock();
     let ends = Ends::new();
-    // Dropped with no word said, in the middle of an exchange, and by a panic.
+    // Dropped without a goodbye, in the middle of an exchange, and by a panic.
     drop(ends.link(Coupling::Lockstep));
     assert_eq!(helpers(), 0);
     let mut link = ends.link(Coupling::Lockstep);
@@ -193,7 +201,7 @@ fn the_helper_thread_is_joined_on_every_way_out() {
     });
     assert!(panicked.join().is_err());
     assert_eq!(helpers(), 0);
-    // The transport by itself, against a peer that takes no bytes any more: full, then gone, and joined.
+    // The transport alone, against a peer that no longer reads: full, then closed, and joined.
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let server = ends.server.clone();
@@ -214,7 +222,7 @@ fn the_helper_thread_is_joined_on_every_way_out() {
     let frame = [7; 20_000];
     let a_moment = || Nanos(monotonic_ns() + 1_000_000);
     let mut refused = 0;
-    // The ring alone is full at once; the kernel behind it takes megabytes, and then nothing for as long as one waits.
+    // The ring alone fills at once; the kernel behind it takes megabytes, and then nothing more.
     while refused < 200 {
         match transport.send(&frame) {
             Ok(()) => refused = 0,
@@ -232,7 +240,7 @@ fn the_helper_thread_is_joined_on_every_way_out() {
 }
 
 #[test]
-fn a_peer_that_closes_is_seen_at_once_and_after_its_last_bytes() {
+fn closing_peer_is_seen_after_last_bytes() {
     let _alone = ONE_AT_A_TIME.lock();
     let ends = Ends::new();
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
@@ -262,11 +270,11 @@ fn a_peer_that_closes_is_seen_at_once_and_after_its_last_bytes() {
     let fault = loop {
         if heard.len() >= 150_000 && !is_over {
             is_over = true;
-            // What is left fits into the ring: the end of the session is known before the last bytes are taken.
+            // The rest fits into the ring: the end of the session is known before the last bytes are taken.
             while !peer.is_finished() || helpers() > 0 {
                 std::thread::yield_now();
             }
-            // Whoever sends now hears the last words first.
+            // The next send first receives the final bytes.
             assert_eq!(transport.send(&[1]), Ok(()));
         }
         let patience = Nanos(monotonic_ns()).plus(20_000_000_000);
@@ -284,7 +292,7 @@ fn a_peer_that_closes_is_seen_at_once_and_after_its_last_bytes() {
 }
 
 #[test]
-fn beyond_loopback_tls_takes_the_place_of_a_key() {
+fn tls_replaces_a_key_beyond_loopback() {
     let ends = Ends::new();
     let (host, plain) = options(Carrier::Tcp, "0.0.0.0:0");
     let refused = Server::bind(host, plain).unwrap_err();

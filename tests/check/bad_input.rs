@@ -1,5 +1,5 @@
-//! Every mistake of the list is explained: file, line, caret, what was found, what is allowed; exit code 2, no panic, and
-//! no run folder. Both by `check`, which moves nothing, and by `run`, which must not get as far.
+//! Every mistake of the list is explained: file, line, caret, what was found, what is allowed; exit code 2, no panic, and no run
+//! folder. `check` and `run` both refuse it, and nothing moves.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::common::{FRAME, completed, names, run, say, write};
 use gusset_record::Run;
 
 #[test]
-fn a_syntax_error_is_shown_where_it_stands() {
+fn syntax_error_is_shown_at_its_place() {
     let words = ["the file is not valid TOML", "extra `=`"];
     wrong_line(FRAME, "rate_hz = 200", "rate_hz == 200", "=", &words);
     wrong_line(
@@ -22,7 +22,7 @@ fn a_syntax_error_is_shown_where_it_stands() {
 }
 
 #[test]
-fn an_unknown_key_comes_with_a_suggestion_and_the_keys_that_exist() {
+fn unknown_key_lists_the_valid_keys() {
     let words = [
         "unknown key `duration` in `time`",
         "did you mean `duration_s`?",
@@ -56,9 +56,9 @@ fn an_unknown_key_comes_with_a_suggestion_and_the_keys_that_exist() {
     );
 }
 
-/// The unit of a target is at fault, not the signal that stands before it.
+/// The unit of a target is wrong, not the signal before it.
 #[test]
-fn a_unit_that_does_not_fit_is_shown_where_it_stands() {
+fn wrong_unit_is_shown_at_its_place() {
     let target = "target_peak = { value = 0.35, unit = \"mm\" }";
     let text = format!("{FRAME}\n[excitation.ground_acceleration.processing]\n{target}\n");
     let words = ["unit mm does not measure an acceleration"];
@@ -67,7 +67,7 @@ fn a_unit_that_does_not_fit_is_shown_where_it_stands() {
 }
 
 #[test]
-fn a_value_of_the_wrong_type_is_shown_with_the_type_that_is_wanted() {
+fn wrong_type_is_shown_with_the_right_one() {
     let words = [
         "`structure.shear_building.mass_kg` must be an array",
         "found the text \"heavy\"",
@@ -89,7 +89,7 @@ fn a_value_of_the_wrong_type_is_shown_with_the_type_that_is_wanted() {
 }
 
 #[test]
-fn a_missing_file_is_named_with_its_likeliest_neighbour() {
+fn missing_file_suggests_a_similar_name() {
     let files = [("elcentro.at2", "x"), ("stiffness.csv", "x")];
     let record = with_record("elcntro.at2");
     let words = [
@@ -119,7 +119,7 @@ fn a_missing_file_is_named_with_its_likeliest_neighbour() {
 }
 
 #[test]
-fn a_test_file_that_is_not_there_or_not_text_is_refused() {
+fn missing_or_binary_test_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let said = say([
         "check".as_ref(),
@@ -141,7 +141,7 @@ fn a_test_file_that_is_not_there_or_not_text_is_refused() {
 }
 
 #[test]
-fn nan_and_infinity_are_refused_in_the_file_in_records_and_in_matrices() {
+fn nan_and_infinity_are_refused_everywhere() {
     let words = [
         "signal.sine.amplitude` must be a finite number",
         "found nan",
@@ -176,7 +176,7 @@ fn nan_and_infinity_are_refused_in_the_file_in_records_and_in_matrices() {
 }
 
 #[test]
-fn a_lambda_that_is_not_greater_than_zero_is_refused() {
+fn lambda_must_be_greater_than_zero() {
     for (lambda, found) in [
         ("0", "0"),
         ("-3", "-3"),
@@ -195,7 +195,7 @@ fn a_lambda_that_is_not_greater_than_zero_is_refused() {
 }
 
 #[test]
-fn a_step_that_is_not_greater_than_zero_is_refused() {
+fn step_must_be_greater_than_zero() {
     for (key, value) in [
         ("step_s", "0"),
         ("step_s", "-0.01"),
@@ -209,7 +209,7 @@ fn a_step_that_is_not_greater_than_zero_is_refused() {
     }
 }
 
-/// The test runs, and both commands say `words` with a picture of the line that names the record.
+/// The test runs, and both commands print `words` with a picture of the line that names the record.
 #[track_caller]
 fn warned(record: &str, words: &[&str]) -> Vec<Vec<f64>> {
     let folder = tempfile::tempdir().unwrap();
@@ -234,7 +234,7 @@ fn warned(record: &str, words: &[&str]) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn a_record_shorter_than_the_test_warns_and_ends_in_zeros() {
+fn short_record_warns_and_ends_in_zeros() {
     let values = ["0.1"; 21].join(" ");
     let columns = warned(
         &peer("NPTS= 21, DT= .01 SEC", &values),
@@ -252,7 +252,7 @@ fn a_record_shorter_than_the_test_warns_and_ends_in_zeros() {
 }
 
 #[test]
-fn a_wrong_count_of_points_is_refused_with_both_numbers_and_so_is_a_word() {
+fn wrong_count_of_points_is_refused() {
     let values = ["0.01"; 60].join(" ");
     for stated in ["80", "20", "0"] {
         let record = peer(&format!("NPTS= {stated}, DT= .01 SEC"), &values);
@@ -287,7 +287,7 @@ fn a_wrong_count_of_points_is_refused_with_both_numbers_and_so_is_a_word() {
 }
 
 #[test]
-fn a_record_with_decimal_commas_is_refused_where_the_first_stands() {
+fn decimal_commas_are_refused() {
     let record = peer("NPTS= 60, DT= .01 SEC", "  0,0000000E+00  2,9552021E-03");
     refused(
         &with_record("a.at2"),
@@ -299,7 +299,7 @@ fn a_record_with_decimal_commas_is_refused_where_the_first_stands() {
 }
 
 #[test]
-fn a_duration_that_is_not_a_whole_number_of_steps_is_refused_with_its_neighbours() {
+fn duration_must_be_a_whole_number_of_steps() {
     let words = [
         "the duration is not a whole number of steps",
         "0.503 s are 100.6 steps of 0.005 s",
@@ -330,7 +330,7 @@ fn a_duration_that_is_not_a_whole_number_of_steps_is_refused_with_its_neighbours
 }
 
 #[test]
-fn a_mistake_on_the_command_line_is_shown_there() {
+fn command_line_mistake_is_shown_there() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     for (set, words) in [
@@ -355,7 +355,7 @@ fn a_mistake_on_the_command_line_is_shown_there() {
 }
 
 #[test]
-fn an_output_folder_that_holds_anything_is_left_as_it_is() {
+fn nonempty_output_folder_stays_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
@@ -378,13 +378,13 @@ fn an_output_folder_that_holds_anything_is_left_as_it_is() {
         said.stderr
     );
     assert_eq!(fs::read_to_string(&test).unwrap(), FRAME);
-    // An empty folder is nobody's run.
+    // An empty folder belongs to no run.
     fs::remove_file(out.join("precious.txt")).unwrap();
     completed(&test, &out, &[]);
 }
 
 #[test]
-fn a_share_of_energy_that_means_nothing_is_refused_with_its_place() {
+fn meaningless_energy_share_is_refused() {
     let refused = |safety: &str, words: &[&str]| {
         let text = format!("{}\n[safety]\n{safety}\n", FRAME);
         let path = Path::new("test.toml");
@@ -423,7 +423,7 @@ fn a_share_of_energy_that_means_nothing_is_refused_with_its_place() {
 }
 
 #[test]
-fn nothing_of_a_file_reaches_the_terminal_that_the_terminal_would_obey() {
+fn control_characters_never_reach_terminal() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let with = |from: &str, to: &str| {
@@ -452,7 +452,7 @@ fn nothing_of_a_file_reaches_the_terminal_that_the_terminal_would_obey() {
 }
 
 #[test]
-fn a_rate_beyond_any_machine_is_refused_and_a_long_window_of_misses_is_not() {
+fn impossible_rate_is_refused() {
     let words = ["is too fast", "at most 1e9 Hz on the simulated clock"];
     wrong_line(FRAME, "rate_hz = 200", "rate_hz = 1e10", "1e10", &words);
     let long = FRAME.replace("rate_hz = 200", "rate_hz = 1e7");
@@ -469,7 +469,7 @@ fn a_rate_beyond_any_machine_is_refused_and_a_long_window_of_misses_is_not() {
 }
 
 #[test]
-fn an_excitation_that_no_memory_holds_is_refused_before_it_is_laid_out() {
+fn oversized_excitation_is_refused_early() {
     let words = [
         "of memory before the test",
         "GiB",
@@ -479,7 +479,7 @@ fn an_excitation_that_no_memory_holds_is_refused_before_it_is_laid_out() {
 }
 
 #[test]
-fn warnings_of_a_prescribed_displacement_name_its_own_axis() {
+fn prescribed_motion_warnings_name_the_axis() {
     let text = "time = { rate_hz = 128, duration_s = 2, clock = \"simulated\" }\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"p\"\naxis = 2\n\
         signal.values = { values = [0, 1, 2, 3, 2, 0], dt_s = 0.2, unit = \"mm\" }\n\
@@ -499,7 +499,7 @@ fn warnings_of_a_prescribed_displacement_name_its_own_axis() {
 }
 
 #[test]
-fn a_slip_in_the_number_of_a_fault_is_refused_in_few_digits_with_both_bounds() {
+fn refused_fault_number_shows_both_bounds() {
     let complaint = |fault: &str| {
         let text = format!("title = \"a\"\n[[fault]]\nat = 3\nkind = {{ {fault} }}\n");
         let script = gusset_config::parse_script(Path::new("fault.toml"), text);

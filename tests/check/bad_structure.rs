@@ -5,7 +5,7 @@ use crate::common::FRAME;
 use crate::common::refusal::{MATRICES, refused, wrong_line};
 
 #[test]
-fn a_matrix_that_is_not_square_or_does_not_match_is_refused() {
+fn matrix_of_the_wrong_size_is_refused() {
     let stiffness = "stiffness = [[2e5, -1e5], [-1e5, 1e5]]";
     for (rows, words) in [
         ("[[2e5, -1e5]]", "stiffness: must be square, but is 1 by 2"),
@@ -58,7 +58,7 @@ fn a_matrix_that_is_not_square_or_does_not_match_is_refused() {
 }
 
 #[test]
-fn an_effective_mass_that_is_not_positive_definite_names_the_dof() {
+fn indefinite_mass_names_the_dof() {
     let loose = MATRICES
         .replace("[[2e5, -1e5], [-1e5, 1e5]]", "[[2e5, 0], [0, 0]]")
         .replace("[[100, 0], [0, 100]]", "[[100, 0], [0, 0]]");
@@ -113,7 +113,7 @@ fn an_effective_mass_that_is_not_positive_definite_names_the_dof() {
 }
 
 #[test]
-fn a_chain_longer_than_any_model_is_refused_before_memory_is_asked_for() {
+fn oversized_chain_is_refused_early() {
     let start = MATRICES.find("[structure.matrices]").unwrap();
     let end = MATRICES.find("[integrator]").unwrap();
     let chain = "[structure.chain]\ndofs = 4000000000000\nmass_kg = 1\nstiffness_n_per_m = 1e3\n\n";
@@ -123,7 +123,7 @@ fn a_chain_longer_than_any_model_is_refused_before_memory_is_asked_for() {
 }
 
 #[test]
-fn a_specimen_on_a_storey_that_does_not_exist_is_refused() {
+fn specimen_on_a_missing_storey_is_refused() {
     let words = [
         "storey 3 does not exist, the structure has storeys 1 to 2",
         "no such storey",
@@ -144,7 +144,7 @@ fn a_specimen_on_a_storey_that_does_not_exist_is_refused() {
 }
 
 #[test]
-fn an_asymmetric_matrix_is_shown_at_its_entry_and_beside_it_the_mirror() {
+fn asymmetric_entry_is_shown_with_mirror() {
     for (right, wrong, words) in [
         (
             "mass = [[1000, 0], [0, 1000]]",
@@ -180,7 +180,7 @@ fn an_asymmetric_matrix_is_shown_at_its_entry_and_beside_it_the_mirror() {
 }
 
 #[test]
-fn a_malformed_mass_matrix_is_blamed_on_itself_and_not_on_the_specimens() {
+fn bad_mass_matrix_does_not_blame_specimens() {
     let mass = "mass = [[1000, 0], [0, 1000]]";
     let law = "law = { linear = { stiffness_n_per_m = 1e5 } }";
     let text = format!("{MATRICES}\n[[specimen]]\nname = \"s\"\nrows = [[1, 0]]\n{law}\n");
@@ -196,7 +196,7 @@ fn a_malformed_mass_matrix_is_blamed_on_itself_and_not_on_the_specimens() {
 }
 
 #[test]
-fn a_mass_whose_products_overflow_is_refused_and_nothing_hangs() {
+fn overflowing_mass_is_refused() {
     for mass in ["1e308", "1.7e308"] {
         wrong_line(
             MATRICES,
@@ -213,7 +213,7 @@ fn a_mass_whose_products_overflow_is_refused_and_nothing_hangs() {
 
 /// The matrices of the structure are bounded when they are read: what overflows is a specimen.
 #[test]
-fn a_stiffness_that_no_step_can_bear_is_blamed_on_the_specimen_that_has_it() {
+fn impossible_stiffness_names_the_specimen() {
     let stiff =
         "[[specimen]]\nname = \"stiff\"\nstorey = 2\nlaw.linear = { stiffness_n_per_m = 1e308 }\n";
     let damping = "[structure.damping.rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]\n";

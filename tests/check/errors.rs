@@ -93,8 +93,37 @@ fn massless_joint_is_an_error_of_the_method() {
     let said = check(&wide);
     assert_eq!((said.code, findings(&said, "error").len()), (0, 1));
     assert_eq!(findings(&said, "error")[0]["severity"], "warning");
-    let swapped = format!("{SERIES}[safety]\nerror_warn = 0.3\n");
-    assert_eq!(check(&swapped).code, 2);
+    for wrong in ["error_warn = 0.3", "error_warn = 5\nerror_refuse = 5"] {
+        assert_eq!(check(&format!("{SERIES}[safety]\n{wrong}\n")).code, 2);
+    }
+}
+
+/// A limit trips halfway; the resumed test is the same one, and so are its errors.
+#[test]
+fn resumed_test_has_the_errors_of_its_first_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = SERIES.replace("duration_s = 10", "duration_s = 3")
+        + "[[specimen]]\nname = \"weak\"\nrows = [[1, 0]]\nlaw.linear = { stiffness_n_per_m = 1.0 }\n\
+           limits.command_disp_m = { trip = [-0.004, 0.004] }\n";
+    let first = gusset(folder.path(), "run", &text, &[]);
+    assert_eq!(first.code, 1, "{}", first.stderr);
+    let mut again = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    let wide = "specimen.0.limits.command_disp_m.trip=[-1,1]";
+    again.args(["run", "--after-trip", "--set", wide, "--reason", "wider"]);
+    again.arg("--resume").arg(folder.path().join("out"));
+    let out = folder.path().join("resumed");
+    let said = again.arg("--out").arg(&out).output().unwrap();
+    assert!(
+        said.status.success(),
+        "{}",
+        String::from_utf8_lossy(&said.stderr)
+    );
+    let summary = |out: &Path| -> Value {
+        serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap()
+    };
+    let [one, two] = [folder.path().join("out"), out].map(|out| summary(&out));
+    assert!(one["verdict"]["errors"].is_object());
+    assert_eq!(one["verdict"]["errors"], two["verdict"]["errors"]);
 }
 
 #[test]
@@ -217,7 +246,7 @@ fn double_well_has_no_known_error() {
 }
 
 #[test]
-fn friction_at_rest_does_not_slow_the_motion() {
+fn static_friction_does_not_slow_the_motion() {
     let text = |law: &str, integrator: &str| {
         format!(
             "[time]\nrate_hz = 1024\nduration_s = 6\nclock = \"simulated\"\n\
@@ -271,7 +300,7 @@ law.bilinear = { stiffness_n_per_m = 40e6, yield_force_n = 320e3, post_yield_rat
 "#;
 
 #[test]
-fn nearly_critical_delay_is_said_everywhere() {
+fn nearly_critical_delay_is_shown() {
     let said = check(NEARLY_CRITICAL);
     let errors = &said.json["verdict"]["errors"];
     let mode = &errors["modes"][1];

@@ -1,4 +1,4 @@
-//! Mistakes in the file of a gateway are shown where they stand, before anything is connected.
+//! Mistakes in a gateway's file are shown at their place, before anything is connected.
 
 use crate::link_common::{COMPUTED, finish, gateway, gusset, linked, write};
 use gusset_config as config;
@@ -24,7 +24,7 @@ fn shows(text: &str, part: &str) {
 }
 
 #[test]
-fn a_gateway_is_a_specimen_with_a_link_and_so_is_one_of_a_test_file() {
+fn gateway_file_is_a_specimen_with_a_link() {
     assert_eq!(served(&gateway("127.0.0.1:1", KNOWN, "")), Ok(()));
     assert_eq!(served(&linked(10, "127.0.0.1:1", "")), Ok(()));
     let element = "protocol = \"openfresco\"";
@@ -32,7 +32,7 @@ fn a_gateway_is_a_specimen_with_a_link_and_so_is_one_of_a_test_file() {
 }
 
 #[test]
-fn what_has_no_effect_or_is_missing_is_refused() {
+fn ineffective_or_missing_keys_are_refused() {
     shows(&complaint("", ""), "`stiffness_n_per_m` is missing");
     let scaled = "axis = [{ scale = 2.0, sign = -1, offset_m = 0.1, offset_n = 5 }]\nsimilitude.length = 10\n";
     let converting = gateway("127.0.0.1:1", &format!("{KNOWN}{scaled}"), "");
@@ -84,7 +84,7 @@ fn what_has_no_effect_or_is_missing_is_refused() {
 }
 
 #[test]
-fn a_gateway_that_would_take_no_zero_refuses_to_be_asked_for_one() {
+fn gateway_refuses_zeroing_it_does_not_do() {
     for (key, offset) in [("zero_force", "offset_n"), ("zero_disp", "offset_m")] {
         for more in ["", ", sign = -1", &format!(", {offset} = 0.5")] {
             let axis = format!("{KNOWN}axis = [{{ {key} = \"relative\"{more} }}]\n");
@@ -104,7 +104,7 @@ fn a_gateway_that_would_take_no_zero_refuses_to_be_asked_for_one() {
 }
 
 #[test]
-fn limits_that_contradict_each_other_are_shown_at_their_keys() {
+fn contradicting_limits_are_shown_at_keys() {
     for (limits, words) in [
         ("command_step_m = { warn = 2, trip = 1 }", "warns at 2"),
         ("command_disp_m = { trip = [1, -1] }", "leaves no room"),
@@ -121,7 +121,7 @@ fn limits_that_contradict_each_other_are_shown_at_their_keys() {
 }
 
 #[test]
-fn a_probe_that_cannot_be_is_shown_at_its_key() {
+fn impossible_probe_is_shown_at_its_key() {
     let probe = |known: &str, keys: &str| {
         let file = gateway("127.0.0.1:1", known, keys);
         served(&file.replace("probe = \"none\"\n", "")).unwrap_err()
@@ -152,8 +152,8 @@ fn limits_of_a_test_are_kept_by_its_loop() {
     assert_eq!(limits.size(Limit::CommandStep).trip, 1.0);
 }
 
-/// A gateway with these keys of `[serve]`, to a specimen with these of its table; its verdict and the exit codes of `check` and
-/// `serve`, which is not asked where it would serve.
+/// A gateway with these keys of `[serve]`, to a specimen with these of its table. Returns its verdict and the exit codes of `check`
+/// and `serve`; the latter only where the gateway would refuse.
 fn judged(serve: &str, table: &str, link: &str) -> (serde_json::Value, i32, Option<i32>) {
     let folder = tempfile::tempdir().unwrap();
     let text = gateway("127.0.0.1:1", &format!("{KNOWN}{table}"), "");

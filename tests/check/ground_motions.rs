@@ -1,5 +1,5 @@
-//! Ground motions as other programs write them: `check` reads each with the right unit, step and peak and says what it
-//! read, or refuses it with the true reason.
+//! Ground motions as other programs write them: `check` reads each with the right unit, step and peak and reports them, or refuses
+//! the file with the reason.
 
 use crate::common::refusal::{plain, with_record};
 use crate::common::{Said, say, write};
@@ -18,7 +18,7 @@ fn check(name: &str, bytes: &[u8], keys: &str, options: &[&str]) -> Said {
     say(arguments)
 }
 
-/// What `check` says of the record, as JSON.
+/// The record as `check` reports it in JSON.
 #[track_caller]
 fn record(name: &str, bytes: &[u8], keys: &str) -> Value {
     let said = check(name, bytes, keys, &["--json", "--no-rehearsal"]);
@@ -39,7 +39,7 @@ fn near(found: &Value, wanted: f64) {
 }
 
 #[test]
-fn check_reports_what_it_read_of_a_record() {
+fn check_reports_the_record_it_read() {
     let text = "Time (s),East [cm/s2],North [gal]\n0.00,10,1\n0.02,-98.0665,2\n0.04,30,3\n";
     let keys = "column = { name = \"East [cm/s2]\" }";
     let found = record("a.csv", text.as_bytes(), keys);
@@ -80,7 +80,7 @@ fn check_reports_what_it_read_of_a_record() {
 }
 
 #[test]
-fn tables_of_other_programs_are_read_with_their_units() {
+fn foreign_tables_have_their_units() {
     let utf16: Vec<u8> = "\u{feff}t;a (g)\r\n0;0,1\r\n0,01;0,2\r\n"
         .encode_utf16()
         .flat_map(u16::to_le_bytes)
@@ -174,7 +174,7 @@ fn tables_of_other_programs_are_read_with_their_units() {
 }
 
 #[test]
-fn what_a_file_leaves_open_is_refused_with_the_key_that_settles_it() {
+fn ambiguous_file_names_the_missing_key() {
     for (name, text, keys, words) in [
         (
             "a.csv",
@@ -217,7 +217,7 @@ fn what_a_file_leaves_open_is_refused_with_the_key_that_settles_it() {
 }
 
 #[test]
-fn values_that_look_like_something_else_are_warned_of() {
+fn suspicious_values_give_a_warning() {
     let even: String = (0..9)
         .map(|i| format!("{}\n", 0.01 * f64::from(i)))
         .collect();
@@ -240,7 +240,7 @@ fn values_that_look_like_something_else_are_warned_of() {
 }
 
 #[test]
-fn a_step_that_is_given_overrules_times_that_are_not_uniform() {
+fn given_step_overrules_nonuniform_times() {
     let text = "t a\n0 0.1\n0.01 0.2\n0.05 0.3\n0.06 0.1\n";
     let unit = "unit = \"g\"";
     let refused = check("a.txt", text.as_bytes(), unit, &[]);

@@ -1,4 +1,4 @@
-//! Mistakes in `[specimen.link]` and in the file of a server are shown where they stand, before anything is connected.
+//! Mistakes in `[specimen.link]` and in the file of a server are shown at their place, before anything is connected.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -8,7 +8,7 @@ use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 use gusset_config::{self as config, Offer};
 use gusset_setup as setup;
 
-/// What is said of a test with these keys in its link and its specimen.
+/// The error of a test with these keys in its link and its specimen.
 fn complaint(text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("test.toml");
@@ -23,7 +23,7 @@ fn shows(text: &str, part: &str) {
 }
 
 #[test]
-fn a_good_link_is_built_without_a_connection() {
+fn good_link_is_built_without_a_connection() {
     assert_eq!(complaint(&linked(10, "127.0.0.1:1", "")), "");
     assert_eq!(
         complaint(&linked(10, "[::1]:4823", "coupling = \"lockstep\"")),
@@ -32,7 +32,7 @@ fn a_good_link_is_built_without_a_connection() {
 }
 
 #[test]
-fn numbers_outside_their_ranges_are_shown_at_their_keys() {
+fn numbers_out_of_range_are_shown_at_keys() {
     let with = |keys: &str| complaint(&linked(10, "127.0.0.1:1", keys));
     for (keys, words) in [
         ("reply_timeout_s = 0", "reply_timeout_s"),
@@ -65,7 +65,7 @@ fn numbers_outside_their_ranges_are_shown_at_their_keys() {
 }
 
 #[test]
-fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
+fn position_comes_from_the_link_or_the_file() {
     let with = |keys: &str| {
         let text = linked(10, "127.0.0.1:1", keys);
         complaint(&text.replace("computed = true\n", ""))
@@ -105,7 +105,7 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
         "protocol = \"openfresco\"\nstands_at_m = [0.01]",
         "protocol = \"openfresco\"\nopenfresco = { answer_signals = [1, 1, 1, 1, 1] }",
         "protocol = \"openfresco\"\nopenfresco = { server = \"site\" }",
-        // A specimen of our own protocol may tell, and need not.
+        // A specimen behind the native protocol may report its position, but need not.
         "",
         "stands_at_m = [0.01]",
     ] {
@@ -117,7 +117,7 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
 }
 
 #[test]
-fn keys_that_need_a_measured_displacement_are_refused_where_answers_hold_forces_only() {
+fn displacement_keys_need_the_signal() {
     let said = |table: &str, openfresco: &str| {
         let link = format!("protocol = \"openfresco\"\n{openfresco}");
         let text = linked(10, "127.0.0.1:1", &link);
@@ -152,9 +152,9 @@ fn keys_that_need_a_measured_displacement_are_refused_where_answers_hold_forces_
     assert_eq!(said("limits.force_step_n.trip = 10", "probe_m = 1e-4"), "");
 }
 
-/// A key that judges all specimens together is refused where none of them measures, and warned of where some do not.
+/// A test key that uses all specimens is refused where none of them measures, and gives a warning where some do not.
 #[test]
-fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_only() {
+fn displacement_test_keys_spare_force_links() {
     let text = |key: &str| {
         let text = linked(
             10,
@@ -184,7 +184,7 @@ fn keys_of_the_test_that_need_a_measured_displacement_judge_no_link_with_forces_
 }
 
 #[test]
-fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named() {
+fn signal_counts_are_zero_or_number_of_axes() {
     let said = |openfresco: &str, more: &str| {
         let link = format!("protocol = \"openfresco\"\nopenfresco = {{ {openfresco} }}\n{more}");
         complaint(&linked(10, "127.0.0.1:1", &link))
@@ -200,7 +200,7 @@ fn counts_of_signals_are_none_or_the_number_of_axes_and_answer_signals_is_named(
 }
 
 #[test]
-fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
+fn link_specimen_needs_an_estimate() {
     let text = linked(10, "127.0.0.1:1", "");
     let silent = text.replace("stiffness_n_per_m = 4e5\n", "");
     shows(&complaint(&silent), "`stiffness_n_per_m` is missing");
@@ -223,7 +223,7 @@ fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
 }
 
 #[test]
-fn a_hardening_bound_enters_the_proof_of_stability() {
+fn hardening_bound_enters_stability_proof() {
     let limit = |bound: &str| {
         let text = linked(10, "127.0.0.1:1", "").replace(
             "storey = 1\n",
@@ -251,7 +251,7 @@ fn served(text: &str, name: Option<&str>) -> Result<(), String> {
 }
 
 #[test]
-fn a_file_of_specimens_or_a_test_can_be_served() {
+fn specimens_file_or_test_can_be_served() {
     let one = format!("[[specimen]]\nname = \"a\"\n{ONE_AXIS_LAW}");
     let two = format!("{one}[[specimen]]\nname = \"b\"\n{ONE_AXIS_LAW}");
     assert_eq!(served(&one, None), Ok(()));
@@ -294,7 +294,7 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
 
 /// A served specimen has no structure: the client commands the displacements.
 #[test]
-fn a_storey_of_a_served_specimen_leads_to_rows() {
+fn served_storey_leads_to_rows() {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
     let path = write(folder.path(), "served.toml", &text);
@@ -305,7 +305,7 @@ fn a_storey_of_a_served_specimen_leads_to_rows() {
 }
 
 #[test]
-fn a_live_page_on_the_port_of_a_specimen_is_refused_before_anything_connects() {
+fn live_page_on_a_specimens_port_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
@@ -331,7 +331,7 @@ fn a_live_page_on_the_port_of_a_specimen_is_refused_before_anything_connects() {
 }
 
 #[test]
-fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
+fn server_on_a_port_in_use_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -358,7 +358,7 @@ fn a_server_on_a_port_in_use_is_refused_with_the_flag_that_changes_it() {
     }
 }
 
-/// The exit code of `gusset serve` with these options, or none if it serves, and what it says.
+/// The exit code of `gusset serve` with these options, or none if it serves, and its output.
 fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
     let mut command = crate::link_common::gusset();
     command.arg("serve").arg(file).args(options);
@@ -381,7 +381,7 @@ fn serve(file: &Path, options: &[&str]) -> (Option<i32>, String) {
 }
 
 #[test]
-fn a_gateway_on_the_port_of_its_own_specimen_is_refused() {
+fn gateway_on_its_specimens_port_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     // Two ports that are free.
     let free = || std::net::TcpListener::bind("127.0.0.1:0").unwrap();

@@ -19,7 +19,7 @@ fn check(name: &str, more: &str) -> crate::common::Said {
 }
 
 #[test]
-fn a_record_of_each_network_is_accepted_by_its_marks_and_by_its_name() {
+fn each_networks_record_is_recognised() {
     for (name, format, column) in [
         ("knet.NS", "knet", ""),
         ("kiknet.UD2", "knet", ""),
@@ -53,7 +53,7 @@ fn a_record_of_each_network_is_accepted_by_its_marks_and_by_its_name() {
 }
 
 #[test]
-fn an_offset_of_the_recorder_is_reported_with_the_key_that_removes_it() {
+fn recorder_offset_is_reported_with_its_key() {
     let said = check("kiknet.UD2", "");
     let told = said.stdout + &said.stderr;
     assert!(told.contains("processing.detrend"), "{told}");
@@ -75,7 +75,7 @@ fn a_component_must_be_chosen_from_a_list() {
 }
 
 #[test]
-fn a_count_that_contradicts_the_values_is_refused_with_both_numbers() {
+fn contradicting_count_is_refused() {
     let name = "esm.ASC";
     let whole = fs::read_to_string(Path::new(RECORDS).join(name)).unwrap();
     let short = whole.replace("NDATA: 16", "NDATA: 17");
@@ -91,7 +91,7 @@ fn a_count_that_contradicts_the_values_is_refused_with_both_numbers() {
 }
 
 #[test]
-fn an_old_peer_header_of_two_bare_numbers_is_accepted() {
+fn old_peer_header_is_accepted() {
     let folder = tempfile::tempdir().unwrap();
     write(
         folder.path(),
@@ -108,7 +108,7 @@ fn an_old_peer_header_of_two_bare_numbers_is_accepted() {
 }
 
 #[test]
-fn the_facts_of_a_component_are_those_of_its_file() {
+fn component_facts_come_from_its_file() {
     for (name, column, unit, points, dt, peak) in [
         ("cosmos.V2c", "90 deg", "g", 16, 0.01, 0.125 * 9.806_65),
         ("csmip.V2", "H1", "cm/s2", 16, 0.01, 0.987_654_32),

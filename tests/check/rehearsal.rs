@@ -1,11 +1,11 @@
-//! `gusset check` rehearses a test: what it needs of each axis is what the test then does, and a limit that the rehearsal
-//! calls too narrow is one that trips.
+//! `gusset check` rehearses a test: the test then needs of each axis what the rehearsal found, and trips at a limit that the
+//! rehearsal calls too narrow.
 
 use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::common::{FRAME, Said, run, say, write};
-use gusset_session::rehearsal::{Budget, StandIn, rehearse};
+use gusset_session::rehearsal::{Budget, rehearse};
 use serde_json::Value;
 
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
@@ -42,7 +42,7 @@ fn short_page_shows(folder: &Path, words: &[&str]) {
     );
 }
 
-/// What the rehearsal found of axis 1 of the only specimen.
+/// The rehearsal's findings about axis 1 of the only specimen.
 struct Found(Value);
 
 impl Found {
@@ -78,7 +78,7 @@ fn near(found: f64, wanted: f64) {
 
 /// d = A cos ωt, reached by a ramp that is slower than all that follows; an axis in mm and kN, mounted the other way round.
 #[test]
-fn a_harmonic_motion_needs_what_the_closed_form_says() {
+fn harmonic_motion_matches_the_closed_form() {
     let (amplitude, frequency, rate, stiffness) = (0.02, 2.0, 1000.0, 1e6);
     let found = Found::of(&format!(
         "[time]\nrate_hz = {rate}\nduration_s = 1\nclock = \"simulated\"\n\
@@ -110,7 +110,7 @@ fn a_harmonic_motion_needs_what_the_closed_form_says() {
 
 /// With one tick a step the pace falls from 1 to 1/2 at once, and rises so: the velocity V changes by V/2 within a tick.
 #[test]
-fn a_hold_needs_half_the_velocity_within_a_tick_and_is_a_warning() {
+fn half_velocity_hold_is_a_warning() {
     let (amplitude, frequency, rate) = (0.1, 0.25, 1000.0);
     // Steepest at 1 s and 3 s; within the easing of 0.02 s the velocity changes by 5e-4 of itself.
     let fastest = amplitude * TAU * frequency;
@@ -156,7 +156,7 @@ fn a_hold_needs_half_the_velocity_within_a_tick_and_is_a_warning() {
 
 /// The rehearsal and the limits in the loop agree on every quantity, to a millionth.
 #[test]
-fn a_limit_trips_exactly_where_the_rehearsal_says() {
+fn limit_trips_where_the_rehearsal_says() {
     let limits = "limits = { command_step_m = { trip = 1 }, force_step_n = { trip = 1e9 } }\n";
     let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{limits}"));
     let found = Found::of(&text);
@@ -197,7 +197,7 @@ fn a_limit_trips_exactly_where_the_rehearsal_says() {
                 assert_eq!(ran.code, Some(0), "{quantity} {}", ran.stderr);
                 continue;
             }
-            // At its place in the file, with what was found and what is allowed.
+            // At its place in the file, with the value found and the value allowed.
             for words in ["test.toml:", quantity, "and would trip", "of `storey`"] {
                 assert!(said.stderr.contains(words), "{words}: {}", said.stderr);
             }
@@ -210,7 +210,7 @@ fn a_limit_trips_exactly_where_the_rehearsal_says() {
     }
 }
 
-/// The same frame with its specimen behind a link at which nobody is.
+/// The frame with its specimen behind a link to an address without a server.
 fn behind_a_link(stand_in: &str) -> String {
     let (test, _) = FRAME.split_once("[specimen.law").unwrap();
     format!(
@@ -219,7 +219,7 @@ fn behind_a_link(stand_in: &str) -> String {
 }
 
 #[test]
-fn what_is_declared_stands_for_a_specimen_behind_a_link() {
+fn declared_stand_in_replaces_link_specimen() {
     let laws = |key: &str| {
         let (_, law) = FRAME.split_once("[specimen.law").unwrap();
         format!("[specimen.{key}{law}")
@@ -253,9 +253,9 @@ fn what_is_declared_stands_for_a_specimen_behind_a_link() {
     assert!(linear.need("measured_force_n") != itself.need("measured_force_n"));
 }
 
-/// What stands in for a specimen has its zero where the axis of the specimen has its, whatever is believed of it.
+/// A stand-in has its zero where the specimen's axis has its own, whatever its estimate.
 #[test]
-fn every_stand_in_begins_where_the_deformation_is_zero() {
+fn stand_ins_begin_at_zero_deformation() {
     let behind = |belief: &str, offsets: &str| {
         let gear = "scale = 2\nsign = -1\nunit_disp = \"mm\"\nunit_force = \"kN\"";
         let text = behind_a_link(&format!("{belief}\n"));
@@ -283,7 +283,7 @@ fn every_stand_in_begins_where_the_deformation_is_zero() {
     ] {
         same(force(&behind(belief, offsets)), off, belief);
     }
-    // What yields does so where it would without an offset.
+    // A specimen with an offset yields where it would without one.
     let plastic =
         "law.bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 1.25e5, yield_force_n = 150 }";
     let (far, near) = (
@@ -294,10 +294,10 @@ fn every_stand_in_begins_where_the_deformation_is_zero() {
     assert!(near[1] - near[0] < 0.99 * size, "it yields");
 }
 
-/// Without a limit of speed, one of which it is known where it stands has a second for its way in, and so has what stands for it;
-/// any other has `ramp_s`. The test itself is slower.
+/// A specimen whose position is known, and its stand-in, take one second for the startup ramp where no speed limit applies. Any
+/// other specimen takes `ramp_s`. The test itself is slower.
 #[test]
-fn the_way_in_is_rehearsed_as_slow_as_it_will_be() {
+fn startup_ramp_is_rehearsed_at_its_speed() {
     let (amplitude, tick) = (0.02, 1e-3);
     for (link, time) in [
         ("", 1.0),
@@ -326,7 +326,7 @@ fn the_way_in_is_rehearsed_as_slow_as_it_will_be() {
 }
 
 #[test]
-fn a_specimen_without_a_stand_in_has_no_force_and_check_says_so() {
+fn check_reports_a_missing_stand_in() {
     let text = format!(
         "[time]\nrate_hz = 100\nduration_s = 1\nclock = \"simulated\"\n[[excitation.prescribed_displacement]]\n\
          specimen = \"s\"\nsignal.sine = {{ amplitude = 0.01, frequency_hz = 1 }}\n[[specimen]]\nname = \"s\"\n\
@@ -346,7 +346,7 @@ fn a_specimen_without_a_stand_in_has_no_force_and_check_says_so() {
 }
 
 #[test]
-fn a_warning_level_warns_and_the_rehearsal_can_be_left_out() {
+fn warning_level_and_rehearsal_off_work() {
     let folder = tempfile::tempdir().unwrap();
     let text = FRAME.replace(
         "storey = 1\n",
@@ -360,7 +360,7 @@ fn a_warning_level_warns_and_the_rehearsal_can_be_left_out() {
         "{}",
         said.stderr
     );
-    // What a `--set` says is found there.
+    // The message shows the argument of `--set`.
     let narrow = ["--set", "specimen.0.limits.command_vel_m_per_s.trip=2e-3"];
     let said = check(folder.path(), &text, &narrow);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
@@ -385,7 +385,7 @@ fn a_warning_level_warns_and_the_rehearsal_can_be_left_out() {
 
 /// d = A sin ωt on a spring k: stroke A, velocity A ω, force k A, and the peak of |f v|, half of k A² ω to within a tick.
 #[test]
-fn what_the_rig_cannot_give_is_refused_at_its_place_and_shown_beside_the_need() {
+fn demand_beyond_the_rig_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (amplitude, omega, stiffness) = (0.01, 4.0 * TAU, 1e6);
     let of = |capacity: &str| {
@@ -421,15 +421,15 @@ fn what_the_rig_cannot_give_is_refused_at_its_place_and_shown_beside_the_need() 
         );
         short_page_shows(folder.path(), &["NOT POSSIBLE", key, "TOO MUCH"]);
     }
-    // Nothing is declared, and nothing is said.
+    // Without a declaration there is no message.
     let said = check(folder.path(), &of(""), &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(!said.stdout.contains("of the rig"), "{}", said.stdout);
 }
 
-/// What only the loop knows is tried with every limit: check and run say the same of it.
+/// Quantities that only the loop computes are tried with every limit: check and run agree.
 #[test]
-fn a_limit_of_what_only_the_loop_knows_is_tried() {
+fn loop_only_limits_are_tried() {
     let folder = tempfile::tempdir().unwrap();
     let actuator = format!("{FRAME}[specimen.transfer]\ndelay_s = 0.002\n");
     for (limit, place) in [
@@ -450,7 +450,7 @@ fn a_limit_of_what_only_the_loop_knows_is_tried() {
     let text = format!("{actuator}[specimen.limits]\n{wide}");
     let said = check(folder.path(), &text, &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    // Nothing stands for this one: that its limit wants a force says nothing.
+    // This specimen has no stand-in: a limit that requires a force is no finding.
     let loaded = "measured_force_n = { trip = [1e3, 1e6] }\nfollowing_error_m = { trip = 1 }\n";
     let text = format!(
         "[time]\nrate_hz = 1000\nduration_s = 0.1\n[[excitation.prescribed_displacement]]\nspecimen = \"s\"\n\
@@ -463,7 +463,7 @@ fn a_limit_of_what_only_the_loop_knows_is_tried() {
 }
 
 #[test]
-fn sensors_whose_death_would_be_noticed_too_late_are_told_of() {
+fn late_dead_sensor_detection_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     for (travel, told) in [(500.0, true), (1e-4, false)] {
         let limits = format!("stuck_ticks = {{ trip = 10 }}\nstuck_travel_m = {travel}\n");
@@ -495,7 +495,7 @@ fn sensors_whose_death_would_be_noticed_too_late_are_told_of() {
 }
 
 #[test]
-fn a_test_that_would_stop_is_told() {
+fn test_that_would_stop_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("{FRAME}[safety]\ndivergence_m = 1e-4\n");
     let said = check(folder.path(), &text, &[]);
@@ -506,7 +506,7 @@ fn a_test_that_would_stop_is_told() {
 }
 
 #[test]
-fn a_test_that_would_run_away_is_refused_without_a_bound_of_its_own() {
+fn runaway_without_a_bound_is_refused() {
     // λ = ∞ at Ω = 2.5: the sawtooth of a mode grows fourfold with every step.
     let text = "[time]\nstep_s = 0.1\nduration_s = 5\nclock = \"simulated\"\n[integrator]\nlambda = inf\n\
                 [structure.shear_building]\nmass_kg = [1000]\nstiffness_n_per_m = [3.25e5]\n\
@@ -520,25 +520,9 @@ fn a_test_that_would_run_away_is_refused_without_a_bound_of_its_own() {
     }
 }
 
+/// `check` reports the time of a tick, and warns if it leaves little time on the real clock.
 #[test]
-fn rehearsal_beyond_its_budget_says_how_far_it_came() {
-    let folder = tempfile::tempdir().unwrap();
-    let test = write(folder.path(), "test.toml", FRAME);
-    let loaded = gusset_config::load(&test, &[]).unwrap();
-    let built = gusset_setup::build(&loaded).unwrap();
-    let found = rehearse(&loaded, Some(built.experiment), &mut Budget::new(64 * 20)).unwrap();
-    assert!(found.is_out_of_budget());
-    assert_eq!(found.specimens[0].stand_in, StandIn::Itself);
-    // 64 DOFs count for a tick at least: 20 ticks of 101 are left.
-    assert!(found.time > 0.0 && found.time < 0.4, "{}", found.time);
-    assert_eq!(found.findings(&loaded), []);
-    let beyond = found.beyond_budget().unwrap();
-    assert_eq!(beyond.numbers, [("rehearsed_s", found.time)]);
-}
-
-/// What a tick takes is told, and a warning where the real clock leaves little time for it.
-#[test]
-fn a_machine_that_is_slow_for_the_ticks_is_warned_of() {
+fn slow_machine_gives_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let text = FRAME.replace("duration_s = 0.5", "duration_s = 5");
     let warned = |text: &str, tick_s: f64| {
@@ -575,7 +559,7 @@ fn a_machine_that_is_slow_for_the_ticks_is_warned_of() {
 }
 
 #[test]
-fn a_stand_in_that_cannot_be_is_refused_at_its_place() {
+fn impossible_stand_in_is_refused() {
     let refused = |text: &str, words: &[&str]| {
         let folder = tempfile::tempdir().unwrap();
         let said = check(folder.path(), text, &[]);

@@ -30,7 +30,7 @@ fn json(file: &Path, options: &[&str]) -> Value {
 }
 
 #[test]
-fn check_refuses_what_the_protocol_of_the_server_lacks() {
+fn check_refuses_what_the_protocol_lacks() {
     let folder = tempfile::tempdir().unwrap();
     let openfresco =
         |text: &str| text.replace(TITLE, "[serve]\nprotocol = \"openfresco\"\n[safety]");
@@ -74,7 +74,7 @@ fn check_takes_the_specimen_that_is_named() {
 }
 
 #[test]
-fn options_of_a_test_are_refused_for_a_served_file() {
+fn test_options_are_refused_for_served_file() {
     let folder = tempfile::tempdir().unwrap();
     let text = gateway("127.0.0.1:1", KNOWN, "");
     let file = write(folder.path(), "gateway.toml", &text);

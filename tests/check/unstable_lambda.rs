@@ -1,5 +1,5 @@
-//! λ beyond its limit and methods outside of their domain: said with the numbers before anything moves, and refused
-//! where a specimen behind a link would be moved.
+//! λ beyond its limit and methods outside of their domain: reported with the numbers before anything moves, and refused where a
+//! specimen behind a link would move.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -32,7 +32,7 @@ fn limit() -> f64 {
     4.0 * square / (square - 4.0)
 }
 
-/// Exit code, summary or facts, and what was said.
+/// Exit code, summary or facts, and messages.
 fn gusset(command: &str, text: &str) -> (i32, Value, String) {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("test.toml");
@@ -56,7 +56,7 @@ fn gusset(command: &str, text: &str) -> (i32, Value, String) {
 }
 
 #[test]
-fn a_linear_model_beyond_the_limit_is_a_warning_with_the_limit_before_it_runs() {
+fn linear_model_beyond_its_limit_warns() {
     let (above, below) = (1.01 * limit(), 0.99 * limit());
     let (code, _, said) = gusset(
         "run",
@@ -92,7 +92,7 @@ fn first(facts: &Value) -> (&str, &str) {
 }
 
 #[test]
-fn an_unstable_lambda_behind_a_link_is_refused_unless_it_is_accepted() {
+fn unstable_lambda_behind_a_link_is_refused() {
     let above = 1.01 * limit();
     let real = TEST.replace("\"simulated\"", "\"real\"");
     let text = format!("{real}[integrator]\nlambda = {above}\n{LINK}");
@@ -108,7 +108,7 @@ fn an_unstable_lambda_behind_a_link_is_refused_unless_it_is_accepted() {
     let (code, _, said) = gusset("run", &text);
     assert_eq!(code, 2, "{said}");
     assert!(said.contains("accept_unstable"), "{said}");
-    // On the simulated clock nothing moves that can break: the test goes on to its link, where nobody is.
+    // On the simulated clock nothing that moves can break: the test continues to its link, which has no server.
     let simulated = text.replace("\"real\"", "\"simulated\"");
     let simulated = simulated.replace("[specimen.link]", "[specimen.link]\ncomputed = true");
     assert_eq!(gusset("run", &simulated).0, 3);
@@ -122,7 +122,7 @@ fn an_unstable_lambda_behind_a_link_is_refused_unless_it_is_accepted() {
             "{said}"
         );
         assert_eq!(facts["verdict"]["outcome"], "accepted");
-        // It then goes on to the link, where nobody is.
+        // The test then continues to the link, which has no server.
         assert_eq!(gusset("run", &allowed).0, 3);
     }
     // Such a long step has a large error.
@@ -138,8 +138,8 @@ fn an_unstable_lambda_behind_a_link_is_refused_unless_it_is_accepted() {
 }
 
 #[test]
-fn what_no_lambda_holds_is_not_moved_over_a_link_either() {
-    // A specimen that may turn out stiffer than its estimate, next to nothing of which stands in K0.
+fn unstable_at_any_lambda_moves_no_link() {
+    // A specimen that may turn out stiffer than its estimate; its K0 is nearly zero.
     let link = LINK.replace(
         "stiffness_n_per_m = 4e5",
         "stiffness_n_per_m = 1e-6\nhardening_bound = 1e12",
@@ -156,7 +156,7 @@ fn what_no_lambda_holds_is_not_moved_over_a_link_either() {
 }
 
 #[test]
-fn an_implicit_method_does_not_command_a_specimen_behind_a_link() {
+fn implicit_method_refuses_linked_specimen() {
     for (method, reason) in [
         ("newmark_average", "it is implicit"),
         ("newmark_linear", "it is implicit"),
@@ -175,7 +175,7 @@ fn an_implicit_method_does_not_command_a_specimen_behind_a_link() {
 }
 
 #[test]
-fn a_mass_that_a_method_divides_by_must_be_there() {
+fn method_that_divides_by_mass_needs_it() {
     let massless = TEST
         .replace("mass_kg = [1000, 1000]", "mass_kg = [0, 1000]")
         .replace("[0, 1e5]", "[4e5, 1e5]");
@@ -215,7 +215,7 @@ fn a_mass_that_a_method_divides_by_must_be_there() {
 }
 
 #[test]
-fn parameters_outside_of_their_domain_are_refused_with_what_is_allowed() {
+fn parameters_out_of_domain_are_refused() {
     for (keys, words) in [
         ("lambda = 0", "greater than zero"),
         ("lambda = -4", "greater than zero"),
@@ -257,7 +257,7 @@ fn parameters_outside_of_their_domain_are_refused_with_what_is_allowed() {
 }
 
 #[test]
-fn newton_that_finds_no_equilibrium_says_step_residual_and_place() {
+fn failed_newton_names_step_and_residual() {
     let text = format!(
         "{}[integrator]\nmethod = \"newmark_average\"\nnewton_iterations = 2\n[[structure.element]]\nfrom = 1\nto = 2\n\
          reach_disp_m = 1\nlaw = {{ cubic = {{ stiffness_n_per_m = 1e5, cubic_n_per_m3 = 1e9 }} }}\n",

@@ -88,7 +88,7 @@ fn is(kind: &str, severity: &str, key: &str) -> (String, String, String) {
 }
 
 #[test]
-fn late_actuator_behind_a_link_is_refused_before_anything_connects() {
+fn late_linked_actuator_is_refused_early() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     listener.set_nonblocking(true).unwrap();
     let port = listener.local_addr().unwrap().port();
@@ -113,7 +113,7 @@ fn late_actuator_behind_a_link_is_refused_before_anything_connects() {
 }
 
 #[test]
-fn accepted_findings_let_a_test_run_and_stand_in_its_summary() {
+fn accepted_findings_are_in_the_summary() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
     let accepted =
@@ -124,7 +124,7 @@ fn accepted_findings_let_a_test_run_and_stand_in_its_summary() {
     assert_eq!(check.code, 0, "{}", check.stderr);
     assert_eq!(check.json["verdict"]["outcome"], "accepted");
     assert_eq!(check.json["verdict"]["unstable"], true);
-    // Nobody answers: it connected, and the link failed.
+    // The specimen does not reply: the test connected, and the link failed.
     let run = gusset(folder.path(), "run", &text, &[]);
     assert_eq!(run.code, 3, "{}", run.stderr);
     assert_eq!(run.json["accepted"]["accept_unstable"], "a study of growth");
@@ -142,7 +142,7 @@ fn accepted_findings_let_a_test_run_and_stand_in_its_summary() {
 }
 
 #[test]
-fn simulated_unstable_test_runs_and_everything_says_so() {
+fn simulated_unstable_test_runs_and_reports() {
     let folder = TempDir::new().unwrap();
     assert_eq!(
         gusset(folder.path(), "check", &simulated(0.015), &[]).code,
@@ -156,7 +156,7 @@ fn simulated_unstable_test_runs_and_everything_says_so() {
     assert!(run.stderr.contains("warning") && run.stderr.contains("unstable"));
     let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
     assert!(page.contains("LOOP IS UNSTABLE"));
-    // A stable one says nothing of it.
+    // A stable test has no such finding.
     let other = TempDir::new().unwrap();
     let run = gusset(other.path(), "run", &simulated(0.001), &[]);
     assert_eq!(run.json["verdict"]["outcome"], "clear");
@@ -165,7 +165,7 @@ fn simulated_unstable_test_runs_and_everything_says_so() {
 }
 
 #[test]
-fn roots_possibility_and_exit_code_agree_near_the_critical_delay() {
+fn exit_code_agrees_near_the_critical_delay() {
     let folder = TempDir::new().unwrap();
     for (share, stable) in [
         (0.9, true),
@@ -188,7 +188,7 @@ fn roots_possibility_and_exit_code_agree_near_the_critical_delay() {
 }
 
 #[test]
-fn adaptive_compensation_is_not_known_and_a_warning() {
+fn adaptive_compensation_is_a_warning() {
     let folder = TempDir::new().unwrap();
     let ats = "[specimen.compensation.ats]\ndelay_s = 0.015\n";
     let text = format!("{}{ats}", simulated(0.015));
@@ -202,7 +202,7 @@ fn adaptive_compensation_is_not_known_and_a_warning() {
 }
 
 #[test]
-fn rehearsed_trip_is_refused_behind_a_link_and_a_warning_in_simulation() {
+fn rehearsed_trip_is_refused_behind_a_link() {
     let folder = TempDir::new().unwrap();
     let narrow = |text: &str| text.replace("[-0.1, 0.1]", "[-0.0005, 0.0005]");
     // A level of the axis does not hide the level of the specimen, which trips.
@@ -237,7 +237,7 @@ fn rehearsed_trip_is_refused_behind_a_link_and_a_warning_in_simulation() {
 }
 
 #[test]
-fn linked_machine_without_a_known_delay_is_a_warning() {
+fn linked_machine_with_unknown_delay_warns() {
     let folder = TempDir::new().unwrap();
     let text = linked(1, 0.001);
     let unknown = text.split("[specimen.transfer").next().unwrap();
@@ -250,7 +250,7 @@ fn linked_machine_without_a_known_delay_is_a_warning() {
 }
 
 #[test]
-fn two_actuators_that_are_tolerated_alone_are_unstable_together() {
+fn two_stable_actuators_unstable_together() {
     let both = |lag_s: f64| {
         let specimen = |name: &str, storey: u32| {
             format!(
@@ -294,7 +294,7 @@ fn divergence(text: &str) -> (f64, f64, f64) {
 }
 
 #[test]
-fn divergence_of_a_linked_test_follows_from_its_rehearsal() {
+fn divergence_follows_from_the_rehearsal() {
     let (bound, written, peak) = divergence(&linked(1, 0.001));
     assert!(peak > 0.001, "{peak}");
     assert_eq!((bound, written), ((10.0 * peak).max(0.1), bound));
@@ -307,12 +307,12 @@ fn divergence_of_a_linked_test_follows_from_its_rehearsal() {
     // An older resolved file has none, and meant 1 km.
     let older = config::parse(Path::new("resolved.toml"), linked(1, 0.001), &[]).unwrap();
     assert_eq!(older.file.safety.divergence_m, Some(1000.0));
-    // An unstable loop has no peak that means anything.
+    // An unstable loop has no meaningful peak.
     assert_eq!(divergence(&linked(1, 0.015)).0, 1000.0);
 }
 
 #[test]
-fn diverging_row_is_recorded_and_the_reason_names_the_key() {
+fn diverging_row_is_recorded_with_its_key() {
     let folder = TempDir::new().unwrap();
     let text = format!("{}[safety]\ndivergence_m = 0.05\n", simulated(0.015));
     let run = gusset(folder.path(), "run", &text, &[]);
@@ -377,9 +377,9 @@ fn implausible_structures_are_warned_about() {
     assert_eq!(check.json["warnings"], serde_json::json!([]));
 }
 
-/// Against its own command a specimen follows perfectly: its link cannot tell the delay.
+/// A specimen that reports its own command seems to follow perfectly: its link cannot show the delay.
 #[test]
-fn a_link_with_forces_only_is_not_sent_to_identify_for_its_delay() {
+fn force_only_link_needs_no_identification() {
     let folder = TempDir::new().unwrap();
     let text = |link: &str| {
         format!("{FRAME}{SPECIMEN}[specimen.link]\naddress = \"127.0.0.1:1\"\n{link}{LIMITS}")
@@ -476,7 +476,7 @@ fn damper_at_another_speed_is_refused() {
 }
 
 #[test]
-fn specimens_without_a_wrong_speed_are_clear() {
+fn specimens_with_the_right_speed_are_clear() {
     let folder = TempDir::new().unwrap();
     let outcome = |text: &str| {
         let check = gusset(folder.path(), "check", text, &[]);
@@ -509,7 +509,7 @@ fn specimens_without_a_wrong_speed_are_clear() {
     }
 }
 
-/// A file whose masses are in t, one stiffness in kN/mm and the record in another unit than it says.
+/// A file whose masses are in t, one stiffness in kN/mm, and the record in a unit other than declared.
 #[test]
 fn numbers_in_another_unit_are_findings() {
     let folder = TempDir::new().unwrap();

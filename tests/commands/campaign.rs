@@ -107,7 +107,7 @@ fn every_command_shows_an_example() {
 }
 
 #[test]
-fn plan_work_and_collect_give_one_row_for_each_task() {
+fn campaign_gives_one_row_for_each_task() {
     let (_folder, out) = planned();
     let plan = fs::read_to_string(out.join("plan.json")).unwrap();
     let plan: Value = serde_json::from_str(&plan).unwrap();
@@ -177,7 +177,7 @@ fn plan_work_and_collect_give_one_row_for_each_task() {
 }
 
 #[test]
-fn two_jobs_give_the_table_of_one_bit_for_bit() {
+fn two_jobs_give_the_same_table_as_one() {
     let (_folder, out) = planned();
     let two = complete(&campaign("run", &out, &["--jobs", "2"]), &out);
     assert!(two == undisturbed());
@@ -222,7 +222,7 @@ fn a_task_has_the_numbers_of_gusset_run() {
 }
 
 #[test]
-fn a_killed_run_continues_and_gives_the_same_table() {
+fn killed_run_continues_to_the_same_table() {
     let (_folder, out) = planned();
     let mut run = gusset();
     run.args(["campaign", "run", out.to_str().unwrap(), "--jobs", "1"]);
@@ -249,7 +249,7 @@ fn a_killed_run_continues_and_gives_the_same_table() {
 }
 
 #[test]
-fn a_chunk_that_runs_twice_at_the_same_time_is_counted_once() {
+fn chunk_that_runs_twice_is_counted_once() {
     let (_folder, out) = planned();
     let spawn = |chunk: &str| {
         let mut work = gusset();
@@ -265,7 +265,7 @@ fn a_chunk_that_runs_twice_at_the_same_time_is_counted_once() {
 }
 
 #[test]
-fn a_cut_part_gives_a_partial_table_and_is_computed_again() {
+fn cut_part_is_computed_again() {
     let (_folder, out) = planned();
     complete(&campaign("run", &out, &[]), &out);
     let part = &parts(&out)[0];
@@ -348,7 +348,7 @@ fn with_other_bits(text: &str) -> String {
 }
 
 #[test]
-fn changed_files_and_another_executable_are_refused() {
+fn changed_files_or_executable_are_refused() {
     for file in ["frame.toml", "records/b.csv", "study.toml"] {
         let (folder, out) = planned();
         let path = folder.path().join(file);

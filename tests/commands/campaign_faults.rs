@@ -60,7 +60,7 @@ fn next(state: &mut u64) -> u64 {
 
 /// Two workers at a time, on random chunks, also on the same one. Each is killed after a random time, or finishes before.
 #[test]
-fn workers_killed_at_random_lose_nothing_of_ten_thousand_tasks() {
+fn killed_workers_lose_no_task() {
     let folder = tempfile::tempdir().unwrap();
     let study = ten_thousand(folder.path());
     let (out, calm) = (folder.path().join("killed"), folder.path().join("calm"));
@@ -97,7 +97,7 @@ fn on_a_full_disk(arguments: &[&str]) -> Said {
 }
 
 #[test]
-fn a_full_disk_stops_a_worker_and_leaves_nothing_half() {
+fn full_disk_stops_a_worker_cleanly() {
     let (_folder, out) = planned();
     let there = out.to_str().unwrap();
     for arguments in [
@@ -107,8 +107,8 @@ fn a_full_disk_stops_a_worker_and_leaves_nothing_half() {
         let said = on_a_full_disk(arguments);
         assert_eq!(said.code, Some(2), "{}", said.stderr);
         assert!(said.stderr.contains("chunk-000001"), "{}", said.stderr);
-        let left = fs::read_dir(out.join("parts")).unwrap();
-        assert_eq!(left.count(), 0);
+        let parts = fs::read_dir(out.join("parts")).unwrap();
+        assert_eq!(parts.count(), 0);
     }
     let table = complete(&campaign("run", &out, &[]), &out);
     assert!(table == undisturbed());
@@ -156,7 +156,7 @@ fn other_build(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn two_hosts_with_different_builds_do_not_mix_their_results() {
+fn different_builds_do_not_mix_results() {
     let (folder, out) = planned();
     let other = other_build(folder.path());
     let with_other = |arguments: &[&str]| -> Said {
@@ -200,7 +200,7 @@ fn two_hosts_with_different_builds_do_not_mix_their_results() {
 
 /// Ctrl-C ends a campaign after the current tests, with its results written.
 #[test]
-fn an_interrupted_run_says_how_to_continue_and_loses_nothing() {
+fn interrupted_run_says_how_to_continue() {
     let folder = tempfile::tempdir().unwrap();
     let study = ten_thousand(folder.path());
     let out = folder.path().join("out");
@@ -238,7 +238,7 @@ fn an_interrupted_run_says_how_to_continue_and_loses_nothing() {
 
 /// A record that changes or vanishes during the work: all tasks have the bytes of its beginning. Afterwards a worker refuses it.
 #[test]
-fn a_record_that_changes_during_the_work_changes_no_result() {
+fn record_changed_midway_changes_no_result() {
     let folder = tempfile::tempdir().unwrap();
     let path = super::campaign::study(folder.path());
     let text = fs::read_to_string(&path).unwrap();
@@ -351,7 +351,7 @@ fn soon(arguments: &[&str]) -> Said {
 
 /// Plan, parts, study, test and records are plain files: a pipe would block, and a device never ends.
 #[test]
-fn what_is_no_plain_file_is_refused() {
+fn special_file_is_refused() {
     type Put = fn(&Path);
     let pipe: Put = |path| {
         let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
@@ -418,18 +418,18 @@ fn a_status_counts_only_its_own_parts() {
 
 /// A killed program leaves its temporary file. The next collection removes it, but not that of a program that still runs.
 #[test]
-fn leftovers_of_killed_collections_are_removed() {
+fn leftovers_of_killed_collects_are_removed() {
     let (_folder, out) = planned();
     let table = complete(&campaign("run", &out, &[]), &out);
     let draft = |name: &str| out.join(format!("{name}.partial-0123456789abcdef"));
-    let left = [
+    let leftovers = [
         draft(".table.partial.csv"),
         draft(".table.partial.parquet"),
         draft(".summary.json"),
         draft(".report.html"),
         draft("parts/.chunk-000001-0123456789abcdef.part"),
     ];
-    for path in &left {
+    for path in &leftovers {
         fs::write(path, "half").unwrap();
     }
     let running = out.join(".table.partial.csv.partial-fedcba9876543210");
@@ -438,6 +438,6 @@ fn leftovers_of_killed_collections_are_removed() {
     let own = draft(".notes.txt");
     fs::write(&own, "of the user").unwrap();
     assert!(complete(&campaign("collect", &out, &[]), &out) == table);
-    assert!(left.iter().all(|path| !path.exists()));
+    assert!(leftovers.iter().all(|path| !path.exists()));
     assert!(running.exists() && own.exists());
 }

@@ -113,7 +113,7 @@ mod parquet_table {
     }
 
     #[test]
-    fn the_parquet_table_has_the_bits_of_the_csv_table() {
+    fn parquet_table_has_the_bits_of_the_csv() {
         let folder = computed(EVERY_TYPE);
         let out = folder.path().join("out");
         let (rows, columns) = read(&out.join("table.parquet"));
@@ -160,7 +160,7 @@ mod parquet_table {
     }
 
     #[test]
-    fn equal_results_give_equal_bytes_and_missing_results_a_partial_file() {
+    fn equal_results_give_equal_bytes() {
         let folder = computed(EVERY_TYPE);
         let out = folder.path().join("out");
         let before = fs::read(out.join("table.parquet")).unwrap();
@@ -203,7 +203,7 @@ fn sobol_draws_fill_each_interval_once() {
 }
 
 #[test]
-fn reports_have_the_pictures_of_their_design() {
+fn reports_have_their_designs_pictures() {
     let report = |text: &str| {
         let folder = computed(text);
         fs::read_to_string(folder.path().join("out/report.html")).unwrap()
@@ -401,7 +401,7 @@ fn wrong_studies_are_refused_at_their_line() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
 
-/// Velocities and displacements beside a record are named and refused, and a pattern leaves them out.
+/// Velocities and displacements in a folder of records are named and refused; a pattern excludes them.
 #[test]
 fn a_folder_of_records_takes_a_pattern() {
     let records = "test = \"frame.toml\"\n[[records]]\nfolder = \"empty\"\nrecord_unit = \"g\"\n";
@@ -447,7 +447,7 @@ fn a_folder_of_records_takes_a_pattern() {
     assert!(said.stdout.contains("1 tasks"), "{}", said.stdout);
 }
 
-/// A limit of the specimen stops the stronger tests: that is no collapse. What is above the criterion before is one.
+/// A limit of the specimen stops the stronger tests: that is no collapse. A peak above the criterion before the trip is one.
 #[test]
 fn a_trip_of_a_specimen_is_no_collapse() {
     let summary = |above: f64| {
@@ -530,7 +530,7 @@ fn impossible_draws_are_drawn_again() {
     }
 }
 
-/// Tasks whose values give no test are in the last line, and the exit code tells.
+/// The last line counts the tasks whose values give no valid test, and the exit code shows them.
 #[test]
 fn invalid_tasks_are_in_the_last_line() {
     let folder = folder(&format!(
@@ -549,7 +549,7 @@ fn invalid_tasks_are_in_the_last_line() {
 }
 
 #[test]
-fn schema_of_a_study_has_its_own_tables_and_those_of_a_test() {
+fn study_schema_has_its_and_a_tests_tables() {
     let schema: Value = serde_json::from_str(&say(["schema", "--study"]).stdout).unwrap();
     for key in [
         "campaign", "vary", "sample", "records", "measure", "test", "time", "specimen",

@@ -110,7 +110,7 @@ fn each_line_alone_computes_its_open_chunks() {
 
 /// The script without Slurm: a shell runs each array element alone.
 #[test]
-fn each_array_element_alone_computes_its_chunks() {
+fn array_element_alone_computes_its_chunks() {
     let (_folder, out) = planned_in_an_odd_folder();
     let done = campaign("work", &out, &["--chunk", "2"]);
     assert_eq!(done.code, Some(0), "{}", done.stderr);
@@ -165,7 +165,7 @@ fn hyperqueue_receives_the_job_file() {
 }
 
 #[test]
-fn a_missing_or_failing_launcher_ends_with_exit_code_2_and_the_file_stays() {
+fn failing_launcher_exits_with_code_2() {
     let (_folder, out) = planned();
     for (engine, program, file) in [
         ("slurm", "sbatch", "slurm.sh"),
@@ -186,7 +186,7 @@ fn a_missing_or_failing_launcher_ends_with_exit_code_2_and_the_file_stays() {
 }
 
 #[test]
-fn sizes_and_arguments_that_make_no_sense_are_refused() {
+fn senseless_arguments_are_refused() {
     let (_folder, out) = planned();
     let launcher = Launcher::new(&[("scontrol", "echo 'MaxArraySize = 3'"), ("sbatch", "")]);
     let more = (TASKS + 1).to_string();

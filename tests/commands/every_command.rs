@@ -1,5 +1,5 @@
-//! Every command as a lab's script meets it: help with an example, one JSON document on stdout and nothing else there,
-//! no privileges needed, and wrong usage told by exit code 2.
+//! Every command as a lab's script uses it: help with an example, one JSON document on stdout and nothing else there, no privileges
+//! needed, and exit code 2 for wrong usage.
 
 use std::fs;
 
@@ -19,7 +19,7 @@ fn only_json(arguments: &[&str]) -> Value {
 }
 
 #[test]
-fn the_help_of_every_command_shows_an_example_that_begins_like_it() {
+fn help_of_every_command_shows_an_example() {
     let overview = say(["--help"]);
     assert!(overview.code == Some(0) && overview.stdout.contains("Example"));
     for command in COMMANDS {
@@ -43,7 +43,7 @@ fn the_help_of_every_command_shows_an_example_that_begins_like_it() {
 }
 
 #[test]
-fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
+fn wrong_usage_exits_with_2() {
     for (arguments, words) in [
         (&["walk"][..], "unrecognized subcommand 'walk'"),
         (&["docter"], "a similar subcommand exists: 'doctor'"),
@@ -114,7 +114,7 @@ fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
 }
 
 #[test]
-fn a_folder_for_temporary_files_that_is_not_there_is_not_made() {
+fn missing_temporary_folder_is_not_created() {
     let folder = tempfile::tempdir().unwrap();
     let nowhere = folder.path().join("nowhere");
     let mut jitter = gusset();
@@ -155,9 +155,9 @@ fn the_schema_is_json_schema_of_every_table() {
 }
 
 #[test]
-fn run_and_check_with_json_print_one_document_and_nothing_else() {
+fn json_prints_one_document_only() {
     let folder = tempfile::tempdir().unwrap();
-    // Such that there is something to warn of: that must go to stderr.
+    // A test with a warning, which must go to stderr.
     let text = format!("{FRAME}[safety]\nexit_speed_m_per_s = 0.01\naccept_error = \"so short\"\n");
     let test = write(folder.path(), "test.toml", &text);
     let test = test.to_str().unwrap();
@@ -184,7 +184,7 @@ fn run_and_check_with_json_print_one_document_and_nothing_else() {
 }
 
 #[test]
-fn the_topics_are_listed_in_one_document_with_json() {
+fn topics_are_listed_as_json() {
     let document = only_json(&["verify", "--list", "--json"]);
     let topics = document["topics"].as_array().unwrap();
     assert!(topics.len() > 9);
@@ -194,7 +194,7 @@ fn the_topics_are_listed_in_one_document_with_json() {
 }
 
 #[test]
-fn a_drill_breaks_down_in_no_rehearsal() {
+fn injected_panic_spares_the_rehearsal() {
     let folder = tempfile::tempdir().unwrap();
     let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.1\n");
     let test = write(folder.path(), "test.toml", &text);
@@ -204,7 +204,7 @@ fn a_drill_breaks_down_in_no_rehearsal() {
 }
 
 #[test]
-fn run_says_in_the_end_what_the_test_came_to_and_where_it_is_unless_it_is_to_be_quiet() {
+fn run_summarises_its_test_unless_quiet() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
@@ -235,7 +235,7 @@ fn run_says_in_the_end_what_the_test_came_to_and_where_it_is_unless_it_is_to_be_
 }
 
 #[test]
-fn doctor_names_every_topic_with_what_was_found_and_what_to_do() {
+fn doctor_names_every_topic_with_advice() {
     let said = say(["doctor"]);
     assert_eq!(
         (said.code, said.stderr.as_str()),
@@ -271,7 +271,7 @@ fn doctor_names_every_topic_with_what_was_found_and_what_to_do() {
 }
 
 #[test]
-fn doctor_works_for_nobody() {
+fn doctor_works_without_privileges() {
     let mut command = std::process::Command::new("setpriv");
     let nobody = [
         "--reuid=65534",
@@ -286,7 +286,7 @@ fn doctor_works_for_nobody() {
         .args(["doctor", "--json"]);
     let said = match command.output() {
         Ok(output) if !output.stderr.starts_with(b"setpriv:") => crate::common::Said::from(output),
-        // Whoever cannot drop privileges has none, or no tool for it.
+        // Without the right to drop privileges, or without a tool for it, the test runs the command unchanged.
         _ => say(["doctor", "--json"]),
     };
     assert_eq!(said.code, Some(0), "{}", said.stderr);
@@ -298,7 +298,7 @@ fn doctor_works_for_nobody() {
 }
 
 #[test]
-fn jitter_prints_one_document_with_the_keys_of_the_timing() {
+fn jitter_prints_the_timing_keys_as_json() {
     let found = only_json(&["jitter", "--rate", "500", "--duration", "0.3", "--json"]);
     assert_eq!(
         (&found["rate_hz"], &found["ticks"]),
@@ -356,7 +356,7 @@ fn jitter_prints_one_document_with_the_keys_of_the_timing() {
 }
 
 #[test]
-fn jitter_leaves_histograms_numbers_and_a_picture_where_it_is_told() {
+fn jitter_writes_its_files_to_given_path() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("jitter");
     let arguments = [
@@ -399,7 +399,7 @@ fn jitter_leaves_histograms_numbers_and_a_picture_where_it_is_told() {
 }
 
 #[test]
-fn the_largest_model_that_keeps_its_deadlines_is_searched_drawn_and_written() {
+fn largest_model_search_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("frontier");
     let said = say([
@@ -435,7 +435,7 @@ fn the_largest_model_that_keeps_its_deadlines_is_searched_drawn_and_written() {
 }
 
 #[test]
-fn a_report_can_be_written_again_from_the_folder_alone() {
+fn report_is_rewritten_from_the_folder() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
@@ -467,7 +467,7 @@ fn benchmark(arguments: &[&str]) -> crate::common::Said {
 }
 
 #[test]
-fn a_record_of_the_benchmark_without_a_step_is_refused_by_the_name_of_the_option() {
+fn benchmark_record_needs_its_step_option() {
     let folder = tempfile::tempdir().unwrap();
     let record = folder.path().join("record.csv");
     fs::write(&record, "a\n0.0\n0.5\n-0.5\n0.0\n").unwrap();
@@ -478,7 +478,7 @@ fn a_record_of_the_benchmark_without_a_step_is_refused_by_the_name_of_the_option
 }
 
 #[test]
-fn what_is_said_of_a_record_needs_one() {
+fn record_options_need_a_record() {
     for (key, value) in [("--scale", "3"), ("--unit", "g"), ("--record-dt", "0.02")] {
         let said = benchmark(&[key, value]);
         assert_eq!(said.code, Some(2), "{key}: {}", said.stderr);
@@ -501,7 +501,7 @@ fn what_is_said_of_a_record_needs_one() {
 }
 
 #[test]
-fn log_level_decides_which_messages_reach_stderr() {
+fn log_level_selects_messages_on_stderr() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let test = test.to_str().unwrap();
@@ -537,7 +537,7 @@ fn closing(stderr: &str) -> Vec<&str> {
 }
 
 #[test]
-fn closing_summary_has_every_section_in_at_most_twenty_lines() {
+fn summary_has_at_most_twenty_lines() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
     let folder = tempfile::tempdir().unwrap();
     let home = folder.path();

@@ -43,7 +43,7 @@ fn every_study_passes_the_check() {
 }
 
 #[test]
-fn check_of_a_test_with_a_second_program_is_short_too() {
+fn check_of_a_two_program_test_is_short() {
     for study in ["config/serve/vrths-case-1.toml"] {
         let said = say(["check", study]);
         assert_eq!(said.code, Some(0), "{}", said.stderr);
@@ -102,7 +102,7 @@ fn is_short(study: &Path, page: &str) {
 }
 
 #[test]
-fn every_study_runs_to_its_end_on_the_simulated_clock() {
+fn every_study_completes_in_simulated_time() {
     for_each_study(|study, folder| {
         let out = folder.join("out");
         completed(study, &out, &["--clock", "simulated"]);
@@ -151,7 +151,7 @@ fn shortened(study: &Path) -> Vec<String> {
 }
 
 #[test]
-fn every_study_gives_the_same_bits_on_both_clocks() {
+fn every_study_is_the_same_on_both_clocks() {
     for_each_study(|study, folder| {
         let sets = shortened(study);
         let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();

@@ -51,7 +51,7 @@ fn run(python: &Path, file: &Path) -> Said {
 }
 
 #[test]
-fn hyperqueue_gives_the_table_of_a_local_run() {
+fn hyperqueue_gives_the_local_table() {
     let Some(python) = python() else {
         return;
     };

@@ -201,7 +201,7 @@ fn opensees_template_is_served() {
 }
 
 #[test]
-fn new_refuses_to_overwrite_and_writes_nothing_then() {
+fn new_never_overwrites() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     write(at, "first.AT2", "mine");
@@ -218,7 +218,7 @@ fn new_refuses_to_overwrite_and_writes_nothing_then() {
 }
 
 #[test]
-fn second_test_shares_the_schema_of_the_first() {
+fn second_test_shares_the_first_ones_schema() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     done(at, &["new", "one", "--template", "prescribed"]);
@@ -258,7 +258,7 @@ fn new_lists_every_template() {
 }
 
 #[test]
-fn list_shows_runs_newest_first_with_damaged_and_unfinished_ones() {
+fn list_shows_damaged_and_unfinished_runs() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let test = write(at, "frame.toml", FRAME);
@@ -300,7 +300,7 @@ fn list_shows_runs_newest_first_with_damaged_and_unfinished_ones() {
 }
 
 #[test]
-fn list_shows_a_run_that_is_being_written_as_running() {
+fn list_shows_a_run_in_progress_as_running() {
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("runs/now")).unwrap();
     run.claim();
@@ -335,7 +335,7 @@ fn empty_output_folder_is_used() {
 }
 
 #[test]
-fn list_without_a_run_is_no_error_but_a_wrong_folder_is() {
+fn list_without_runs_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let none = done(folder.path(), &["list", "--json"]);
     let none: Value = serde_json::from_str(&none.stdout).unwrap();
@@ -345,7 +345,7 @@ fn list_without_a_run_is_no_error_but_a_wrong_folder_is() {
 }
 
 #[test]
-fn completions_of_bash_are_a_valid_script_with_every_command() {
+fn bash_completions_cover_every_command() {
     let folder = tempfile::tempdir().unwrap();
     let script = say(["completions", "bash"]).stdout;
     let file = write(folder.path(), "gusset.bash", &script);
@@ -398,7 +398,7 @@ fn schema_of_a_served_file_has_its_tables() {
 }
 
 #[test]
-fn help_is_short_names_the_guide_and_fits_into_a_terminal() {
+fn help_is_short_and_fits_into_a_terminal() {
     let overview = say(["--help"]).stdout;
     assert!(overview.contains("Usage: gusset [OPTIONS] <COMMAND>"));
     let commands = overview

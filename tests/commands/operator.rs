@@ -1,4 +1,4 @@
-//! What an operator says to a running test from another terminal: `gusset hold`, `continue` and `stop`.
+//! Operator commands to a running test from another terminal: `gusset hold`, `continue` and `stop`.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -9,7 +9,7 @@ use gusset_record::Run;
 use rustix::process::{Pid, Signal, kill_process};
 
 const GUSSET: &str = env!("CARGO_BIN_EXE_gusset");
-/// A test in real time, far longer than anybody waits.
+/// A test in real time, far longer than these tests last.
 const TEST: &str = "title = \"operator\"\n[time]\nrate_hz = 200\nduration_s = 600\nclock = \"real\"\n[structure.shear_building]\n\
     mass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[excitation.ground_acceleration.signal.sine]\namplitude = 1\n\
     frequency_hz = 1\n[[specimen]]\nname = \"rig\"\nstorey = 1\nlaw.linear = { stiffness_n_per_m = 1e5 }\n\
@@ -55,7 +55,7 @@ fn say(word: &str, run: &Path) -> String {
 }
 
 #[test]
-fn a_test_holds_goes_on_and_ends_as_it_is_told() {
+fn hold_continue_and_stop_are_obeyed() {
     let home = tempfile::tempdir().unwrap();
     let run = home.path().join("run");
     let mut test = begin(home.path(), "");
@@ -80,9 +80,9 @@ fn a_test_holds_goes_on_and_ends_as_it_is_told() {
     assert!(String::from_utf8_lossy(&late.stderr).contains("this test is over"));
 }
 
-/// It listens, and says nothing: an operator need not wait for its time limit.
+/// The server listens but stays silent: an operator need not wait for its time limit.
 #[test]
-fn an_operator_who_has_enough_of_waiting_for_a_specimen_is_heard() {
+fn operator_can_end_the_wait_for_a_specimen() {
     let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = mute.local_addr().unwrap();
     for (asked, code) in [
@@ -131,7 +131,7 @@ fn an_operator_who_has_enough_of_waiting_for_a_specimen_is_heard() {
 }
 
 #[test]
-fn where_nothing_runs_nobody_can_be_told_anything() {
+fn commands_without_a_test_are_refused() {
     let home = tempfile::tempdir().unwrap();
     let said = gusset(&["stop", home.path().to_str().unwrap()]);
     assert_eq!(said.status.code(), Some(2));
@@ -142,7 +142,7 @@ fn where_nothing_runs_nobody_can_be_told_anything() {
 const RELATIVE: &str = "confirm = true\n";
 
 #[test]
-fn without_a_terminal_nothing_is_confirmed_unless_it_is_said() {
+fn no_terminal_no_confirmation_by_default() {
     let home = tempfile::tempdir().unwrap();
     let refused = begin(home.path(), RELATIVE).wait_with_output().unwrap();
     assert_eq!(refused.status.code(), Some(2));
@@ -192,12 +192,12 @@ fn refused(word: &str, run: &Path) -> String {
     String::from_utf8(said.stderr).unwrap()
 }
 
-/// The ramp takes 4 s; the way out takes longer than anybody waits.
+/// The ramp takes 4 s; the shutdown takes longer than any command waits.
 const SLOWLY: &str = "ramp_s = 4\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 1e-6\n[structure]\n\
     initial_displacement_m = [0.02]\n";
 
 #[test]
-fn a_hold_stands_in_the_ramp_and_is_refused_on_the_way_out() {
+fn hold_in_shutdown_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let run = home.path().join("run");
     let mut test = begin(home.path(), SLOWLY);
@@ -233,18 +233,18 @@ fn a_hold_stands_in_the_ramp_and_is_refused_on_the_way_out() {
     assert_eq!(test.wait().unwrap().code(), Some(130));
     let ramp = of_state(&run, 5.0, "cmd_1_1");
     let still = ramp.windows(2).filter(|pair| pair[0] == pair[1]).count();
-    // From the first hold, which is said to stand, to the second, and to what ended it.
+    // From the first hold, once it is confirmed, to the second, and to the end of the test.
     assert!(still > 2, "{still} of {} rows", ramp.len());
 }
 
-/// A machine that does not get round to its processes, as far as one of them can tell.
+/// Like a machine that schedules none of the process's threads for a while.
 fn send(to: &Child, signal: Signal) {
     let pid = Pid::from_raw(i32::try_from(to.id()).unwrap()).unwrap();
     kill_process(pid, signal).unwrap();
 }
 
 #[test]
-fn a_test_that_does_not_answer_is_asked_on_and_is_not_over() {
+fn unresponsive_test_is_retried() {
     let home = tempfile::tempdir().unwrap();
     let run = home.path().join("run");
     let mut test = begin(home.path(), "");
@@ -288,17 +288,17 @@ fn a_test_that_does_not_answer_is_asked_on_and_is_not_over() {
     );
 }
 
-/// What becomes of the folder of the first of two tests into one place.
+/// The fate of the first test's folder when two tests use one path.
 #[derive(Debug, Clone, Copy)]
 enum Fate {
     Moved,
     Deleted,
-    /// It is a link to the folder that leads elsewhere.
+    /// It is a link, which now leads to another folder.
     Relinked,
 }
 
 #[test]
-fn a_test_whose_folder_is_taken_away_ends_and_leaves_alone_the_test_that_runs_in_its_place() {
+fn removed_folder_ends_only_its_own_test() {
     for fate in [Fate::Moved, Fate::Deleted, Fate::Relinked] {
         let home = tempfile::tempdir().unwrap();
         let place = |name: &str| home.path().join(name);

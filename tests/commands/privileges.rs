@@ -1,4 +1,4 @@
-//! Without privileges a test runs and says what it did not get; with `require_realtime` it refuses, and nothing moves.
+//! Without privileges a test runs and reports which settings it did not get; with `require_realtime` it refuses, and nothing moves.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -8,9 +8,9 @@ use std::process::Command;
 use crate::common::{FRAME, PATIENT, Said, completed, json, run, write};
 
 #[test]
-fn without_privileges_a_test_runs_and_says_so_or_refuses_if_they_are_required() {
+fn missing_privileges_warn_or_refuse() {
     let folder = tempfile::tempdir().unwrap();
-    // Also for the user nobody.
+    // Also for an unprivileged user.
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let unprivileged = |out: &Path, more: &[&str]| -> Option<Said> {
@@ -33,7 +33,7 @@ fn without_privileges_a_test_runs_and_says_so_or_refuses_if_they_are_required() 
             .args(["--clock", "real"])
             .args(PATIENT);
         let said: Said = command.args(more).output().ok()?.into();
-        // Whoever is not root cannot drop what he has not.
+        // Without root no process can drop privileges.
         let cannot_drop = said.stderr.starts_with("setpriv:");
         Some(if cannot_drop {
             run(

@@ -275,7 +275,7 @@ fn local_table(study: &Path, out: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn slurm_gives_the_table_of_a_local_run_of_the_shipped_study() {
+fn slurm_gives_the_local_table() {
     let Some(slurm) = Slurm::start() else {
         return;
     };
@@ -348,7 +348,7 @@ fn processor_time(process: i32) -> u64 {
 }
 
 #[test]
-fn killed_and_cancelled_elements_are_submitted_again_and_give_the_same_table() {
+fn killed_slurm_elements_are_resubmitted() {
     let Some(slurm) = Slurm::start() else {
         return;
     };

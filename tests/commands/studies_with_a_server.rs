@@ -79,7 +79,7 @@ fn remote_study_runs_with_its_server() {
 }
 
 #[test]
-fn study_with_certificates_runs_with_its_server() {
+fn study_with_certificates_runs() {
     let folder = copied("certificate");
     let authority = Authority::new();
     authority.issue(folder.path(), "server", LOCAL, VALID);

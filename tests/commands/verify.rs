@@ -1,4 +1,4 @@
-//! `gusset verify`: the published values hold, say so in every form, and fail loudly when asked for what does not exist.
+//! `gusset verify`: the published values hold, every form reports them, and an unknown topic is refused.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -15,7 +15,7 @@ fn verify(arguments: &[&str]) -> (i32, String, String) {
 }
 
 #[test]
-fn every_published_value_holds_and_stands_in_the_page() {
+fn every_published_value_holds() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("paper");
     let (code, text, complaints) = verify(&["--quick", "--json", "--out", out.to_str().unwrap()]);
@@ -34,7 +34,7 @@ fn every_published_value_holds_and_stands_in_the_page() {
         "{complaints}"
     );
     assert!(document["passed"].as_u64().unwrap() > 110);
-    // Table 2 and what stands beside it: every row has a number for every method.
+    // Table 2 and its companions: every row has a number for every method.
     let tables: Vec<_> = document["parts"]
         .as_array()
         .unwrap()
@@ -108,7 +108,7 @@ fn every_published_value_holds_and_stands_in_the_page() {
 }
 
 #[test]
-fn a_topic_is_proven_alone_and_an_unknown_one_is_wrong_usage() {
+fn topic_is_proven_alone_unknown_is_refused() {
     let (code, text, _) = verify(&["fig-5", "--quick"]);
     assert_eq!(code, 0);
     assert!(text.contains("Fig. 5") && !text.contains("Table 1"));

@@ -1,4 +1,4 @@
-//! A test file's text through configuration, engine and memory: what the tests of the physics share.
+//! A test file's text through configuration, engine and memory: shared by the tests of the physics.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -10,9 +10,9 @@ use gusset_setup::{Facts, Prepared};
 
 /// A recorder whose content can still be read when the engine has taken it.
 #[derive(Clone, Default)]
-pub struct Tape(Arc<Mutex<MemoryRecorder>>);
+pub struct SharedRecorder(Arc<Mutex<MemoryRecorder>>);
 
-impl Tape {
+impl SharedRecorder {
     fn with_columns(columns: usize) -> Self {
         Self(Arc::new(Mutex::new(MemoryRecorder::with_capacity(
             columns, 4096, 64,
@@ -20,7 +20,7 @@ impl Tape {
     }
 }
 
-impl Recorder for Tape {
+impl Recorder for SharedRecorder {
     fn row(&mut self, row: &[f64]) -> bool {
         self.0.lock().unwrap().row(row)
     }
@@ -29,7 +29,7 @@ impl Recorder for Tape {
     }
 }
 
-/// What a run left behind.
+/// Outcome, columns and events of a run.
 pub struct Run {
     pub columns: Vec<Column>,
     pub rows: Vec<Vec<f64>>,
@@ -81,20 +81,24 @@ pub fn run_with_facts(text: &str) -> (Run, Facts) {
 
 /// Runs an experiment on a clock of the test's own.
 pub fn run_on(experiment: Experiment, clock: impl Clock + 'static) -> Run {
-    run_under(experiment, clock, &Control::unattended())
+    run_under(
+        experiment,
+        clock,
+        &Control::from(crossbeam_channel::never()),
+    )
 }
 
 /// Runs an experiment with an operator.
 pub fn run_under(experiment: Experiment, clock: impl Clock + 'static, control: &Control) -> Run {
-    let tape = Tape::with_columns(experiment.columns().len());
-    let test = Connected::new(experiment, Box::new(clock), Box::new(tape.clone()));
+    let recorder = SharedRecorder::with_columns(experiment.columns().len());
+    let test = Connected::new(experiment, Box::new(clock), Box::new(recorder.clone()));
     let columns = test.columns().to_vec();
     let outcome = test.run(control).into_outcome();
-    let tape = tape.0.lock().unwrap();
+    let recorder = recorder.0.lock().unwrap();
     Run {
         columns,
-        rows: tape.rows().map(<[f64]>::to_vec).collect(),
-        events: tape.events().to_vec(),
+        rows: recorder.rows().map(<[f64]>::to_vec).collect(),
+        events: recorder.events().to_vec(),
         outcome,
     }
 }

@@ -6,7 +6,7 @@ use gusset_record::Run;
 
 use super::copy;
 
-/// What a kill leaves of a run: no summary, its rows up to `row` and a torn one, and the events that came with them.
+/// Copies a run as a kill leaves it: no summary, the rows up to `row`, a torn row, and the events until then.
 pub fn killed(run: &Path, to: &Path, row: usize) {
     copy(run, to);
     for name in ["summary.json", "report.html", "timing.json"] {
@@ -16,7 +16,7 @@ pub fn killed(run: &Path, to: &Path, row: usize) {
     let bytes = std::fs::read(run.join("samples.bin")).unwrap();
     std::fs::write(to.join("samples.bin"), &bytes[..row * stride + 17]).unwrap();
     let mut events = Run::open(run).unwrap().events().unwrap().to_json();
-    // On the way in of one that goes on rows have no time yet, but events have.
+    // During the startup of a resumed test rows have no time yet, but events have.
     let begins = events.iter().find(|event| event["event"] == "phase");
     let begins = begins.and_then(|event| event["time"].as_f64());
     let ends = column(run, "time")[row - 1].max(begins.unwrap_or(0.0));

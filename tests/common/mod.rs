@@ -1,4 +1,4 @@
-//! What the end-to-end tests share: the binary, a small test file, and a run read back.
+//! Shared by the end-to-end tests: the binary, a small test file, and a run read back.
 #![allow(
     dead_code,
     reason = "every test is a separate crate and uses its share"
@@ -13,7 +13,7 @@ pub mod spring;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use gusset_record::{Journal, Layout, Run, journal};
+use gusset_record::{Journal, Run, journal};
 
 /// A frame of two storeys at 200 Hz whose bottom storey is a Bouc–Wen specimen: half a second, simulated clock.
 pub const FRAME: &str = r#"title = "Frame"
@@ -66,6 +66,10 @@ pub fn gusset() -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
     command.stdin(Stdio::null());
     command.env("GUSSET_STATE", state_folder());
+    // To run all tests with other words in place of received texts. The test itself reads the true ones.
+    if std::env::var_os("GUSSET_TEST_REWORD").is_some() {
+        command.env("GUSSET_REWORD", "1");
+    }
     command
 }
 
@@ -77,7 +81,7 @@ pub fn state_folder() -> PathBuf {
     std::env::temp_dir().join(name)
 }
 
-/// What a command said and how it ended.
+/// Output and exit code of a command.
 #[derive(Debug)]
 pub struct Said {
     pub code: Option<i32>,
@@ -121,7 +125,7 @@ pub fn run(test: &Path, out: &Path, more: &[&str]) -> Said {
     command.args(more).output().unwrap().into()
 }
 
-/// The same, and it must complete.
+/// Runs the test, which must complete.
 pub fn completed(test: &Path, out: &Path, more: &[&str]) -> Said {
     let said = run(test, out, more);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
@@ -186,13 +190,15 @@ pub fn copy(from: &Path, to: &Path) {
 /// Writes another number into one row, with the checksum that belongs to it.
 pub fn change(run: &Path, row: u64, column: &str, value: f64) {
     let layout = std::fs::read_to_string(run.join("samples.json")).unwrap();
-    let layout = Layout::from_json(&layout).unwrap();
-    let index = layout.index_of(column).unwrap();
+    let layout: serde_json::Value = serde_json::from_str(&layout).unwrap();
+    let columns = layout["columns"].as_array().unwrap();
+    let index = columns.iter().position(|found| found["name"] == column);
+    let index = index.unwrap();
     let path = run.join("samples.bin");
     let mut bytes = std::fs::read(&path).unwrap();
-    let stride = layout.stride();
+    let stride = layout["stride"].as_u64().unwrap() as usize;
     let at = row as usize * stride;
-    let mut journal = Journal::new(&bytes[at..at + stride], layout.columns().len());
+    let mut journal = Journal::new(&bytes[at..at + stride], columns.len());
     // A row by itself does not follow from 0, but is read.
     let (sequence, mut values) = {
         let read = journal.next_row().unwrap().unwrap();

@@ -1,9 +1,9 @@
-//! A specimen that writes down what is done to it and misbehaves as it is told.
+//! A specimen that records every call and misbehaves on demand.
 
 use std::sync::{Arc, Mutex};
 
 use gusset_control::engine::Experiment;
-use gusset_control::port::{Axis, AxisSpec, PortSpec};
+use gusset_control::port::{Axis, AxisSpec, Exits, PortSpec};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -21,7 +21,7 @@ pub enum Call {
     Retire(Retirement),
 }
 
-/// When a rig asks what to do.
+/// The call at which a rig chooses its behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     Issue,
@@ -30,10 +30,10 @@ pub enum Phase {
     Retire,
 }
 
-/// What a rig does.
+/// The behaviour of a rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Act {
-    /// What it should.
+    /// Normal operation.
     Serve,
     /// Its link fails.
     Fail(LinkFault),
@@ -41,13 +41,13 @@ pub enum Act {
     Force(f64),
     /// A sensor of it is at the end of its range.
     Saturated,
-    /// It says this of itself, and answers with a force that would do harm.
+    /// It reports this status, and answers with a force that would do harm.
     Says(Status),
-    /// It says that it holds by its own watchdog.
+    /// It reports that its own watchdog holds it.
     Holds,
     /// Its answer is not there yet.
     Miss,
-    /// Nor this one, but it says this of itself.
+    /// No answer either, but it reports this status.
     MissSays(Status),
     /// An answer of this age in commands arrives and calls itself fresh, with a force that would do harm.
     Late(u64),
@@ -60,7 +60,7 @@ struct Rig<F> {
     number: usize,
     log: Log,
     coupling: Coupling,
-    /// Asked in every phase with the sequence number.
+    /// Called in every phase with the sequence number.
     act: F,
     disp: f64,
     sequence: u64,
@@ -163,7 +163,7 @@ pub fn storey(number: usize) -> Axis {
     })
 }
 
-/// Adds the next rig behind `axis`; it does in every phase what `act` says.
+/// Adds the next rig behind `axis`; its behaviour in every phase is `act`.
 pub fn attach(
     experiment: &mut Experiment,
     axis: Axis,
@@ -171,12 +171,37 @@ pub fn attach(
     log: &Log,
     act: impl FnMut(Phase, u64) -> Act + Send + 'static,
 ) {
+    attach_of(experiment, (axis, 2), coupling, log, act);
+}
+
+/// Adds the next rig behind an axis of a structure with `dofs` degrees of freedom.
+pub fn attach_of(
+    experiment: &mut Experiment,
+    (axis, dofs): (Axis, usize),
+    coupling: Coupling,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) {
     let number = experiment.ports.len();
-    let spec = spec(number, axis, coupling, log, act);
+    let mut spec = spec(number, axis, coupling, log, act);
+    spec.dofs = dofs;
     experiment.ports.push(spec.build().unwrap());
 }
 
-/// What the port of rig `number` is built from.
+/// Adds the next rig, which ends with these exits.
+pub fn attach_leaving(
+    experiment: &mut Experiment,
+    axis: Axis,
+    exits: Exits,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) {
+    let mut spec = spec(experiment.ports.len(), axis, Coupling::Sampled, log, act);
+    spec.exits = exits;
+    experiment.ports.push(spec.build().unwrap());
+}
+
+/// The specification of the port of rig `number`.
 pub fn spec(
     number: usize,
     axis: Axis,

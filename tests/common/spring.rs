@@ -1,4 +1,4 @@
-//! A spring of one axis that answers every command, at once or after some looks, and lets a test hear what it was told.
+//! A spring of one axis that answers every command, at once or after some polls, and shows a test its commands.
 
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
@@ -8,9 +8,9 @@ use gusset_quantity::time::Nanos;
 /// Coupling: lockstep.
 pub struct Spring {
     stiffness: f64,
-    /// Where it stands without a force.
+    /// Its position without a force.
     pub place: f64,
-    /// What the displacement sensor reads beyond the position, and the load cell without a force.
+    /// Offsets of the displacement sensor and of the load cell.
     pub bias: [f64; 2],
     hears: Box<dyn FnMut(&Command<'_>) + Send>,
     is_there: Box<dyn FnMut(u32, usize) -> bool + Send>,
@@ -22,7 +22,7 @@ pub struct Spring {
 }
 
 impl Spring {
-    /// `hears` every command as it is issued.
+    /// `hears` receives every command when it is issued.
     pub fn new(stiffness: f64, hears: impl FnMut(&Command<'_>) + Send + 'static) -> Self {
         Self {
             stiffness,
@@ -44,7 +44,8 @@ impl Spring {
         self
     }
 
-    /// `is_there` says at each look, from 1 on after every command, whether the answer to the last of so many commands is there.
+    /// `is_there` says at each poll, from 1 on after every command, whether the answer to the last command is there. Its second
+    /// argument is the number of commands.
     pub fn answering(mut self, is_there: impl FnMut(u32, usize) -> bool + Send + 'static) -> Self {
         self.is_there = Box::new(is_there);
         self
@@ -64,7 +65,7 @@ impl Substructure for Spring {
         (self.hears)(command);
         Ok(())
     }
-    /// Who waits for it gets it.
+    /// A caller that waits gets the answer.
     fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         if wait_ns > 0 {
             return Ok(true);

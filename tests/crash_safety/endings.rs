@@ -1,4 +1,4 @@
-//! Whatever ends a test, the specimen is retired, the folder tells what happened, and the exit code says how it ended.
+//! Whatever ends a test, the specimen is retired, the folder shows the cause, and the exit code shows how it ended.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -21,7 +21,7 @@ fn long(folder: &Path) -> std::path::PathBuf {
     )
 }
 
-/// The binary, for which a hang-up is what `hang_up` says, whatever it is for these tests.
+/// The binary with `hang_up` as its setting for SIGHUP, whatever the setting of these tests.
 fn gusset_that_is(hang_up: &str) -> Command {
     let mut command = Command::new("env");
     command
@@ -139,12 +139,12 @@ fn interrupted(signal: &str, code: i32) {
 }
 
 #[test]
-fn ctrl_c_ends_in_an_orderly_way_with_130() {
+fn ctrl_c_ends_cleanly_with_130() {
     interrupted("INT", 130);
 }
 
 #[test]
-fn ctrl_c_is_heard_while_a_slow_test_waits_for_its_next_edge() {
+fn ctrl_c_works_while_a_slow_test_waits() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let text = FRAME.replace("\"simulated\"", "\"real\"\nscale = 8000");
@@ -165,27 +165,27 @@ fn ctrl_c_is_heard_while_a_slow_test_waits_for_its_next_edge() {
 }
 
 #[test]
-fn the_key_beside_that_of_sigint_ends_in_an_orderly_way_too() {
+fn sigquit_ends_the_test_cleanly() {
     interrupted("QUIT", 130);
 }
 
 #[test]
-fn sigterm_and_a_lost_terminal_end_in_an_orderly_way_with_143() {
+fn sigterm_and_lost_terminal_exit_with_143() {
     interrupted("TERM", 143);
     interrupted("HUP", 143);
 }
 
-/// Signals that a process ignores, as the system tells: bit n − 1 for signal n.
+/// Signals that a process ignores, from the system: bit n − 1 for signal n.
 fn ignored(process: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     u64::from_str_radix(mask.unwrap().trim(), 16).unwrap()
 }
 
-/// What `nohup` does for a command, that a file at its size limit ends none, and that Ctrl-Z and a terminal's rules for those in
-/// the background stop none.
+/// `nohup` works for every command. A file at its size limit ends none, and Ctrl-Z and a terminal's rules for background processes
+/// stop none.
 #[test]
-fn a_run_and_every_server_leave_a_hang_up_ignored_that_was_so_when_they_began() {
+fn ignored_hang_up_stays_ignored() {
     const HUNG_UP: u64 = 1;
     const FILE_SIZE: u64 = 1 << 24;
     const STOPS: u64 = 0b111 << 19;
@@ -224,7 +224,7 @@ fn a_run_and_every_server_leave_a_hang_up_ignored_that_was_so_when_they_began() 
 }
 
 #[test]
-fn a_run_that_was_killed_is_readable_to_its_last_row_and_known_as_unfinished() {
+fn killed_run_is_readable_and_unfinished() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let mut running = Running::start(&long(folder.path()), &out);
@@ -233,7 +233,7 @@ fn a_run_that_was_killed_is_readable_to_its_last_row_and_known_as_unfinished() {
     let run = Run::open(&out).unwrap();
     assert!(run.summary().is_none());
     let steps = run.columns(&["step"]).unwrap().remove(0);
-    // What was seen in the file before the kill is in it after.
+    // Every row seen in the file before the kill is in it afterwards.
     assert!(steps.len() >= 300, "{} rows", steps.len());
     assert!(
         steps
@@ -296,7 +296,7 @@ divergence_m = 50
 "#;
 
 #[test]
-fn divergence_stops_the_test_and_names_the_dof() {
+fn divergence_stops_the_test_names_the_dof() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", EXAMPLE);
     let out = folder.path().join("out");
@@ -336,7 +336,7 @@ fn divergence_stops_the_test_and_names_the_dof() {
 
 /// No link is there to fail: a computation that diverged is a test that stopped, not a peer that was lost.
 #[test]
-fn a_law_that_gives_no_finite_force_stops_the_test_with_1_and_says_so() {
+fn nonfinite_force_stops_the_test_with_1() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let text = "[time]\nrate_hz = 100\nduration_s = 0.5\nclock = \"simulated\"\n\
@@ -356,7 +356,7 @@ fn a_law_that_gives_no_finite_force_stops_the_test_with_1_and_says_so() {
     ] {
         assert!(reason.contains(words), "{words}: {reason}");
     }
-    // What the law gave before stands in the record, and nothing else.
+    // The record contains only the finite forces from before.
     let run = Run::open(&out).unwrap();
     let force = run.columns(&["force_1_1"]).unwrap().remove(0);
     assert!(!force.is_empty() && force.iter().all(|f| f.is_finite()));

@@ -1,4 +1,4 @@
-//! Folders that cannot be written: told before anything moves, or at the end, and never by a panic.
+//! Folders that cannot be written: reported before anything moves, or at the end, and never by a panic.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -9,7 +9,7 @@ use crate::common::{FRAME, Said, write};
 use crate::link_common::Running;
 use crate::note;
 
-/// The program as a user who may write only what everybody may.
+/// The program as an unprivileged user.
 fn as_nobody(arguments: &[&std::ffi::OsStr]) -> Option<Said> {
     let mut command = Command::new("setpriv");
     command.args(["--reuid=65534", "--regid=65534", "--clear-groups"]);
@@ -20,13 +20,13 @@ fn as_nobody(arguments: &[&std::ffi::OsStr]) -> Option<Said> {
     dropped.then_some(said)
 }
 
-/// Whoever is not root needs not drop anything.
+/// Without root there are no privileges to drop.
 fn unprivileged(arguments: &[&std::ffi::OsStr]) -> Said {
     as_nobody(arguments).unwrap_or_else(|| crate::common::say(arguments.iter().copied()))
 }
 
 #[test]
-fn a_folder_that_is_read_only_is_told_before_anything_moves() {
+fn read_only_folder_is_reported_early() {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
@@ -53,7 +53,7 @@ fn a_folder_that_is_read_only_is_told_before_anything_moves() {
         0,
         "nothing is left behind"
     );
-    // Where not even root can: a file is no folder, and /proc takes none.
+    // Not even root can write there: a file is no folder, and /proc takes none.
     for out in [test.join("below"), Path::new("/proc/gusset").to_owned()] {
         let said = crate::common::run(&test, &out, &[]);
         assert_eq!(said.code, Some(2), "{}", said.stderr);
@@ -65,7 +65,7 @@ fn a_folder_that_is_read_only_is_told_before_anything_moves() {
     }
 }
 
-/// A test in real time that nobody waits for.
+/// A long test in real time; the tests do not wait for its end.
 fn long() -> String {
     let text = FRAME
         .replace("duration_s = 0.5", "duration_s = 600")
@@ -77,7 +77,7 @@ fn long() -> String {
 }
 
 #[test]
-fn a_folder_that_is_moved_in_mid_test_ends_nothing_and_gets_all_that_belongs_to_it() {
+fn folder_moved_mid_test_gets_all_files() {
     let folder = tempfile::tempdir().unwrap();
     let test = Running::start(folder.path(), "run", &long());
     test.moves();
@@ -87,18 +87,18 @@ fn a_folder_that_is_moved_in_mid_test_ends_nothing_and_gets_all_that_belongs_to_
     assert_eq!(code, 130, "{said}");
     assert!(said.contains("was moved to "), "{said}");
     assert!(!said.contains("not written: "), "{said}");
-    let left = gusset_record::Run::open(&folder.path().join("elsewhere")).unwrap();
-    let warnings = &left.summary().unwrap().warnings;
+    let moved = gusset_record::Run::open(&folder.path().join("elsewhere")).unwrap();
+    let warnings = &moved.summary().unwrap().warnings;
     assert!(
         warnings.iter().any(|text| text.contains("was moved to ")),
         "{warnings:?}"
     );
-    assert_eq!(crate::rows(&left).1, gusset_record::End::Clean);
+    assert_eq!(crate::rows(&moved).1, gusset_record::End::Clean);
     assert!(!out.exists());
 }
 
 #[test]
-fn a_folder_that_is_deleted_in_mid_test_ends_nothing_and_its_rows_count_as_lost() {
+fn folder_deleted_mid_test_counts_lost_rows() {
     let folder = tempfile::tempdir().unwrap();
     let test = Running::start(folder.path(), "run", &long());
     test.moves();

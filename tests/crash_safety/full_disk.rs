@@ -9,7 +9,7 @@ use std::process::Command;
 use crate::common::{FRAME, PATIENT, Said, completed, gusset, json, say, write};
 use gusset_record::Run;
 
-/// The binary with no file longer than so many kB.
+/// The binary with this limit on the size of a file, in kB.
 fn under_limit(kilobytes: u32) -> Command {
     let script = format!("ulimit -f {kilobytes}; exec \"$0\" \"$@\"");
     let mut command = Command::new("bash");
@@ -33,9 +33,9 @@ fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Sai
         .into()
 }
 
-/// With six to eight files, a library of ours panicked where its signals were set up.
+/// With six to eight files, one of our libraries panicked while it set up its signals.
 #[test]
-fn too_few_files_are_a_refusal_before_anything_is_made() {
+fn too_few_files_are_refused_early() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
@@ -57,7 +57,7 @@ fn too_few_files_are_a_refusal_before_anything_is_made() {
 }
 
 #[test]
-fn a_full_disk_does_not_end_the_test_but_every_lost_row_is_counted_and_shouted() {
+fn full_disk_counts_every_lost_row() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(
         folder.path(),
@@ -103,7 +103,7 @@ fn a_full_disk_does_not_end_the_test_but_every_lost_row_is_counted_and_shouted()
 }
 
 #[test]
-fn a_record_that_is_required_makes_lost_rows_a_stopped_test() {
+fn required_record_stops_at_lost_rows() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(
         folder.path(),
@@ -125,7 +125,7 @@ fn a_record_that_is_required_makes_lost_rows_a_stopped_test() {
 }
 
 #[test]
-fn a_disk_without_room_for_anything_is_told_before_the_test_and_leaves_nothing() {
+fn disk_without_room_is_reported_early() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
@@ -140,7 +140,7 @@ fn a_disk_without_room_for_anything_is_told_before_the_test_and_leaves_nothing()
 }
 
 #[test]
-fn every_command_tells_that_a_file_has_reached_its_limit_and_leaves_no_part_of_one() {
+fn every_command_reports_the_file_limit() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
@@ -163,9 +163,9 @@ fn every_command_tells_that_a_file_has_reached_its_limit_and_leaves_no_part_of_o
     assert_eq!(fs::read(out.join("report.html")).unwrap(), page);
 }
 
-/// As a service's output may be, whose reader is gone or asleep.
+/// Like a service's output whose reader is gone or asleep.
 #[test]
-fn a_socket_that_nobody_empties_ends_nothing_and_holds_up_nothing() {
+fn unread_socket_holds_up_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let limits = "[specimen.limits]\ncommand_disp_m = { warn = [-1e-6, 1e-6], trip = [-1, 1] }\n";
     let test = write(folder.path(), "test.toml", &format!("{FRAME}{limits}"));
@@ -194,7 +194,7 @@ fn a_socket_that_nobody_empties_ends_nothing_and_holds_up_nothing() {
 }
 
 #[test]
-fn a_log_that_nobody_can_write_or_read_ends_nothing() {
+fn unwritable_log_ends_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let full = || fs::File::options().write(true).open("/dev/full").unwrap();
@@ -211,7 +211,7 @@ fn a_log_that_nobody_can_write_or_read_ends_nothing() {
     assert_eq!(status.code(), Some(0));
     assert_eq!(json(&out, "summary.json")["status"], "completed");
     assert!(out.join("report.html").exists());
-    // The log says most when the disk is full, and lies on it more often than not.
+    // The log writes most when the disk is full, and is often on that disk.
     let test = write(
         folder.path(),
         "long.toml",

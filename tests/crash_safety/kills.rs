@@ -1,7 +1,7 @@
 //! kill −9 at random instants of the whole life of a test, from the start of the program to its last file.
 //!
-//! After each one: no whole row is missing or damaged, the rows are those of a test that was not killed, bit for bit, the
-//! folder says that it is unfinished, and report, export and replay take it as far as it goes.
+//! After each kill no whole row is missing or damaged, and the rows equal those of a test without a kill, bit for bit. The folder
+//! shows that it is unfinished. Report, export and replay use it as far as it goes.
 //!
 //! `GUSSET_KILLS=5000 cargo test --test crash_safety kills -- --nocapture` for more of them; `GUSSET_KILL_SEED` for others.
 
@@ -21,18 +21,18 @@ fn number(name: &str, usual: u64) -> u64 {
     given.map_or(usual, |text| text.parse().unwrap())
 }
 
-/// What is compared with: the same test, not killed.
+/// Reference: the test without a kill.
 struct Whole {
     rows: Vec<Vec<u64>>,
     ns: u64,
 }
 
-/// What was found after a kill.
+/// State of the folder after a kill.
 #[derive(Debug, PartialEq)]
-enum Left {
+enum FolderState {
     /// It was killed before it had anything to record.
     Nothing,
-    /// So many whole rows, and wall time in s that the rows do not cover, where it is known.
+    /// Number of whole rows, and the wall time in s that the rows do not cover, if known.
     Unfinished(usize, Option<f64>),
     /// It was over already.
     Finished,
@@ -73,23 +73,23 @@ fn lost(run: &Run, killed_ns: u64) -> Option<f64> {
     Some(killed_ns.saturating_sub(first_edge_ns) as f64 * 1e-9 - covered)
 }
 
-fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
+fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> FolderState {
     let command = |word: &str| say([word.as_ref(), out.as_os_str()]);
     let run = match Run::open(out) {
         Ok(run) => run,
         Err(error) => {
-            // Nothing was recorded: that is told, and nothing breaks.
+            // Nothing was recorded: the command reports this, and nothing breaks.
             assert!(!out.join("samples.json").exists(), "{error}");
             for word in ["report", "replay"] {
                 let said = command(word);
                 assert_eq!(said.code, Some(2), "{}", said.stderr);
                 assert!(said.stderr.starts_with("error: "), "{}", said.stderr);
             }
-            return Left::Nothing;
+            return FolderState::Nothing;
         }
     };
     if !out.join("samples.bin").exists() {
-        return Left::Nothing;
+        return FolderState::Nothing;
     }
     let (found, end) = rows(&run);
     assert!(matches!(end, End::Clean | End::Torn { .. }), "{end}");
@@ -101,7 +101,7 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
         assert_eq!(found.len(), whole.rows.len());
         assert_eq!(summary.rows_lost, 0);
         assert!(out.join("timing.json").exists());
-        return Left::Finished;
+        return FolderState::Finished;
     }
     // At most the last line of the log is torn.
     let text = fs::read_to_string(out.join("events.jsonl")).unwrap();
@@ -134,11 +134,11 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
         "{}",
         said.stdout
     );
-    Left::Unfinished(found.len(), lost(&run, killed_ns))
+    FolderState::Unfinished(found.len(), lost(&run, killed_ns))
 }
 
 #[test]
-fn a_kill_at_any_instant_costs_the_last_instant_and_nothing_else() {
+fn kill_costs_only_the_last_instant() {
     let home = tempfile::tempdir().unwrap();
     // Two minutes at 1 kHz: on the simulated clock as many rows as a disk takes in a moment.
     let text = FRAME
@@ -174,14 +174,14 @@ fn a_kill_at_any_instant_costs_the_last_instant_and_nothing_else() {
         };
         let delay = Duration::from_nanos(dice.roll() % longest);
         let killed_ns = kill_after(&test, &out, clock, delay);
-        let left = judge(folder.path(), &out, killed_ns, &whole);
+        let state = judge(folder.path(), &out, killed_ns, &whole);
         note(&format!(
-            "kill {kill} of seed {seed}, {clock}, after {delay:?}: {left:?}"
+            "kill {kill} of seed {seed}, {clock}, after {delay:?}: {state:?}"
         ));
-        match left {
-            Left::Nothing => nothing += 1,
-            Left::Finished => finished += 1,
-            Left::Unfinished(_, lost) => {
+        match state {
+            FolderState::Nothing => nothing += 1,
+            FolderState::Finished => finished += 1,
+            FolderState::Unfinished(_, lost) => {
                 unfinished += 1;
                 losses.extend(lost.filter(|_| real));
             }

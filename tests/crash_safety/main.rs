@@ -23,12 +23,12 @@ use std::time::Duration;
 
 use gusset_record::{End, Run};
 
-/// Says something for whoever reads the log of the tests.
+/// Prints a line for readers of the test log.
 fn note(text: &str) {
     let _nobody_reads = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Lets this thread rest.
+/// Pauses this thread.
 fn rest(time: Duration) {
     gusset_session::pause(time);
 }
@@ -68,8 +68,7 @@ fn rows(run: &Run) -> (Vec<Vec<u64>>, End) {
     (rows, journal.end().unwrap())
 }
 
-/// Every file of a finished test is there, its rows are whole, every command comes out again bit for bit, and it went the way
-/// of a trip or not.
+/// Every file of a finished test is there, its rows are whole, every command is replayed bit for bit, and it tripped or not.
 fn is_whole(folder: &Path, name: &str, tripped: bool) {
     let out = folder.join(name);
     for file in [

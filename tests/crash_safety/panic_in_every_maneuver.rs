@@ -225,7 +225,7 @@ fn run(at: Option<(Phase, Call)>) -> (Ending, bool, [usize; 2], usize, Vec<Phase
 }
 
 #[test]
-fn a_test_without_a_panic_passes_through_every_maneuver() {
+fn test_passes_through_every_maneuver() {
     let (ending, has_fault, goodbyes, _, seen) = run(None);
     assert_eq!((ending, has_fault), (Ending::Completed, false));
     assert_eq!(goodbyes, [1, 1]);
@@ -235,7 +235,7 @@ fn a_test_without_a_panic_passes_through_every_maneuver() {
 }
 
 #[test]
-fn a_panic_in_any_maneuver_moves_nothing_more_and_retires_every_specimen_once() {
+fn panic_in_any_maneuver_retires_everyone() {
     for phase in PHASES {
         for call in [Call::Issue, Call::Collect, Call::Accepted] {
             // Nothing is accepted where nothing has moved for the test.

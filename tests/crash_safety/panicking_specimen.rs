@@ -1,5 +1,5 @@
-//! Our own panic is caught at the boundary of the loop's thread: every specimen gets its last words exactly once, and the
-//! folder tells how far the test came.
+//! The boundary of the loop's thread catches a panic: every specimen is retired exactly once, and the folder shows how far the test
+//! came.
 
 use std::fs;
 use std::path::Path;
@@ -20,7 +20,7 @@ use gusset_record::{Run, RunFolder};
 use gusset_session::{self as session, Finished, Watches};
 use gusset_setup::{self as setup, Prepared};
 
-/// A spring whose code has a bug that shows at a given time, and perhaps another in its last words.
+/// A spring whose code has a bug that shows at a given time, and perhaps another one when it retires.
 #[derive(Debug)]
 struct Buggy {
     disp: f64,
@@ -53,8 +53,8 @@ impl Substructure for Buggy {
     }
 }
 
-/// The frame with two buggy springs side by side in its bottom storey, run into `out`; how it ended, and the last
-/// words of each.
+/// Runs the frame with two buggy springs side by side in its bottom storey into `out`; returns its end, and the retirement of each
+/// spring.
 fn run(out: &Path, fails_at: f64, fails_at_the_end: bool) -> (Finished, [usize; 2]) {
     let loaded = config::parse(Path::new("test.toml"), FRAME.to_owned(), &[]).unwrap();
     let mut test: Prepared = setup::build(&loaded).unwrap();
@@ -86,7 +86,7 @@ fn run(out: &Path, fails_at: f64, fails_at_the_end: bool) -> (Finished, [usize; 
 }
 
 #[test]
-fn a_panic_is_a_failed_test_whose_specimens_are_retired_once_and_whose_folder_is_whole() {
+fn panic_retires_specimens_and_keeps_folder() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     // Step 50 of 200 Hz.
@@ -133,7 +133,7 @@ fn a_panic_is_a_failed_test_whose_specimens_are_retired_once_and_whose_folder_is
 }
 
 #[test]
-fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
+fn panic_in_retire_spares_the_next_specimen() {
     let folder = tempfile::tempdir().unwrap();
     let (finished, goodbyes) = run(&folder.path().join("out"), 0.2499, true);
     assert_eq!(goodbyes, [1, 1]);
@@ -145,10 +145,10 @@ fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
     );
 }
 
-/// Through the program itself, on both clocks: a specimen that is computed fails on purpose at 0.25 s, another one stands behind a
-/// link. It hears that the test tripped, and the folder is whole.
+/// Through the program itself, on both clocks: a computed specimen panics on purpose at 0.25 s, and another one is behind a link.
+/// The latter is informed of the trip, and the folder is whole.
 #[test]
-fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
+fn injected_panic_exits_with_5_and_retires() {
     for clock in ["simulated", "real"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -217,14 +217,14 @@ fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
         assert!(report.contains("fails on purpose"));
         let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
         assert!(events.contains("\"internal_error\""), "{events}");
-        // What was recorded is replayed up to there, without a drill.
+        // The recorded part is replayed, without the injected fault.
         let said = say(["replay".as_ref(), out.as_os_str()]);
         assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
     }
 }
 
 #[test]
-fn a_drill_is_refused_where_it_could_not_come() {
+fn injected_panic_after_the_end_is_refused() {
     let line = "drill = { panic_at_s = 3 }";
     let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{line}\n"));
     let words = ["the fault of `drill` is at 3 s, but the test ends at 0.5 s"];
@@ -239,10 +239,10 @@ fn a_drill_is_refused_where_it_could_not_come() {
     );
 }
 
-/// What was drilled goes on from its last row as if nothing had been: the same bits at the end as without the drill. At full
-/// pace at once: easing would split the way of a spring that yields, which rounds otherwise.
+/// A test with an injected panic resumes from its last row with the same bits as without the panic. It resumes at full pace: a hold
+/// ramp would change the rounding of a yielding spring.
 #[test]
-fn a_test_goes_on_after_its_drill() {
+fn test_resumes_after_an_injected_panic() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let plain = format!("{FRAME}\n[safety]\nease_s = 0\n");

@@ -12,7 +12,7 @@ use crate::link_common::{
 use crate::{is_whole, rows};
 
 const STEPS: u32 = 40;
-/// Far longer than anybody waits.
+/// Far longer than these tests last.
 const LONG: u32 = 3_000_000;
 
 fn specimen(folder: &Path, transport: &str) -> Served {
@@ -44,7 +44,7 @@ fn the_next_one_completes(folder: &Path, address: &str, transport: &str) {
         if code == 0 {
             return;
         }
-        // A UDP server waits half a minute for a controller that says nothing any more: it may come back.
+        // A UDP server waits half a minute for a silent controller: it may come back.
         assert!(
             said.contains("another controller") && attempt < 4000,
             "{said}"
@@ -64,7 +64,7 @@ fn in_mid_test(folder: &Path, name: &str, transport: &str, keys: &str) -> (Serve
 }
 
 #[test]
-fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_one() {
+fn killed_controller_leaves_a_held_specimen() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -78,9 +78,9 @@ fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_o
             assert!(over.contains("without a goodbye"), "{over}");
             assert!(over.contains("the specimen stays where it is"), "{over}");
         }
-        let left = Run::open(&folder.join("killed")).unwrap();
-        assert!(left.summary().is_none());
-        let (rows, end) = rows(&left);
+        let killed = Run::open(&folder.join("killed")).unwrap();
+        assert!(killed.summary().is_none());
+        let (rows, end) = rows(&killed);
         assert!(
             !rows.is_empty() && matches!(end, End::Clean | End::Torn { .. }),
             "{end}"
@@ -90,14 +90,14 @@ fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_o
 }
 
 #[test]
-fn a_specimen_that_is_killed_ends_the_test_as_planned() {
+fn killed_specimen_ends_the_test_as_planned() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let (mut served, test) = in_mid_test(folder, "run", transport, "max_stale = 400");
         served.kill();
         let (code, said) = test.wait();
-        // UDP: the system may tell that nobody is there, or all is silence.
+        // UDP: the system may report that no server is there, or stay silent.
         let summary = summary(folder, "run");
         match code {
             3 => assert_eq!(summary.status, Status::Failed),
@@ -116,7 +116,7 @@ fn a_specimen_that_is_killed_ends_the_test_as_planned() {
 }
 
 #[test]
-fn a_controller_that_is_stopped_for_a_while_finds_its_specimen_holding_and_goes_on() {
+fn stopped_controller_continues() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -150,7 +150,7 @@ fn a_controller_that_is_stopped_for_a_while_finds_its_specimen_holding_and_goes_
 }
 
 #[test]
-fn a_specimen_that_is_stopped_trips_the_test_at_the_bound_of_stale_ticks() {
+fn stopped_specimen_trips_at_stale_bound() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -166,7 +166,7 @@ fn a_specimen_that_is_stopped_trips_the_test_at_the_bound_of_stale_ticks() {
             "{reason}"
         );
         is_whole(folder, "run", true);
-        // It wakes up to a controller that is gone, and takes the next one.
+        // It resumes after its controller is gone, and accepts the next one.
         served.send("CONT");
         served.hears("test over");
         the_next_one_completes(folder, &served.address, transport);
@@ -174,13 +174,13 @@ fn a_specimen_that_is_stopped_trips_the_test_at_the_bound_of_stale_ticks() {
 }
 
 #[test]
-fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
+fn shortly_stopped_specimen_is_waited_for() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let (served, test) = in_mid_test(folder, "run", transport, "max_stale = 100000");
         served.send("STOP");
-        // The test goes on by the last force that is known.
+        // The test continues with the last known force.
         test.moves();
         served.send("CONT");
         test.moves();
@@ -193,7 +193,7 @@ fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
     }
 }
 
-/// How far in m from where it was left a specimen may be found; more than it moves in the instant that no row tells of.
+/// Allowed distance in m of a specimen from its last position: more than it moves in the instant without a row.
 const NEAR: f64 = 1e-3;
 
 /// The commands of a test on record.
@@ -205,7 +205,7 @@ fn commands(folder: &Path) -> Vec<f64> {
     commands.unwrap_or_default()
 }
 
-/// A specimen that stays where it is left, or begins anew with each controller.
+/// A specimen that keeps its position, or restarts with each controller.
 fn that_remembers(folder: &Path, remembers: bool) -> Served {
     let text = format!(
         "[serve]\nremembers = {remembers}\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"
@@ -213,7 +213,7 @@ fn that_remembers(folder: &Path, remembers: bool) -> Served {
     Served::start(folder, &text, &["--transport", "tcp"])
 }
 
-/// A test on such a specimen that was killed in its midst.
+/// A test on such a specimen that was killed midway.
 fn killed_on(folder: &Path, remembers: bool) -> Served {
     let served = that_remembers(folder, remembers);
     far_from_its_start(folder, &served).kill();
@@ -221,7 +221,7 @@ fn killed_on(folder: &Path, remembers: bool) -> Served {
     served
 }
 
-/// A test on what is served, in its midst.
+/// A running test on the served specimen, far from its start.
 fn far_from_its_start(folder: &Path, served: &Served) -> Running {
     let keys = "max_stale = 100000";
     let text = in_real_time(LONG, &served.address, "tcp", keys);
@@ -238,7 +238,7 @@ fn far_from_its_start(folder: &Path, served: &Served) -> Running {
     test
 }
 
-/// Goes on with the killed test; the words that it begins with are told.
+/// Resumes the killed test, which reports this at its start.
 fn go_on(folder: &Path) -> Running {
     let (killed, next) = (folder.join("killed"), folder.join("next"));
     Running::with(
@@ -263,7 +263,7 @@ fn standing(folder: &Path, name: &str) -> f64 {
 }
 
 #[test]
-fn a_killed_test_goes_on_from_where_its_specimen_says_that_it_stands() {
+fn killed_test_resumes_where_specimen_is() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = killed_on(folder, true);
@@ -282,7 +282,7 @@ fn a_killed_test_goes_on_from_where_its_specimen_says_that_it_stands() {
 }
 
 #[test]
-fn a_killed_test_does_not_go_on_with_a_computed_specimen_that_starts_anew_and_nothing_moves() {
+fn restarted_computed_specimen_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = killed_on(folder, false);
@@ -296,10 +296,10 @@ fn a_killed_test_does_not_go_on_with_a_computed_specimen_that_starts_anew_and_no
     drop(served);
 }
 
-/// A gateway learns with its next test only whether what says that it is a computation stays where a test left it. It is held
-/// before, so that the last command is on record.
+/// Only with its next test does a gateway learn whether a specimen that calls itself a computation keeps its state. The test is
+/// held before, so that the last command is on record.
 #[test]
-fn a_killed_test_goes_on_through_a_gateway_that_has_not_seen_its_specimen_since() {
+fn killed_test_resumes_through_a_gateway() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let specimen = that_remembers(folder, true);

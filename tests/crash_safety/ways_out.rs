@@ -1,4 +1,4 @@
-//! Every way out goes through the same retirement, over real links too, a panic on the loop's thread included.
+//! Every ending retires the specimens in one place: over real links and after a panic on the loop's thread, too.
 
 use std::path::Path;
 
@@ -68,7 +68,7 @@ fn leave(
             _ => Act::Serve,
         },
     );
-    // The rig comes first on the list of those to be retired, so that its last words are in the way of the others'.
+    // The rig is first in the list to be retired, so that its retirement comes before the others'.
     test.experiment.ports.reverse();
     test.facts.specimens.push("rig".into());
     let (says, requests) = crossbeam_channel::bounded(1);
@@ -87,7 +87,7 @@ fn leave(
 }
 
 #[test]
-fn every_way_out_says_goodbye_over_every_link() {
+fn every_ending_says_goodbye_on_every_link() {
     let ways = [
         (
             Way::LastStep,
@@ -151,7 +151,7 @@ fn every_way_out_says_goodbye_over_every_link() {
     }
 }
 
-/// A clock whose every reading may be anywhere: it jumps by up to an hour, forwards and back, while the test waits.
+/// A clock whose readings jump by up to an hour, forwards and back, while the test waits.
 struct Jumping {
     clock: SimClock,
     waits: std::cell::Cell<u64>,
@@ -196,7 +196,7 @@ impl Clock for Jumping {
 }
 
 #[test]
-fn a_clock_that_jumps_costs_wall_time_and_no_step() {
+fn clock_jump_costs_no_step() {
     let test = || {
         two_floors(
             80,
@@ -223,7 +223,7 @@ fn a_clock_that_jumps_costs_wall_time_and_no_step() {
             assert_eq!(of(&smooth.rows), of(&jumped.rows), "{}", column.name);
         }
     }
-    // Both jumps forwards are late edges; the way back is waited for.
+    // Both jumps forwards are late edges; the loop waits after the jump backwards.
     assert!(
         (2..=4).contains(&jumped.outcome.pace.misses),
         "{}",
@@ -236,9 +236,9 @@ fn a_clock_that_jumps_costs_wall_time_and_no_step() {
     );
 }
 
-/// What a test needs to be retired is the list of its specimens: the engine's other parts may be as they like.
+/// To retire the test only the list of specimens is needed, whatever the state of the engine's other parts.
 #[test]
-fn a_panic_at_any_command_leaves_as_many_rows_as_there_were_steps() {
+fn panic_at_any_command_keeps_every_row() {
     for at in [0, 7, 30] {
         let mut test = prepare(
             "timing.warmup_ticks = 0\n[time]\nrate_hz = 1000\nduration_s = 0.05\nclock = \"simulated\"\n\

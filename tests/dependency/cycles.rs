@@ -263,7 +263,7 @@ fn cycles(edges: &BTreeMap<String, BTreeSet<String>>) -> BTreeSet<Vec<String>> {
 }
 
 #[test]
-fn sibling_files_import_each_other_in_one_direction() {
+fn sibling_files_import_in_one_direction() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let (mut wrong, mut mended) = (Vec::new(), BTreeSet::new());
     mended.extend(EXEMPT.iter().map(|(folder, _)| (*folder).to_owned()));
@@ -300,7 +300,7 @@ fn a_tree_of_imports_is_written_out() {
 }
 
 #[test]
-fn two_files_that_name_each_other_are_a_cycle() {
+fn two_files_that_import_each_other_cycle() {
     let all = [("a", "b"), ("b", "c"), ("b", "d"), ("c", "a"), ("e", "d")];
     let mut edges: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for (from, to) in all {

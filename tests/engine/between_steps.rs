@@ -1,4 +1,4 @@
-//! What is sent and written between two steps of a test with many ticks a step: numbers, times, velocities, the pace of a hold.
+//! Commands and rows between two steps of a test with many ticks a step: numbers, times, velocities, the pace of a hold.
 
 use std::sync::{Arc, Mutex};
 
@@ -22,8 +22,8 @@ fn frame(steps: u32, says: &[(usize, Operator)]) -> (Run, Vec<[f64; 4]>) {
     (run, commands)
 }
 
-/// The same with a far spring in the upper storey that takes `late` looks before its answer to every fifth command is there,
-/// and how many commands the near one had heard when the far one was told each of its own.
+/// Runs the frame with a far spring in the upper storey, whose answer to every fifth command takes `late` polls. Also returns how
+/// many commands the near spring had received at each command of the far one.
 fn frame_with(
     steps: u32,
     says: &[(usize, Operator)],
@@ -77,8 +77,8 @@ fn frame_with(
     (run, commands, told)
 }
 
-/// A specimen that is commanded once a step is held on its way to the target of a step: the step takes the force at the target, which
-/// leaves once more.
+/// A specimen that is commanded once a step is held before it reaches the target of the step. The step needs the force at the
+/// target, so the target is sent once more.
 #[test]
 fn a_target_that_is_not_reached_is_repeated() {
     let run_with = |held: Option<usize>| {
@@ -103,7 +103,11 @@ fn a_target_that_is_not_reached_is_repeated() {
         spec.per_step = true;
         let port = spec.build().unwrap();
         experiment.ports.push(port);
-        let run = run_under(experiment, SimClock::new(), &Control::unattended());
+        let run = run_under(
+            experiment,
+            SimClock::new(),
+            &Control::from(crossbeam_channel::never()),
+        );
         let told = told.lock().unwrap().clone();
         (run, told)
     };
@@ -122,7 +126,7 @@ fn a_target_that_is_not_reached_is_repeated() {
 }
 
 #[test]
-fn ticks_are_numbered_within_their_step_and_share_it_evenly() {
+fn ticks_share_their_step_evenly() {
     let (run, commands) = frame(100, &[]);
     let columns = ["step", "sub_tick", "state", "time"].map(|name| run.all(name));
     let rows = columns[0].len();
@@ -147,14 +151,14 @@ fn ticks_are_numbered_within_their_step_and_share_it_evenly() {
     }
 }
 
-/// The response is mostly 1 Hz, and at most 3.2 Hz (the second mode). Over a tick of 1.25 ms a central difference is off by
-/// (2π 3.2 · 1.25e-3)²/6, 1e-4; where two cubics meet at a target, by a quarter of the jump of their second derivative over a
-/// tick, third order in a step: (2π 3.2 · 1e-2)³/8, 1e-3. Where a prediction is left in the middle of a step, what it has missed,
-/// a third of the third difference, is made up for in the half of a step: with f Hz 6 · (2π f · 1e-2)³/3 / 0.5² of the amplitude
-/// per step², times a quarter of a tick, over 2π f · 1e-2: 1e-3 for 1 Hz, 1e-2 for 3.2 Hz. A path that went on from elsewhere
-/// would jump by what was missed within two ticks: several times that.
+/// The response is mostly 1 Hz, and at most 3.2 Hz (the second mode). Over a tick of 1.25 ms a central difference is off by (2π 3.2
+/// · 1.25e-3)²/6, 1e-4. Where two cubics meet at a target, it is off by a quarter of the jump of their second derivative over a
+/// tick, third order in a step: (2π 3.2 · 1e-2)³/8, 1e-3. Where a prediction ends in the middle of a step, its error, a third of
+/// the third difference, is made up for in half a step. With f Hz this is 6 · (2π f · 1e-2)³/3 / 0.5² of the amplitude per step²,
+/// times a quarter of a tick, over 2π f · 1e-2: 1e-3 for 1 Hz, 1e-2 for 3.2 Hz. A path from elsewhere would jump by the
+/// prediction's error within two ticks: several times that.
 #[test]
-fn the_velocity_that_is_sent_is_the_slope_of_what_is_sent() {
+fn velocity_is_the_slope_of_the_command() {
     // Known at once, and known only in the fourth tick of the step.
     for late in [None, Some(11)] {
         let (run, commands, _) = frame_with(100, &[], late);
@@ -168,7 +172,7 @@ fn the_velocity_that_is_sent_is_the_slope_of_what_is_sent() {
 fn is_smooth(commands: &[[f64; 4]], allowed: f64) {
     let peak = commands.iter().fold(0.0f64, |m, [.., v]| m.max(v.abs()));
     let tick = DT / f64::from(TICKS);
-    // From rest with a jerk: a parabola through the first four targets knows nothing of what comes.
+    // From rest with a jerk: a parabola through the first four targets cannot predict the next ones.
     for k in 32..commands.len() - 1 {
         let slope = (commands[k + 1][2] - commands[k - 1][2]) / (2.0 * tick);
         let off = (commands[k][3] - slope).abs() / peak;
@@ -178,7 +182,7 @@ fn is_smooth(commands: &[[f64; 4]], allowed: f64) {
 }
 
 #[test]
-fn a_hold_between_two_steps_counts_on_and_moves_nothing() {
+fn hold_between_two_steps_moves_nothing() {
     let (plain, _) = frame(20, &[]);
     // In the middle of a step, for 30 ticks.
     let at = WARM_UP + 8 * 10 + 3;
@@ -190,7 +194,7 @@ fn a_hold_between_two_steps_counts_on_and_moves_nothing() {
     assert!((28..=31).contains(&standing.len()), "{}", standing.len());
     let (first, last) = (standing[0], standing[standing.len() - 1]);
     assert_eq!(last - first + 1, standing.len());
-    // From the step before to the step behind each row is one tick more.
+    // Between the step before and the step after each row there is one tick more.
     let before = (0..first).rev().find(|row| state[*row] == 3.0).unwrap();
     let behind = (last..state.len()).find(|row| state[*row] == 3.0).unwrap();
     for (count, row) in (before..behind).enumerate() {
@@ -213,10 +217,10 @@ fn a_hold_between_two_steps_counts_on_and_moves_nothing() {
     }
 }
 
-/// A partner that answers long after the target was reached: the others wait at four fifths of a step, and come to their pace
-/// again over a fifth of one.
+/// A specimen that answers long after the target was reached: the others wait at four fifths of a step, and return to their pace
+/// over a fifth of one.
 #[test]
-fn after_a_slow_down_the_pace_comes_back_by_and_by_and_the_force_is_that_of_the_target() {
+fn pace_returns_gradually_after_a_slow_down() {
     let (run, commands, _) = frame_with(30, &[], Some(45));
     assert_eq!(run.column("x1").len(), 31);
     let way = |row: usize| commands[row][1] / (DT / f64::from(TICKS));
@@ -224,7 +228,7 @@ fn after_a_slow_down_the_pace_comes_back_by_and_by_and_the_force_is_that_of_the_
     let mut recovered = 0;
     for row in 1..state.len() - 1 {
         if state[row] == Phase::Running.code() && state[row - 1] == Stage::SlowDown.code() {
-            // The target is known from here on; the way begins with a creep.
+            // The target is known from here on; the motion begins slowly.
             let way = way(row + 1);
             assert!(way < 0.1, "row {row}: {way}");
             recovered += 1;
@@ -237,9 +241,9 @@ fn after_a_slow_down_the_pace_comes_back_by_and_by_and_the_force_is_that_of_the_
     assert_eq!(run.column("force_1_1"), force);
 }
 
-/// A partner that takes its time with its last answer, the 25th with those of the warm-up: there is no way beyond the end.
+/// A specimen is slow with its last answer, the 25th with those of the warm-up: the command does not move past the end.
 #[test]
-fn at_the_last_target_everybody_stands_until_the_last_answer_is_in() {
+fn all_wait_at_the_last_target_for_answers() {
     let mut hold = None;
     for _ in 0..2 {
         let says = hold.map(|at| [(at, Operator::Hold), (at + 10, Operator::Continue)]);
@@ -272,9 +276,9 @@ fn at_the_last_target_everybody_stands_until_the_last_answer_is_in() {
     }
 }
 
-/// Wherever in a step the operator asks for it: in a hold nobody is told to go anywhere.
+/// Wherever in a step the operator asks for a hold: during the hold no specimen gets a new target.
 #[test]
-fn in_a_hold_a_far_partner_is_told_nothing() {
+fn hold_sends_no_target_to_a_far_specimen() {
     let mut told_at_last = 0;
     for tick in 0..usize::try_from(TICKS).unwrap() {
         let at = WARM_UP + 8 * 10 + tick;
@@ -286,7 +290,7 @@ fn in_a_hold_a_far_partner_is_told_nothing() {
         let (first, last) = (standing[0], standing[standing.len() - 1]);
         assert!(last - first > 25, "{first} {last}");
         assert!(commands[first..=last].iter().all(|sent| sent[1] == 0.0));
-        // The near one hears of a tick before the far one does.
+        // The near specimen gets each tick's command before the far one.
         let inside = told
             .iter()
             .filter(|near| (first + 1..=last + 1).contains(near));
@@ -302,7 +306,7 @@ fn in_a_hold_a_far_partner_is_told_nothing() {
 
 /// All stiffness and damping are those of the specimen: λ (Δt² k − 4 m + 2 Δt (r − 1) c) ≤ 4 Δt² k with r = 1, 2 or 10/3.
 #[test]
-fn at_the_limit_that_counts_the_velocities_between_the_steps_the_loop_begins_to_grow() {
+fn loop_grows_at_the_limit_with_velocities() {
     let (mass, k, c) = (200.0, 2e6, 4e4);
     for (order, counts) in [(2, 2.0), (3, 10.0 / 3.0)] {
         let limit = 4.0 * DT * DT * k / (DT * DT * k - 4.0 * mass + 2.0 * DT * (counts - 1.0) * c);
@@ -340,7 +344,7 @@ fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
 }
 
 #[test]
-fn a_displacement_that_was_only_aimed_at_is_no_peak() {
+fn targeted_displacement_is_no_peak() {
     for at in 8..8 * 20 {
         let (run, _) = frame(40, &[(WARM_UP + at, Operator::Stop)]);
         let reached = run.column("x1");
@@ -360,7 +364,7 @@ fn a_displacement_that_was_only_aimed_at_is_no_peak() {
 }
 
 #[test]
-fn test_time_never_runs_back_on_the_way_out() {
+fn test_time_never_runs_back_in_shutdown() {
     let trip = "limits.command_disp_m.trip = [-5e-3, 5e-3]\n";
     let leaves = "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
     let run = run(&tripping(&format!("{trip}{leaves}")));

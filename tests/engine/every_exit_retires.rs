@@ -1,8 +1,8 @@
-//! Whatever ends a test, every specimen is retired, once, and told nothing more; and while it runs, the order of the calls
-//! is that of the hinge: issue to all, collect from all, accept.
+//! Whatever ends a test, every specimen is retired once and gets no command after that. While the test runs, the order of the calls
+//! is: issue to all, collect from all, accept.
 
 use crate::common::engine::{Run, prepare, run_on, run_under};
-use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
+use crate::common::rig::{self, Act, Call, Log, Phase, attach, attach_of, storey, two_floors};
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset_control::port::{Axis, Exit};
 use gusset_quantity::catalog::ending::Cause;
@@ -12,17 +12,17 @@ use gusset_record::{Event, RunFolder};
 use gusset_session::{self as session, Watches};
 
 const STEPS: u32 = 12;
-/// Warm-up and a static load, so that faults before t = 0 are among those tried.
+/// Warm-up and a static load, so that faults before t = 0 are covered.
 const BEFORE: &str = "structure.static_load_n = [100.0, 50.0]\ntiming.warmup_ticks = 3";
 
-/// The two floors with what comes before t = 0, the load in few parts.
+/// The two floors with their startup; the static load comes in few parts.
 fn floors() -> Experiment {
     let mut experiment = two_floors(STEPS, BEFORE);
     experiment.settling.as_mut().unwrap().parts = 2;
     experiment
 }
 
-/// Runs with two rigs, of which rig `faulty` acts as it is told.
+/// Runs with two rigs, of which rig `faulty` does what `act` returns.
 fn run_with(
     faulty: usize,
     act: impl Fn(Phase, u64) -> Act + Send + Clone + 'static,
@@ -50,7 +50,7 @@ fn run_with(
     (run, calls)
 }
 
-/// Both rigs were retired in this way, as the last thing that was done to them, and never sent a number that is none.
+/// Both rigs were retired in this way, as their last call, and never received a command that is not finite.
 fn assert_retired(calls: &[(usize, Call)], how: Retirement) {
     for rig in 0..2 {
         let own: Vec<Call> = calls.iter().filter(|c| c.0 == rig).map(|c| c.1).collect();
@@ -90,7 +90,7 @@ fn clean() -> (u64, Vec<u64>) {
 }
 
 #[test]
-fn the_loop_issues_to_all_collects_from_all_and_then_accepts() {
+fn loop_issues_then_collects_then_accepts() {
     let (_, calls) = run_with(0, |_, _| Act::Serve);
     let kinds: Vec<(usize, char)> = calls
         .iter()
@@ -117,7 +117,7 @@ fn the_loop_issues_to_all_collects_from_all_and_then_accepts() {
 }
 
 #[test]
-fn a_link_that_fails_at_any_call_ends_the_test_and_retires_all() {
+fn link_failure_at_any_call_retires_all() {
     let faults = [
         LinkFault::Closed,
         LinkFault::Timeout,
@@ -147,13 +147,13 @@ fn a_link_that_fails_at_any_call_ends_the_test_and_retires_all() {
                 assert_eq!(run.outcome.ending, wanted, "{phase:?} {at}");
                 assert_retired(&calls, Retirement::Tripped);
                 assert_nothing_after(&calls, faulty, phase, at);
-                // Where it stands is known from whether its last command has left.
+                // Its position follows from whether its last command has left.
                 let status = run.all(&format!("status_{}", faulty + 1));
                 let unsent = status
                     .last()
                     .map(|status| Status(*status as u32).has(Status::UNSENT));
                 assert_eq!(unsent, Some(phase == Phase::Issue), "{phase:?} {at}");
-                // What ended is told apart from what did not: rows are those of the steps that were closed.
+                // Only steps that were closed have rows.
                 let rows = run.column("x1").len() as u64;
                 assert_eq!(rows, (at + STEPS as u64 + 1).saturating_sub(issued));
                 assert_eq!(run.outcome.steps, rows.saturating_sub(1));
@@ -162,7 +162,7 @@ fn a_link_that_fails_at_any_call_ends_the_test_and_retires_all() {
     }
 }
 
-/// After the call that failed nobody is called but to be retired, once those who were asked have answered.
+/// After the call that failed the loop only retires the specimens, once those with a pending command have answered.
 fn assert_nothing_after(calls: &[(usize, Call)], faulty: usize, phase: Phase, at: u64) {
     let mut sequence = None;
     let failed = calls.iter().position(|(rig, call)| {
@@ -191,7 +191,7 @@ fn assert_nothing_after(calls: &[(usize, Call)], faulty: usize, phase: Phase, at
 }
 
 #[test]
-fn a_force_that_is_no_number_at_any_step_is_a_fault_of_its_link() {
+fn nonfinite_force_is_a_fault_of_its_link() {
     let (issued, _) = clean();
     for at in 0..issued {
         for (faulty, force) in [(0, f64::NAN), (1, f64::INFINITY)] {
@@ -216,9 +216,9 @@ fn a_force_that_is_no_number_at_any_step_is_a_fault_of_its_link() {
     }
 }
 
-/// A finite force so large that what follows from it is none, or out of bounds: not one of those commands leaves.
+/// A finite force so large that the next command overflows or is out of bounds: no such command leaves.
 #[test]
-fn a_response_that_overflows_or_runs_away_is_never_sent() {
+fn overflowing_response_is_never_sent() {
     let (issued, _) = clean();
     let first = issued - STEPS as u64 - 1;
     for step in 0..STEPS as u64 {
@@ -249,7 +249,7 @@ fn a_response_that_overflows_or_runs_away_is_never_sent() {
         assert!(value < -1.0);
         let calls = log.lock().unwrap().clone();
         assert_retired(&calls, Retirement::Tripped);
-        // The row of the step that showed it stands, and behind it that of the step that diverged.
+        // The record contains the row of the step that overflowed, and after it that of the step that diverged.
         let rows = run.column("x1").len() as u64;
         assert_eq!((run.outcome.steps, rows), (step, step + 1));
         assert_eq!(run.all("x1").last(), Some(&value));
@@ -302,7 +302,7 @@ fn a_command_that_is_no_number_is_not_sent() {
             );
             assert_retired(&calls, Retirement::Tripped);
             assert_eq!(run.outcome.steps, hit);
-            // It is told as the trip of the limit of that command.
+            // It is reported as the trip of the limit of that command.
             let told = run.events.iter().any(|event| {
                 matches!(&event.kind, Event::LimitTrip(reached) if reached.port == Some(1) && !reached.value.is_finite())
             });
@@ -312,7 +312,7 @@ fn a_command_that_is_no_number_is_not_sent() {
 }
 
 #[test]
-fn an_operator_who_asks_at_any_tick_gets_an_orderly_end() {
+fn stop_at_any_tick_ends_cleanly() {
     let (issued, _) = clean();
     for at in 0..issued {
         let log = Log::default();
@@ -355,27 +355,23 @@ fn an_operator_who_asks_at_any_tick_gets_an_orderly_end() {
     }
 }
 
-/// A link that is lost when the test is over, but not the way out: the test failed, and nobody moves any more.
+/// The link is lost after the test, but during the shutdown: the test failed, and no specimen moves any more.
 #[test]
-fn a_link_that_fails_on_the_way_out_fails_the_test() {
+fn link_failure_in_shutdown_fails_the_test() {
     let log = Log::default();
     let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 3");
     for number in 0..2 {
-        attach(
-            &mut experiment,
-            storey(number),
-            Coupling::Lockstep,
-            &log,
-            move |phase, sequence| {
-                if (number, phase, sequence) == (1, Phase::Collect, u64::from(STEPS) + 3 + 10) {
-                    Act::Fail(LinkFault::Closed)
-                } else {
-                    Act::Serve
-                }
-            },
-        );
-        experiment.ports[number].exits_mut().at_end = Exit::ZeroDisp;
-        experiment.ports[number].exits_mut().speed = 1e-6;
+        let act = move |phase, sequence| {
+            if (number, phase, sequence) == (1, Phase::Collect, u64::from(STEPS) + 3 + 10) {
+                Act::Fail(LinkFault::Closed)
+            } else {
+                Act::Serve
+            }
+        };
+        let mut spec = rig::spec(number, storey(number), Coupling::Lockstep, &log, act);
+        spec.exits.at_end = Exit::ZeroDisp;
+        spec.exits.speed = 1e-6;
+        experiment.ports.push(spec.build().unwrap());
     }
     let run = run_on(experiment, SimClock::new());
     let lost = Stop::Link {
@@ -396,7 +392,7 @@ fn a_link_that_fails_on_the_way_out_fails_the_test() {
     assert!(told);
 }
 
-/// Even our own panic: caught, named, everybody retired, also behind one who panics over his last words.
+/// A panic in the loop is caught and named, and all specimens are retired, also after one that panics in its own retirement.
 #[test]
 fn a_panic_in_the_loop_retires_all() {
     for at in [0, 5, 9] {
@@ -440,4 +436,31 @@ fn a_panic_in_the_loop_retires_all() {
         );
         assert_retired(&log.lock().unwrap(), Retirement::Tripped);
     }
+}
+
+#[test]
+fn a_row_beyond_the_structure_commands_nothing() {
+    let log = Log::default();
+    let mut experiment = floors();
+    for number in 0..2 {
+        let act = |_, _| Act::Serve;
+        let axis = storey(number);
+        attach(&mut experiment, axis, Coupling::Lockstep, &log, act);
+    }
+    // A specimen of another structure: it hangs on the eighth of two degrees of freedom.
+    let axis = Axis::plain(vec![(0, 1.0), (7, 1.0)]);
+    let coupling = Coupling::Lockstep;
+    attach_of(&mut experiment, (axis, 8), coupling, &log, |_, _| {
+        Act::Serve
+    });
+    let run = run_on(experiment, SimClock::new());
+    let not_finite = Ending::Stopped(Stop::NotFinite { port: 2 });
+    assert_eq!(run.outcome.ending, not_finite);
+    let calls = log.lock().unwrap().clone();
+    assert_retired(&calls, Retirement::Tripped);
+    let issued = calls.iter().filter(|(rig, call)| {
+        let is_issue = matches!(call, Call::Issue { .. });
+        *rig == 2 && is_issue
+    });
+    assert_eq!(issued.count(), 0);
 }

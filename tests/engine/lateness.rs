@@ -1,7 +1,7 @@
-//! Late by a period or more: the grid is stretched, caught up or the test stopped, as was asked; no step is ever skipped,
-//! nothing that is computed changes, and every tick that a stall swallowed is counted.
+//! Late by a period or more: the grid is stretched or caught up, or the test stops, as configured. No step is skipped, no computed
+//! value changes, and every tick lost in a stall is counted.
 //!
-//! The clock is a simulated one that jumps where the test says: during the wait for an edge, or while a specimen answers.
+//! The simulated clock jumps where the test says: during the wait for an edge, or while a specimen answers.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -111,7 +111,7 @@ fn edges(run: &Run) -> Vec<u64> {
     edges.map(|s| (s * 1e9 / T as f64).round() as u64).collect()
 }
 
-/// Every step once, in order, with the numbers of a run in which nothing was late.
+/// Every step once, in order, with the numbers of a run without lateness.
 fn assert_whole(run: &Run) {
     let calm = self::run(OnMiss::Stretch, &[]);
     assert!(misses(&calm).is_empty() && calm.outcome.pace.misses == 0);
@@ -128,7 +128,7 @@ fn assert_whole(run: &Run) {
     }
 }
 
-/// Ticks that the histograms of lateness must have counted: those that were, and those that a stall swallowed.
+/// The histograms of lateness must have counted the ticks that ran late and those lost in a stall.
 fn assert_counted(run: &Run, swallowed: u64) {
     let counts = run.outcome.pace.timing.counts();
     assert_eq!(
@@ -150,7 +150,7 @@ fn assert_counted(run: &Run, swallowed: u64) {
 
 /// Asleep for 3.4 periods: the tick misses its deadline by 2.4, the grid moves by 3 and the specimen sees slower time.
 #[test]
-fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
+fn stall_in_the_wait_moves_the_grid() {
     let run = run(OnMiss::Stretch, &[Waiting(10, 3_400_000)]);
     assert_whole(&run);
     assert_eq!(misses(&run), [(10, 2_400_000, 3)]);
@@ -162,11 +162,11 @@ fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
     assert_eq!(edges(&run), wanted);
     assert_eq!(run.column("stretched")[9..12], [0.0, 3.0, 3.0]);
     assert_eq!(run.column("skipped_by_wakeup")[9..12], [0.0, 3.0, 0.0]);
-    // A miss is known when its tick is over, so the next row contains it.
+    // A miss is known only after its tick, so the next row contains it.
     assert_eq!(run.column("misses_in_a_row")[10..13], [0.0, 1.0, 0.0]);
     assert_eq!(run.column("misses_in_total")[10..13], [0.0, 1.0, 1.0]);
     assert_counted(&run, 3);
-    // 3.4 of the tick itself, then 2.4, 1.4 and 0.4 of those that were swallowed (3 significant digits).
+    // 3.4 of the tick itself, then 2.4, 1.4 and 0.4 of the ticks lost in the stall (3 significant digits).
     let late = run.outcome.pace.timing.histogram(Quantity::WakeupLateness);
     for j in 0..4 {
         let middle = 400_000 + j * T;
@@ -179,10 +179,10 @@ fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
     assert!((run.column("wakeup_lateness_s")[10] - 3.4e-3).abs() < 1e-12);
 }
 
-/// Stalled for 2.5 periods in the answer: the next edge has passed by 1.5, so the grid moves by one; the next tick is late
-/// by half a period and its edge stands.
+/// A stall of 2.5 periods in the answer: the next edge is 1.5 periods late, so the grid moves by one; the next tick is late by half
+/// a period and keeps its edge.
 #[test]
-fn a_stall_in_the_answer_moves_the_grid_from_the_next_edge_on() {
+fn stall_in_the_answer_moves_the_next_edge() {
     let run = run(OnMiss::Stretch, &[Answering(30, 2_500_000)]);
     assert_whole(&run);
     assert_eq!(misses(&run), [(30, 1_500_000, 1)]);
@@ -216,10 +216,10 @@ fn several_stalls_add_up() {
 }
 
 #[test]
-fn late_by_less_than_a_period_the_next_edge_stands_whatever_the_policy() {
+fn short_lateness_keeps_the_next_edge() {
     let catch_up = OnMiss::CatchUp { at_most: 5 };
     for policy in [OnMiss::Stretch, catch_up, OnMiss::Stop] {
-        // Late in waking, but done before its own deadline: no miss. Done after it: a miss, counted, and the edge stands.
+        // Late in waking, but done before its own deadline: no miss. Done after it: a counted miss, and the edge keeps its time.
         let run = run(policy, &[Waiting(10, 900_000), Answering(20, 1_900_000)]);
         assert_whole(&run);
         assert_eq!(misses(&run), [(20, 900_000, 0)], "{policy:?}");
@@ -230,7 +230,7 @@ fn late_by_less_than_a_period_the_next_edge_stands_whatever_the_policy() {
 
 /// 3.4 periods late with the grid kept: ticks 10, 11 and 12 end after their deadlines, 13 does not.
 #[test]
-fn catching_up_keeps_the_grid_and_runs_the_missed_ticks_back_to_back() {
+fn catching_up_runs_missed_ticks_at_once() {
     let run = run(OnMiss::CatchUp { at_most: 5 }, &[Waiting(10, 3_400_000)]);
     assert_whole(&run);
     assert_eq!(
@@ -329,7 +329,7 @@ fn misses_have_bounds_in_a_row_and_in_all() {
 }
 
 #[test]
-fn misses_in_a_row_are_warned_of_once_each_time() {
+fn misses_in_a_row_warn_once_each_time() {
     let stalls = [10, 11, 12, 20, 21, 22].map(|at| Answering(at, 1_100_000));
     let levels = |limits: &mut gusset_control::engine::Limits| {
         let mut levels = limits.test.of_test(Limit::MissesInARow);
@@ -349,7 +349,7 @@ fn misses_in_a_row_are_warned_of_once_each_time() {
 
 /// A loop that cannot keep its ticks when it is warm would not keep them in the test: it does not begin.
 #[test]
-fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
+fn warm_up_with_misses_ends_before_the_test() {
     const WARMUP: u64 = 60;
     let late = |which: &dyn Fn(u64) -> bool| {
         let stalls: Vec<Stall> = (0..WARMUP)
@@ -407,10 +407,10 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
     assert_eq!(longer.0, of(Limit::MissesInARow, 11.0, 10.0));
 }
 
-/// Before t = 0 nothing is integrated: a stall there moves the grid, whatever the policy, is no miss, and the first command of
-/// the test leaves at an edge of its own, never in a burst.
+/// Before t = 0 nothing is integrated. A stall there moves the grid, whatever the policy, and is no miss. The first command of the
+/// test leaves at its own edge, never in a burst.
 #[test]
-fn a_stall_in_the_warm_up_is_neither_a_miss_nor_a_burst() {
+fn stall_in_warm_up_is_no_miss_and_no_burst() {
     for policy in [
         OnMiss::Stretch,
         OnMiss::CatchUp { at_most: 5 },
@@ -439,7 +439,7 @@ fn a_stall_in_the_warm_up_is_neither_a_miss_nor_a_burst() {
     }
 }
 
-/// A clock that goes on by a microsecond whenever it is read, and only then.
+/// A clock that advances by a microsecond whenever it is read, and only then.
 struct Reluctant(SimClock);
 
 impl Clock for Reluctant {
@@ -453,9 +453,9 @@ impl Clock for Reluctant {
     }
 }
 
-/// Between the ready command and the row handed over the clock is read once: that is what the next row tells.
+/// Between the ready command and the recorded row the clock is read once: the next row contains that reading.
 #[test]
-fn the_row_behind_tells_how_long_a_tick_took_to_be_recorded() {
+fn next_row_has_the_time_to_record_a_tick() {
     let clock = SimClock::new();
     let run = run_on(
         two_floors(STEPS, "timing.warmup_ticks = 3"),
@@ -472,9 +472,9 @@ fn the_row_behind_tells_how_long_a_tick_took_to_be_recorded() {
     assert_eq!((column.unit.as_str(), column.timing), ("s", true));
 }
 
-/// Before the test no tick is missed, but that no command leaves for a quarter of a second is told; less is a matter of ticks.
+/// Before the test no tick is missed, but a quarter of a second without a command is reported; a few ticks are not.
 #[test]
-fn what_stands_still_outside_of_the_test_is_told_as_a_gap() {
+fn pause_before_the_test_is_a_reported_gap() {
     let stalls = [Waiting(3, 250 * T), Waiting(6, 50 * T)];
     let (run, _) = run_warm(20, OnMiss::Stretch, &stalls, |_| {});
     assert_eq!(run.outcome.ending, Ending::Completed);

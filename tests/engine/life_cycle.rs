@@ -1,5 +1,5 @@
-//! The life of a test from the agreed connection to the last words: zero, ramp, run, hold, leave. Nothing jumps, nothing is
-//! lost, and what ended it is known.
+//! The life of a test from the connection to the goodbye: zero, ramp, run, hold, return, retire. Nothing jumps, nothing is lost,
+//! and the cause of the end is known.
 
 use std::sync::{Arc, Mutex};
 
@@ -77,7 +77,7 @@ impl Lab {
         (run, way)
     }
 
-    /// An operator says each of these when the command with that number leaves.
+    /// An operator gives each of these commands when the command with that number leaves.
     fn run_with_operator(mut self, says: &'static [(u64, Operator)]) -> (Run, Vec<f64>) {
         let (ask, requests) = crossbeam_channel::bounded(8);
         self.at = Box::new(move |sequence| {
@@ -109,7 +109,7 @@ fn largest_step(way: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_test_that_begins_elsewhere_reads_ramps_arms_runs_and_is_safe() {
+fn test_elsewhere_ramps_and_arms() {
     let lab = Lab::new(&format!(
         "{SHORT}\nstructure.initial_displacement_m = [0.02]"
     ));
@@ -132,14 +132,14 @@ fn a_test_that_begins_elsewhere_reads_ramps_arms_runs_and_is_safe() {
 }
 
 #[test]
-fn where_the_test_begins_at_rest_nothing_moves_before_it() {
+fn nothing_moves_before_a_test_from_rest() {
     let (run, way) = Lab::new(SHORT).run();
     assert_eq!(phases(&run), ["zeroing", "armed", "running", "safe"]);
     assert!(way[..9].iter().all(|disp| *disp == 0.0));
 }
 
 #[test]
-fn a_ramp_is_slower_than_half_the_velocity_limit() {
+fn ramp_keeps_half_the_velocity_limit() {
     let mut lab = Lab::new(&format!(
         "{SHORT}\nstructure.initial_displacement_m = [0.1]"
     ));
@@ -160,7 +160,7 @@ fn a_ramp_is_slower_than_half_the_velocity_limit() {
 }
 
 #[test]
-fn a_hold_changes_nothing_of_the_response_but_its_wall_time() {
+fn hold_changes_only_the_wall_time() {
     let (plain, way) = Lab::new(SHORT).run();
     let says = &[(150, Operator::Hold), (400, Operator::Continue)];
     let (held, held_way) = Lab::new(SHORT).run_with_operator(says);
@@ -173,7 +173,7 @@ fn a_hold_changes_nothing_of_the_response_but_its_wall_time() {
     for column in ["x1", "v1", "a1", "force_1_1", "time", "cmd_1_1"] {
         assert_eq!(held.column(column), plain.column(column), "{column}");
     }
-    // Asked for with command 150; heard at the next edge, so that the step under way is finished.
+    // Requested with command 150 and accepted at the next edge, so that the current step finishes.
     assert_eq!(held_way.len(), way.len() + 250);
     assert!(
         held_way[151..=401]
@@ -226,7 +226,7 @@ fn a_command_beyond_a_limit_never_leaves() {
 }
 
 #[test]
-fn a_measured_limit_trips_in_the_tick_in_which_it_is_reached() {
+fn measured_limit_trips_in_its_tick() {
     let mut lab = Lab::new(SHORT);
     lab.limits.set(
         Limit::MeasuredForce,
@@ -250,7 +250,7 @@ fn a_measured_limit_trips_in_the_tick_in_which_it_is_reached() {
     );
 }
 
-/// Trips at 2 kN and leaves as it is told; the way after the trip, and the force at its end.
+/// Trips at 2 kN with this `on_trip`; returns the run and the commands after the trip.
 fn after_a_trip(on_trip: Exit) -> (Run, Vec<f64>) {
     let mut lab = Lab::new(SHORT);
     lab.limits.set(
@@ -265,21 +265,21 @@ fn after_a_trip(on_trip: Exit) -> (Run, Vec<f64>) {
         at_end: Exit::Freeze,
         speed: 0.01,
     };
-    // The way out must be able to carry what tripped.
+    // The return ramp must be able to carry the force that tripped.
     let (run, way) = lab.run();
     let begun = run.column("x1").len() + 5 + 3;
     (run, way[begun..].to_vec())
 }
 
 #[test]
-fn a_trip_freezes_unless_something_else_is_asked_for_by_name() {
+fn trip_freezes_by_default() {
     let (run, way) = after_a_trip(Exit::Freeze);
     assert_eq!(phases(&run)[3..], ["tripped", "safe"]);
     assert_eq!(way.len(), 1, "the command whose answer tripped");
 }
 
 #[test]
-fn the_ways_out_are_slow_and_end_where_they_should() {
+fn return_ramps_are_slow_and_reach_the_goal() {
     for (exit, end) in [
         (Exit::ZeroForce, 0.0),
         (Exit::ZeroDisp, 0.0),
@@ -306,7 +306,7 @@ fn the_ways_out_are_slow_and_end_where_they_should() {
     }
 }
 
-/// The tick of a trip is no step that was made: what follows from it is told at that tick, and not before it.
+/// The tick of a trip is no completed step: its consequences are reported at that tick, and not before it.
 #[test]
 fn no_event_goes_back_in_test_time() {
     let (run, _) = after_a_trip(Exit::ZeroDisp);
@@ -324,7 +324,7 @@ fn no_event_goes_back_in_test_time() {
     assert!(times.is_sorted(), "{times:?}");
 }
 
-/// Ends at its last step and is then led to 0.3 m, which may not be commanded where `bound` is smaller.
+/// Ends at its last step and then returns to 0.3 m, which exceeds the limit where `bound` is smaller.
 fn led_after_its_end(bound: f64) -> Lab {
     let mut lab = Lab::new(SHORT);
     lab.limits
@@ -338,7 +338,7 @@ fn led_after_its_end(bound: f64) -> Lab {
 }
 
 #[test]
-fn a_test_that_trips_on_its_way_out_has_tripped() {
+fn trip_in_the_shutdown_counts_as_a_trip() {
     let (run, way) = led_after_its_end(0.5).run();
     assert_eq!(run.outcome.ending, Ending::Completed);
     assert_eq!(
@@ -364,8 +364,8 @@ fn a_test_that_trips_on_its_way_out_has_tripped() {
 }
 
 #[test]
-fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
-    // 5 of zeroing, 3 of warm-up, rows 0 to 500: the way out begins with number 509.
+fn operator_ends_the_shutdown_at_once() {
+    // 5 of zeroing, 3 of warm-up, rows 0 to 500: the shutdown begins with number 509.
     let (run, way) = led_after_its_end(0.5).run_with_operator(&[(600, Operator::Stop)]);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
     assert_eq!(way.len(), 601);
@@ -396,7 +396,7 @@ fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
 }
 
 #[test]
-fn a_relative_zero_takes_position_and_force_for_zero() {
+fn relative_zero_resets_position_and_force() {
     let (plain, _) = Lab::new(SHORT).run();
     let mut lab = Lab::new(SHORT);
     lab.bias = [0.004, 321.0];
@@ -426,7 +426,7 @@ fn a_relative_zero_takes_position_and_force_for_zero() {
 }
 
 #[test]
-fn offsets_that_must_be_confirmed_are_waited_for_and_nothing_moves_meanwhile() {
+fn unconfirmed_offsets_move_nothing() {
     let text = format!("{SHORT}\nsafety.confirm = true\nstructure.initial_displacement_m = [0.02]");
     let says = &[(300, Operator::Confirm)];
     let (run, way) = Lab::new(&text).run_with_operator(says);
@@ -439,7 +439,7 @@ fn offsets_that_must_be_confirmed_are_waited_for_and_nothing_moves_meanwhile() {
     assert_eq!(phases(&run), ["zeroing", "safe"]);
 }
 
-/// What the operator asked for and confirmed, in its order.
+/// The operator's requests and confirmations, in their order.
 fn said(run: &Run) -> Vec<&'static str> {
     let words = run.events.iter().filter_map(|event| match event.kind {
         Event::HoldRequested => Some("hold"),
@@ -454,22 +454,22 @@ fn said(run: &Run) -> Vec<&'static str> {
 }
 
 #[test]
-fn who_confirms_ends_no_hold_and_who_ends_a_hold_confirms_nothing() {
+fn confirm_and_continue_do_not_mix() {
     type Said = (&'static [(u64, Operator)], [&'static str; 5]);
     use Operator::{Confirm, Continue, Hold};
     let text = format!("{SHORT}\nsafety.confirm = true\nstructure.initial_displacement_m = [0.02]");
     let cases: [Said; 3] = [
-        // Confirmed while somebody else holds it, and before it is read.
+        // Confirmed while somebody else holds it, and before the sensors are read.
         (
             &[(2, Hold), (3, Confirm), (20, Confirm), (300, Continue)],
             ["hold", "read", "confirmed", "continue", "started"],
         ),
-        // Nobody is asked yet, and more is said than one hold wants.
+        // No confirmation is pending yet, and the operator continues twice.
         (
             &[(0, Hold), (0, Continue), (0, Continue), (300, Confirm)],
             ["hold", "continue", "read", "confirmed", "started"],
         ),
-        // Asked and held: what comes in a row ends the hold, whoever says it.
+        // Pending and held: repeated `continue` commands end the hold only.
         (
             &[
                 (3, Hold),
@@ -488,7 +488,7 @@ fn who_confirms_ends_no_hold_and_who_ends_a_hold_confirms_nothing() {
         assert!(way[..=300].iter().all(|disp| *disp == 0.0), "{says:?}");
         assert!(way[303] > 0.0, "{says:?}");
     }
-    // They are heard one after the other, after the sensors have been read.
+    // The commands take effect one after the other, after the sensors have been read.
     let text = text.replace("zero_s = 0.005", "zero_s = 0.001");
     let says = &[(0, Hold), (0, Continue), (0, Continue), (300, Confirm)];
     let (run, way) = Lab::new(&text).run_with_operator(says);
@@ -498,7 +498,7 @@ fn who_confirms_ends_no_hold_and_who_ends_a_hold_confirms_nothing() {
 }
 
 #[test]
-fn a_confirmation_that_comes_late_ends_no_hold_of_the_test() {
+fn late_confirmation_ends_no_hold() {
     let text = format!("{SHORT}\nsafety.confirm = true");
     let says = &[
         (20, Operator::Confirm),
@@ -516,7 +516,7 @@ fn a_confirmation_that_comes_late_ends_no_hold_of_the_test() {
 
 /// It was on its way while the first hold ended and another one began.
 #[test]
-fn a_continue_that_comes_late_ends_no_later_hold() {
+fn late_continue_ends_no_later_hold() {
     let says = &[
         (150, Operator::Hold),
         (200, Operator::EndHold(1)),
@@ -540,7 +540,7 @@ fn a_continue_that_comes_late_ends_no_later_hold() {
 }
 
 #[test]
-fn where_its_zero_is_not_known_yet_nobody_is_led_anywhere() {
+fn unknown_zero_prevents_the_return_move() {
     let text = format!("{SHORT}\nsafety.confirm = true");
     let mut lab = Lab::new(&text);
     lab.exits.at_end = Exit::ZeroDisp;
@@ -555,9 +555,9 @@ fn where_its_zero_is_not_known_yet_nobody_is_led_anywhere() {
     assert_eq!(ending(&run.outcome).1, "stopped by the operator");
 }
 
-/// The way out begins at once from a test in motion, at 0.1 m/s and more: the stop alone is 100 m/s².
+/// The shutdown begins at once from a test in motion, at 0.1 m/s and more: the stop alone is 100 m/s².
 #[test]
-fn a_way_out_keeps_its_own_limits() {
+fn shutdown_keeps_its_own_limits() {
     for exit in [Exit::ZeroDisp, Exit::ZeroForce, Exit::Safe(vec![0.01])] {
         let mut lab = Lab::new(SHORT);
         lab.limits
@@ -584,9 +584,9 @@ fn a_way_out_keeps_its_own_limits() {
     }
 }
 
-/// Energy, tangents and lag are those of the test: its last target is none of the way out's.
+/// Energy, tangents and lag are those of the test: the shutdown does not use its last target.
 #[test]
-fn nothing_is_estimated_on_the_way_out() {
+fn nothing_is_estimated_in_the_shutdown() {
     let mut lab = Lab::new(SHORT);
     lab.limits.set(Limit::AddedEnergy, Bound::trip(1.0));
     lab.exits = Exits {
@@ -619,9 +619,9 @@ fn two_along(first: &str, second: &str, safety: &str) -> String {
 const ELASTIC: &str =
     "law.bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 1e6, post_yield_ratio = 0.5 }";
 
-/// Who is asked in the tick of a trip answers, whoever trips: nobody takes a command who still owes an answer.
+/// A specimen with a pending command answers it even in the tick of another's trip: no specimen takes a new command before that.
 #[test]
-fn a_trip_of_one_specimen_costs_no_other_its_link() {
+fn trip_of_one_specimen_keeps_other_links() {
     let limited = format!("{ELASTIC}\nlimits.measured_force_n = {{ trip = [-2e3, 2e3] }}");
     for (first, second) in [
         (limited.as_str(), ELASTIC),
@@ -646,7 +646,7 @@ fn a_trip_of_one_specimen_costs_no_other_its_link() {
 }
 
 #[test]
-fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
+fn zero_force_needs_a_stiffness() {
     let viscous = "law.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e5 }";
     let text = two_along(ELASTIC, viscous, "at_end = \"zero_force\"");
     let read = gusset_config::parse(std::path::Path::new("test.toml"), text, &[]);
@@ -658,9 +658,9 @@ fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
     );
 }
 
-/// Where the value that trips stands: while zeroing and on the way out as in the running test.
+/// The value that trips is recorded while zeroing and in the shutdown, too, as in the running test.
 #[test]
-fn what_trips_stands_in_a_row_wherever_it_trips() {
+fn tripping_value_is_always_in_a_row() {
     let mut lab = Lab::new(SHORT);
     lab.bias = [0.0, 3000.0];
     lab.limits
@@ -687,9 +687,9 @@ fn what_trips_stands_in_a_row_wherever_it_trips() {
     }
 }
 
-/// An operator's stop is told when it is heard, before the specimens are led away, and as his.
+/// An operator's stop is reported with its author when it arrives, before the return move.
 #[test]
-fn a_stop_is_told_when_it_is_heard() {
+fn stop_is_reported_when_it_arrives() {
     let (run, _) = led_after_its_end(0.5).run_with_operator(&[(200, Operator::Stop)]);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
     assert_eq!(run.outcome.left, [EndPosition::Reached]);
@@ -721,9 +721,7 @@ fn a_stop_is_told_when_it_is_heard() {
     assert_eq!((heard + 1, left + 1), (left, safe));
 }
 
-/// A rig that is pushed along for 60 steps, trips as it may, and is led to zero force; `act` says what its measurements are.
-/// Every command from the last of the test on, and how it was left.
-/// The limit that has ended it.
+/// The limit that ended the test.
 fn limit_hit(run: &Run) -> Hit {
     let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
@@ -731,7 +729,7 @@ fn limit_hit(run: &Run) -> Hit {
     hit
 }
 
-/// A load cell that reads this force in place of its own from command 55 on, so many times.
+/// A load cell that reads this force instead of the true one from command 55 on, for this number of commands.
 fn reads(force: f64, times: u64) -> impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static {
     move |phase, number| match phase {
         rig::Phase::Collect if number >= 55 && number - 55 < times => rig::Act::Force(force),
@@ -739,6 +737,8 @@ fn reads(force: f64, times: u64) -> impl FnMut(rig::Phase, u64) -> rig::Act + Se
     }
 }
 
+/// A rig that is pushed along for 60 steps, trips, and unloads; `act` gives its measurements. Returns every command from the last
+/// of the test on, and the run.
 fn led_to_zero_force(
     limits: AxisLimits,
     act: impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static,
@@ -755,15 +755,14 @@ fn led_to(
     let mut experiment = rig::two_floors(60, "timing.warmup_ticks = 0");
     experiment.limits.stale_in_a_row = 100;
     let axis = rig::storey(0);
-    rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
-    let mut port = experiment.ports.pop().unwrap();
-    port.set_limits(PERIOD, |_| (limits, (1.0, 1.0)));
-    *port.exits_mut() = Exits {
+    let mut spec = rig::spec(0, axis, Coupling::Sampled, &log, act);
+    (spec.tick, spec.axes[0].limits) = (PERIOD, limits);
+    spec.exits = Exits {
         on_trip: exit.clone(),
         at_end: exit,
         speed: 0.5,
     };
-    experiment.ports.push(port);
+    experiment.ports.push(spec.build().unwrap());
     let run = run_on(experiment, SimClock::new());
     let leaving = Phase::Leaving.code();
     let commands = run.all("cmd_1_1").into_iter().zip(run.all("state"));
@@ -771,13 +770,13 @@ fn led_to(
     (way.map(|(disp, _)| disp).collect(), run)
 }
 
-/// Answers that stay away for 48 ticks at any time of the way: whoever went by the last force would go beyond zero.
+/// The reply stays away for 48 ticks at any time of the return ramp: a loop that used the last force would pass beyond zero.
 #[test]
-fn the_way_to_zero_force_rests_while_answers_stay_away() {
+fn unloading_pauses_while_answers_are_late() {
     let (whole, _) = led_to_zero_force(AxisLimits::NONE, |_, _| rig::Act::Serve);
     let from = whole[0];
     assert!(from.abs() > 1e-3, "{from}");
-    // Command 61 is the first of the way out: its answer is the first that counts.
+    // Command 61 is the first of the shutdown: its answer is the first that counts.
     for lost in [60, 61, 62, 80, 120] {
         let (way, run) = led_to_zero_force(AxisLimits::NONE, move |phase, number| match phase {
             rig::Phase::Collect if (lost..lost + 48).contains(&number) => rig::Act::Miss,
@@ -796,7 +795,7 @@ fn the_way_to_zero_force_rests_while_answers_stay_away() {
 
 /// One false sample near zero, anywhere on the way, is not where the force is small.
 #[test]
-fn the_way_to_zero_force_does_not_end_at_a_glitch() {
+fn unloading_does_not_end_at_a_glitch() {
     let (whole, _) = led_to_zero_force(AxisLimits::NONE, |_, _| rig::Act::Serve);
     for at in [63, 80, 120] {
         let (way, run) = led_to_zero_force(AxisLimits::NONE, move |phase, number| match phase {
@@ -811,9 +810,9 @@ fn the_way_to_zero_force_does_not_end_at_a_glitch() {
     }
 }
 
-/// One false sample of any size trips the test: the way out is judged by what was measured before it and after it.
+/// One wrong sample of any size trips the test: the shutdown uses the measurements before and after it.
 #[test]
-fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {
+fn tripping_sample_does_not_set_zero_force() {
     let bounded = AxisLimits::NONE.with(
         Limit::MeasuredForce,
         Range {
@@ -834,9 +833,9 @@ fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {
     }
 }
 
-/// A load cell that has gone wild and stays so: the way out is no longer than the largest force that was allowed would make it.
+/// A load cell that stays wild: the return ramp is no longer than the largest allowed force would make it.
 #[test]
-fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
+fn wild_load_cell_stays_within_its_bound() {
     let limits = AxisLimits::NONE.with(
         Limit::MeasuredForce,
         Range {
@@ -849,13 +848,13 @@ fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
     assert_eq!(run.outcome.left, [left]);
     let far = way.iter().map(|disp| (disp - way[0]).abs());
     let far = far.fold(0.0, f64::max);
-    // As far as k̂ says, and what is gone until that is seen.
+    // As far as k̂ gives, and the motion until the loop notices.
     assert!(far <= 2.0 * 1e4 / rig::STIFFNESS, "{far}");
 }
 
-/// A load cell that jumps and stays there would lead its specimen to a force of its own; one that comes back is listened to.
+/// A load cell that jumps and stays there would lead its specimen to a wrong force; one that recovers is trusted again.
 #[test]
-fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
+fn jumped_force_unloads_only_if_it_recovers() {
     let limits = AxisLimits::NONE.with(
         Limit::ForceStep,
         Bound {
@@ -886,9 +885,10 @@ fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
     }
 }
 
-/// What a load cell reads beyond its range leads nobody, whether it stays there or not. To a displacement no force is needed.
+/// A force beyond the range of its load cell moves no specimen, whether it stays there or not. A return to a displacement needs no
+/// force.
 #[test]
-fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
+fn out_of_range_load_cell_moves_nothing() {
     let limits = AxisLimits::NONE.with(
         Limit::SensorForce,
         Range {
@@ -917,7 +917,7 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
     }
 }
 
-/// Along a sine that ends at its middle, at 79 mm/s, behind an actuator that comes `delay` seconds late.
+/// Along a sine that ends at its middle, at 79 mm/s, behind an actuator with a delay of `delay` seconds.
 fn behind_a_delay(delay: f64, safety: &str, limits: &str) -> String {
     format!(
         "[time]\nrate_hz = 1000\nduration_s = 2\nclock = \"simulated\"\n[safety]\nexit_speed_m_per_s = 0.02\n{safety}\n\
@@ -927,9 +927,9 @@ fn behind_a_delay(delay: f64, safety: &str, limits: &str) -> String {
     )
 }
 
-/// A test that ends in motion leaves its actuator on the way to the last command: no error of following that it had not before.
+/// A test that ends in motion leaves its actuator on the way to the last command: its following error does not grow.
 #[test]
-fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
+fn lag_within_its_limit_passes_the_shutdown() {
     let limits = "[specimen.limits]\nfollowing_error_m = { trip = 1e-3 }\nfollowing_time_s = 0.03";
     for exit in ["zero_displacement", "zero_force"] {
         let text = behind_a_delay(0.024, &format!("at_end = \"{exit}\""), limits);
@@ -953,9 +953,9 @@ fn trips(run: &Run) -> Vec<(u64, u32, &str)> {
     events.collect()
 }
 
-/// What trips in the same tick is one trip: each is told then, and none stops the way out.
+/// Limits that trip in one tick are one trip: each is reported then, and none stops the shutdown.
 #[test]
-fn two_limits_that_trip_in_one_tick_are_both_told_and_both_excused() {
+fn two_trips_in_one_tick_are_both_excused() {
     let (force, disp) = (
         "measured_force_n = { trip = [-104e3, 104e3] }",
         "measured_disp_m = { trip = [-0.0104, 0.0104] }",
@@ -988,9 +988,9 @@ fn two_limits_that_trip_in_one_tick_are_both_told_and_both_excused() {
     }
 }
 
-/// A column that yields in tension and is led back from there comes under compression, of which it may carry little.
+/// A column that yields in tension goes into compression as it returns, of which little is allowed.
 #[test]
-fn a_trip_on_one_side_is_no_excuse_on_the_other() {
+fn trip_on_one_side_excuses_no_other_side() {
     let exit = "on_trip = \"zero_displacement\"";
     let limits = "[specimen.limits]\nmeasured_force_n = { trip = [-2e3, 104e3] }";
     let elastic = "linear = { stiffness_n_per_m = 10e6 }";
@@ -1008,9 +1008,9 @@ fn a_trip_on_one_side_is_no_excuse_on_the_other() {
     assert_eq!(trips(&run).len(), 2);
 }
 
-/// What was sent before the trip is still to come: it leads nobody back to it, and keeps nobody there.
+/// A command sent before the trip may still arrive: it must neither pull the specimen back nor keep it there.
 #[test]
-fn an_actuator_that_lags_is_led_home_from_where_its_last_command_has_sent_it() {
+fn lagging_actuator_returns_from_command() {
     let force = "[specimen.limits]\nmeasured_force_n = { trip = [-104e3, 104e3] }";
     let disp = "measured_disp_m = { trip = [-0.0115, 0.0115] }";
     for exit in ["zero_force", "zero_displacement"] {

@@ -1,5 +1,5 @@
-//! Steps of many ticks: the command goes from target to target without a corner, a slow partner holds up nobody, and a hold
-//! comes to rest and goes on slowly. Whatever the pace, the response is the same, and a replay finds the same bits.
+//! Steps of many ticks: the command moves from target to target without a corner, a slow specimen delays no other, and a hold comes
+//! to rest and resumes slowly. Whatever the pace, the response does not change, and a replay finds the same bits.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use crate::common::engine::{Run, prepare, run, run_on, run_under};
 use crate::common::spring::Spring;
 use gusset_control::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
-use gusset_control::port::{Axis, AxisSpec, HOLD_AT, Order, PortSpec};
+use gusset_control::port::{Axis, AxisSpec, Order, PortSpec};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -32,7 +32,7 @@ const STIFFNESS: f64 = 2e5;
 /// Number and test time of every command.
 type Commands = Arc<Mutex<Vec<(u64, f64)>>>;
 
-/// A spring that takes some looks before its answer is there: `late[k % n]` for its command k, from 1.
+/// A spring whose answer takes some polls: `late[k % n]` for its command k, from 1.
 fn slow(late: &[u32]) -> (Spring, Commands) {
     let (late, commands) = (late.to_vec(), Commands::default());
     let heard = Arc::clone(&commands);
@@ -71,7 +71,7 @@ fn count(run: &Run, code: f64) -> usize {
 }
 
 #[test]
-fn many_ticks_a_step_change_nothing_of_the_response_and_the_command_has_no_corners() {
+fn ticks_per_step_change_only_the_command() {
     let plain = run(&format!("{}{SPRING}", frame(1, "")));
     let fine = run(&format!("{}{SPRING}", frame(20, "")));
     for column in ["x1", "x2", "v2", "a1", "force_1_1", "target_1_1", "time"] {
@@ -79,9 +79,9 @@ fn many_ticks_a_step_change_nothing_of_the_response_and_the_command_has_no_corne
     }
     assert_eq!(count(&fine, 11.0), 150 * 19);
     let command: Vec<f64> = fine.all("cmd_1_1").into_iter().collect();
-    // The response is at most 3.2 Hz (the second mode of the frame): sampled at 2 kHz a smooth way turns by (2π 3.2/2000)²
-    // a tick, 1e-4; four times as much for the cubics between the targets. A ramp with a corner at each target would
-    // turn by a whole step's change of slope at once: 20 times (2π 3.2/100)²/20.
+    // The response is at most 3.2 Hz (the second mode of the frame). Sampled at 2 kHz a smooth path turns by (2π 3.2/2000)² a tick,
+    // 1e-4; four times as much for the cubics between the targets. A ramp with a corner at each target would turn by a whole step's
+    // change of slope at once: 20 times (2π 3.2/100)²/20.
     let turn = (std::f64::consts::TAU * 3.2 / 2000.0).powi(2);
     assert!(corner(&command) < 4.0 * turn, "{} {turn}", corner(&command));
     let time = fine.all("time");
@@ -92,7 +92,7 @@ fn many_ticks_a_step_change_nothing_of_the_response_and_the_command_has_no_corne
 }
 
 #[test]
-fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
+fn slow_specimen_delays_no_other() {
     let (quick, commands) = with_slow(10, &[0]);
     // Of 10 ticks a step 9 are between: an answer within 9 looks costs nothing.
     let (within, _) = with_slow(10, &[9, 4, 0]);
@@ -124,24 +124,20 @@ fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
         running.windows(2).all(|w| w[1].0 == w[0].0 + 1),
         "no number is skipped"
     );
-    // Only to the first target, where the specimens stand already, nobody is on the way: the 4 looks there are predicted, and
-    // are no loss: the way goes on from there.
+    // On the way to the first target the specimens already are in place. The 4 polls there are predicted without a loss.
     assert_eq!((count(&within, 12.0), count(&within, 13.0)), (3, 0));
     assert_eq!(within.rows.len(), quick.rows.len());
     assert!(count(&slow, 12.0) > 100 && count(&slow, 13.0) > 100);
-    // Nobody goes on for more than 0.8 of a step without a target; and what has a corner there would show.
+    // No specimen moves for more than 0.8 of a step without a target; a corner there would show.
     let (time, step) = (slow.all("time"), slow.all("step"));
     let state = slow.all("state");
     let rows = time.iter().zip(&step).zip(&state);
     for ((time, step), _) in rows.filter(|(_, state)| **state == 13.0) {
-        assert!(
-            time / 0.01 - (step + 1.0) <= HOLD_AT + 1e-9,
-            "{time} {step}"
-        );
+        assert!(time / 0.01 - (step + 1.0) <= 0.8 + 1e-9, "{time} {step}");
     }
     let (smooth, eased) = (corner(&quick.all("cmd_1_1")), corner(&slow.all("cmd_1_1")));
-    // A stop within one tick would turn by the way of a tick, 2π 3.2/1000 = 0.02 of the amplitude; the slow-down is over 2 ticks
-    // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
+    // A stop within one tick would turn by the motion of a tick, 2π 3.2/1000 = 0.02 of the amplitude. The slow-down takes 2 ticks
+    // here (0.2 N), and the rest of a step after it, a fifth, is made up for in about 5.
     assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
     let pace = |e: &&gusset_record::TimedEvent| matches!(e.kind, gusset_record::Event::Pace { .. });
     assert!(slow.events.iter().filter(pace).count() > 20);
@@ -149,7 +145,7 @@ fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
 }
 
 #[test]
-fn a_slow_partner_that_does_not_answer_at_all_is_lost() {
+fn specimen_that_never_answers_is_lost() {
     let text = frame(10, "");
     let mut experiment = prepare(&text).experiment;
     let (slow, _) = slow(&[u32::MAX]);
@@ -169,7 +165,7 @@ fn a_slow_partner_that_does_not_answer_at_all_is_lost() {
     assert!((300..=303).contains(&waited), "{waited}");
 }
 
-/// Runs a test while an operator says a word at these commands' ticks.
+/// Runs a test while an operator gives a command at each of these ticks.
 fn with_words(text: &str, says: Vec<(u64, Operator)>) -> Run {
     let (ask, requests) = crossbeam_channel::bounded(8);
     let mut experiment = prepare(text).experiment;
@@ -193,7 +189,7 @@ fn with_words(text: &str, says: Vec<(u64, Operator)>) -> Run {
 }
 
 #[test]
-fn a_hold_eases_in_and_out_and_leaves_the_response_as_it_was() {
+fn hold_ramps_keep_the_response() {
     for (ticks, ease) in [(1, 0.3), (10, 0.08)] {
         let eased = frame(ticks, &format!("safety.ease_s = {ease}"));
         let plain = with_words(&eased, vec![]);
@@ -218,7 +214,7 @@ fn a_hold_eases_in_and_out_and_leaves_the_response_as_it_was() {
     }
 }
 
-/// A specimen in the upper storey that is told every step only.
+/// A specimen in the upper storey that is commanded once a step.
 fn far(name: &str) -> String {
     format!(
         "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:{}\", coupling \
@@ -228,7 +224,7 @@ fn far(name: &str) -> String {
     )
 }
 
-/// A recorded test of this text, whose slow partner answers as it is told, with these words of an operator, one a tick.
+/// A recorded test of this text: the delays of its slow specimen are `late`, and the operator gives one of `words` a tick.
 fn recorded(home: &Path, late: &[u32], words: &[Operator], ticks: u32) -> PathBuf {
     let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01";
     let text = format!("{}{SPRING}{}", frame(ticks, safety), far("far"));
@@ -246,7 +242,7 @@ fn recorded_of(
     std::fs::write(&path, text).unwrap();
     let loaded = gusset_config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
     let mut test = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
-    // They are polled as partners on the real clock would be, which a socket under the simulated clock is not.
+    // They are polled as on the real clock; a socket under the simulated clock is not.
     for (port, partner) in test.experiment.ports[1..].iter_mut().zip(partners) {
         port.put_recording(partner).unwrap();
     }
@@ -260,7 +256,7 @@ fn recorded_of(
 }
 
 #[test]
-fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
+fn predictions_and_holds_replay_exactly() {
     let home = tempfile::tempdir().unwrap();
     let mut words = vec![Operator::Continue; 400];
     words.extend([Operator::Hold; 120]);
@@ -283,10 +279,10 @@ fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
     assert_eq!(found.rows, states[0].len() as u64);
 }
 
-/// It falls silent for good, the others stand and wait for it until the test is given up. In the test that goes on it is told
-/// its target once more: that they stand is no hold of the operator, in which it is told nothing.
+/// One specimen falls silent for good; the others wait for it until the test is given up. The resumed test sends it its target once
+/// more: the wait is no hold of the operator, in which no target is sent.
 #[test]
-fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
+fn resume_repeats_a_silent_ones_target() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01";
@@ -313,7 +309,7 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
             .put_recording(Late::boxed(0.4, 0))
             .unwrap();
         let on = at(&format!("on-{held}"));
-        // He who holds it from its beginning on lets it go; and one that stands for ever is ended.
+        // An operator who holds the test from its beginning continues it; a test that never moves on is stopped.
         let mut words = vec![
             if held {
                 Operator::Hold
@@ -345,7 +341,7 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
         };
         assert_eq!(steps(&[&silent, &on]), steps(&[&whole]), "{held}");
         if held {
-            // In the hold it is told nothing, although its target is known.
+            // In the hold it gets no command, although its target is known.
             let columns = read(&on).columns(&["hold", "cmd_2_1"]).unwrap();
             let rows = columns[0].iter().zip(&columns[1]);
             let told: Vec<f64> = rows
@@ -359,7 +355,7 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
     }
 }
 
-/// A spring that is asked so many times for what it was told from this test time on, before it answers.
+/// From this test time on, the spring is polled this number of times before it answers.
 struct Late {
     spring: Spring,
     from: f64,
@@ -402,11 +398,10 @@ impl Substructure for Late {
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// One partner does not answer any more and two are slow when the operator stops the test: the specimen before them is brought
-/// home at once, a slow one as soon as it has answered, from where it then stands, and that a link was lost is how the test
-/// ended.
+/// When the operator stops the test, one specimen no longer answers and two are slow. The specimen before them returns at once, a
+/// slow one as soon as it has answered, from its position at that time. The test ends with a lost link.
 #[test]
-fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
+fn pending_answer_delays_no_other_shutdown() {
     let home = tempfile::tempdir().unwrap();
     let safety = "safety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\nsafety.at_end = \"zero_displacement\"\n\
                   safety.exit_speed_m_per_s = 0.05";
@@ -466,7 +461,7 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
 }
 
 #[test]
-fn real_and_simulated_time_give_the_same_bits() {
+fn real_and_simulated_time_have_equal_bits() {
     let home = tempfile::tempdir().unwrap();
     let text = format!("{}{SPRING}", frame(8, "")).replace("duration_s = 1.5", "duration_s = 0.4");
     let test = crate::common::write(home.path(), "test.toml", &text);
@@ -539,7 +534,7 @@ fn a_pace_that_makes_no_sense_is_refused() {
     }
 }
 
-/// Words of an operator, one a tick: a hold of so many ticks after so many.
+/// One operator command a tick: a hold of `ticks` after `after` ticks.
 fn a_hold(after: usize, ticks: usize) -> Vec<Operator> {
     let mut words = vec![Operator::Continue; after];
     words.extend(vec![Operator::Hold; ticks]);
@@ -547,7 +542,7 @@ fn a_hold(after: usize, ticks: usize) -> Vec<Operator> {
     words
 }
 
-/// An operator who says these words, one a tick.
+/// An operator who gives one of these commands a tick.
 fn saying(words: &[Operator]) -> Control {
     let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
     for word in words {
@@ -565,7 +560,7 @@ fn jump(series: &[f64]) -> f64 {
 /// The benchmark's first case: an adaptive compensator makes up for 24 ms at 4096 ticks a second, a hundred of them. A pace that
 /// falls to a half in one tick must not come a hundred times, nor its square, into the command.
 #[test]
-fn a_hold_does_not_kick_a_compensated_command() {
+fn hold_does_not_kick_compensated_commands() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
     let text = text
@@ -579,7 +574,7 @@ fn a_hold_does_not_kick_a_compensated_command() {
     assert_eq!(count(&held, Phase::Holding.code()), 3000 - 1024 + 1);
     let (usual, found) = (jump(&free.all("cmd_1_1")), jump(&held.all("cmd_1_1")));
     let target = jump(&free.all("target_1_1"));
-    // Its actuator is simulated and lives in test time: what it is told is told more slowly, and that is all.
+    // Its actuator is simulated and lives in test time: a hold only slows its command.
     assert!(found <= 1.02 * usual, "{found} {usual}");
     // The inverse of the actuator at the structure's 3.6 Hz and above has a gain of up to 2.
     assert!(usual < 2.0 * target, "{usual} {target}");
@@ -589,9 +584,9 @@ fn a_hold_does_not_kick_a_compensated_command() {
     assert!(off < 0.01, "{off}");
 }
 
-/// A compensator of a real actuator would be asked for less and less: at the hold it is where the target is.
+/// The lead of a real actuator's compensator decays during a hold: its command then equals the target.
 #[test]
-fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
+fn compensated_hold_replays_exactly() {
     for (ticks, made) in [
         (1, "polynomial = { order = 3, delay_s = 0.02 }"),
         (10, "ats = { delay_s = 0.02, gain = 0.9 }"),
@@ -629,7 +624,7 @@ fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
     }
 }
 
-/// A spring that answers so many times when it is waited for, and then only after so many looks.
+/// A spring that answers at once for a number of waits, and then only after a number of polls.
 struct Owing {
     spring: Spring,
     waits_left: u32,
@@ -660,18 +655,18 @@ impl Substructure for Owing {
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// The operator does not wait for an answer: while the sensors are read, in the test, in a hold, on the way out that he asked
-/// for so. The commands of that tick stand in a row of their own, who is well is led out at once, who owes an answer when it is
-/// here, and all of it happens again in a replay.
+/// The operator stops while the loop waits for an answer: while zeroing, in the test, in a hold, or in the shutdown that he asked
+/// for. The commands of that tick have their own row. Specimens that answered return at once, the others when they answer. A replay
+/// repeats all of it.
 #[test]
-fn a_wait_that_the_operator_ends_is_ended_there_in_the_replay() {
+fn stop_during_a_wait_is_replayed() {
     let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\n";
     let leaves = "safety.at_end = \"zero_displacement\"\nsafety.exit_speed_m_per_s = 0.05";
     let mut words = vec![Operator::Continue; 400];
     words.extend([Operator::Hold; 120]);
     let never = u32::MAX;
     let mut ways = std::collections::BTreeSet::new();
-    // After so many answers the first does not come, and after so many looks it does; the same of a second.
+    // Per specimen: the number of answers before the late one, and the polls that it takes.
     for (first, second, exits) in [
         ((3, never), (never, 0), ""),
         ((3, never), (never, 0), leaves),
@@ -714,14 +709,14 @@ fn a_wait_that_the_operator_ends_is_ended_there_in_the_replay() {
     }
     let states = [Phase::Zeroing, Phase::Holding].map(|phase| phase.code() as u32);
     assert!(states.iter().all(|state| ways.contains(&(*state, false))));
-    // Between two steps of the test, and what follows is the way out.
+    // Between two steps of the test, followed by the shutdown.
     assert!(
         ways.contains(&(11, true)) || ways.contains(&(12, true)),
         "{ways:?}"
     );
 }
 
-/// At what a partner is found to be lost.
+/// The call at which a specimen is found to be lost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Call {
     Accepted,
@@ -729,7 +724,7 @@ enum Call {
     Pause,
 }
 
-/// A spring whose link is lost at the so manieth call of a kind, and stays so.
+/// A spring whose link is lost at the n-th call of a kind, and stays lost.
 struct Mortal {
     spring: Spring,
     dies_at: Call,
@@ -776,10 +771,10 @@ impl Substructure for Mortal {
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// Lost between its answer and its next target, in a hold, as one begins, or when its answer was taken: what moves on moves on
-/// in the replay, too, and where nothing does the last commands stand in a row.
+/// The link fails between an answer and the next target, in a hold, as one begins, or when its answer was taken. The replay moves
+/// the other specimens alike; where none moves, the last commands are in a row.
 #[test]
-fn a_partner_that_is_lost_outside_of_an_exchange_is_lost_there_in_the_replay() {
+fn loss_outside_an_exchange_is_replayed() {
     let freezes = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\n";
     let leaves = "safety.on_trip = \"zero_displacement\"\nsafety.exit_speed_m_per_s = 0.05";
     let mut words = vec![Operator::Continue; 400];

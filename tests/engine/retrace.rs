@@ -1,5 +1,5 @@
-//! A motion that ends early: the wiring check and the motion of an identification go back after a first signal, and every other
-//! maneuver rests. Nothing leaves the range that was passed.
+//! A motion that ends early: the wiring check and the motion of an identification return after a first signal, and every other
+//! maneuver comes to rest. Nothing leaves the range already covered.
 
 use std::sync::{Arc, Mutex};
 
@@ -86,7 +86,7 @@ const KINDS: [Kind; 4] = [
     },
 ];
 
-/// What happens when the commands with these places leave.
+/// The operator's commands, each when the command with that number leaves.
 type Says = Vec<(usize, Operator)>;
 
 /// The run, its commands, and the phase in which each left.
@@ -144,14 +144,14 @@ fn experiment(
         Some(_) => experiment.ports.remove(0).watched(|_, _| Box::new(spring)),
         None => {
             let axis = Axis::plain(vec![(0, 1.0)]);
-            PortSpec::new(
-                "rig",
-                Box::new(spring),
-                1,
-                vec![AxisSpec::new(axis, STIFFNESS)],
-            )
-            .build()
-            .unwrap()
+            let axes = vec![AxisSpec::new(axis, STIFFNESS)];
+            let mut spec = PortSpec::new("rig", Box::new(spring), 1, axes);
+            spec.exits = Exits {
+                at_end: (kind.exit)(),
+                on_trip: Exit::Freeze,
+                speed: 0.05,
+            };
+            spec.build().unwrap()
         }
     };
     let mut limits = AxisLimits::NONE;
@@ -160,11 +160,6 @@ fn experiment(
         limits.set(Limit::CommandAccel, Bound::trip(ACCEL));
     }
     port.set_limits(PERIOD, |_| (limits, (1.0, 1.0)));
-    *port.exits_mut() = Exits {
-        at_end: (kind.exit)(),
-        on_trip: Exit::Freeze,
-        speed: 0.05,
-    };
     if kind.probes {
         *port.startup_mut().wiring_mut() = WiringCheck::Probe {
             amplitude: vec![AMPLITUDE],
@@ -179,7 +174,7 @@ fn experiment(
     experiment
 }
 
-/// Runs a test in which the operator says these words, each when the command with that place leaves.
+/// Runs a test in which the operator gives these commands, each when the command with that number leaves.
 fn ended(kind: Kind, says: Says) -> Ended {
     ended_or_tripped(kind, says, None)
 }

@@ -1,5 +1,5 @@
-//! Which limits exist, who checks them and what happens then: a specimen behind a link needs some, both ends keep them, and
-//! `gusset check` and the run folder say so.
+//! Which limits exist, who checks them and the effect of a trip: a specimen behind a link needs some, both ends keep them, and
+//! `gusset check` and the run folder show them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -33,7 +33,7 @@ fn bare(address: &str, keys: &str) -> String {
 }
 
 #[test]
-fn a_specimen_behind_a_link_without_limits_is_refused_with_a_table_that_can_be_pasted() {
+fn missing_limits_are_refused_with_template() {
     let text = bare("127.0.0.1:1", "");
     let said = complaint(&text);
     assert!(
@@ -60,12 +60,12 @@ fn a_specimen_behind_a_link_without_limits_is_refused_with_a_table_that_can_be_p
     );
     let silent = text.replace("[safety]", "[safety]\nunlimited = \" \"");
     assert!(complaint(&silent).contains("gives no reason"));
-    // What looks like a reason to a program shows nothing to a person.
+    // A reason of invisible characters shows nothing to a person.
     for blank in ["\\u2800", "\\u00a0\\u2800"] {
         let silent = text.replace("[safety]", &format!("[safety]\nunlimited = \"{blank}\""));
         assert!(complaint(&silent).contains("gives no reason"), "{blank}");
     }
-    // A gateway, too: OpenSees has no limits of its own.
+    // A gateway, too: OpenSees has no limits.
     let folder = tempfile::tempdir().unwrap();
     let between = gateway("127.0.0.1:1", "stiffness_n_per_m = 4e5\n", "").replace(UNLIMITED, "");
     let path = write(folder.path(), "gateway.toml", &between);
@@ -76,7 +76,7 @@ fn a_specimen_behind_a_link_without_limits_is_refused_with_a_table_that_can_be_p
 }
 
 #[test]
-fn a_reason_to_be_unlimited_is_said_at_the_start_and_stands_in_the_folder() {
+fn reason_for_no_limits_is_in_the_folder() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let local = test_file(200, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
@@ -102,7 +102,7 @@ fn a_reason_to_be_unlimited_is_said_at_the_start_and_stands_in_the_folder() {
 }
 
 #[test]
-fn limits_that_contradict_each_other_are_shown_with_both_places() {
+fn contradicting_limits_show_both_places() {
     let with = |limits: &str, safety: &str, table: &str| {
         let text = bare("127.0.0.1:1", "").replace("[safety]", &format!("[safety]\n{safety}"));
         let limits = format!("{table}{LIMITS}{limits}\n[specimen.link]");
@@ -170,7 +170,7 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
         }
         assert!(said.contains("--> test.toml:"), "{said}");
     }
-    // The same bound in other units contradicts nothing.
+    // An equal bound in other units contradicts nothing.
     let same =
         "command_vel_m_per_s = { trip = 1.0 }\ncommand_step_m = { trip = 0.001 }\n[specimen.link]";
     let text = bare("127.0.0.1:1", "").replace("[specimen.link]", &format!("{LIMITS}{same}"));
@@ -178,7 +178,7 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
 }
 
 #[test]
-fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
+fn both_ends_know_the_others_limits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let local = test_file(
@@ -199,7 +199,7 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
         "{reason}"
     );
     assert!(reason.contains("nothing was moved"), "{reason}");
-    // None: the specimen's end keeps its own, and the test is told.
+    // Without limits of the test, the specimen's end keeps its own, and the test reports them.
     let (_, said) = run(folder, "none", &linked(200, &served.address, ""));
     let words = "its end keeps limits that the test does not have, axis \"axis 1\": displacement from -0.02 m";
     assert!(said.contains(words), "{said}");
@@ -222,9 +222,9 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
     assert!(!reason.contains("interlock"), "{reason}");
 }
 
-/// Other ends than ours may let pass what they will not do.
+/// A foreign end may accept limits that it will not keep.
 #[test]
-fn an_end_that_keeps_narrower_limits_than_the_test_and_welcomes_it_is_refused() {
+fn narrower_limits_at_the_end_are_refused() {
     type Change = fn(&mut Limits);
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -266,7 +266,7 @@ fn an_end_that_keeps_narrower_limits_than_the_test_and_welcomes_it_is_refused() 
 }
 
 #[test]
-fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
+fn check_shows_limits_and_their_effects() {
     let folder = tempfile::tempdir().unwrap();
     let more = "following_error_m = { warn = 0.001, trip = 0.002 }\nfollowing_time_s = 0.03\n\
                 stuck_ticks = { trip = 20 }\nstuck_travel_m = 1e-4\nalternating_ticks = { trip = 9 }\n";
@@ -302,7 +302,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "stability_used",
         "an open interlock or emergency stop",
         "every specimen holds its last command",
-        // How a bound is judged, what the other end does by itself, and how everything begins and ends.
+        // How a bound is checked, the reaction of the other end, and the start and end of the test.
         "in motion 30 ms of it more",
         "once the command has gone 100 µm",
         "in 7 s, not counted in the",
@@ -366,7 +366,7 @@ fn limits_but(missing: Limit) -> serde_json::Value {
 }
 
 #[test]
-fn check_lists_every_limit_of_the_table_with_its_key_and_unit() {
+fn check_lists_every_limit_key_and_unit() {
     // A file may limit the change of a command in a tick or its velocity, not both.
     let facts = [Limit::CommandStep, Limit::CommandVel].map(limits_but);
     for limit in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST) {
@@ -409,7 +409,7 @@ fn limit() -> f64 {
 }
 
 #[test]
-fn the_sawtooth_of_an_unstable_step_trips_before_it_is_large_and_a_stable_one_does_not() {
+fn sawtooth_trips_while_it_is_small() {
     let limits = "[specimen.limits]\nalternating_ticks = { warn = 6, trip = 12 }";
     let stable = crate::common::engine::run(&at_limit(0.9 * limit(), limits));
     assert_eq!(stable.outcome.ending, Ending::Completed);
@@ -436,7 +436,7 @@ fn the_sawtooth_of_an_unstable_step_trips_before_it_is_large_and_a_stable_one_do
 }
 
 #[test]
-fn a_specimen_that_is_stiffer_than_declared_is_measured_and_trips() {
+fn stiffer_specimen_is_measured_and_trips() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let stiff = "[specimen.law.linear]\nstiffness_n_per_m = 6e5\n";
@@ -497,7 +497,7 @@ impl Clock for Late {
 }
 
 #[test]
-fn misses_in_a_window_end_a_test_that_is_late_too_often() {
+fn misses_in_a_window_end_the_test() {
     let late = |every: u64| {
         let text = test_file(2000, &format!("{ONE_AXIS}{ONE_AXIS_LAW}")).replace(
             "[timing]",
@@ -528,7 +528,7 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
 }
 
 #[test]
-fn a_displacement_that_is_refused_is_no_peak() {
+fn refused_displacement_is_no_peak() {
     let folder = tempfile::tempdir().unwrap();
     // Driven into a trip of the command at 20 mm, in steps of several mm.
     let text = "[time]\nstep_s = 0.05\nduration_s = 5\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1e3]\n\
@@ -549,7 +549,7 @@ fn a_displacement_that_is_refused_is_no_peak() {
 }
 
 #[test]
-fn what_is_announced_otherwise_than_it_is_kept_is_shown_as_it_is_announced() {
+fn check_shows_limits_announced_differently() {
     let folder = tempfile::tempdir().unwrap();
     let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\ncommand_step_m = { trip = 0.01 }\n\
                   measured_force_n = { trip = [-1e5, 1e6] }\n[specimen.link]";
@@ -569,8 +569,8 @@ fn what_is_announced_otherwise_than_it_is_kept_is_shown_as_it_is_announced() {
     assert!(!said.contains("command_disp_m * announced"));
 }
 
-/// Two jacks of one specimen that come behind their commands: the first trips, and its way on to its last command is felt by the
-/// second, which stands.
+/// Two jacks of one specimen that lag behind their commands: the first trips, and its remaining motion to its last command loads
+/// the second, which is at rest.
 const COUPLED: &str = "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulated\"\n[safety]\nzero_s = 0.1\n\
     on_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n[[excitation.prescribed_displacement]]\nspecimen = \"a\"\naxis = 1\n\
     signal.sine = { amplitude = 0.02, frequency_hz = 1 }\n[[specimen]]\nname = \"a\"\n\
@@ -579,8 +579,7 @@ const COUPLED: &str = "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulate
     [[specimen.axis]]\nlimits.measured_force_n = { trip = [-20e3, 20e3] }\n\
     [[specimen.axis]]\nlimits.measured_force_n = { trip = [-11e3, 11e3] }\n";
 
-/// One that comes behind, goes a way from tick to tick that is small beside the noise of its sensor, and reaches its second limit
-/// after the first.
+/// A specimen that lags, moves less from tick to tick than the noise of its sensor, and reaches its second limit after the first.
 fn noisy(seed: u32) -> String {
     format!(
         "[time]\nrate_hz = 4096\nduration_s = 2\nclock = \"simulated\"\n[safety]\nzero_s = 0.1\non_trip = \"zero_displacement\"\n\
@@ -593,7 +592,7 @@ fn noisy(seed: u32) -> String {
 }
 
 #[test]
-fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out() {
+fn late_actuator_motion_keeps_the_shutdown() {
     let texts = (0..6).map(noisy);
     for text in texts.chain([COUPLED.to_owned()]) {
         let folder = tempfile::tempdir().unwrap();
@@ -606,7 +605,7 @@ fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out(
     }
 }
 
-/// Quantity and specimen of every limit of a specimen that was told, warnings or trips, with the tick.
+/// Limit, port, axis and tick of every warning or trip of a specimen that was reported.
 fn told(run: &crate::common::engine::Run, wanted: bool) -> Vec<(&str, u32, u32, u64)> {
     let hits = run.events.iter().filter_map(|event| {
         let reached = match &event.kind {
@@ -634,7 +633,7 @@ fn prescribed(specimens: &str, axes: &[(&str, u32)]) -> String {
 }
 
 #[test]
-fn commands_of_two_specimens_that_trip_in_one_tick_are_both_told_and_none_leaves() {
+fn two_tripping_commands_are_both_reported() {
     let specimen = |name: &str| {
         format!(
             "[[specimen]]\nname = \"{name}\"\nlaw.linear = {{ stiffness_n_per_m = 1e6 }}\nlimits.command_disp_m = {{ trip = \
@@ -659,7 +658,7 @@ fn commands_of_two_specimens_that_trip_in_one_tick_are_both_told_and_none_leaves
 }
 
 #[test]
-fn warnings_of_two_axes_in_one_tick_are_both_told() {
+fn warnings_of_two_axes_are_both_reported() {
     let specimen = "[[specimen]]\nname = \"p\"\nlaws = [ { linear = { stiffness_n_per_m = 1e6 } }, { linear = { stiffness_n_per_m = 1e6 \
                     } } ]\nlimits.command_disp_m = { warn = [-0.0119, 0.0119], trip = [-0.02, 0.02] }\n";
     let run = crate::common::engine::run(&prescribed(specimen, &[("p", 1), ("p", 2)]));
@@ -674,7 +673,7 @@ fn warnings_of_two_axes_in_one_tick_are_both_told() {
 }
 
 #[test]
-fn a_force_beyond_its_limit_is_told_beside_what_the_specimen_says_and_that_ends_the_test() {
+fn force_trip_shows_the_specimens_report() {
     use crate::common::rig::{Act, Log, Phase, attach, storey, two_floors};
     let port = 0;
     for (status, stop) in [
@@ -702,9 +701,9 @@ fn a_force_beyond_its_limit_is_told_beside_what_the_specimen_says_and_that_ends_
     }
 }
 
-/// Both trip at the step at which it is first known how late the specimen is: by then it has added more energy than ever before.
+/// Both trip at the first step with a known lag: by then the specimen has added more energy than ever before.
 #[test]
-fn all_that_trips_of_the_test_as_a_whole_in_one_step_is_told() {
+fn all_trips_of_one_step_are_reported() {
     let with = |late: f64, added: f64| {
         let safety = format!(
             "[safety]\ndelay_used = {{ trip = {late:e} }}\nadded_energy_share = {{ trip = {added:e}, floor_j = 1e-9 }}\n\

@@ -1,5 +1,5 @@
-//! A way out begins with a stop that nobody judges: neither the controller nor the end of the specimen, which has a limit of
-//! acceleration of its own.
+//! A shutdown begins with a stop that no limit checks: neither the controller's nor those of the specimen's end, which limits the
+//! acceleration.
 
 use crate::link_common::{ONE_AXIS_LAW, Served, linked, run, summary};
 use gusset_control::engine::Phase;
@@ -7,11 +7,11 @@ use gusset_record::{Run, summary::Status};
 
 const STEPS: u32 = 400;
 const PERIOD: f64 = 1e-3;
-/// More than the test and the way out need, less than the stop between them, in m/s².
+/// More than the test and the return ramp need, less than the stop between them, in m/s².
 const ACCEL: f64 = 12.0;
 
 #[test]
-fn an_end_of_the_specimen_with_a_limit_of_acceleration_is_led_out_of_a_test_that_ends_in_motion() {
+fn acceleration_limit_allows_the_shutdown() {
     let limits = format!("[specimen.limits]\ncommand_accel_m_per_s2 = {{ trip = {ACCEL} }}\n");
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
@@ -48,10 +48,10 @@ fn an_end_of_the_specimen_with_a_limit_of_acceleration_is_led_out_of_a_test_that
     }
 }
 
-/// One that trips on what its load cell reads is not led to where there is no force, and is commanded to stay while the other is led:
-/// its own end hears of the stop, too.
+/// A specimen that trips on its load cell's reading is not unloaded, and keeps its place while the other returns: its own end gets
+/// the stop, too.
 #[test]
-fn who_is_not_led_stops_before_the_way_out_of_the_others() {
+fn specimen_kept_in_place_stops_first() {
     let folder = tempfile::tempdir().unwrap();
     let law = "law.linear = { stiffness_n_per_m = 1e5 }\n";
     let served = ["one", "other"].map(|name| {

@@ -1,12 +1,12 @@
-//! A specimen that lives in its own time may be late: what is known of it is held or extrapolated, a bounded number of times
-//! in a row, each time said; and a reply that comes late never takes the place of a newer one.
+//! A specimen with its own clock may be late. Its measurement is held or extrapolated, a bounded number of times in a row, each
+//! time with a report. A late reply never replaces a newer one.
 
 use std::collections::BTreeMap;
 
 use crate::common::engine::{Run, run_on};
 use crate::common::rig::{self, Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset_control::engine::{EndPosition, Ending, Phase as Ended, Stop};
-use gusset_control::port::{Exit, Pace, WiringCheck, Zero};
+use gusset_control::port::{Exit, Exits, Pace, WiringCheck, Zero};
 use gusset_quantity::substructure::{Coupling, Retirement, Status};
 use gusset_quantity::time::{Clock, SimClock};
 use gusset_record::Event;
@@ -52,7 +52,7 @@ const GAPS: [(u64, Act); 4] = [
 ];
 
 #[test]
-fn a_missing_measurement_is_held_and_said() {
+fn missing_measurement_is_held_and_reported() {
     let (run, _) = run(&GAPS, false, 10);
     assert_eq!(run.outcome.ending, Ending::Completed);
     assert_eq!(stale(&run), [(7, 1), (20, 1), (21, 2), (22, 3)]);
@@ -74,21 +74,21 @@ fn a_missing_measurement_is_held_and_said() {
     );
 }
 
-/// Along the tangent from where it was measured to where it should be: for a spring that is the truth, but for the roundoff of
-/// an estimate that is made of differences.
+/// Along the tangent from the measured displacement to the commanded one: for a spring this is exact, except for the roundoff of an
+/// estimate from differences.
 #[test]
-fn a_missing_measurement_is_extrapolated_along_the_estimate() {
+fn missing_measurement_is_extrapolated() {
     let (run, _) = run(&GAPS, true, 10);
     assert_eq!(stale(&run).len(), 4);
     let (force, target) = (run.column("force_1_1"), run.column("target_1_1"));
     for (force, target) in force.iter().zip(&target) {
         assert!((force - STIFFNESS * target).abs() <= 1e-9 * force.abs());
     }
-    // What came is still what came.
+    // The raw column keeps the raw value.
     assert_eq!(run.column("raw_force_1_1")[22], STIFFNESS * target[19]);
 }
 
-/// At the peak of the force the answer stays away: what the loop goes on with is larger than all that came.
+/// At the peak of the force the answer stays away: the loop extrapolates to a force above all measured ones.
 #[test]
 fn an_estimate_is_no_peak() {
     let (whole, _) = run(&[], true, 10);
@@ -131,7 +131,7 @@ fn more_in_a_row_than_allowed_end_the_test() {
             .iter()
             .any(|c| matches!(c.1, Call::Issue { sequence: 23.., .. }))
     );
-    // A fresh one in between starts the count anew.
+    // A fresh one in between restarts the count.
     let apart = [
         (20, Act::Miss),
         (21, Act::Miss),
@@ -141,23 +141,23 @@ fn more_in_a_row_than_allowed_end_the_test() {
     assert_eq!(run(&apart, false, 2).0.outcome.ending, Ending::Completed);
 }
 
-/// Ticks in which it is told that a specimen holds by its own watchdog.
+/// Ticks that report that a specimen holds by its own watchdog.
 fn holds(run: &Run) -> Vec<u64> {
     let told = run.events.iter();
     let told = told.filter(|event| event.kind == Event::SpecimenHolds { port: 0 });
     told.map(|event| event.tick).collect()
 }
 
-/// Commands had stopped, and its watchdog has stopped it: it says so once more with its first answers.
+/// After a pause of the commands its watchdog has stopped it: its first answers report this once more.
 #[test]
-fn a_specimen_that_says_that_it_holds_is_told_of_and_ends_the_test_if_it_goes_on() {
+fn holding_specimen_is_reported() {
     let at = |held: &[u64]| -> Vec<_> { held.iter().map(|at| (*at, Act::Holds)).collect() };
     let (kept, _) = run(&at(&[7, 20, 21]), false, 2);
     assert_eq!(kept.outcome.ending, Ending::Completed);
     assert_eq!(holds(&kept), [7, 20]);
     assert_eq!(kept.outcome.ports[0].2.holds, 2);
     assert!(kept.column("status_1")[20] == 2.0 && kept.column("status_1")[22] == 0.0);
-    // What is stale in between says nothing new.
+    // A stale answer in between reports nothing new.
     for stale in [Act::Miss, Act::MissSays(Status::HOLDING)] {
         ends_at_the_third(&[at(&[20, 21, 23, 24]), vec![(22, stale)]].concat());
     }
@@ -185,9 +185,9 @@ fn ends_at_the_third(script: &[(u64, Act)]) {
     assert_eq!(stopped.outcome.steps, 22, "and not before");
 }
 
-/// Its heartbeat says it, too.
+/// Its heartbeat reports it, too.
 #[test]
-fn what_a_specimen_says_of_itself_is_heard_though_its_answer_stays_away() {
+fn status_counts_when_the_answer_is_late() {
     for (status, stop) in [
         (Status::INTERLOCK, Stop::Interlock { port: 0 }),
         (Status::SATURATED, Stop::Saturated { port: 0 }),
@@ -199,10 +199,10 @@ fn what_a_specimen_says_of_itself_is_heard_though_its_answer_stays_away() {
     }
 }
 
-/// Whoever does not answer any more, or whose answers say nothing, is not commanded any more: that keeps nobody else from where
-/// the test file wants them.
+/// A specimen that no longer answers, or whose answers have no value, gets no more commands. The others still move to their end
+/// positions.
 #[test]
-fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
+fn silent_specimen_stays_others_return() {
     for (ill, last) in [(Act::Miss, 22), (Act::Saturated, 20)] {
         for port in 0..2 {
             let log = Log::default();
@@ -213,10 +213,12 @@ fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
                     Phase::Collect if number == port && sequence >= 20 => ill,
                     _ => Act::Serve,
                 };
-                let coupling = Coupling::Sampled;
-                attach(&mut experiment, storey(number), coupling, &log, act);
-                experiment.ports[number].exits_mut().on_trip = Exit::ZeroDisp;
-                experiment.ports[number].exits_mut().speed = 0.05;
+                let exits = Exits {
+                    on_trip: Exit::ZeroDisp,
+                    speed: 0.05,
+                    ..Exits::default()
+                };
+                rig::attach_leaving(&mut experiment, storey(number), exits, &log, act);
             }
             let run = run_on(experiment, SimClock::new());
             let wanted = match ill {
@@ -239,7 +241,7 @@ fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
             let (of_ill, of_other) = (told(port), told(1 - port));
             assert_eq!(of_ill.last().unwrap().0, last, "no command after the trip");
             assert_eq!(of_other.last().unwrap().1, 0.0);
-            // What ended the test, and all that follows from it, is told at the tick in which it did.
+            // The cause of the end and its consequences are reported at the tick of the cause.
             let (tick, time) = (last, last as f64 * 1e-3);
             let follows = run.events.iter().skip_while(|event| event.tick < tick);
             let mut follows = follows.peekable();
@@ -249,8 +251,8 @@ fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
     }
 }
 
-/// Reply 20 is lost on the way, reply 21 is there, and at 22 reply 20 comes in, calling itself fresh, with a force that would
-/// throw the structure out: it changes nothing, and the measurement of 22 counts as missing.
+/// Reply 20 is lost, reply 21 is there, and at 22 reply 20 arrives, marked as fresh, with a force that would throw the structure
+/// out. It changes nothing, and the measurement of 22 counts as missing.
 #[test]
 fn a_late_reply_never_replaces_a_newer_one() {
     let late = [(20, Act::Miss), (22, Act::Late(2))];
@@ -265,9 +267,9 @@ fn a_late_reply_never_replaces_a_newer_one() {
     assert_eq!(run.column("seq_1")[20..24], [19.0, 21.0, 21.0, 23.0]);
 }
 
-/// The deadline of a reply lies within the tick: after the command, before the next edge, with room for the work that is left.
+/// The deadline of a reply is within the tick: after the command, before the next edge, with time for the remaining work.
 #[test]
-fn a_sampled_specimen_has_until_shortly_before_the_next_edge_and_no_longer() {
+fn sampled_specimen_has_until_the_next_edge() {
     let clock = SimClock::new();
     let log = Log::default();
     let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 2");
@@ -303,7 +305,7 @@ fn a_sampled_specimen_has_until_shortly_before_the_next_edge_and_no_longer() {
     }
 }
 
-/// A rig whose first answers are lost, under a constant 30 kN: so many ticks of zeroing and of warm-up.
+/// A rig whose first `lost` answers are missing, under a constant 30 kN, with these ticks of zeroing and of warm-up.
 fn begins_late(zero_ticks: u32, warmup_ticks: u64, lost: u64) -> (Run, usize) {
     let log = Log::default();
     let mut experiment = two_floors(STEPS, "");
@@ -326,7 +328,7 @@ fn begins_late(zero_ticks: u32, warmup_ticks: u64, lost: u64) -> (Run, usize) {
 }
 
 #[test]
-fn a_zero_is_taken_of_answers_and_of_as_many_as_were_asked_for() {
+fn zero_uses_the_configured_answers() {
     for lost in [0, 1, 8] {
         let (run, issued) = begins_late(20, 3, lost);
         assert_eq!(run.outcome.ending, Ending::Completed, "{lost}");
@@ -350,9 +352,9 @@ fn a_zero_is_taken_of_answers_and_of_as_many_as_were_asked_for() {
     assert_eq!(run.outcome.ending, Ending::Stopped(wanted));
 }
 
-/// Where nothing is read before the test, a specimen that was never heard of does not enter equilibrium with a force of zero.
+/// Without a reading before the test, a specimen that has not answered yet does not enter equilibrium with a force of zero.
 #[test]
-fn nothing_is_integrated_before_the_first_answer() {
+fn nothing_is_integrated_before_an_answer() {
     for (warmup_ticks, lost) in [(1, 9), (1, 2), (0, 1)] {
         let (run, _) = begins_late(0, warmup_ticks, lost);
         let ticks = warmup_ticks + 1;
@@ -365,9 +367,9 @@ fn nothing_is_integrated_before_the_first_answer() {
     assert_eq!(run.outcome.ending, Ending::Completed);
 }
 
-/// Answers stay away from the middle of the way up until half of the readings at its top are over: those are made later.
+/// No answers arrive from the middle of the loading half until half of the readings at its top are over: those are taken later.
 #[test]
-fn a_direction_is_told_from_answers_to_the_commands_that_count() {
+fn wiring_check_uses_the_right_answers() {
     let amplitude = 1e-3;
     let pace = Pace {
         ramp: 10,

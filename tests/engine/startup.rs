@@ -1,5 +1,4 @@
-//! From the agreed connection to the first step: whatever comes first, a specimen is led from where it stands, and nothing
-//! jumps.
+//! From the connection to the first step: whatever comes first, a specimen moves from where it is, and nothing jumps.
 
 use std::sync::{Arc, Mutex};
 
@@ -12,7 +11,6 @@ use gusset_control::port::{
     Axis, AxisSpec, Exit, Exits, Pace, Port, PortSpec, Reference, WiringCheck, Zero,
 };
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
 use gusset_record::Event;
 
@@ -21,10 +19,16 @@ const STIFFNESS: f64 = 2e5;
 
 /// Half a second at 1 kHz with a spring in the only storey, made ready by `ready`: the run and every command.
 fn led(more: &str, ready: impl FnOnce(PortSpec) -> Port) -> (Run, Vec<f64>) {
-    led_by(more, ready, |_| {}, &Control::unattended(), [0.0; 2])
+    led_by(
+        more,
+        ready,
+        |_| {},
+        &Control::from(crossbeam_channel::never()),
+        [0.0; 2],
+    )
 }
 
-/// The same; `hears` is told the number of commands so far at each of them, and the sensors read `bias` at rest.
+/// Like `led`; `hears` gets the number of commands so far at each command, and the sensors read `bias` at rest.
 fn led_by(
     more: &str,
     ready: impl FnOnce(PortSpec) -> Port,
@@ -74,7 +78,7 @@ fn slowly(spec: &mut PortSpec) {
 }
 
 #[test]
-fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_there() {
+fn specimen_elsewhere_is_checked_and_ramped() {
     for (more, stands) in [
         ("safety.zero_s = 0.005", 0.02),
         ("safety.zero_s = 0", 0.02),
@@ -111,10 +115,10 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
     }
 }
 
-/// Without zeroing, too: the ramp waits for the first answer of everybody, within the bounds of waiting, and who gave none is
-/// not moved on the way out either.
+/// Without zeroing, too, the ramp waits for the first answer of every specimen, within the limits for waiting. A specimen without
+/// an answer does not move in the shutdown either.
 #[test]
-fn nobody_is_moved_before_all_have_answered() {
+fn no_specimen_moves_before_all_answered() {
     let stale = Stop::Stale { port: 1, ticks: 21 };
     for (silent, stops, ends) in [
         (8, None, Ending::Completed),
@@ -132,12 +136,15 @@ fn nobody_is_moved_before_all_have_answered() {
                 _ => rig::Act::Serve,
             };
             let axis = rig::storey(number);
-            rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
-            let port = &mut experiment.ports[number];
-            (port.exits_mut().on_trip, port.exits_mut().speed) = (Exit::Safe(vec![0.002]), 0.5);
+            let mut exits = Exits {
+                on_trip: Exit::Safe(vec![0.002]),
+                speed: 0.5,
+                ..Exits::default()
+            };
             if stops.is_some() {
-                port.exits_mut().at_end = Exit::Safe(vec![0.002]);
+                exits.at_end = Exit::Safe(vec![0.002]);
             }
+            rig::attach_leaving(&mut experiment, axis, exits, &log, act);
         }
         let (ask, requests) = crossbeam_channel::bounded(16);
         for _ in 0..stops.unwrap_or(0) {
@@ -202,7 +209,7 @@ fn the_ramp_keeps_every_bound_of_a_command() {
     assert!(most > 0.45 * accel * PERIOD * PERIOD, "{most}");
 }
 
-/// The same with an operator who says each of these when so many commands have left.
+/// A run whose operator gives each of these once its number of commands has left.
 fn held(more: &str, says: &'static [(usize, Operator)]) -> (Run, Vec<f64>) {
     let (ask, requests) = crossbeam_channel::bounded(8);
     let hears = move |told| {
@@ -222,17 +229,17 @@ fn held(more: &str, says: &'static [(usize, Operator)]) -> (Run, Vec<f64>) {
 const EASED: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ease_s = 0.05";
 
 #[test]
-fn a_hold_in_the_ramp_stands_there_and_comes_to_rest_as_in_the_test() {
+fn hold_in_the_ramp_comes_to_rest() {
     let text = format!("{EASED}\nstructure.initial_displacement_m = [0.02]");
     let (free, free_way) = held(&text, &[]);
     let says = &[(300, Operator::Hold), (700, Operator::Continue)];
     let (run, way) = held(&text, says);
     assert_eq!(run.outcome.ending, Ending::Completed);
-    // Asked for with command 300, heard before the one that stood ready: 50 ticks to rest behind it.
+    // Requested with command 300, accepted before the next one was sent: 50 ticks to rest after it.
     let stood = &way[350..700];
     assert!(stood.iter().all(|disp| *disp == way[350]));
     assert!(way[350] > way[300] && way[350] < 0.006, "{}", way[350]);
-    // The ramp of 1 s: π/2 of the mean speed, and π²/2 of what the mean speed is in half of it; the easing takes 50 ticks.
+    // The ramp of 1 s: π/2 of the mean speed, and π²/2 of the mean speed in half of it; the hold ramp takes 50 ticks.
     let speed = std::f64::consts::FRAC_PI_2 * 0.02 / 1000.0;
     let bend = speed * std::f64::consts::PI / 1000.0 + speed / 50.0;
     let ramp = &way[..=way.iter().position(|disp| *disp == 0.02).unwrap()];
@@ -243,13 +250,13 @@ fn a_hold_in_the_ramp_stands_there_and_comes_to_rest_as_in_the_test() {
     for column in ["x1", "force_1_1"] {
         assert_eq!(run.column(column), free.column(column), "{column}");
     }
-    // A linear fall and a linear rise: half of the 50 ticks of each is lost, besides what was stood.
+    // A linear fall and a linear rise: half of the 50 ticks of each is lost, besides the time of the hold.
     let more = way.len() - free_way.len();
     assert!((395..=405).contains(&more), "{more}");
 }
 
 #[test]
-fn a_hold_before_the_ramp_moves_nothing_and_the_test_does_not_begin_in_one() {
+fn hold_before_the_ramp_moves_nothing() {
     let text = format!("{EASED}\nstructure.initial_displacement_m = [0.02]");
     let (_, way) = held(&text, &[(2, Operator::Hold), (200, Operator::Continue)]);
     assert!(way[..200].iter().all(|disp| *disp == 0.0));
@@ -265,10 +272,10 @@ fn a_hold_before_the_ramp_moves_nothing_and_the_test_does_not_begin_in_one() {
     }
 }
 
-/// In the middle of the way up, at the top, and on the way back: it comes to rest as in the test, stands, and what is found of
-/// the specimen afterwards is the same.
+/// In the middle of the loading half, at the top, and on the return half: the hold comes to rest as in the test, and the result of
+/// the wiring check does not change.
 #[test]
-fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
+fn hold_in_the_wiring_check_comes_to_rest() {
     const AMPLITUDE: f64 = 0.001;
     let tried = |says: Vec<(usize, Operator)>| {
         let (ask, requests) = crossbeam_channel::bounded(8);
@@ -296,7 +303,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
         assert_eq!(run.outcome.ending, Ending::Completed);
         let stood = &way[at + 50..at + 400];
         assert!(stood.iter().all(|disp| *disp == stood[0]), "{at}");
-        // It goes on from there: half of the 50 ticks of each easing is lost, besides what was stood.
+        // It resumes from there: half of the 50 ticks of each hold ramp is lost, besides the time of the hold.
         let more = way.len() - free_way.len();
         assert!((395..=405).contains(&more), "{at}: {more}");
         assert_eq!(way[3200 + more - 1], 0.0, "back to the last bit");
@@ -318,7 +325,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
             assert_eq!(run.column(column), free.column(column), "{column}");
         }
     }
-    // One who asks for the end in the hold gets it there.
+    // An operator who stops the test in the hold ends it there.
     let says = vec![(900, Operator::Hold), (1200, Operator::Stop)];
     let (run, way) = tried(says);
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
@@ -326,7 +333,7 @@ fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
 }
 
 #[test]
-fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
+fn sensor_offset_is_no_following_error() {
     let ended = |reference: Reference, bias: f64| {
         let ready = |mut spec: PortSpec| {
             let mut limits = AxisLimits::NONE;
@@ -341,7 +348,7 @@ fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
             (spec.axes[0].limits, spec.axes[0].reference) = (limits, reference);
             spec.build().unwrap()
         };
-        let nobody = Control::unattended();
+        let nobody = Control::from(crossbeam_channel::never());
         led_by(EASED, ready, |_| {}, &nobody, [bias, 0.0])
             .0
             .outcome
@@ -359,9 +366,9 @@ fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
     ));
 }
 
-/// Told once in ten ticks while the test runs, which it does not yet: 10 mm in 0.05 s are 0.3 m/s.
+/// In the test it is commanded once in ten ticks, but not yet here: 10 mm in 0.05 s are 0.3 m/s.
 #[test]
-fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() {
+fn per_step_velocity_uses_tick_in_startup() {
     let (run, way) = led(EASED, |mut spec| {
         slowly(&mut spec);
         (spec.per_step, spec.step) = (true, Some(10.0 * PERIOD));
@@ -381,10 +388,10 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
     assert!(largest_step(&way) <= 0.1 * PERIOD);
 }
 
-/// In the test it has the ten ticks of its step for each command. When that is over it is told every tick again, and has one:
-/// 0.1 m/s are too fast then, and would be 0.01 m/s by the step.
+/// In the test it has the ten ticks of its step for each command. In the shutdown it is commanded every tick again, and has one:
+/// 0.1 m/s is too fast there, and would be 0.01 m/s by the step.
 #[test]
-fn what_is_told_once_a_step_has_the_step_for_it_in_the_test_and_the_tick_on_its_way_out() {
+fn per_step_velocity_uses_the_step_in_test() {
     let (run, way) = led(EASED, |mut spec| {
         let limits = AxisLimits::NONE.with(Limit::CommandVel, Bound::trip(0.02));
         (spec.axes[0].limits, spec.tick) = (limits, PERIOD);
@@ -403,7 +410,7 @@ fn what_is_told_once_a_step_has_the_step_for_it_in_the_test_and_the_tick_on_its_
 }
 
 #[test]
-fn beside_the_test_a_tick_takes_its_share_of_the_step() {
+fn startup_tick_uses_its_share_of_the_step() {
     let text = "safety.zero_s = 0\nsafety.ramp_s = 0.4\nstructure.initial_displacement_m = [0.02]\n[time]\n\
                 step_s = 0.01\nduration_s = 0.1\nclock = \"simulated\"\nticks_per_step = 8\n[integrator]\nlambda = 2\n\
                 [structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[timing]\nwarmup_ticks = 3\n";
@@ -414,26 +421,24 @@ fn beside_the_test_a_tick_takes_its_share_of_the_step() {
         heard.lock().unwrap().push(command.dt)
     });
     let axis = Axis::plain(vec![(0, 1.0)]);
-    let port = PortSpec::new(
+    let mut spec = PortSpec::new(
         "rig",
         Box::new(spring),
         1,
         vec![AxisSpec::new(axis, STIFFNESS)],
-    )
-    .build();
-    let mut port = port.unwrap();
-    *port.exits_mut() = Exits {
+    );
+    spec.exits = Exits {
         on_trip: Exit::Freeze,
         at_end: Exit::ZeroDisp,
         speed: 0.05,
     };
-    experiment.ports.push(port);
+    experiment.ports.push(spec.build().unwrap());
     let period = experiment.period.value();
     let run = run_on(experiment, SimClock::new());
     assert_eq!(run.outcome.ending, Ending::Completed);
     let passed = passed.lock().unwrap();
     let ramp = (0.4 / period).ceil() as usize;
-    // Before it moves it is asked where it stands.
+    // Before it moves, the loop queries its position.
     assert_eq!(passed[0], 0.0);
     let behind = 1 + ramp + 3 + 81;
     assert!(passed.len() > behind + 8);
@@ -442,7 +447,7 @@ fn beside_the_test_a_tick_takes_its_share_of_the_step() {
     }
 }
 
-/// However short the file wants the ramp: without a limit of its speed a specimen that stands elsewhere is given a second.
+/// However short the ramp in the file: without a limit of its speed a specimen at another place gets one second.
 #[test]
 fn a_short_ramp_is_no_jump() {
     let (run, way) = led("safety.zero_s = 0.005\nsafety.ramp_s = 0.001", |spec| {
@@ -457,9 +462,9 @@ fn a_short_ramp_is_no_jump() {
     assert!(largest_step(to_the_test) < 0.02 * 1.5709 * PERIOD);
 }
 
-/// Noise of the sensors of a specimen that stands is none of its stiffness: no limit of that trips, whatever the noise.
+/// Sensor noise of a specimen at rest is no stiffness: no stiffness limit trips, whatever the noise.
 #[test]
-fn what_stands_still_shows_no_stiffness() {
+fn specimen_at_rest_shows_no_stiffness() {
     for seed in [1, 2, 3, 4, 6, 12] {
         let text = format!(
             "safety.zero_s = 0.2\n[time]\nrate_hz = 500\nduration_s = 1\nclock = \"simulated\"\n\
@@ -470,18 +475,22 @@ fn what_stands_still_shows_no_stiffness() {
              disp_sensor = {{ noise_rms_m = 5e-5 }}\nforce_sensor = {{ noise_rms_n = 300 }}\n"
         );
         let experiment = prepare(&text).experiment;
-        let run = run_under(experiment, SimClock::new(), &Control::unattended());
+        let run = run_under(
+            experiment,
+            SimClock::new(),
+            &Control::from(crossbeam_channel::never()),
+        );
         assert_eq!(run.outcome.ending, Ending::Completed, "{seed}");
     }
 }
 
-/// Whoever reads a question may take an hour for it: at full speed that would be hundreds of gigabytes.
+/// A user may take an hour to answer a question: at full speed the rows would fill hundreds of gigabytes.
 #[test]
 #[expect(clippy::disallowed_methods, reason = "what one does who waits")]
-fn on_simulated_time_a_test_that_waits_for_somebody_makes_no_rows_at_full_speed() {
+fn waiting_in_simulated_time_makes_few_rows() {
     let (ask, requests) = crossbeam_channel::bounded(4);
     let control = Control {
-        desk: Some(ask.clone()),
+        request_socket: Some(ask.clone()),
         ..Control::from(requests)
     };
     let says = std::thread::spawn(move || {

@@ -1,8 +1,9 @@
 //! A static load is brought on before t = 0 and held: the structure stays where it is, and nothing was driven back and forth.
 
 use crate::common::engine::{Run, distance, prepare, run, run_on, run_under};
+use crate::common::spring::Spring;
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Phase, Stop};
-use gusset_control::port::{Exit, Trend, WiringCheck};
+use gusset_control::port::{Trend, WiringCheck};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
@@ -18,8 +19,8 @@ fn test(structure: &str, rest: &str) -> Run {
     ))
 }
 
-/// From t = 0 on every floor is at `at` and stays there. A force balance known to a few roundings of the load, and a few
-/// more in each of 1024 undamped ticks: 10 ε a tick of the displacement, over the share b of the stiffness that is left.
+/// From t = 0 on every floor is at `at` and stays there. A force balance known to a few roundings of the load, and a few more in
+/// each of 1024 undamped ticks: 10 ε a tick of the displacement, over the remaining share b of the stiffness.
 fn assert_stays(run: &Run, at: [f64; 3], share: f64) {
     for (dof, at) in at.into_iter().enumerate() {
         let x = run.column(&format!("x{}", dof + 1));
@@ -33,7 +34,7 @@ fn assert_stays(run: &Run, at: [f64; 3], share: f64) {
     }
 }
 
-/// Rows before t = 0 say so, stand still in time, and have neither velocity nor acceleration.
+/// Rows before t = 0 have that phase, a constant time, and neither velocity nor acceleration.
 fn assert_settling_rows(run: &Run) {
     let count = run.rows.len() - 1025;
     assert!(count > 0);
@@ -49,10 +50,32 @@ fn assert_settling_rows(run: &Run) {
     }
 }
 
+/// The specimen is four times as stiff as the file says: each correction would be twice the last, and turn back.
+#[test]
+fn diverging_corrections_end_the_test() {
+    let text = "[time]\nrate_hz = 1024\nduration_s = 1\n[safety]\nunlimited = \"a spring\"\nzero_s = 0\n[structure]\n\
+                gravity = { influence = [-1] }\n[structure.matrices]\nmass = [[20e3]]\nstiffness = [[2e6]]\n\
+                damping = [[30e3]]\n[[specimen]]\nname = \"stiff\"\nrows = [[1]]\nstiffness_n_per_m = 4e6\n\
+                link = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n";
+    let mut experiment = prepare(text).experiment;
+    let port = experiment.ports.remove(0);
+    let spring = Spring::new(16e6, |_| {});
+    experiment.ports.push(port.watched(|_, _| Box::new(spring)));
+    let run = run_on(experiment, SimClock::new());
+    let Ending::Stopped(Stop::NotSettled { port, .. }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(port, Some(0));
+    // The load, 196 kN in 20 parts over 6 MN/m.
+    let commands = run.all("cmd_1_1").into_iter();
+    let farthest = commands.fold(0.0, |most: f64, disp| most.max(disp.abs()));
+    assert!(farthest > 1e-3 && farthest < 3e-3, "{farthest}");
+}
+
 const LOAD: &str = "static_load_n = [40e3, 20e3, 60e3]";
 
 #[test]
-fn a_linear_structure_stays_where_the_load_has_put_it() {
+fn linear_structure_stays_under_its_load() {
     let run = test(LOAD, "stiffness_n_per_m = [15e6, 14e6, 11e6]\n");
     let drift = [120e3 / 15e6, 80e3 / 14e6, 60e3 / 11e6];
     let at = [
@@ -80,7 +103,7 @@ fn weight_is_mass_times_g_in_its_direction() {
 
 /// 120 kN on a storey that yields at 70 kN: u_y + 50 kN/(b k). As an element and as a specimen.
 #[test]
-fn a_storey_that_yielded_under_the_load_stays_too() {
+fn yielded_storey_stays_under_its_load() {
     let (k, b) = (9e6, 0.1);
     let law = "law = { bilinear = { stiffness_n_per_m = 9e6, yield_force_n = 70e3, post_yield_ratio = 0.1 } }";
     let first = 70e3 / k + 50e3 / (b * k);
@@ -98,10 +121,10 @@ fn a_storey_that_yielded_under_the_load_stays_too() {
     assert_settling_rows(&run);
 }
 
-/// Two yielding specimens, one with an unloading stiffer than its loading (β > γ): every command before t = 0 goes on from
-/// the one before, and the force with it. Backwards by rounding, where balance is reached, is no motion.
+/// Two yielding specimens, one with an unloading stiffer than its loading (β > γ): every command before t = 0 continues in the
+/// direction of the previous one, and so does the force. A reversal by rounding near equilibrium is no motion.
 #[test]
-fn a_yielding_specimen_is_never_driven_backwards() {
+fn yielding_specimen_never_moves_backwards() {
     let run = test(
         LOAD,
         "stiffness_n_per_m = [0, 0, 11e6]\n\
@@ -127,10 +150,10 @@ fn a_yielding_specimen_is_never_driven_backwards() {
     );
 }
 
-/// On a spring of known stiffness each part of the load is one way, and the next begins where it has led: twenty equal ones,
-/// each in one tick where no time is asked for.
+/// On a spring of known stiffness each part of the load is one move, and the next begins at its end: twenty equal parts, each in
+/// one tick where no time is configured.
 #[test]
-fn the_load_comes_on_in_twenty_equal_parts() {
+fn static_load_comes_in_twenty_equal_parts() {
     let run = test(
         LOAD,
         "stiffness_n_per_m = [0, 14e6, 11e6]\n\
@@ -148,7 +171,7 @@ fn the_load_comes_on_in_twenty_equal_parts() {
 
 /// The base may move already at t = 0: while the load is brought on nothing moves, and no damper pushes.
 #[test]
-fn a_base_that_starts_with_a_velocity_does_not_push_before_t_0() {
+fn moving_base_does_not_push_before_t_0() {
     let text = |motion: &str| {
         format!(
             "stiffness_n_per_m = [15e6, 14e6, 11e6]\ndamping_n_s_per_m = [2e5, 2e5, 2e5]\n{motion}"
@@ -165,7 +188,7 @@ fn a_base_that_starts_with_a_velocity_does_not_push_before_t_0() {
     assert!(moving.column("a1")[0] > 1.0, "and at t = 0 it does push");
 }
 
-/// The exchanges that bring the load on are no ticks of the test: no histogram counts them, warm-up or none.
+/// The exchanges that apply the load are no ticks of the test: no histogram counts them, with or without a warm-up.
 #[test]
 fn exchanges_before_t_0_are_not_timed() {
     let run = test(
@@ -190,7 +213,7 @@ fn exchanges_before_t_0_are_not_timed() {
 /// 20 kN on 2e5 N/m beside 8e5 N/m: 20 mm, in 20 equal corrections, for both are known exactly. The ramp's second is shared
 /// over them; half of a limit of 0.02 m/s takes longer.
 #[test]
-fn a_static_load_comes_on_within_the_ramps_time_and_half_the_speed_limit() {
+fn static_load_keeps_ramp_and_speed_limit() {
     let loaded = |more: &str| {
         let run = run(&format!(
             "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 1\n[structure]\nstatic_load_n = [20e3]\n\
@@ -219,9 +242,9 @@ fn a_static_load_comes_on_within_the_ramps_time_and_half_the_speed_limit() {
     assert!(ticks > 700 && fastest <= 0.01, "{ticks} {fastest}");
 }
 
-/// What makes up for an actuator that goes 0.9 of the way commands 1/0.9 from the first part of the load on, not at t = 0.
+/// A compensator for an actuator with a gain of 0.9 commands 1/0.9 from the first part of the load on, not at t = 0.
 #[test]
-fn a_compensator_with_a_gain_is_there_before_the_test_begins() {
+fn compensator_with_a_gain_reaches_the_load() {
     let run = run(
         "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 0.25\n[structure]\nstatic_load_n = [20e3]\n\
          [structure.shear_building]\nmass_kg = [20e3]\nstiffness_n_per_m = [2e5]\n[[specimen]]\nname = \"s\"\n\
@@ -244,10 +267,21 @@ fn a_compensator_with_a_gain_is_there_before_the_test_begins() {
 
 /// 20 kN on each of two floors; the lower storey is mostly the specimen, behind `transfer`.
 fn behind(transfer: &str, rate_hz: u32, rest_n_per_m: f64, law: &str) -> Experiment {
+    behind_with("", transfer, rate_hz, rest_n_per_m, law)
+}
+
+/// The same with more keys of `[safety]`.
+fn behind_with(
+    safety: &str,
+    transfer: &str,
+    rate_hz: u32,
+    rest_n_per_m: f64,
+    law: &str,
+) -> Experiment {
     prepare(&format!(
         "[time]\nrate_hz = {rate_hz}\nduration_s = 0.25\n[structure]\nstatic_load_n = [20e3, 20e3]\n\
          [structure.shear_building]\nmass_kg = [10e3, 10e3]\nstiffness_n_per_m = [{rest_n_per_m}, 8e6]\n\
-         [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n[safety]\nzero_s = 0\nramp_s = 1\n\
+         [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n[safety]\nzero_s = 0\nramp_s = 1\n{safety}\
          [[specimen]]\nname = \"s\"\nstorey = 1\nlaw = {law}\n[specimen.transfer]\n{transfer}\n"
     ))
     .experiment
@@ -255,8 +289,7 @@ fn behind(transfer: &str, rate_hz: u32, rest_n_per_m: f64, law: &str) -> Experim
 
 const SPRING: &str = "{ linear = { stiffness_n_per_m = 4e6 } }";
 
-/// Rows before t = 0 of a test that ran to its end: what was commanded there and which force was read, the last of them at
-/// t = 0.
+/// Rows before t = 0 of a test that completed: its commands there and the forces read, the last of them at t = 0.
 fn brought_on(run: &Run) -> [Vec<f64>; 2] {
     assert_eq!(run.outcome.ending, Ending::Completed);
     let begun = run.rows.len() - run.column("x1").len();
@@ -269,10 +302,10 @@ fn back(values: &[f64]) -> f64 {
     steps.sum()
 }
 
-/// Whatever stands between a command and the specimen, a correction is made of what is measured when it has arrived. A
-/// twentieth of the load is one way: an actuator that goes beyond its goal by 5 % of a way goes beyond the load by 0.25 %.
+/// Whatever is between a command and the specimen, each correction uses the measurement after arrival. A twentieth of the load is
+/// one move: an actuator that overshoots by 5 % of a move overshoots the load by 0.25 %.
 #[test]
-fn an_actuator_that_takes_its_time_is_waited_for() {
+fn slow_actuator_is_waited_for() {
     let second_order = "actuator = { second_order = { frequency_hz = 2, damping_ratio = 0.7 } }";
     for (transfer, rate_hz) in [
         ("delay_s = 0.002", 1000),
@@ -315,9 +348,9 @@ fn an_actuator_that_takes_its_time_is_waited_for() {
     }
 }
 
-/// One that yields at half of its load behind 24 ms: it is never driven back by more than a share of the last part.
+/// A specimen that yields at half of its load behind 24 ms: it never moves back by more than a share of the last part.
 #[test]
-fn a_yielding_specimen_behind_a_delay_is_not_driven_beyond_its_load() {
+fn delay_does_not_overload_a_yielding_one() {
     let law =
         "{ bilinear = { stiffness_n_per_m = 4e6, yield_force_n = 20e3, post_yield_ratio = 0.2 } }";
     let run = run_on(behind("delay_s = 0.024", 1000, 0.0, law), SimClock::new());
@@ -329,10 +362,9 @@ fn a_yielding_specimen_behind_a_delay_is_not_driven_beyond_its_load() {
     assert!(back(&way) < 1e-4 * at, "{}", back(&way));
 }
 
-/// Noise of 0.1 % of the load, a quantum, a bias and an actuator that goes 95 % of its way: the load is carried as well as
-/// they let it be.
+/// Noise of 0.1 % of the load, a quantum, a bias and an actuator with a gain of 95 %: the load is carried to within their errors.
 #[test]
-fn sensors_that_are_not_perfect_do_not_keep_a_load_from_being_carried() {
+fn imperfect_sensors_do_not_block_the_load() {
     for transfer in [
         "force_sensor = { noise_rms_n = 40 }\ndisp_sensor = { noise_rms_m = 1e-5 }",
         "delay_s = 0.01\nforce_sensor = { noise_rms_n = 40 }\ndisp_sensor = { noise_rms_m = 1e-5 }",
@@ -348,7 +380,7 @@ fn sensors_that_are_not_perfect_do_not_keep_a_load_from_being_carried() {
     }
 }
 
-/// A specimen whose end takes commands for so many times what they are, and hears of each before.
+/// A specimen whose end multiplies commands by `gain` and calls `heard` before each.
 struct Wired<F> {
     inner: Box<dyn Substructure>,
     gain: f64,
@@ -382,14 +414,15 @@ impl<F: FnMut() + Send> Substructure for Wired<F> {
 }
 
 #[test]
-fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found() {
+fn slow_actuator_is_not_taken_for_reversed() {
     for transfer in [
         "actuator = { second_order = { frequency_hz = 2, damping_ratio = 0.7 } }",
         "actuator = { second_order = { frequency_hz = 5, damping_ratio = 0.5 } }",
         "delay_s = 0.1",
     ] {
         let listened_to = || {
-            let mut experiment = behind(
+            let mut experiment = behind_with(
+                "on_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n",
                 transfer,
                 500,
                 0.5e6,
@@ -401,10 +434,8 @@ fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found()
         };
         brought_on(&run_on(listened_to(), SimClock::new()));
         let mut experiment = listened_to();
-        let mut port = experiment.ports.pop().unwrap();
-        // Which way leads there nobody knows.
-        port.exits_mut().on_trip = Exit::ZeroDisp;
-        port.exits_mut().speed = 0.05;
+        let port = experiment.ports.pop().unwrap();
+        // No safe direction is known.
         experiment.ports.push(port.watched(|inner, _| {
             Box::new(Wired {
                 inner,
@@ -423,9 +454,9 @@ fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found()
     }
 }
 
-/// One whose force never ceases to change is no specimen that carries a load: 30 s, and the test ends.
+/// A specimen whose force never settles carries no load: after 30 s the test ends.
 #[test]
-fn a_specimen_that_never_rests_ends_the_test() {
+fn specimen_that_never_rests_ends_the_test() {
     let creeping = "rate_limit_m_per_s = 1e-6";
     let run = run_on(behind(creeping, 100, 0.0, SPRING), SimClock::new());
     let Ending::Stopped(stop) = run.outcome.ending else {
@@ -436,7 +467,7 @@ fn a_specimen_that_never_rests_ends_the_test() {
 
 /// An actuator that does not move ends the test, beside a spring and without one.
 #[test]
-fn an_actuator_that_does_not_follow_ends_the_test() {
+fn actuator_that_never_follows_ends_test() {
     let ends = "actuator = { proportional = { gain = 1e-9 } }";
     for (rest, law) in [
         (0.0, SPRING),
@@ -459,9 +490,10 @@ fn an_actuator_that_does_not_follow_ends_the_test() {
     }
 }
 
-/// Half of every way, and a sensor that shows a way only after eight: whoever goes at all is sent on until the load is carried.
+/// Half of every move, and a sensor that shows a move only after eight: a specimen that follows at all moves on until it carries
+/// the load.
 #[test]
-fn whoever_follows_in_its_own_scale_carries_the_load() {
+fn actuator_with_a_gain_error_reaches_load() {
     for transfer in [
         "actuator = { proportional = { gain = 0.5 } }",
         "disp_sensor = { quantum_m = 4e-3 }",
@@ -476,7 +508,7 @@ fn whoever_follows_in_its_own_scale_carries_the_load() {
 /// 60 kN on a stiff storey and none on a soft one, each with noise of 50 N: as a displacement the noise in the soft one is a
 /// tenth of what the load does to the stiff one.
 #[test]
-fn noise_in_a_soft_direction_does_not_keep_the_load_from_being_carried() {
+fn noise_in_a_soft_direction_keeps_the_load() {
     let storey = |number: u32, stiffness: f64| {
         format!(
             "[[specimen]]\nname = \"s{number}\"\nstorey = {number}\nlaw = {{ linear = {{ stiffness_n_per_m = {stiffness} }} }}\n\
@@ -497,9 +529,9 @@ fn noise_in_a_soft_direction_does_not_keep_the_load_from_being_carried() {
     assert!((last * 666e6 / 60e3 - 1.0).abs() < 5e-3, "{last}");
 }
 
-/// It is pushed to its offset of 20 mm with 60 kN, and from there the load takes it: those forces are none of the test.
+/// It is pushed to its offset of 20 mm with 60 kN, and the load begins there: those forces are not part of the test.
 #[test]
-fn what_a_specimen_carried_before_the_test_is_no_peak_of_it() {
+fn force_before_the_test_is_no_peak() {
     let run = run(
         "[time]\nrate_hz = 100\nduration_s = 0.5\n[structure]\nstatic_load_n = [10e3]\n[structure.shear_building]\n\
          mass_kg = [5e3]\nstiffness_n_per_m = [0]\n[safety]\nzero_s = 0.1\n[[specimen]]\nname = \"s\"\nstorey = 1\n\
@@ -514,7 +546,7 @@ fn what_a_specimen_carried_before_the_test_is_no_peak_of_it() {
 
 /// A hold of the operator in the midst of it changes nothing but when it is.
 #[test]
-fn a_hold_while_a_slow_actuator_is_waited_for_changes_no_command() {
+fn hold_in_the_wait_changes_no_command() {
     let commands = |holds: std::ops::Range<u32>| {
         let (operator, requests) = crossbeam_channel::bounded(8);
         let mut experiment = behind("delay_s = 0.024", 1000, 0.0, SPRING);
@@ -545,7 +577,7 @@ fn a_hold_while_a_slow_actuator_is_waited_for_changes_no_command() {
     assert_eq!(commands(60..90), undisturbed);
 }
 
-/// A specimen some of whose answers are lost: those to so many commands from one of them on.
+/// A specimen that loses its answers to a range of commands.
 struct Lossy {
     inner: Box<dyn Substructure>,
     lost: std::ops::Range<u32>,
@@ -579,10 +611,10 @@ impl Substructure for Lossy {
     }
 }
 
-/// 60 kN on a spring alone, in 20 ticks and 200; nine answers in a row are lost, whenever: the load comes on later for it, never
-/// beyond what it is, and never back.
+/// 60 kN on a spring alone, in 20 ticks and 200; nine answers in a row are lost, at any time. The load arrives later, never above
+/// its value, and never reversed.
 #[test]
-fn answers_that_stay_away_do_not_overload_a_specimen() {
+fn missing_answers_do_not_overload() {
     for (ramp_s, every) in [(0.2, 3), (1.0, 11)] {
         let loaded = |lost: std::ops::Range<u32>| {
             let mut experiment = prepare(&format!(

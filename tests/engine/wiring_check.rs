@@ -1,5 +1,5 @@
-//! Before a test moves a specimen it is found out which way round it is wired: a reversed or dead channel is not armed, and
-//! is told from the others; what is in order runs, and a formula does not remember having been tried.
+//! The wiring check runs before a test moves a specimen. A reversed or dead channel is not armed, and each fault is distinguished
+//! from the others. A correct specimen runs, and a formula does not remember the check.
 
 use std::sync::{Arc, Mutex};
 
@@ -13,8 +13,8 @@ const K: f64 = 4e5;
 const PROBE: &str = "probe_m = 1e-4\nprobe_ramp_s = 0.05\n";
 const PROBE_TICKS: usize = 2 * 50 + 3 * 20;
 
-/// How a test of one specimen with `keys` in its link ended whose readings are `wiring`: exit code, reason or words on
-/// stderr, and what the specimen was told (`None`: it was armed again).
+/// End of a test of one specimen with `keys` in its link and the readings `wiring`: exit code, reason or stderr, and the commands
+/// to the specimen (`None`: it was armed again).
 struct Tried {
     code: i32,
     reason: String,
@@ -57,7 +57,7 @@ fn tried(keys: &str, wiring: impl FnMut(f64) -> (f64, f64) + Send + 'static) -> 
     }
 }
 
-/// What a specimen that is not armed was told: the motion of the probe, and nothing else.
+/// A specimen that is not armed got the motion of the wiring check and no other command.
 fn refused(wiring: impl FnMut(f64) -> (f64, f64) + Send + 'static, words: &str, name: &str) {
     let found = tried(PROBE, wiring);
     assert_eq!(found.code, 3, "{}", found.said);
@@ -77,7 +77,7 @@ fn refused(wiring: impl FnMut(f64) -> (f64, f64) + Send + 'static, words: &str, 
 }
 
 #[test]
-fn a_specimen_that_is_wired_rightly_is_tried_armed_anew_and_tested() {
+fn correct_wiring_is_armed_and_tested() {
     let found = tried(PROBE, |d| (d, K * d));
     assert_eq!(found.code, 0, "{}", found.said);
     assert!(
@@ -110,7 +110,7 @@ fn a_specimen_that_is_wired_rightly_is_tried_armed_anew_and_tested() {
 }
 
 #[test]
-fn each_reversed_channel_is_not_armed_and_told_from_the_others() {
+fn reversed_channels_are_distinguished() {
     refused(
         |d| (d, -K * d),
         "its force channel is reversed",
@@ -152,7 +152,7 @@ fn noise() -> impl FnMut() -> f64 + Send {
 }
 
 #[test]
-fn noise_below_the_signal_changes_nothing_and_above_it_asks_for_a_larger_motion() {
+fn noise_above_the_signal_needs_more_motion() {
     let mut small = noise();
     // 40 N are expected; noise of ±8 N.
     let found = tried(PROBE, move |d| (d, K * d + 8.0 * small()));
@@ -172,7 +172,7 @@ fn noise_below_the_signal_changes_nothing_and_above_it_asks_for_a_larger_motion(
 }
 
 #[test]
-fn nothing_moves_that_was_not_meant_to_and_an_unchecked_direction_is_said_loudly() {
+fn unchecked_direction_is_reported() {
     // A fake says that it is simulated: nothing can break.
     let found = tried("", |d| (d, K * d));
     assert_eq!(found.told.len() as u32, 5 + STEPS + 1, "no motion");
@@ -208,7 +208,7 @@ fn nothing_moves_that_was_not_meant_to_and_an_unchecked_direction_is_said_loudly
 }
 
 #[test]
-fn a_static_load_shows_the_direction_and_stops_a_reversed_specimen_at_its_beginning() {
+fn static_load_stops_a_reversed_specimen() {
     let loaded = |wiring: fn(f64) -> (f64, f64)| {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -244,7 +244,7 @@ fn a_static_load_shows_the_direction_and_stops_a_reversed_specimen_at_its_beginn
         // 400 N on 4e5 N/m are 1 mm; the first part of twenty is a twentieth of it.
         assert!(largest < 0.25e-3, "{largest}");
     }
-    // A force that says nothing is not a reversed one: the user is told.
+    // A force that shows no direction is not a reversed one: the program warns the user.
     let (code, said, ..) = loaded(|d| (d, 0.5 * K * d - 0.499 * K * d));
     assert_eq!(code, 0, "{said}");
     assert!(said.contains("does not show the direction"), "{said}");

@@ -1,5 +1,5 @@
-//! Trying which way round a specimen is wired changes no number of the test that follows, even if the motion went far beyond
-//! yielding: a formula begins anew (our own protocol) or forgets what was not committed (OpenFresco).
+//! The wiring check changes no number of the test that follows, even if its motion went far beyond yielding. A formula restarts
+//! (native protocol) or forgets uncommitted motion (OpenFresco).
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ fn yielding(file: &str) -> String {
 }
 
 #[test]
-fn over_every_protocol_a_yielding_formula_does_not_remember_having_been_tried() {
+fn formula_forgets_the_wiring_check() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
@@ -82,7 +82,7 @@ fn over_every_protocol_a_yielding_formula_does_not_remember_having_been_tried() 
 
 /// The gateway tries its specimen before it answers the arming, and passes on the trial of its controller.
 #[test]
-fn through_a_gateway_that_tries_its_specimen_itself() {
+fn gateway_checks_its_specimen_itself() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
@@ -100,7 +100,7 @@ fn through_a_gateway_that_tries_its_specimen_itself() {
 }
 
 #[test]
-fn a_gateway_does_not_arm_a_reversed_specimen() {
+fn gateway_does_not_arm_a_reversed_specimen() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let address = crate::link_common::Fake::start(|mut fake| {

@@ -1,5 +1,5 @@
-//! Actuators, sensors and compensators in the virtual laboratory: what stands behind a server and a wire is what stands in
-//! process, to the last bit, whatever the wire does that can be made good; and what cannot be made good is the same each time.
+//! Actuators, sensors and compensators in the virtual laboratory. A specimen behind a server and a link gives the same bits as in
+//! process, whatever fault of the link can be repaired. A fault that cannot be repaired has the same effect each time.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use gusset_record::Journal;
 use crate::invariants;
 use crate::lab::{Extra, Played, play};
 
-/// Everything that may depend on when, and how often, it is asked.
+/// Everything that may depend on the time and the number of its calls.
 const RIGS: [&str; 4] = [
     "delay_s = 0.0137\n",
     "actuator.first_order = { time_constant_s = 0.012, gain = 0.97 }\nrate_limit_m_per_s = 0.05\n",
@@ -100,7 +100,7 @@ fn script(fault: &str) -> Script {
 }
 
 #[test]
-fn a_rig_behind_the_host_gives_the_bits_that_it_gives_in_process() {
+fn rig_behind_a_host_gives_the_same_bits() {
     // Nothing; what is late; what comes again; what is lost, and asked for again.
     let wires = [
         "",
@@ -129,7 +129,7 @@ fn a_rig_behind_the_host_gives_the_bits_that_it_gives_in_process() {
             let there = rows(&there);
             assert_eq!(here.len(), there.len());
             for (here, there) in here.iter().zip(&there) {
-                // Numbers of commands count what was sent, ramps and all; how often is the wire's own.
+                // Numbers of commands count all that was sent, ramps included; repetitions belong to the link.
                 if here.0.starts_with("seq_") && !wire.is_empty() {
                     continue;
                 }
@@ -146,7 +146,7 @@ fn a_rig_behind_the_host_gives_the_bits_that_it_gives_in_process() {
 }
 
 #[test]
-fn what_goes_wrong_at_a_rig_with_an_actuator_goes_wrong_the_same_way_each_time() {
+fn actuator_faults_repeat_exactly() {
     let faults = [
         "[[fault]]\nat = 200\nkind = \"frozen\"\n",
         "[[fault]]\nat = 100\nkind = { rate = { vel_m_per_s = 0.01 } }\n",

@@ -25,6 +25,21 @@ use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice}
 
 use crate::campaign::Chance;
 
+/// A controller of which only the address is known.
+fn unnamed() -> Controller {
+    Controller {
+        peer: ([127, 0, 0, 1], 1).into(),
+        test: String::new(),
+        software: String::new(),
+        rate: None,
+        watchdog_s: None,
+        sampling: gusset_wire::handshake::Sampling::Reply,
+        first_sequence: 0,
+        start: Vec::new(),
+        limits: Vec::new(),
+    }
+}
+
 /// The limit of the commanded speed, m/s.
 const SPEED: f64 = 0.1;
 /// Longest silence that the client announces, s.
@@ -41,7 +56,7 @@ fn burst((commands, seconds): (u64, u64)) -> f64 {
     (2.0 * seconds as f64 / commands as f64).clamp(0.02, 0.1)
 }
 
-/// Where a specimen was led, and when.
+/// Positions of a specimen over time.
 #[derive(Clone, Default)]
 struct Led(Arc<Mutex<Vec<(Nanos, f64)>>>);
 
@@ -66,7 +81,7 @@ impl Led {
         most
     }
 
-    /// The same excess for windows that begin after a command and end with one.
+    /// The excess for windows that begin after a command and end with one.
     fn beyond_its_own_time(&self) -> f64 {
         let (mut last, mut beyond, mut most) = ((Nanos(0), 0.0), 0.0_f64, 0.0_f64);
         for (now, disp) in self.0.lock().unwrap().iter() {
@@ -130,7 +145,7 @@ struct Client {
     clock: SimClock,
     led: Led,
     rate: (u64, u64),
-    /// Whose guard and latch every session has.
+    /// Every session uses its guard and latch.
     first: Host,
     end: Simulated,
     encoder: Encoder,
@@ -151,6 +166,7 @@ impl Client {
                 clock.clone(),
                 0,
                 true,
+                None,
             ),
             clock,
             led,
@@ -166,12 +182,12 @@ impl Client {
         client
     }
 
-    /// A new session. The old one ends without a word.
+    /// A new session. The old one ends without a goodbye.
     fn connect(&mut self) {
         let host = host(&self.clock, &self.led).guarded_as(&self.first);
-        // The old one goes first: it gives back what it was lent.
-        self.end = Simulated::new(unused(), self.clock.clone(), 0, true);
-        self.end = Simulated::new(host, self.clock.clone(), 0, true);
+        // The old one is dropped first: it returns what it borrowed.
+        self.end = Simulated::new(unused(), self.clock.clone(), 0, true, None);
+        self.end = Simulated::new(host, self.clock.clone(), 0, true, None);
         self.encoder = Encoder::greeting(Side::Controller);
         self.decoder = Decoder::greeting(Side::Specimen);
         let axis = axis();
@@ -299,7 +315,7 @@ fn a_step(chance: &mut Chance, rate: (u64, u64), silent_s: f64) -> f64 {
     if chance.one_in(4) { -step } else { step }
 }
 
-/// Plays one sequence; how far beyond its speed the specimen was led, in m, and in how many commands.
+/// Plays one sequence; returns how far beyond its speed the specimen moved, in m, and in how many commands.
 fn played(seed: u64, rates: &[(u64, u64)]) -> (f64, usize) {
     let mut chance = Chance::new(seed);
     let mut client = Client::new(rates[0]);
@@ -342,7 +358,7 @@ fn played(seed: u64, rates: &[(u64, u64)]) -> (f64, usize) {
 }
 
 #[test]
-fn no_client_with_a_rate_moves_a_specimen_faster_than_its_limit_and_one_burst() {
+fn rated_client_keeps_speed_and_one_burst() {
     const FAST: (u64, u64) = (1000, 1);
     const SLOW: (u64, u64) = (2, 1);
     let mut commands = 0;
@@ -397,8 +413,8 @@ impl Substructure for Standing {
 }
 
 #[test]
-fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time_say() {
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+fn unrated_client_never_outruns_the_clocks() {
+    let controller = unnamed();
     for seed in 0..SEEDS {
         let (mut chance, led) = (Chance::new(seed), Led::default());
         let units = vec![AxisUnits::SI];
@@ -410,7 +426,7 @@ fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time
             .limited(&[limits()])
             .guarded(Default::default(), Latch::default());
         let mut now = Nanos(1_000_000_000);
-        served.now_is(now);
+        served.simulated_now_is(now);
         served.begin(&controller, &mut || Ok(())).unwrap();
         let (mut silent_since, mut into) = (now, Measurement::zeros(1));
         for sequence in 0..ACTIONS as u64 {
@@ -444,7 +460,7 @@ fn no_client_without_a_rate_moves_a_specimen_faster_than_wall_time_and_test_time
                     served.begin(&controller, &mut || Ok(())).unwrap();
                 }
             }
-            served.now_is(now);
+            served.simulated_now_is(now);
             if served.tripped().is_some() {
                 served.end(ending::Cause::ControllerTripped, "tripped");
                 served.latch().clear().unwrap();

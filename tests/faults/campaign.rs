@@ -1,4 +1,4 @@
-//! Thousands of tests in which anything can go wrong, each determined by its seed: what must always hold, holds.
+//! Thousands of tests in which anything can go wrong, each determined by its seed; the invariants hold in each.
 //!
 //! GUSSET_FAULT_SEEDS is their number, GUSSET_FAULT_SEED the first of them; `tools/faults` sets both.
 
@@ -16,14 +16,14 @@ use crate::rig;
 
 /// In CI.
 const SEEDS: u64 = 10_000;
-/// Seeds that once showed a mistake: a way out beyond the limit, a replay that ended before its test, a hold asked for when
-/// the stop was on its way, a test that was given up in its last tick, a first command after the confirmation that is refused.
+/// Seeds that once showed a mistake: a shutdown beyond the limit, a replay that ended before its test, a hold requested after a
+/// stop, a test that was given up in its last tick, a refused first command after the confirmation.
 const AGAIN: [u64; 12] = [
     1_004_879, 1_021_428, 1_000_923, 1_004_909, 1_020_436, 2_001_360, 2_007_826, 2_020_391,
     2_027_915, 2_045_720, 20_953_153, 90_015_247,
 ];
 
-/// So many tests there were to draw from when they did.
+/// The number of tests to draw from at that time.
 const KNOWN_THEN: usize = 10;
 
 /// SplitMix64.
@@ -202,7 +202,7 @@ fn a_fault(chance: &mut Chance) -> Fault {
     }
 }
 
-/// What happens in the test with this seed.
+/// The faults in the test with this seed.
 pub fn script(seed: u64, chance: &mut Chance) -> Script {
     let faults = chance.below(5);
     let script = Script {
@@ -221,7 +221,7 @@ pub fn script(seed: u64, chance: &mut Chance) -> Script {
 
 pub fn operator(seed: u64, chance: &mut Chance) -> Vec<(u64, Operator)> {
     if !chance.one_in(4) {
-        // What is remembered happens as it did: the operator spoke less at the time.
+        // Known seeds repeat their test: the operator spoke less at the time.
         return if AGAIN.contains(&seed) {
             Vec::new()
         } else {
@@ -239,7 +239,7 @@ pub fn operator(seed: u64, chance: &mut Chance) -> Vec<(u64, Operator)> {
     says
 }
 
-/// One who speaks whenever he likes, twice in one tick, too: while sensors are zeroed, in the warm-up, on the way out.
+/// An operator who commands at random, twice in one tick, too: during zeroing, the warm-up and the shutdown.
 fn hasty_operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
     if !chance.one_in(4) {
         return Vec::new();
@@ -255,7 +255,7 @@ fn hasty_operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
         });
         at += chance.below(4) * chance.below(10);
     }
-    // Whatever was held goes on.
+    // The last command continues every hold.
     says.push((at + chance.below(30), Operator::Continue));
     says
 }
@@ -263,19 +263,19 @@ fn hasty_operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
 /// One test of the campaign.
 pub struct Case {
     pub script: Script,
-    /// As it is meant.
+    /// Without the deliberate errors.
     pub loaded: Loaded,
     pub played: Result<Played, String>,
 }
 
-/// Whether the rigs stand where the test begins, as they all once did, or anywhere.
+/// Whether the rigs start where the test begins, as all once did, or anywhere.
 #[derive(Clone, Copy, PartialEq)]
 enum Stand {
     AtZero,
     Anywhere,
 }
 
-/// The test with this seed, and what happens in it. `as_played` changes the test that is played, not the one that is meant.
+/// The test with this seed and its faults. `as_played` changes the test that is played, not the one that is checked.
 fn one_as(
     tests: &[Loaded],
     seed: u64,
@@ -293,7 +293,7 @@ fn one_as(
         Stand::AtZero => (loaded.clone(), Vec::new()),
         Stand::Anywhere => rig::draw(seed, loaded),
     };
-    // A far end has limits of its own in one test out of two.
+    // One test out of two has limits at the far end, too.
     let limited = chance.one_in(2);
     let script = script(seed, &mut chance);
     let second = Script {
@@ -322,7 +322,7 @@ fn one_as(
             .iter()
             .any(|fault| moves_by_itself(&fault.kind))
         {
-            // What is wrong with the actuator takes it elsewhere.
+            // An actuator fault moves it elsewhere.
             at.driven = Arc::default();
         }
         seen.push(at);
@@ -339,7 +339,7 @@ fn one_as(
     }
 }
 
-/// True for what goes wrong between a command and the actuator.
+/// True for a fault between a command and the actuator.
 pub const fn moves_by_itself(kind: &Kind) -> bool {
     matches!(
         kind,
@@ -388,7 +388,7 @@ fn whatever_goes_wrong_what_must_hold_holds() {
     let seeds = from_environment("GUSSET_FAULT_SEEDS", SEEDS);
     let first = from_environment("GUSSET_FAULT_SEED", 0);
     let tests = tests();
-    // Once as they were then, and once more with rigs that stand anywhere.
+    // Once as drawn then, and once more with rigs at any position.
     let again: Vec<(u64, Stand)> = if first == 0 {
         let both = |seed: &u64| [(*seed, Stand::AtZero), (*seed, Stand::Anywhere)];
         AGAIN.iter().flat_map(both).collect()
@@ -459,7 +459,7 @@ fn whatever_goes_wrong_what_must_hold_holds() {
 }
 
 #[test]
-fn a_controller_that_forgets_its_limits_is_found_out() {
+fn controller_without_limits_is_detected() {
     let forgetful = |loaded: &Loaded| {
         let mut other = loaded.clone();
         for specimen in &mut other.file.specimen {
@@ -478,7 +478,7 @@ fn a_controller_that_forgets_its_limits_is_found_out() {
 }
 
 #[test]
-fn a_rig_that_stands_elsewhere_than_believed_or_is_driven_elsewhere_than_told_is_found_out() {
+fn rig_at_a_wrong_place_is_detected() {
     let tests = tests();
     let (mut elsewhere, mut uncommanded) = (0, 0);
     for seed in 0..60 {
@@ -504,7 +504,7 @@ fn a_rig_that_stands_elsewhere_than_believed_or_is_driven_elsewhere_than_told_is
 }
 
 #[test]
-fn two_plays_of_one_seed_are_the_same_to_the_last_bit() {
+fn two_plays_of_a_seed_are_equal() {
     let tests = tests();
     for seed in [3, 5, 11, 17] {
         let (one_play, other) = (one(&tests, seed), one(&tests, seed));

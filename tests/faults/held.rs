@@ -10,8 +10,8 @@ use gusset_record::Journal;
 use crate::lab::{Extra, play};
 use crate::rig::{Place, Rig};
 
-/// A partner that is told every step hears nothing in a hold but that it is one: its watchdog has no reason to act, and the hold
-/// may last.
+/// During a hold, a specimen that is commanded once a step is only told that the test holds: its watchdog has no reason to act, and
+/// the hold may last.
 #[test]
 fn no_watchdog_is_alarmed_by_a_hold() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign/paced");
@@ -40,9 +40,9 @@ fn no_watchdog_is_alarmed_by_a_hold() {
     }
 }
 
-/// While it is tried how a specimen is wired, too: it stands, and stands there again in the replay.
+/// A hold during the wiring check stops the specimen, and a replay repeats it.
 #[test]
-fn a_hold_while_a_specimen_is_tried_is_kept_and_comes_out_again() {
+fn hold_in_the_wiring_check_is_replayed() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
     let mut loaded = load(&folder.join("probed.toml"), &[]).unwrap();
     loaded.file.safety.ease_s = 0.05;
@@ -74,9 +74,9 @@ fn a_hold_while_a_specimen_is_tried_is_kept_and_comes_out_again() {
     );
 }
 
-/// The tick before which the operator says that the test may go on is late, and the test is given up for it.
+/// The tick before the operator's `continue` is late, and the test is given up for it.
 #[test]
-fn a_test_that_is_given_up_in_the_tick_of_a_word_comes_out_again() {
+fn test_given_up_at_a_command_is_replayed() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
     let text = std::fs::read_to_string(folder.join("no-misses.toml")).unwrap();
     let moves = "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";

@@ -1,6 +1,5 @@
-//! Tests that are interrupted at any moment, killed for the most part, and go on: each determined by its seed. What must
-//! always hold holds for what goes on, too, and where nothing went wrong the response is that of the test that nobody
-//! interrupted.
+//! Tests that are interrupted at any moment, most of them killed, and then resumed: each determined by its seed. Every invariant
+//! holds for the resumed test, too. Where nothing failed, the response is that of the test without an interruption.
 //!
 //! GUSSET_FAULT_SEEDS and GUSSET_FAULT_SEED as for the campaign, of whose number it plays a twentieth.
 
@@ -28,16 +27,16 @@ use crate::rig::{self, Rig, Seen};
 
 /// In CI.
 const SEEDS: u64 = 600;
-/// Of the largest displacement: what an eased beginning may change.
+/// The allowed effect of a hold ramp at the start, as a share of the largest displacement.
 const SLACK: f64 = 0.25;
 
-/// What is drawn for one of them.
+/// The random choices of one test.
 struct Course {
     loaded: Loaded,
     rigs: Vec<Rig>,
     /// Before and after the interruption.
     scripts: [Script; 2],
-    /// Somebody moves the first rig while nobody is connected, m.
+    /// How far somebody moves the first rig while no controller is connected, m.
     pushed: Option<f64>,
 }
 
@@ -45,7 +44,7 @@ fn draw(tests: &[Loaded], seed: u64, chance: &mut Chance) -> Course {
     let loaded = &tests[chance.below(tests.len() as u64) as usize];
     let (mut loaded, places) = rig::draw(seed, loaded);
     if chance.one_in(2) {
-        // The way to every target is that of the test that nobody interrupts, to the last bit.
+        // The path to every target has the same bits as in the test without an interruption.
         loaded.file.safety.ease_s = 0.0;
     }
     let rigs = places.iter().enumerate();
@@ -56,7 +55,7 @@ fn draw(tests: &[Loaded], seed: u64, chance: &mut Chance) -> Course {
             return Script::default();
         }
         let mut script = script(seed, chance);
-        // Where the actuator of a rig stands that goes elsewhere is not seen from outside.
+        // The position of a rig whose actuator drifts cannot be seen from outside.
         script.fault.retain(|fault| !moves_by_itself(&fault.kind));
         script
     };
@@ -71,7 +70,7 @@ fn draw(tests: &[Loaded], seed: u64, chance: &mut Chance) -> Course {
 }
 
 impl Course {
-    /// The far ends as the first test finds them, or the one that goes on.
+    /// The far ends for the first test, or for the resumed one.
     fn far_ends<'a>(
         &'a mut self,
         leg: usize,
@@ -97,7 +96,7 @@ impl Course {
         perform(prepared.map_err(|error| error.to_string())?, wires, extra)
     }
 
-    /// Goes on with the test in `from`, after whatever tripped it, and leaves it in `to`; in words why it does not.
+    /// Resumes the test in `from`, whatever tripped it, and records it in `to`. The error is the reason of a refusal.
     fn second(&mut self, from: &Path, to: &Path, extra: Extra<'_>) -> Result<Gone, String> {
         let (loaded, mut seen) = (self.loaded.clone(), Vec::new());
         let mut host = self.far_ends(1, &mut seen);
@@ -130,7 +129,7 @@ impl Course {
         keep(&recorded, to)?;
         let mut proof = replay(to).map_err(|error| error.to_string())?;
         if recorded.samples.is_empty() {
-            // It was refused where it stands: there is nothing to be proven.
+            // The test was refused: there is nothing to prove.
             proof.short = None;
         }
         let played = recorded.played(step + 1, proof)?;
@@ -138,7 +137,7 @@ impl Course {
     }
 }
 
-/// What became of a test that was to go on.
+/// Outcome of a test that should resume.
 enum Gone {
     On(Box<Played>),
     /// For a good reason.
@@ -212,7 +211,7 @@ fn response(layout: &Layout, samples: &[u8]) -> Response {
     found
 }
 
-/// What the last row has in this column.
+/// The value of the last row in this column.
 fn last(recorded: &Recorded, column: &str) -> Option<f64> {
     let place = recorded.layout.index_of(column)?;
     let mut journal = Journal::new(&recorded.samples[..], recorded.layout.columns().len());
@@ -246,7 +245,7 @@ fn one(tests: &[Loaded], seed: u64, home: &Path) -> Result<String, String> {
         confirms_after,
         ..Extra::default()
     };
-    // Nobody interrupts it: the same test with rigs of its own.
+    // Reference: the test without an interruption, on separate rigs.
     let script = course.scripts[0].clone();
     let mut again = Chance::new(seed ^ 0x1A7E_44B7_ED00_0000);
     let whole = draw(tests, seed, &mut again).first(extra(Some(&script)))?;
@@ -307,10 +306,10 @@ fn one(tests: &[Loaded], seed: u64, home: &Path) -> Result<String, String> {
         found.extend(after);
         let completes =
             whole.outcome.as_ref().map(|outcome| &outcome.ending) == Some(&Ending::Completed);
-        // On an eased way a rig comes by the peaks between two targets, too, and a law that yields remembers them; or the last
-        // command was sent and not recorded, and is sent again after one that was.
+        // On a hold ramp a rig passes the peaks between two targets, too, and a law that yields remembers them. Or the last command
+        // was sent but not recorded, and is sent again after a recorded one.
         let eased = course.loaded.file.safety.ease_s > 0.0;
-        // What a compensator is ahead by comes on anew.
+        // The lead of a compensator builds up again.
         let leads = course
             .loaded
             .file
@@ -340,7 +339,7 @@ fn one(tests: &[Loaded], seed: u64, home: &Path) -> Result<String, String> {
 }
 
 #[test]
-fn what_goes_on_after_an_interruption_is_safe_and_the_same_test() {
+fn what_goes_on_after_a_kill_is_safe() {
     let seeds = from_environment("GUSSET_FAULT_SEEDS", 20 * SEEDS).div_ceil(20);
     let first = from_environment("GUSSET_FAULT_SEED", 0);
     let tests = tests();

@@ -1,4 +1,4 @@
-//! What holds in every test, whatever goes wrong. Each check says what it found.
+//! Invariants of every test, whatever goes wrong. Each check reports its finding.
 
 use gusset_config::{CommandPace, Loaded};
 use gusset_control::engine::{Ending, Phase, Stop};
@@ -16,7 +16,7 @@ const SLACK: f64 = 1.0 + 1e-9;
 
 macro_rules! ensure {
     ($condition:expr, $($words:tt)*) => {
-        // Not `!$condition`: what cannot be compared is not inside.
+        // Not `!$condition`: a comparison with NaN must fail, too.
         let holds: bool = $condition;
         if !holds {
             return Err(format!($($words)*));
@@ -153,7 +153,7 @@ fn log_is_readable(played: &Played) -> Result<(), String> {
     Ok(())
 }
 
-/// Every command once and again at most: none is left out, none comes back. A test that goes on goes on counting.
+/// Every command appears once, or twice at most: none is left out, none comes back. A resumed test continues the count.
 fn commands_are_kept_in_order(tap: &[Tapped], goes_on: bool) -> Result<(), String> {
     let (mut last, mut armed) = (None::<u64>, false);
     for tapped in tap {
@@ -179,7 +179,7 @@ fn commands_are_kept_in_order(tap: &[Tapped], goes_on: bool) -> Result<(), Strin
     Ok(())
 }
 
-/// When each command left, its number, and where it goes.
+/// Each command's time, number and target.
 fn commands(tap: &[Tapped]) -> impl Iterator<Item = (Nanos, u64, &Vec<f64>)> {
     tap.iter().filter_map(|tapped| match tapped {
         Tapped::Sent {
@@ -216,7 +216,7 @@ fn commands_respect_their_limits(
     let runs = runs.map_or(u64::MAX, |(at, _)| at);
     let leaves = played.entries().find(|(_, to)| *to == "leaving");
     let leaves = leaves.map_or(u64::MAX, |(at, _)| at);
-    // Who is told every step only goes as far in one command as others in as many ticks.
+    // In one command a per-step specimen moves only as far as others in as many ticks.
     let link = loaded.file.specimen[port].link.as_ref();
     let told_by_steps = link.is_some_and(|link| link.commands == CommandPace::EveryStep);
     let whole_step = tick * f64::from(loaded.time.ticks_per_step);
@@ -232,7 +232,7 @@ fn commands_respect_their_limits(
                 to >= low * SLACK && to <= high * SLACK,
                 "command {sequence}, axis {axis}: {to} m is outside of {low} to {high} m"
             );
-            // The first is a step from where the rig stands.
+            // The first is a step from the rig's position.
             let from = last.and_then(|last| last.get(axis)).unwrap_or(&stood);
             let step = (to - from * metres).abs();
             let running = at.0 >= runs && at.0 <= leaves;
@@ -258,14 +258,14 @@ fn commands_respect_their_limits(
     Ok(())
 }
 
-/// Speed before the test of a specimen without a limit of speed: half a cosine of 0.1 m in the second that it is given at least,
-/// the largest probe, and what a static load moves.
+/// Speed before the test of a specimen without a limit of speed: half a cosine of 0.1 m in the second that it gets at least, the
+/// largest wiring check, and the motion under a static load.
 const UNBOUNDED_M_PER_S: f64 = 0.25;
 /// In m, of differences of displacements in mm.
 const ROUNDOFF_M: f64 = 1e-15;
 
-/// Where the actuator of a specimen is driven is where it stood, or a command that was sent, in the order of the commands: with
-/// what is said of those, no step from one to the next is larger than all the commands on the way together may be.
+/// The actuator of a specimen is driven to its first position or to a command that was sent, in the order of the commands. So no
+/// step from one to the next is larger than the sum of the commands between them allows.
 fn is_driven_where_it_was_told(port: usize, played: &Played) -> Result<(), String> {
     let Some(seen) = played.seen.get(port) else {
         return Ok(());
@@ -314,7 +314,7 @@ fn every_command_stands_in_a_row(port: usize, played: &Played) -> Result<(), Str
     Ok(())
 }
 
-/// Nothing moves before the test is armed, after a trip that freezes, or when all is over; on the way out, slowly.
+/// Nothing moves before the test is armed, after a trip that freezes, or after the end; in the shutdown, only slowly.
 fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Result<(), String> {
     let entered = |word: &str| {
         played
@@ -338,7 +338,7 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
         .unwrap_or(f64::INFINITY);
     let allowed = speed * loaded.time.period.value() * SLACK;
     let stood = vec![played.stood(port)];
-    // The first command is none but where the rig stands, too.
+    // The first command must be at the rig's position, too.
     let mut last: Option<(&Vec<f64>, Option<u64>)> = played.seen.get(port).map(|_| (&stood, None));
     let mut of_axes = None;
     for tapped in &played.taps[port] {

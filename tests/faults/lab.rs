@@ -20,9 +20,9 @@ use crate::rig::Seen;
 /// One way over the wire, as a share of a tick.
 const DELAY: f64 = 0.05;
 
-/// What a test left behind.
+/// Everything that a test recorded.
 pub struct Played {
-    /// The first step that is its own: one that goes on begins later.
+    /// The first step that it computed itself: a resumed test begins later.
     pub first_step: u64,
     pub layout: Layout,
     pub samples: Vec<u8>,
@@ -31,19 +31,19 @@ pub struct Played {
     pub outcome: Outcome,
     /// One per specimen.
     pub taps: Vec<Vec<Tapped>>,
-    /// What was seen at each specimen; none: it stood at zero, and nobody looked.
+    /// The state seen at each specimen; empty if it started at zero and was not observed.
     pub seen: Vec<Seen>,
     pub replay: Replay,
 }
 
-/// What is asked of a test besides its file.
+/// Settings of a test besides its file.
 #[derive(Default)]
 pub struct Extra<'a> {
     /// Stalls of the controller.
     pub script: Option<&'a Script>,
-    /// What the operator says, and before which wait of the loop.
+    /// The operator's commands, and the number of the loop's wait before each.
     pub operator: Vec<(u64, Operator)>,
-    /// After how many waits he confirms what was read, where he is asked to.
+    /// Number of waits before the operator confirms the readings, where that is required.
     pub confirms_after: u64,
     /// Without a tap and a replay: for speed.
     pub bare: bool,
@@ -51,10 +51,10 @@ pub struct Extra<'a> {
     pub killed_at: Option<u64>,
 }
 
-/// What unwinds a process that is killed: nobody is told anything.
+/// Unwinds a killed process without a goodbye.
 struct Killed;
 
-/// A clock that stalls as it is told, on which an operator speaks.
+/// A clock with the script's stalls, on which an operator gives commands.
 struct LabClock {
     clock: StallingClock,
     waits: AtomicU64,
@@ -142,28 +142,31 @@ impl<'h> Wires<'h> {
         self.made += 1;
         let delay_ns = (DELAY * self.tick_ns as f64) as u64;
         let stream = setup.carrier.is_stream();
-        let simulated = Simulated::new(host, self.clock.clone(), delay_ns, stream);
-        Box::new(match &mut self.taps {
-            None => simulated,
-            Some(taps) => {
-                let tap = Tap::default();
-                taps.push(Arc::clone(&tap));
-                simulated.tapped(tap)
-            }
-        })
+        let tap = self.taps.as_mut().map(|taps| {
+            let tap = Tap::default();
+            taps.push(Arc::clone(&tap));
+            tap
+        });
+        Box::new(Simulated::new(
+            host,
+            self.clock.clone(),
+            delay_ns,
+            stream,
+            tap,
+        ))
     }
 }
 
-/// What a test recorded, however it ended.
+/// The record of a test, however it ended.
 pub struct Recorded {
     pub layout: Layout,
     pub samples: Vec<u8>,
     pub events_jsonl: Vec<u8>,
     pub events: Vec<TimedEvent>,
-    /// None of one that was killed.
+    /// None for a killed test.
     pub outcome: Option<Outcome>,
     pub files: Files,
-    /// Where each specimen said that it stands.
+    /// The position that each specimen reported.
     pub stood: Vec<Option<Vec<f64>>>,
     /// How often the clock was looked at.
     pub looks: u64,
@@ -247,7 +250,7 @@ pub fn perform(prepared: Prepared, wires: Wires<'_>, extra: Extra<'_>) -> Result
         Err(stopped) => *stopped,
     };
     // A killed process moves nothing more, and says no goodbye.
-    let stopped = (!is_killed()).then(|| stopped.shut_down());
+    let stopped = (!is_killed()).then(|| stopped.shut_down_alone());
     let retired = stopped.filter(|_| !is_killed()).map(Stopped::retire);
     let outcome = match retired {
         Some(retired) if retired.fault.is_none() => retired.outcome,
@@ -308,7 +311,7 @@ impl Played {
         (reason, cause.exit().code())
     }
 
-    /// Where a specimen of one axis stood before the test, in the unit of its commands.
+    /// The position of a specimen of one axis before the test, in the unit of its commands.
     pub fn stood(&self, port: usize) -> f64 {
         self.seen.get(port).map_or(0.0, |seen| seen.stood)
     }
@@ -317,7 +320,7 @@ impl Played {
         self.layout.columns()
     }
 
-    /// What the far ends told, in one text.
+    /// All reports of the far ends in one text.
     pub fn told(&self) -> String {
         let told = self
             .taps

@@ -1,5 +1,5 @@
-//! The virtual laboratory: the real loop, link, far end, records and replay on simulated time, and everything that goes
-//! wrong in a laboratory, by script and by chance.
+//! The virtual laboratory: the real loop, link, far end, records and replay on simulated time, with every fault of a laboratory, by
+//! script and at random.
 
 #![allow(clippy::disallowed_macros, reason = "a long run tells its counts")]
 

@@ -1,5 +1,4 @@
-//! A reply that is lost costs nothing: its force stands in a later one, and comes into the record by an event that tells to which
-//! command it belongs.
+//! A lost reply costs nothing: its force arrives in a later reply, and an event records it with the number of its command.
 
 use gusset_config::fault_script::Script;
 use gusset_config::load;
@@ -10,9 +9,9 @@ use crate::scripts::folder;
 
 const STIFFNESS: f64 = 15e6;
 
-/// The specimen is linear, and every command reaches it: what it measured under each of them is known.
+/// The specimen is linear, and every command reaches it: its measurement at each of them is known.
 #[test]
-fn the_forces_of_lost_replies_are_those_of_their_commands() {
+fn recovered_forces_match_their_commands() {
     let set = [
         "specimen.0.link.max_stale=12",
         "excitation.ground_acceleration.signal.sine.amplitude=0.5",
@@ -58,7 +57,7 @@ fn the_forces_of_lost_replies_are_those_of_their_commands() {
             continue;
         };
         told += 1;
-        // The last ones were told on the way out, the first ones in the warm-up.
+        // The last ones were reported in the shutdown, the first ones in the warm-up.
         let (Some(now), Some(then)) = (
             row_of(event.tick),
             event.tick.checked_sub(age).and_then(row_of),

@@ -1,11 +1,11 @@
-//! Where the rigs of a test stand before it, what their sensors and load cells read there, how the test takes its zeros and
-//! leaves them; and a witness at each specimen of where its actuator is driven.
+//! The initial positions of a test's rigs, and the readings of their sensors and load cells there. Also how the test takes its
+//! zeros and ends, and a record of each actuator's motion.
 //!
-//! All of it comes from a stream of chance of its own: what else happens in a test with the same seed stays as it was.
+//! All of it comes from a separate random stream: everything else in a test with that seed stays unchanged.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use gusset_actuator::specimen::{Specimen, Uniaxial};
+use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_config::{
     AxisTable, DispUnit, ExitChoice, ForceUnit, LimitsSpec, Loaded, RangeSpec, ZeroChoice,
 };
@@ -17,7 +17,7 @@ use gusset_quantity::state::{Stateful, Visit};
 
 use crate::campaign::Chance;
 
-/// Where one rig stands, in its own coordinate, and what it reads there.
+/// The position of one rig in its own coordinate, and its readings there.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Place {
     pub stands_m: f64,
@@ -27,7 +27,7 @@ pub struct Place {
     pub force_bias_n: f64,
 }
 
-/// What is known of one rig from outside, in the unit of its commands.
+/// The state of one rig seen from outside, in the unit of its commands.
 #[derive(Debug, Clone, Default)]
 pub struct Seen {
     pub stood: f64,
@@ -35,7 +35,7 @@ pub struct Seen {
     pub driven: Arc<Mutex<Vec<f64>>>,
 }
 
-/// Draws where the rigs of `loaded` stand, and what the test makes of it.
+/// Draws the positions of the rigs of `loaded`, and adapts the test to them.
 pub fn draw(seed: u64, loaded: &Loaded) -> (Loaded, Vec<Place>) {
     let mut chance = Chance::new(seed.rotate_left(32) ^ 0x0051_A9D5);
     let mut loaded = loaded.clone();
@@ -66,7 +66,7 @@ pub fn draw(seed: u64, loaded: &Loaded) -> (Loaded, Vec<Place>) {
         })
         .collect();
     loaded.file.safety.ramp_s = match chance.below(8) {
-        // A static load comes on as fast as that where nothing else bounds it.
+        // The speed of a static load that nothing else bounds.
         _ if unbounded => chance.between(0.2, 1.0),
         0 => 0.0,
         1 => 1.0,
@@ -93,7 +93,7 @@ fn a_place(chance: &mut Chance) -> Place {
         0 => 0.0,
         1..=5 => 0.02,
         6 => 0.045,
-        // The command that holds it may not be given.
+        // A command to hold it there may exceed the limit.
         _ => 0.07,
     };
     let stands_m = chance.between(-far, far);
@@ -158,7 +158,7 @@ fn an_axis(chance: &mut Chance, place: &Place, reads: bool) -> AxisTable {
     }
 }
 
-/// Limits that a far end has of its own: 30 mm to either side of where it stands.
+/// The limits at a far end: 30 mm to either side of its position.
 pub fn own_limits(place: &Place) -> LimitsSpec {
     let trip = [place.stands_m - 0.03, place.stands_m + 0.03];
     let levels = RangeSpec {
@@ -168,13 +168,13 @@ pub fn own_limits(place: &Place) -> LimitsSpec {
     LimitsSpec::default().with(Limit::CommandDisp, levels)
 }
 
-/// A rig whose columns yield. What was done to it stays done, whoever is connected to it.
+/// A rig whose columns yield. It keeps its state, whichever controller is connected.
 pub struct Rig {
     name: String,
     metres: f64,
     newtons: f64,
     place: Place,
-    law: Arc<Mutex<Uniaxial>>,
+    law: Arc<Mutex<Box<dyn Specimen>>>,
     seen: Seen,
 }
 
@@ -189,7 +189,7 @@ impl Rig {
             stiffness * 0.008
         );
         let spec: LawSpec = toml::from_str(&text).unwrap();
-        let law = Uniaxial::new(vec![spec.build().unwrap()]).unwrap();
+        let law = SpecimenLaw::Law(spec).build(1).unwrap();
         Self {
             name: table.name.clone(),
             metres: units.metres,
@@ -203,7 +203,7 @@ impl Rig {
         }
     }
 
-    /// A far end in the units of the link, and what is seen of it from now on.
+    /// A far end in the units of the link, and the record of its motion from now on.
     pub fn host(&mut self, setup: &NativeSetup) -> (Host, Seen) {
         let last = self.seen.driven.lock().unwrap().last().copied();
         let stood = last.unwrap_or(self.seen.stood);
@@ -227,12 +227,12 @@ impl Rig {
         if stood != 0.0 {
             host = host.standing_at(&[stood]).unwrap();
         }
-        // What was done to it before nobody commanded.
+        // Motion before the first command does not count.
         self.seen.driven.lock().unwrap().clear();
         (host, self.seen.clone())
     }
 
-    /// Somebody moves it while nobody is connected.
+    /// Somebody moves it while no controller is connected.
     pub fn push(&mut self, by_m: f64) {
         let mut driven = self.seen.driven.lock().unwrap();
         let place = driven.last().copied().unwrap_or(self.seen.stood);
@@ -243,7 +243,7 @@ impl Rig {
 /// A specimen in a rig that writes down where it is driven.
 #[derive(Debug)]
 struct Witnessed {
-    law: Arc<Mutex<Uniaxial>>,
+    law: Arc<Mutex<Box<dyn Specimen>>>,
     metres: f64,
     newtons: f64,
     place: Place,
@@ -251,7 +251,7 @@ struct Witnessed {
 }
 
 impl Witnessed {
-    fn law(&self) -> MutexGuard<'_, Uniaxial> {
+    fn law(&self) -> MutexGuard<'_, Box<dyn Specimen>> {
         self.law.lock().unwrap()
     }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gusset_config::fault_script::Script;
-use gusset_config::{load, load_script};
+use gusset_config::{load, parse_script};
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};
@@ -12,7 +12,7 @@ pub fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("config/faults")
 }
 
-/// Plays a script of the folder in the laboratory that stands beside it.
+/// Plays a script of the folder with the laboratory file beside it.
 fn play_script(script: &Script) -> Result<(Played, gusset_config::Loaded), String> {
     let folder = folder();
     let loaded = load(&folder.join("laboratory.toml"), &script.set).map_err(|e| e.to_string())?;
@@ -36,7 +36,8 @@ fn all() -> Vec<(String, Script)> {
         let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
         let is_script = path.extension().is_some_and(|e| e == "toml");
         if is_script && name != "rig" && name != "laboratory" {
-            let script = load_script(&path).unwrap_or_else(|error| panic!("{error}"));
+            let text = std::fs::read_to_string(&path).unwrap();
+            let script = parse_script(&path, text).unwrap_or_else(|error| panic!("{error}"));
             all.push((name, script));
         }
     }
@@ -44,7 +45,7 @@ fn all() -> Vec<(String, Script)> {
     all
 }
 
-/// What is wrong with how a script went, if anything.
+/// The failures of a script.
 fn judge(script: &Script) -> Result<(), String> {
     let (played, loaded) = play_script(script)?;
     let (reason, exit) = played.verdict();
@@ -67,7 +68,7 @@ fn judge(script: &Script) -> Result<(), String> {
 }
 
 #[test]
-fn every_script_takes_the_test_where_it_says() {
+fn scripts_take_the_test_where_they_say() {
     let mut wrong = Vec::new();
     let only = std::env::var("GUSSET_FAULT_SCRIPT").ok();
     for (name, script) in all() {

@@ -1,11 +1,11 @@
-//! Every exchange passes the gateway's limits: what trips one is not passed on or is the last, the controller hears of it
-//! in its own protocol's words, and the log names it.
+//! Every exchange passes the gateway's limits. A command that trips one is not passed on, and a measurement that trips one is the
+//! last. The controller is informed in its own protocol, and the log names the limit.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use crate::link_common::{
-    COMPUTED, Fake, ONE_AXIS, ONE_AXIS_LAW, Served, finish, gateway, gusset, run, summary,
+    COMPUTED, Fake, ONE_AXIS, ONE_AXIS_LAW, Served, as_read, finish, gateway, gusset, run, summary,
     test_file,
 };
 use gusset_quantity::substructure::Status;
@@ -20,7 +20,7 @@ fn through(address: &str, keys: &str) -> String {
     test_file(STEPS, &format!("{ONE_AXIS}{link}"))
 }
 
-/// The spring of 4e5 N/m whose every command is kept.
+/// A spring of 4e5 N/m that records every command.
 fn spring(told: &Arc<Mutex<Vec<f64>>>) -> String {
     let told = Arc::clone(told);
     Fake::start(move |mut fake| {
@@ -32,7 +32,7 @@ fn spring(told: &Arc<Mutex<Vec<f64>>>) -> String {
     })
 }
 
-/// What a run folder's last row holds in these columns.
+/// The last row of a run folder in these columns.
 fn last(folder: &Path, names: &[&str]) -> Vec<f64> {
     let columns = Run::open(folder).unwrap().columns(names).unwrap();
     columns
@@ -48,13 +48,13 @@ fn trip(folder: &Path) -> serde_json::Value {
     trips[0].clone()
 }
 
-/// Runs a test through a gateway with `limits`, one of which trips; the name of that limit, and what the specimen was told.
+/// Runs a test through a gateway with `limits`, one of which trips; returns the name of that limit and the specimen's commands.
 fn tripped(limits: &str) -> (String, Vec<f64>) {
     let (name, told, _) = tripped_and_noted(limits);
     (name, told)
 }
 
-/// The same, and what the log notes of limits besides.
+/// Like [`tripped`], and the log's notes about limits, too.
 fn tripped_and_noted(limits: &str) -> (String, Vec<f64>, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -78,7 +78,8 @@ fn tripped_and_noted(limits: &str) -> (String, Vec<f64>, Vec<String>) {
     let trip = trip(&kept);
     let name = trip["what"].as_str().unwrap().to_owned();
     assert!(
-        ours.reason.contains("interlock or emergency stop is open") && ours.reason.contains(&name),
+        ours.reason.contains("interlock or emergency stop is open")
+            && ours.reason.contains(as_read(&name)),
         "the controller receives the reason: {}",
         ours.reason
     );
@@ -102,7 +103,7 @@ fn tripped_and_noted(limits: &str) -> (String, Vec<f64>, Vec<String>) {
 }
 
 #[test]
-fn all_that_is_beyond_a_level_in_one_answer_is_noted() {
+fn all_exceeded_levels_are_noted() {
     let both = "{ warn = [-500, 500], trip = [-1500, 1500] }";
     let limits = format!("measured_force_n = {both}\nsensor_force_n = {both}");
     let (name, _, notes) = tripped_and_noted(&limits);
@@ -116,7 +117,7 @@ fn all_that_is_beyond_a_level_in_one_answer_is_noted() {
 }
 
 #[test]
-fn a_command_beyond_its_limit_never_reaches_the_specimen() {
+fn command_beyond_its_limit_stays_back() {
     let (name, told) = tripped("command_disp_m = { trip = [-0.004, 0.004] }");
     assert_eq!(name, "command_disp_m");
     let largest = told.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
@@ -132,7 +133,7 @@ fn a_command_beyond_its_limit_never_reaches_the_specimen() {
 }
 
 #[test]
-fn a_measurement_beyond_its_limit_or_the_range_of_its_sensor_is_the_last() {
+fn measurement_beyond_its_limit_is_the_last() {
     for (limits, name) in [
         (
             "measured_force_n = { trip = [-1500, 1500] }",
@@ -156,7 +157,7 @@ fn a_measurement_beyond_its_limit_or_the_range_of_its_sensor_is_the_last() {
 }
 
 #[test]
-fn an_interlock_at_the_specimen_goes_through_and_is_latched() {
+fn specimen_interlock_passes_and_latches() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let address = Fake::start(|mut fake| {
@@ -180,7 +181,7 @@ fn an_interlock_at_the_specimen_goes_through_and_is_latched() {
 }
 
 #[test]
-fn a_warning_is_an_event_and_changes_nothing() {
+fn warning_is_an_event_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let told = Arc::default();
@@ -218,7 +219,7 @@ fn refused(folder: &Path, name: &str, address: &str) -> String {
 }
 
 #[test]
-fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
+fn trip_refuses_tests_until_it_is_cleared() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (out, theirs) = (folder.join("kept"), folder.join("theirs"));
@@ -238,9 +239,9 @@ fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
     assert!(next.contains(&command), "{next}");
     served.hears("test over");
     let reason = refused(folder, "again", &served.address);
-    assert!(reason.contains("command_disp_m"), "{reason}");
+    assert!(reason.contains(as_read("command_disp_m")), "{reason}");
     served.kill();
-    // Where a server records does not decide what it remembers.
+    // The folder of a server's records does not change its memory.
     let elsewhere = folder.join("elsewhere");
     for (name, arguments) in [
         ("none", &[][..]),
@@ -280,7 +281,7 @@ fn a_trip_refuses_every_test_until_the_operator_clears_it_also_after_a_kill() {
 }
 
 #[test]
-fn two_servers_are_not_controlled_at_one_place() {
+fn two_servers_share_no_control_socket() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let text = gateway("127.0.0.1:1", KNOWN, "");
@@ -313,9 +314,9 @@ fn a_folder_that_keeps_no_record_is_refused() {
     assert!(said.contains("GUSSET_STATE"), "{said}");
 }
 
-/// A sensor that says nonsense, and no limit of the measured displacement.
+/// A sensor with an absurd reading, and no limit of the measured displacement.
 #[test]
-fn a_measured_displacement_of_1e308_m_trips_in_a_test_and_in_a_gateway() {
+fn absurd_measured_displacement_trips() {
     let broken = || {
         Fake::start(|mut fake| {
             fake.behave(20);
@@ -355,9 +356,9 @@ fn trip_of_loop(folder: &Path) -> serde_json::Value {
         .unwrap_or_else(|| panic!("{events:?}"))
 }
 
-/// OpenFresco's protocols have no word for a trip: the connection is closed, and the cause stands on our side.
+/// OpenFresco's protocols have no message for a trip: the connection is closed, and the cause is logged on our side.
 #[test]
-fn over_openfresco_the_connection_is_closed_and_the_cause_is_said_here() {
+fn openfresco_link_is_closed_with_its_cause() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let told = Arc::default();
@@ -382,9 +383,9 @@ fn over_openfresco_the_connection_is_closed_and_the_cause_is_said_here() {
     assert!(largest < 0.004, "{largest}");
 }
 
-/// A gateway does not say whether a machine is behind it: as fast as it answers it is commanded only by who knows.
+/// A gateway does not report whether a machine is behind it: the simulated clock needs `computed = true`.
 #[test]
-fn on_the_simulated_clock_nothing_is_commanded_that_may_be_a_machine() {
+fn simulated_clock_commands_no_machine() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let told = Arc::default();

@@ -13,7 +13,7 @@ mod whole_matrix;
 use link_common::PATIENCE;
 
 /// Waits until something is so; `else_what` it is after the patience of a test.
-fn waits_for(else_what: &str, is_so: impl Fn() -> bool) {
+fn waits_for(else_what: &str, mut is_so: impl FnMut() -> bool) {
     let pause = std::time::Duration::from_millis(2);
     for _ in 0..PATIENCE.as_millis() / pause.as_millis() {
         if is_so() {

@@ -1,11 +1,11 @@
-//! `gusset serve --out`: every controller's test leaves a run folder of its own, for a gateway and for a formula alike, with
-//! one row per exchange in the format of every run folder; and the example in config/ works.
+//! `gusset serve --out`: every controller's test has a separate run folder, for a gateway and for a formula alike. It has one row
+//! per exchange in the format of every run folder. The example in config/ works.
 
 use std::path::Path;
 
 use crate::link_common::{
-    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
-    gusset, run, summary, test_file,
+    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, as_read, finish,
+    gateway, gusset, run, summary, test_file,
 };
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::LimitsSpec;
@@ -15,6 +15,21 @@ use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Run;
 use gusset_record::summary::Status;
+
+/// A controller of which only the address is known.
+fn unnamed() -> Controller {
+    Controller {
+        peer: ([127, 0, 0, 1], 1).into(),
+        test: String::new(),
+        software: String::new(),
+        rate: None,
+        watchdog_s: None,
+        sampling: gusset_wire::handshake::Sampling::Reply,
+        first_sequence: 0,
+        start: Vec::new(),
+        limits: Vec::new(),
+    }
+}
 
 const STEPS: u32 = 200;
 const WARM_UP: usize = 5;
@@ -32,7 +47,7 @@ fn column(folder: &Path, name: &str) -> Vec<f64> {
         .remove(0)
 }
 
-/// What the server recorded of a test is what the controller recorded.
+/// The server and the controller recorded the same test.
 fn agrees(ours: &Path, theirs: &Path, axes: usize) {
     for axis in 1..=axes {
         for kind in ["cmd", "raw_disp", "raw_force"] {
@@ -49,7 +64,7 @@ fn agrees(ours: &Path, theirs: &Path, axes: usize) {
 }
 
 #[test]
-fn a_served_formula_keeps_every_test_in_a_folder_of_its_own() {
+fn served_formula_keeps_a_folder_per_test() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let out = folder.join("deep/kept");
@@ -158,7 +173,7 @@ fn report_and_export_read_the_folder() {
 }
 
 #[test]
-fn a_test_on_which_faults_were_played_says_so_in_its_folder_and_on_its_page() {
+fn injected_faults_are_shown_in_the_folder() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let out = folder.join("kept");
@@ -198,7 +213,7 @@ fn a_test_on_which_faults_were_played_says_so_in_its_folder_and_on_its_page() {
 }
 
 #[test]
-fn over_openfresco_the_rows_hold_what_opensees_would_command() {
+fn rows_hold_what_opensees_would_command() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let out = folder.join("kept");
@@ -226,7 +241,7 @@ fn over_openfresco_the_rows_hold_what_opensees_would_command() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_had_is_refused_before_anybody_is_served() {
+fn unavailable_folder_is_refused_early() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::write(folder.join("taken"), "a file").unwrap();
@@ -246,9 +261,9 @@ fn a_folder_that_cannot_be_had_is_refused_before_anybody_is_served() {
     assert_eq!(said.status.code(), Some(2));
 }
 
-/// Commands one after another, as fast as they are taken: whoever writes them down is behind.
+/// Commands one after another, as fast as the server takes them: the writer falls behind.
 #[test]
-fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_not_running() {
+fn events_have_the_index_of_their_exchange() {
     let folder = tempfile::tempdir().unwrap();
     let law: SpecimenLaw =
         toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
@@ -284,7 +299,7 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
                 verdict: None,
                 ended: None,
             }));
-        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let controller = unnamed();
         served.begin(&controller, &mut || Ok(())).unwrap();
         let mut measured = Measurement::zeros(1);
         let mut trip = None;
@@ -359,13 +374,13 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
 
 /// config/serve, with the addresses of this test.
 #[test]
-fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
+fn example_config_runs_with_limits_and_log() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/serve");
     let read = |name: &str| std::fs::read_to_string(config.join(name)).unwrap();
     let rig = Served::start(folder, &read("rig.toml"), &[]);
-    // On the simulated clock the specimen is led faster than its limit of speed allows.
+    // On the simulated clock the specimen moves faster than its limit of speed allows.
     let speed = "command_vel_m_per_s = { warn = 0.8, trip = 1.0 }\n";
     let file = read("gateway.toml").replace("127.0.0.1:4825", &rig.address);
     assert!(file.contains(speed));
@@ -388,7 +403,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let (code, said) = run(folder, "outside", &cyclic("0.06"));
     assert_eq!(code, 1, "{said}");
     let reason = summary(folder, "outside").reason;
-    assert!(reason.contains("command_disp_m"), "{reason}");
+    assert!(reason.contains(as_read("command_disp_m")), "{reason}");
     let states = column(&out.join("test-0002"), "state");
     assert_eq!((states[0], *states.last().unwrap()), (2.0, 8.0));
     let largest = column(&out.join("test-0002"), "target_1_1");
@@ -424,7 +439,7 @@ fn a_history_of_trials_has_one_row_a_step() {
             verdict: None,
             ended: Some(ended),
         }));
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
     let mut measured = Measurement::zeros(1);
     let mut sequence = 0;

@@ -1,5 +1,5 @@
-//! A gateway changes no number: controller → gateway → specimen takes the course of the same test in process, to the last
-//! bit, whatever the two links speak.
+//! A gateway changes no number: controller → gateway → specimen takes the course of the same test in process, to the last bit, with
+//! any pair of protocols.
 
 use crate::link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, run, summary,
@@ -8,7 +8,7 @@ use crate::link_common::{
 
 const STEPS: u32 = 400;
 
-/// What one of the two links speaks: the arguments of the server, and the keys of whoever connects to it.
+/// The protocol of one of the two links: arguments of the server, and link keys of its client.
 #[derive(Clone, Copy)]
 struct Speech {
     serve: &'static [&'static str],
@@ -36,7 +36,7 @@ const SITE: Speech = Speech {
     link: "protocol = \"openfresco-shadow\"\n[specimen.link.openfresco]\ncommand_signals = [1, 1, 0, 0, 1]",
 };
 
-/// `units` of the axes stand in all three files.
+/// All three files have these `units` of the axes.
 fn passes_through(up: Speech, down: Speech, seen: &str, law: &str, units: &str) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -70,14 +70,14 @@ fn passes_through(up: Speech, down: Speech, seen: &str, law: &str, units: &str) 
 }
 
 #[test]
-fn our_own_protocol_on_both_sides_over_tcp_and_udp() {
+fn native_gateway_keeps_bits_on_tcp_and_udp() {
     for (up, down) in [(TCP, TCP), (UDP, UDP), (TCP, UDP)] {
         passes_through(up, down, ONE_AXIS, ONE_AXIS_LAW, "");
     }
 }
 
 #[test]
-fn two_axes_in_units_of_their_own() {
+fn two_axes_in_different_units() {
     let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[[specimen.axis]]\n";
     passes_through(TCP, TCP, TWO_AXES, TWO_AXES_LAW, units);
     passes_through(UDP, TCP, TWO_AXES, TWO_AXES_LAW, units);
@@ -91,7 +91,7 @@ fn openfresco_on_the_specimens_side() {
 }
 
 #[test]
-fn openfresco_on_the_controllers_side_and_on_both() {
+fn openfresco_gateway_passes_the_bits() {
     for up in [ELEMENT, ELEMENT_UDP, SITE] {
         passes_through(up, TCP, ONE_AXIS, ONE_AXIS_LAW, "");
     }

@@ -162,7 +162,7 @@ fn estimate(keys: &str) -> &str {
 }
 
 #[test]
-fn a_reason_must_say_something() {
+fn meaningless_reason_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let link = format!("[specimen.link]\naddress = \"127.0.0.1:1\"\n{PROBE}");
     let text = test_file(20, &format!("storey = 1\nstiffness_n_per_m = 4e6\n{link}"));

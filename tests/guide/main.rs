@@ -110,12 +110,12 @@ fn every_key_has_an_example() {
 }
 
 #[test]
-fn every_limit_and_column_of_the_program_is_listed() {
+fn every_limit_and_column_is_listed() {
     fail_if_any(&names::limits());
 }
 
 #[test]
-fn the_columns_of_runs_are_listed_with_their_units() {
+fn columns_are_listed_with_their_units() {
     let temp = tempfile::tempdir().unwrap();
     let mut wrong = Vec::new();
     for (name, more) in [
@@ -164,7 +164,7 @@ fn the_readme_is_short() {
 }
 
 #[test]
-fn every_block_says_its_language_and_nothing_unknown() {
+fn every_block_names_a_known_language() {
     let mut wrong = Vec::new();
     for (name, text) in texts() {
         for block in markdown::read(&text).blocks {
@@ -290,7 +290,7 @@ fn every_key_of_a_toml_block_exists() {
 }
 
 #[test]
-fn the_list_of_blocks_that_are_not_executed_is_fresh() {
+fn list_of_unexecuted_blocks_is_fresh() {
     let mut text =
         String::from("# Blocks that the tests do not execute: page | first line | reason\n");
     for (name, page) in texts() {
@@ -362,7 +362,7 @@ fn every_command_block_works() {
 }
 
 #[test]
-fn the_guide_prints_pages_and_keys_and_names_the_nearest_topic() {
+fn guide_prints_pages_and_suggests_topics() {
     let contents = say(["guide"]);
     assert_eq!(contents.code, Some(0));
     for page in PAGES {

@@ -30,11 +30,13 @@ pub fn schemas() -> [(&'static str, Schema); 4] {
         ),
         (
             "Served file",
-            Schema::new(&gusset_config::serve_json_schema()),
+            Schema::new(&gusset_config::schema_of::<gusset_config::ServeFile>()),
         ),
         (
             "Fault script",
-            Schema::new(&gusset_config::script_json_schema()),
+            Schema::new(&gusset_config::schema_of::<
+                gusset_config::fault_script::Script,
+            >()),
         ),
     ]
 }

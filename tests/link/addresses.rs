@@ -1,5 +1,5 @@
-//! Whatever takes an address takes a host name, IPv4 and `[IPv6]:port`: real connections on ::1 and over "localhost", both
-//! protocols, TCP and UDP. Only where a machine has no IPv6 loopback this is said loudly and left out.
+//! Every address may be a host name, IPv4 or `[IPv6]:port`: real connections on ::1 and over "localhost", both protocols, TCP and
+//! UDP. A machine without an IPv6 loopback skips this with a clear message.
 
 use std::io::Write;
 use std::net::UdpSocket;
@@ -11,7 +11,7 @@ const STEPS: u32 = 50;
 fn has_ipv6() -> bool {
     let has = UdpSocket::bind("[::1]:0").is_ok();
     if !has {
-        // Past the capture of the test harness: nobody sees what a passing test prints.
+        // Past the capture of the test harness, which hides the output of a passing test.
         let _ = std::io::stderr().write_all(b"SKIPPED: this machine has no IPv6 loopback (::1)\n");
     }
     has
@@ -41,7 +41,7 @@ fn reaches(protocol: &str, transport: &str, listen: &str, near: &str) {
 }
 
 #[test]
-fn ipv6_loopback_over_both_protocols_and_transports() {
+fn ipv6_loopback_works_on_every_protocol() {
     if !has_ipv6() {
         return;
     }
@@ -76,7 +76,7 @@ fn a_host_name_is_resolved_at_both_ends() {
 
 /// "localhost" may mean ::1 first: a server on 127.0.0.1 alone is found all the same.
 #[test]
-fn a_name_with_several_addresses_is_tried_to_the_end() {
+fn every_address_of_a_name_is_tried() {
     for protocol in ["gusset", "openfresco"] {
         reaches(protocol, "tcp", "127.0.0.1:0", "localhost");
         if has_ipv6() {
@@ -94,7 +94,7 @@ fn a_name_with_several_addresses_is_tried_to_the_end() {
 }
 
 #[test]
-fn the_one_machine_that_may_command_can_be_named() {
+fn one_machine_may_be_named_to_command() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
@@ -123,7 +123,7 @@ fn the_one_machine_that_may_command_can_be_named() {
 }
 
 #[test]
-fn a_name_that_means_nothing_is_a_failed_link_with_the_forms_that_do() {
+fn invalid_name_shows_the_valid_forms() {
     let folder = tempfile::tempdir().unwrap();
     let text = linked(STEPS, "no-such-rig.invalid:4823", "");
     let (code, said) = run(folder.path(), "run", &text);
@@ -133,7 +133,7 @@ fn a_name_that_means_nothing_is_a_failed_link_with_the_forms_that_do() {
 }
 
 #[test]
-fn a_wish_of_a_served_file_is_refused_at_its_line_and_one_of_the_command_line_by_its_argument() {
+fn refused_setting_is_shown_at_its_source() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("rig.toml");
     let refuses = |keys: &str, arguments: &[&str]| {

@@ -33,7 +33,7 @@ fn count(counter: &AtomicU64) -> u64 {
 }
 
 fn same_course(folder: &Path, name: &str) {
-    // The status tells that the specimen held while nothing came.
+    // The status shows that the specimen held while no command arrived.
     assert_eq!(
         columns(folder, "local", "status"),
         columns(folder, name, "status")
@@ -59,7 +59,7 @@ fn subsets() -> impl Iterator<Item = Fates> {
 }
 
 #[test]
-fn lockstep_over_udp_takes_the_same_course_whatever_the_network_does() {
+fn lockstep_over_bad_udp_keeps_the_bits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = Served::start(folder, &local(folder), &["--transport", "udp"]);
@@ -80,14 +80,14 @@ fn lockstep_over_udp_takes_the_same_course_whatever_the_network_does() {
             "{fates:?} {link:?}"
         );
         let done = &relay.to_controller;
-        // The goodbye, which is asked for up to three times, is not counted.
+        // The goodbye, which is requested up to three times, is not counted.
         let spoiled = count(&done.damaged) + count(&done.cut);
         assert!(
             link.corrupt <= spoiled && link.corrupt + 3 >= spoiled,
             "{fates:?} {link:?} {done:?}"
         );
         if fates.lost + fates.twice + fates.overtaken + fates.damaged + fates.cut == 0 {
-            // A command is said again when its answer stays away, which on a busy machine may be for no reason.
+            // A command is repeated when its answer stays away, which a busy machine alone may cause.
             assert_eq!(link.corrupt, 0);
         }
         all.0 += count(&done.lost);
@@ -98,7 +98,7 @@ fn lockstep_over_udp_takes_the_same_course_whatever_the_network_does() {
 }
 
 #[test]
-fn over_tcp_delay_and_pieces_change_nothing_and_damage_ends_the_test() {
+fn tcp_delay_is_harmless_damage_ends_test() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = Served::start(folder, &local(folder), &[]);
@@ -128,7 +128,7 @@ fn over_tcp_delay_and_pieces_change_nothing_and_damage_ends_the_test() {
         }
         assert_eq!(code, 3, "{fates:?} {said}");
         assert!(events(folder, &name).contains(&"link".to_owned()));
-        // A turned bit is noticed by whoever reads it; the specimen's end then closes.
+        // The receiver detects a flipped bit; the specimen's end then closes.
         let stated = [
             "the peer closed the connection",
             "the checksum of the frame",
@@ -151,9 +151,9 @@ fn over_tcp_delay_and_pieces_change_nothing_and_damage_ends_the_test() {
     }
 }
 
-/// A link that is pulled: for 50 ms it is only late, for 5 s it is lost; the specimen holds meanwhile and says so.
+/// A disconnected link is only late after 50 ms, and lost after 5 s; the specimen holds meanwhile and reports it.
 #[test]
-fn a_link_that_is_pulled_for_a_moment_goes_on_and_for_long_is_lost() {
+fn short_cut_continues_long_cut_is_lost() {
     for transport in ["tcp", "udp"] {
         for (ms, code) in [(50, 0), (5000, 3)] {
             let folder = tempfile::tempdir().unwrap();
@@ -187,7 +187,7 @@ fn a_link_that_is_pulled_for_a_moment_goes_on_and_for_long_is_lost() {
 }
 
 #[test]
-fn a_test_over_openfrescos_protocols_completes_as_in_process_or_says_why_not() {
+fn openfresco_completes_or_reports_why_not() {
     for (serves, asks) in [
         ("openfresco", "openfresco"),
         ("openfresco-actor", "openfresco-shadow"),

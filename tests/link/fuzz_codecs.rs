@@ -1,10 +1,10 @@
 //! Fuzzing of the codecs on the stable compiler: seeded, so that a failure can be repeated, and aware of the formats, so that
-//! spoilt inputs reach the depths. `cargo test` passes a short run, `tools/fuzz` one of ten million inputs with another
-//! seed each time.
+//! spoilt inputs reach the depths. `cargo test` passes a short run, `tools/fuzz` one of ten million inputs with another seed each
+//! time.
 //!
-//! Properties: no panic; nothing is allocated on the data path, and nowhere more than the limit; what decodes comes back
-//! as it was when it is encoded again; a stream in pieces of any size takes the same course as in one; every call uses
-//! bytes up, so nothing spins; who has not the key cannot make a frame that passes.
+//! Properties: no panic. No allocation on the data path, and nowhere more than the limit. A decoded message is unchanged when it is
+//! encoded and decoded again. A stream in pieces of any size takes the same course as in one. Every call uses bytes up, so nothing
+//! spins. Without the key no valid frame can be made.
 
 use crate::fuzz::handshake::Handshake;
 use crate::fuzz::native::Native;
@@ -26,16 +26,16 @@ fn share(target: &mut dyn Target, of_ten: u64) {
 }
 
 #[test]
-fn spoilt_frames_of_ours_are_refused_or_mean_what_they_say() {
+fn spoilt_frames_are_refused_or_consistent() {
     share(&mut Native::new(), 4);
 }
 
 #[test]
-fn spoilt_control_messages_are_refused_or_mean_what_they_say() {
+fn spoilt_control_is_refused_or_consistent() {
     share(&mut Handshake::new(), 3);
 }
 
 #[test]
-fn spoilt_exchanges_of_openfresco_are_refused_or_mean_what_they_say() {
+fn spoilt_openfresco_refused_or_consistent() {
     share(&mut OpenFresco::new(), 3);
 }

@@ -1,5 +1,5 @@
-//! The page for programmers of the far end says what the program does: every example on it is encoded here from
-//! the values in its caption, and decoded back.
+//! The page for programmers of the far end agrees with the program: every example on it is encoded here from the values in its
+//! caption, and decoded back.
 
 use std::collections::BTreeMap;
 
@@ -148,7 +148,7 @@ fn messages() -> Vec<(&'static str, Encoder, Control)> {
 }
 
 #[test]
-fn control_messages_have_the_bytes_of_the_page() {
+fn control_messages_match_the_page() {
     let page = examples();
     for (name, encoder, message) in messages() {
         assert_eq!(framed(encoder, &message), page[name], "{name}");
@@ -156,7 +156,7 @@ fn control_messages_have_the_bytes_of_the_page() {
 }
 
 #[test]
-fn the_bytes_of_the_page_decode_to_these_messages() {
+fn bytes_of_the_page_decode_to_messages() {
     let page = examples();
     for (name, _, message) in messages() {
         let from = match name {

@@ -49,23 +49,23 @@ fn is_the_same_over(transport: &str, seen: &str, law: &str, more: &str) {
 }
 
 #[test]
-fn one_axis_over_tcp_takes_the_same_course_as_in_process() {
+fn one_axis_over_tcp_gives_the_same_bits() {
     is_the_same_over("tcp", ONE_AXIS, ONE_AXIS_LAW, "");
 }
 
 #[test]
-fn one_axis_over_udp_takes_the_same_course_as_in_process() {
+fn one_axis_over_udp_gives_the_same_bits() {
     is_the_same_over("udp", ONE_AXIS, ONE_AXIS_LAW, "");
 }
 
 #[test]
-fn two_axes_in_other_units_with_a_damper_take_the_same_course_over_tcp() {
+fn two_axes_in_other_units_give_same_bits() {
     let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[[specimen.axis]]\nsign = -1\n";
     is_the_same_over("tcp", TWO_AXES, TWO_AXES_LAW, units);
 }
 
 #[test]
-fn two_axes_over_udp_take_the_same_course_as_in_process() {
+fn two_axes_over_udp_give_the_same_bits() {
     is_the_same_over("udp", TWO_AXES, TWO_AXES_LAW, "");
 }
 
@@ -86,7 +86,7 @@ fn a_static_load_settles_on_the_same_bits() {
     let served = Served::start(folder, &local, &[]);
     let remote = loaded(linked(ONE_AXIS, &served.address, "tcp", "watchdog_s = 20"));
     assert_eq!(run(folder, "remote", &remote).0, 0);
-    // A remote specimen is read at rest before the load comes on: rows of zeros but for what is known of it.
+    // A remote specimen is read at rest before the load begins: rows of zeros, except for its known values.
     let (local, mut remote) = (columns(folder, "local", ""), columns(folder, "remote", ""));
     let rest = remote[0].1.len() - local[0].1.len();
     assert!(rest > 0);
@@ -99,9 +99,9 @@ fn a_static_load_settles_on_the_same_bits() {
     assert_eq!(local, remote);
 }
 
-/// Lost commands and answers are asked for again, damaged and repeated ones dropped: the course is the same.
+/// Lost commands and answers are requested again, damaged and repeated ones dropped: the course is the same.
 #[test]
-fn a_bad_network_changes_no_number_of_a_lockstep_test() {
+fn bad_network_changes_no_lockstep_number() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
@@ -119,7 +119,7 @@ fn a_bad_network_changes_no_number_of_a_lockstep_test() {
     let (code, said) = run(folder, "remote", &remote);
     relay.stop();
     assert_eq!(code, 0, "{said}");
-    // The specimen may have held in between and says so; that is the only difference.
+    // The specimen may have held in between and reports it; that is the only difference.
     assert_eq!(
         columns(folder, "local", "status"),
         columns(folder, "remote", "status")
@@ -145,7 +145,7 @@ fn steps_of(folder: &Path, name: &str) -> (Vec<Vec<f64>>, usize) {
 
 /// Real sockets, real time: the course does not depend on when an answer comes.
 #[test]
-fn a_partner_that_is_commanded_once_a_step_takes_the_same_course_in_real_time() {
+fn per_step_specimen_gives_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let paced = |ticks: u32, clock: &str, specimen: &str| {
@@ -181,7 +181,7 @@ fn a_partner_that_is_commanded_once_a_step_takes_the_same_course_in_real_time() 
             between >= 4 * 100,
             "four ticks between two steps: {between}"
         );
-        // Once a step, and in the warm-up; a datagram that was lost on the way is asked for again and not counted.
+        // Once a step, and in the warm-up; a repeated request for a lost datagram does not count.
         let sent = summary(folder, transport).link["column"].sent;
         assert_eq!(sent, 101 + 5, "{transport}");
     }
@@ -189,7 +189,7 @@ fn a_partner_that_is_commanded_once_a_step_takes_the_same_course_in_real_time() 
 
 /// A damper behind a link moves at a tenth of the velocity of the test: `check` and `run` find the force of that.
 #[test]
-fn slow_damper_has_its_force_in_check_and_run() {
+fn slow_damper_force_is_in_check_and_run() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let law = "law.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 3e4 }\n";

@@ -1,5 +1,5 @@
-//! The sample specimens for programmers of the far end, in Python (TCP) and C (UDP), take part in a hybrid test with the
-//! real program, and the test takes the same course as with a spring of our own in process.
+//! The sample specimens for programmers of the far end, in Python (TCP) and C (UDP), take part in a hybrid test with the real
+//! program. The test takes the same course as with an in-process spring.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ fn tool(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// A machine without Python or a C compiler says so; the pipeline has both.
+/// Reports when the machine has no Python or C compiler; the pipeline has both.
 fn is_there(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok();
     if !found {
@@ -67,8 +67,8 @@ fn same_course(folder: &Path, address: &str, transport: &str) {
     }
 }
 
-/// What knows of the way back to where the test begins, of a specimen that stays where the test before has left it: its
-/// messages were counted, and it showed its stiffness.
+/// Columns that depend on the startup ramp of a specimen that keeps the last test's end position: its messages were counted, and it
+/// showed its stiffness.
 const KNOWS_OF_IT: [&str; 3] = ["seq_1", "kt_1_1", "stability_used"];
 
 /// The values of a run from its first step on, by bits.
@@ -97,7 +97,7 @@ fn the_python_specimen_is_a_spring_over_tcp() {
 }
 
 #[test]
-fn the_c_specimen_is_a_spring_over_udp_even_over_a_bad_network() {
+fn c_specimen_is_a_spring_over_bad_udp() {
     if !is_there("cc") {
         return;
     }

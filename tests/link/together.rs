@@ -1,6 +1,6 @@
-//! Several remote specimens get ready at the same time: connecting and arming them takes as long as the slowest, and a
-//! refusal of one releases the others. No clock judges that: the specimens here answer only when all have been asked, so
-//! that a controller which asks one after the other waits in vain.
+//! Several remote specimens are made ready at the same time: connecting and arming them takes as long as the slowest, and a refusal
+//! of one releases the others. The test needs no clock: the specimens answer only when all have been called, so a controller that
+//! calls them one after the other waits in vain.
 
 use std::io::Read;
 use std::net::TcpListener;
@@ -29,7 +29,7 @@ fn test_of(addresses: &[String]) -> String {
 }
 
 #[test]
-fn specimens_that_answer_only_when_all_have_been_asked_are_connected_and_armed() {
+fn specimens_may_answer_after_all_calls() {
     const SPECIMENS: usize = 3;
     let folder = tempfile::tempdir().unwrap();
     let (greeted, armed) = (
@@ -56,7 +56,7 @@ fn specimens_that_answer_only_when_all_have_been_asked_are_connected_and_armed()
     assert_eq!(connected.count(), SPECIMENS);
 }
 
-/// What a specimen that was welcomed hears last: true for an orderly end of the connection without a command.
+/// Waits for the last message to a welcomed specimen; true for a clean end of the connection without a command.
 fn released(commands: &AtomicUsize, mut fake: Fake) -> bool {
     while fake.command().is_some() {
         commands.fetch_add(1, Ordering::Relaxed);
@@ -65,9 +65,9 @@ fn released(commands: &AtomicUsize, mut fake: Fake) -> bool {
 }
 
 #[test]
-fn a_refusal_names_its_specimen_and_the_others_are_released_without_a_command() {
+fn refusal_releases_the_other_specimens() {
     let folder = tempfile::tempdir().unwrap();
-    // Nobody listens on this port.
+    // This port has no server.
     let gone = TcpListener::bind("127.0.0.1:0").unwrap();
     let nowhere = gone.local_addr().unwrap().to_string();
     drop(gone);

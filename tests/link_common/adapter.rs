@@ -1,5 +1,5 @@
-//! A peer that keeps to OpenSees' `adapter` as its users see it: sizes, then a displacement and a request in turn; it takes
-//! no commit and no second request, answers with displacement and force, and is over after the goodbye.
+//! A peer that follows OpenSees' `adapter` from a user's view: sizes, then a displacement and a request in turn. It takes no commit
+//! and no second request, answers with displacement and force, and ends with the goodbye.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -7,12 +7,12 @@ use std::net::{TcpListener, TcpStream};
 /// Doubles in a vector.
 const N: usize = 256;
 
-/// Serves one controller on a thread of its own; `wiring` makes the readings of a displacement. Returns the address.
+/// Serves one controller on a separate thread; `wiring` makes the readings of a displacement. Returns the address.
 pub fn start(mut wiring: impl FnMut(f64) -> (f64, f64) + Send + 'static) -> String {
     start_for(1, move |disp| Some(wiring(disp)))
 }
 
-/// Serves so many controllers, one after the other. Where there is no reading the connection breaks.
+/// Serves this number of controllers, one after the other. Where there is no reading the connection breaks.
 pub fn start_for(
     controllers: usize,
     mut wiring: impl FnMut(f64) -> Option<(f64, f64)> + Send + 'static,

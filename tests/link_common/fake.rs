@@ -1,4 +1,4 @@
-//! A specimen of our own making, which keeps to the protocol until a test makes it do otherwise.
+//! A fake specimen, which keeps to the protocol until a test makes it do otherwise.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -22,12 +22,12 @@ pub struct Fake {
 }
 
 impl Fake {
-    /// Serves one controller on a thread of its own; returns the address.
+    /// Serves one controller on a separate thread; returns the address.
     pub fn start(script: impl FnOnce(Fake) + Send + 'static) -> String {
         Self::start_with(4e5, script)
     }
 
-    /// The same, with another estimate of its stiffness.
+    /// [`Self::start`] with another estimate of its stiffness.
     pub fn start_with(stiffness: f64, script: impl FnOnce(Fake) + Send + 'static) -> String {
         Self::start_when(stiffness, |_| {}, script)
     }
@@ -41,7 +41,7 @@ impl Fake {
         Self::start_as(stiffness, before, |_| {}, |arm| arm, script)
     }
 
-    /// The same, welcoming its controller with what `change` makes of the usual welcome.
+    /// [`Self::start`] with a welcome that `change` has edited.
     pub fn start_welcoming(
         change: impl FnOnce(&mut Welcome) + Send + 'static,
         script: impl FnOnce(Fake) + Send + 'static,
@@ -49,7 +49,7 @@ impl Fake {
         Self::start_as(4e5, |_| {}, change, |arm| arm, script)
     }
 
-    /// The same; what `answer` makes of the request to arm is answered to it.
+    /// [`Self::start`], whose answer to the request to arm is edited by `answer`.
     pub fn start_saying(
         stiffness: f64,
         before: impl Fn(&'static str) + Send + 'static,
@@ -59,8 +59,8 @@ impl Fake {
         Self::start_as(stiffness, before, |_| {}, answer, script)
     }
 
-    /// A machine of one axis, a spring of 4e5 N/m, for one controller after another: it reports where it stands, rests there without
-    /// a controller, and does not say that it is computed. Returns its address and its position.
+    /// A machine of one axis, a spring of 4e5 N/m, for one controller after another. It reports its position, rests there without a
+    /// controller, and does not report itself as computed. Returns its address and its position.
     pub fn machine() -> (String, Arc<Mutex<f64>>) {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
@@ -174,8 +174,8 @@ impl Fake {
         self.stream.write_all(&out[..length]).unwrap();
     }
 
-    /// Answers every command by what `wiring` reads at its displacement, and every request to arm, until the controller is
-    /// gone; calls `told` with each displacement, and with `None` for each arming after the first.
+    /// Answers every command by the `wiring` at its displacement, and every request to arm, until the controller is gone; calls
+    /// `told` with each displacement, and with `None` for each arming after the first.
     pub fn obey(
         &mut self,
         mut wiring: impl FnMut(f64) -> (f64, f64),
@@ -211,7 +211,7 @@ impl Fake {
         }
     }
 
-    /// Answers every command by what `wiring` reads at its displacement, until it is retired.
+    /// Answers every command by the `wiring` at its displacement, until it is retired.
     pub fn obey_until_retired(&mut self, wiring: impl Fn(f64) -> (f64, f64)) {
         loop {
             let frame = self.frame().unwrap();
@@ -257,7 +257,7 @@ impl Fake {
         self.reading(sequence, 0.0, force, status)
     }
 
-    /// The same with a displacement.
+    /// The answer with a displacement.
     pub fn reading(&mut self, sequence: u64, disp: f64, force: f64, status: Status) -> Vec<u8> {
         let measured = Measurement {
             sequence,
@@ -276,7 +276,7 @@ impl Fake {
     }
 
     pub fn write(&mut self, bytes: &[u8]) {
-        // A controller that has given up does not read any more.
+        // A controller that has given up no longer reads.
         let _ = self.stream.write_all(bytes);
     }
 

@@ -1,4 +1,4 @@
-//! What the tests of links share: test files, a served specimen, a specimen of our own making, rows.
+//! Shared by the tests of links: test files, a served specimen, a fake specimen, rows.
 #![allow(
     dead_code,
     reason = "each test is a separate program and uses its own part"
@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use gusset_record::{Run, Summary};
 
-/// Nothing here takes as long unless it hangs.
+/// No step here takes as long unless it hangs.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Of `[safety]`: a specimen behind a link may be without limits.
@@ -49,11 +49,11 @@ bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 2e3, post_yield_ratio = 0.
 linear = { stiffness_n_per_m = 4e5, damping_n_s_per_m = 300.0 }
 ";
 
-/// A line of a link to what does not say of itself that it is no machine.
+/// A line of a link to a server that does not report itself as simulated.
 pub const COMPUTED: &str = "computed = true";
 
-/// A frame of two storeys for `steps` steps of 1 ms on the simulated clock; `specimen` ends the file. What is behind its link
-/// is always a computation.
+/// A frame of two storeys for `steps` steps of 1 ms on the simulated clock; `specimen` ends the file. Its link always leads to a
+/// computation.
 pub fn test_file(steps: u32, specimen: &str) -> String {
     let duration = f64::from(steps) * 1e-3;
     const LINK: &str = "[specimen.link]";
@@ -111,6 +111,10 @@ pub fn linked(steps: u32, address: &str, keys: &str) -> String {
 pub fn gusset() -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
     command.env("GUSSET_STATE", state_folder());
+    // To run all tests with other words in place of received texts. The test itself reads the true ones.
+    if std::env::var_os("GUSSET_TEST_REWORD").is_some() {
+        command.env("GUSSET_REWORD", "1");
+    }
     command
 }
 
@@ -120,6 +124,14 @@ pub fn state_folder() -> PathBuf {
     let number = MADE.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     let name = format!("gusset-state-{}-{number}", std::process::id());
     std::env::temp_dir().join(name)
+}
+
+/// Words of a peer as a program reads them: with `GUSSET_TEST_REWORD` others.
+pub fn as_read(words: &str) -> &str {
+    match std::env::var_os("GUSSET_TEST_REWORD") {
+        Some(_) => "reworded",
+        None => words,
+    }
 }
 
 pub fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
@@ -162,7 +174,7 @@ fn not_for_ever(child: Child) -> Output {
     output
 }
 
-/// Runs one test into `folder/name`; its exit code, and what it said.
+/// Runs one test into `folder/name`; returns its exit code and its output.
 pub fn run(folder: &Path, name: &str, text: &str) -> (i32, String) {
     run_by(gusset(), folder, name, text)
 }
@@ -256,7 +268,7 @@ impl Served {
         let given = arguments.contains(&"--listen");
         let out = arguments.iter().skip_while(|word| **word != "--out").nth(1);
         let control = out.map_or_else(|| file.with_extension("control.sock"), PathBuf::from);
-        // A hang-up is one for it, also where it is none for these tests.
+        // The server reacts to a hang-up, even where the tests ignore it.
         let mut child = Command::new("env")
             .arg("--default-signal=HUP")
             .arg(assert_cmd::cargo::cargo_bin!("gusset"))
@@ -303,7 +315,7 @@ impl Served {
         }
     }
 
-    /// Clears its latched trip, as its operator does; the exit code and what was said.
+    /// Clears its latched trip, as its operator does; returns the exit code and the output.
     pub fn reset(&self) -> (i32, String) {
         let mut command = gusset();
         command.arg("reset").arg(&self.control).arg("--yes");
@@ -313,7 +325,7 @@ impl Served {
         (output.status.code().unwrap(), said)
     }
 
-    /// Waits until it says something that contains `words`.
+    /// Waits until it prints a line that contains `words`.
     pub fn hears(&self, words: &str) -> String {
         let mut before = Vec::new();
         loop {
@@ -325,7 +337,7 @@ impl Served {
         }
     }
 
-    /// Everything that it says up to a line that contains `words`.
+    /// All its lines up to one that contains `words`.
     pub fn says_before(&self, words: &str) -> Vec<String> {
         let mut before = Vec::new();
         loop {

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use gusset_record::rt::os::{monotonic_ns, sleep_until_ns};
 
-/// What happens to the pieces that pass. The first four are the number of a hundred that suffer it.
+/// The fate of the pieces that pass. The first four are percentages.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fates {
     /// UDP only, as the next two: TCP mends them.
@@ -22,19 +22,19 @@ pub struct Fates {
     pub damaged: u64,
     /// UDP: its end is missing. TCP: it arrives in two parts.
     pub cut: u64,
-    /// Every piece comes so much later.
+    /// Every piece is delayed by this.
     pub delay_us: u64,
-    /// And up to so much later still. Datagrams overtake each other by it.
+    /// The largest additional random delay. Datagrams overtake each other by it.
     pub jitter_us: u64,
-    /// From that piece on and for so many milliseconds nothing passes: UDP loses it, TCP keeps it.
+    /// From the piece with the first number on, nothing passes for this number of milliseconds: UDP loses it, TCP keeps it.
     pub pulled: Option<(u64, u64)>,
     /// TCP: the connection ends at that piece, which arrives by half.
     pub broken: Option<u64>,
-    /// So many pieces pass unharmed first.
+    /// The number of pieces that pass unharmed first.
     pub spared: u64,
 }
 
-/// What was done to the pieces of one direction.
+/// Counts of the pieces of one direction by their fate.
 #[derive(Debug, Default)]
 pub struct Done {
     pub lost: AtomicU64,
@@ -193,7 +193,7 @@ impl Pass {
                 quiet_since = monotonic_ns();
                 continue;
             }
-            // A quiet moment: nothing will overtake what is held.
+            // A pause: no later piece will overtake the held one.
             if monotonic_ns() > quiet_since + 20_000_000
                 && let Some(late) = self.held.take()
             {

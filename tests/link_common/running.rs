@@ -62,7 +62,7 @@ impl Running {
         panic!("it does not move");
     }
 
-    /// Ends it as an operator does. It must still be running. Its exit code, and what it said.
+    /// Ends it as an operator does. It must still be running. Returns its exit code and its output.
     pub fn interrupt(mut self) -> (i32, String) {
         let child = self.child.as_mut().unwrap();
         let over = child.try_wait().unwrap();
@@ -71,7 +71,7 @@ impl Running {
         self.wait()
     }
 
-    /// Waits until it ends. Its exit code, and what it said.
+    /// Waits until it ends. Returns its exit code and its output.
     pub fn wait(mut self) -> (i32, String) {
         let child = self.child.take().unwrap();
         let output = not_for_ever(child);

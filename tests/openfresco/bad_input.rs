@@ -1,6 +1,6 @@
-//! A test whose specimen is behind OpenFresco's protocols and does not behave: exit code 3, a reason that says what to look
-//! at, an event, a complete folder, no hang. The protocols have no checksums, numbers or error messages: what can be
-//! noticed is noticed.
+//! A test whose specimen is behind OpenFresco's protocols and misbehaves: exit code 3, a reason with the place to look at, an
+//! event, a complete folder, no hang. The protocols have no checksums, numbers or error messages: only detectable faults are
+//! detected.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
@@ -13,7 +13,7 @@ const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.
 const WARM_UP: u32 = 5;
 const SHORT: &str = "connect_timeout_s = 0.3\nreply_timeout_s = 0.3";
-/// For who answers, however busy the machine is.
+/// For ends that answer, however busy the machine is.
 const PATIENT: &str = "connect_timeout_s = 20\nreply_timeout_s = 20";
 
 /// The reason why a test against `address` fails, and whether anything had moved.
@@ -48,7 +48,7 @@ fn keys(protocol: &str, transport: &str) -> String {
 }
 
 #[test]
-fn a_port_where_nobody_listens_says_refused_and_where() {
+fn port_without_a_server_is_refused_there() {
     for protocol in KINDS {
         for transport in ["tcp", "udp"] {
             let port = {
@@ -70,7 +70,7 @@ fn a_port_where_nobody_listens_says_refused_and_where() {
 }
 
 #[test]
-fn a_machine_to_which_there_is_no_way_says_unreachable() {
+fn unreachable_machine_is_reported() {
     // A broadcast address: the system refuses before anything leaves.
     for protocol in ["gusset", "openfresco"] {
         for transport in ["tcp", "udp"] {
@@ -104,7 +104,7 @@ fn server(script: impl FnOnce(TcpStream) + Send + 'static) -> String {
 }
 
 #[test]
-fn a_web_server_is_recognised_by_its_first_bytes() {
+fn web_server_is_recognised() {
     for protocol in ["openfresco", "openfresco-shadow"] {
         // Shorter and longer than a vector.
         for length in [0, 5000] {
@@ -124,7 +124,7 @@ fn a_web_server_is_recognised_by_its_first_bytes() {
 }
 
 #[test]
-fn our_own_two_protocols_do_not_mistake_each_other() {
+fn protocols_do_not_mistake_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let law = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
     for transport in ["tcp", "udp"] {
@@ -149,7 +149,7 @@ fn our_own_two_protocols_do_not_mistake_each_other() {
 }
 
 #[test]
-fn another_number_of_axes_is_refused_by_the_server_and_named_there() {
+fn other_number_of_axes_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let law = test_file(STEPS, &format!("{TWO_AXES}{TWO_AXES_LAW}"));
     let served = Served::start(folder.path(), &law, &["--protocol", "openfresco"]);
@@ -243,7 +243,7 @@ fn a_force_that_is_no_number_ends_the_test() {
 }
 
 #[test]
-fn silence_half_an_answer_and_a_broken_connection_end_the_test() {
+fn silence_or_half_an_answer_ends_the_test() {
     let silent = against_in(SHORT, |mut element| while element.read().is_some() {});
     assert!(silent.contains("did not answer within 0.3 s"), "{silent}");
     let half = against_in(SHORT, |mut element| {
@@ -268,7 +268,7 @@ fn silence_half_an_answer_and_a_broken_connection_end_the_test() {
 }
 
 #[test]
-fn a_site_of_another_version_is_refused_with_both_numbers() {
+fn other_version_shows_both_numbers() {
     let address = server(|mut stream| {
         let mut endian = [0; 4];
         stream.read_exact(&mut endian).unwrap();

@@ -1,5 +1,5 @@
-//! `gusset serve` on OpenFresco's protocols and what its clients mean: the order of SimSimulink's signals, clients that never
-//! commit or commit without a time, commanded forces, and analyses that begin again.
+//! `gusset serve` on OpenFresco's protocols and the meaning of its clients' messages: the order of SimSimulink's signals, clients
+//! that never commit or commit without a time, commanded forces, and analyses that begin again.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -20,7 +20,7 @@ const TWO_SPRINGS: &str = "[[specimen]]\nname = \"frame\"\n[[specimen.laws]]\n\
 const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.1, 0.1] }\n\
                       command_step_m = { trip = 0.05 }\nmeasured_force_n = { trip = [-1e5, 1e5] }\n";
 
-/// A client that sends what a test wants.
+/// A client whose messages the test chooses.
 struct Client(TcpStream);
 
 impl Client {
@@ -51,7 +51,7 @@ impl Client {
             .collect()
     }
 
-    /// The server must close without a word.
+    /// The server must close without a message.
     fn expects_a_close(mut self) {
         let mut answer = Vec::new();
         // A reset is a close, too.
@@ -66,7 +66,7 @@ fn serve(folder: &Path, text: &str, protocol: &str, more: &[&str]) -> Served {
 }
 
 #[test]
-fn simulink_commands_follow_the_named_order_and_are_refused_without_one() {
+fn simulink_commands_need_a_named_order() {
     let folder = tempfile::tempdir().unwrap();
     let keyed = format!("{TWO_SPRINGS}[serve.openfresco]\nsignal_order = \"by_axis\"\n");
     let counts = [2, 2, 0, 0, 0, 2, 0, 0, 2, 0];
@@ -129,7 +129,7 @@ fn simulink_commands_no_axis_to_the_time() {
 }
 
 #[test]
-fn the_server_says_at_its_start_where_an_order_will_be_asked_for() {
+fn server_reports_where_an_order_is_needed() {
     let folder = tempfile::tempdir().unwrap();
     for (text, protocol, more, is_told) in [
         (TWO_SPRINGS, "openfresco-simulink", &[][..], true),
@@ -151,7 +151,7 @@ fn the_server_says_at_its_start_where_an_order_will_be_asked_for() {
 }
 
 #[test]
-fn an_order_that_has_no_effect_is_refused_before_the_port_is_open() {
+fn order_without_effect_is_refused_early() {
     let folder = tempfile::tempdir().unwrap();
     let keyed = format!("{TWO_SPRINGS}[serve.openfresco]\nsignal_order = \"by_axis\"\n");
     for (text, protocol, more) in [
@@ -179,7 +179,7 @@ fn an_order_that_has_no_effect_is_refused_before_the_port_is_open() {
 }
 
 #[test]
-fn a_client_that_never_commits_passes_zero_and_is_told_that_it_has_no_history() {
+fn client_that_never_commits_has_no_history() {
     let folder = tempfile::tempdir().unwrap();
     let physical = format!("{ONE_SPRING}{LIMITS}[serve.openfresco]\nphysical = true\n");
     for (name, text) in [("physical", physical.as_str()), ("computed", ONE_SPRING)] {
@@ -203,7 +203,7 @@ fn a_client_that_never_commits_passes_zero_and_is_told_that_it_has_no_history() 
         let names = events(&out, "test-0001");
         assert!(names.contains(&"client_without_commits".to_owned()));
     }
-    // While the test runs, after as many commands as no iteration takes, and once.
+    // While the test runs, after more commands than any iteration takes, and once.
     let served = serve(folder.path(), ONE_SPRING, "openfresco", &[]);
     let mut client = Client::new(&served, [1, 0, 0, 0, 0, 0, 0, 0, 1, 0]);
     for k in 0..30 {
@@ -216,7 +216,7 @@ fn a_client_that_never_commits_passes_zero_and_is_told_that_it_has_no_history() 
 }
 
 #[test]
-fn a_client_that_sends_the_time_and_never_commits_is_told_so_and_iterations_do_not_count() {
+fn iterations_do_not_count_as_commits() {
     let folder = tempfile::tempdir().unwrap();
     let physical = format!("{ONE_SPRING}{LIMITS}[serve.openfresco]\nphysical = true\n");
     for (name, text) in [("physical", physical.as_str()), ("computed", ONE_SPRING)] {
@@ -237,7 +237,7 @@ fn a_client_that_sends_the_time_and_never_commits_is_told_so_and_iterations_do_n
             .filter(|text| text.contains("without a commit"))
             .collect();
         assert_eq!(told.len(), 1, "{warnings:?}");
-        // What moves starts from where it is.
+        // A machine starts from its position.
         let is_computed = name == "computed";
         assert_eq!(told[0].contains("initial state"), is_computed, "{told:?}");
     }
@@ -255,7 +255,7 @@ fn a_client_that_sends_the_time_and_never_commits_is_told_so_and_iterations_do_n
 
 /// As Gusset does before t = 0: the specimen is held while the loop warms up, and steps are committed from then on.
 #[test]
-fn a_client_that_holds_its_first_command_and_commits_from_then_on_is_not_warned_of() {
+fn client_that_commits_later_is_accepted() {
     let folder = tempfile::tempdir().unwrap();
     let served = serve(folder.path(), ONE_SPRING, "openfresco", &[]);
     let mut client = Client::new(&served, [1, 0, 0, 0, 1, 0, 0, 0, 1, 0]);
@@ -273,9 +273,9 @@ fn a_client_that_holds_its_first_command_and_commits_from_then_on_is_not_warned_
     assert!(!before.iter().any(told), "{before:?}");
 }
 
-/// The second client says hello while the first one still speaks, and repeats it.
+/// The second client sends its hello while the first one is still active, and repeats it.
 #[test]
-fn a_udp_client_that_waits_takes_over_when_the_first_falls_silent() {
+fn waiting_udp_client_takes_over() {
     let folder = tempfile::tempdir().unwrap();
     let more = ["--transport", "udp"];
     let served = serve(folder.path(), ONE_SPRING, "openfresco", &more);
@@ -308,7 +308,7 @@ fn a_udp_client_that_waits_takes_over_when_the_first_falls_silent() {
 }
 
 #[test]
-fn commanded_forces_are_refused_at_the_sizes() {
+fn commanded_forces_are_refused_at_sizes() {
     let folder = tempfile::tempdir().unwrap();
     for protocol in ["openfresco", "openfresco-controller", "openfresco-simulink"] {
         let served = serve(folder.path(), ONE_SPRING, protocol, &[]);
@@ -323,7 +323,7 @@ fn commanded_forces_are_refused_at_the_sizes() {
 }
 
 #[test]
-fn a_reset_of_the_analysis_is_told_and_recorded_once() {
+fn reset_is_reported_and_recorded_once() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("runs");
     let more = ["--out", out.to_str().unwrap()];

@@ -1,5 +1,5 @@
-//! Where a specimen stands before its first command, over protocols that cannot tell it or do not bound that command: the
-//! test file says it, the specimen is held there and led away; and what is served and moves is not taken anywhere at once.
+//! The position of a specimen before its first command, over protocols that cannot report it or do not limit that command. The test
+//! file states it, and the specimen is held there and ramped from there. A served machine never jumps.
 
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
@@ -19,8 +19,8 @@ const K: f64 = 4e5;
 const STANDS: f64 = 0.01;
 const ADAPTER: &str = "protocol = \"openfresco-adapter\"\nprobe = \"none\"\n";
 
-/// An adapter at which every displacement that it is told is written down; at place `breaks_at` of the list its connection
-/// breaks, and another is taken.
+/// An adapter that records every displacement that it receives. At place `breaks_at` of the list its connection breaks, and it
+/// accepts another one.
 fn witnessed(breaks_at: usize) -> (String, Arc<Mutex<Vec<f64>>>) {
     let told = Arc::new(Mutex::new(Vec::new()));
     let into = Arc::clone(&told);
@@ -38,7 +38,7 @@ fn largest_step(told: &[f64]) -> f64 {
 }
 
 #[test]
-fn what_cannot_be_asked_is_held_where_the_file_says_and_led_to_where_the_test_begins() {
+fn unknown_position_comes_from_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let (address, told) = witnessed(0);
     let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
@@ -52,7 +52,7 @@ fn what_cannot_be_asked_is_held_where_the_file_says_and_led_to_where_the_test_be
 }
 
 #[test]
-fn without_it_only_a_computation_is_commanded_and_goes_there_at_once() {
+fn without_it_only_computed_ones_move() {
     let folder = tempfile::tempdir().unwrap();
     let (address, told) = witnessed(0);
     let text = linked(STEPS, &address, ADAPTER);
@@ -72,7 +72,7 @@ fn without_it_only_a_computation_is_commanded_and_goes_there_at_once() {
 }
 
 #[test]
-fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() {
+fn resumed_test_uses_the_last_position() {
     const BREAKS_AT: usize = 1060;
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -90,17 +90,17 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     let output = finish(command);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{said}");
-    // What the file says was over with the first command.
+    // The position in the file is outdated from the first command on.
     assert!(said.contains("takes it at once to where it was left"));
     assert!(!said.contains("stands_at_m") && !said.contains("the test starts from there"));
     let told = told.lock().unwrap();
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
 }
 
-/// OpenFresco's element servers answer displacement 0 always. Only their force is used: a probe finds no dead sensor, no
-/// following error trips, and the start is where the file says, not at 0.
+/// OpenFresco's element servers always answer displacement 0. Only their force is used: a wiring check finds no dead sensor, no
+/// following error trips, and the start is at the position in the file, not at 0.
 #[test]
-fn an_element_server_that_answers_displacement_zero_gives_forces_only() {
+fn zero_displacement_server_gives_forces() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (address, told) = element::start(K);
@@ -146,10 +146,10 @@ fn an_element_server_that_answers_displacement_zero_gives_forces_only() {
     assert!(reason.contains("dead or frozen sensor"), "{reason}");
 }
 
-/// The first command of a client is a step from where the gateway told it to go last, or from where the file says that it
-/// stood: it is judged as such.
+/// The first command of a client is a step from the gateway's last command, or from the position in the file, and is checked as
+/// such.
 #[test]
-fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stands() {
+fn gateway_knows_its_last_command() {
     let folder = tempfile::tempdir().unwrap();
     let (address, told) = witnessed(0);
     let text = |stands: &str| {
@@ -182,10 +182,10 @@ fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stand
     assert_eq!(told.last(), Some(&(STANDS + 0.005)));
 }
 
-/// One of our own protocol may tell where it stands, and need not: then the file says it. Who is commanded by a gateway is not
-/// commanded before somebody does.
+/// A specimen behind the native protocol may report its position, but need not: then the file states it. A gateway commands no
+/// specimen before its client does.
 #[test]
-fn of_a_specimen_of_our_own_protocol_that_does_not_tell_the_file_says_where_it_stands() {
+fn file_gives_an_unreported_native_position() {
     let silent = || {
         let (tell, told) = channel();
         let real = |welcome: &mut Welcome| welcome.capabilities = Capabilities::default();
@@ -248,13 +248,13 @@ fn goes_to(served: &Served, disp: f64) -> bool {
 }
 
 #[test]
-fn a_first_command_to_what_moves_goes_no_further_than_a_share_of_its_range() {
+fn first_command_is_a_share_of_the_range() {
     let folder = tempfile::tempdir().unwrap();
     let open = served(folder.path(), "");
     open.hears("note: axis 1: neither `command_step_m` nor");
     assert!(goes_to(&open, 0.0049));
     open.hears("the client ended the test");
-    // It is left there, and the next client believes it at zero: near enough. Then it is not.
+    // It stays there, and the next client assumes it at zero: near enough. Then it is too far.
     assert!(goes_to(&open, 0.0));
     assert!(!goes_to(&open, 0.0051));
     open.hears("a first command may go a twentieth of its range");

@@ -1,5 +1,5 @@
-//! A gateway that paces and compensates a client of OpenFresco's protocols in front of a rig with a lag: what it records, and how
-//! it ends when either side does.
+//! A gateway that paces and compensates a client of OpenFresco's protocols in front of a rig with a lag: its record, and its end
+//! when either side ends.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -108,7 +108,7 @@ impl Client {
 }
 
 #[test]
-fn a_client_that_closes_leaves_the_specimen_at_rest_and_tracking_in_the_record() {
+fn closing_client_leaves_specimen_at_rest() {
     let bench = Bench::new("ticks_per_step = 40, rate_hz = 2000, settle_ticks = 90", "");
     let mut client = Client::new(&bench.gateway.address);
     for step in 1..=12_i32 {
@@ -157,7 +157,7 @@ fn runs_on(bench: &Bench) {
 }
 
 #[test]
-fn a_client_that_dies_on_the_way_lets_the_specimen_slow_down_and_rest_there() {
+fn dying_client_lets_the_specimen_slow_down() {
     let bench = Bench::new("ticks_per_step = 20000, rate_hz = 1000", "");
     let mut client = Client::new(&bench.gateway.address);
     client.says(&[3.0, 0.004, 0.01]);
@@ -239,7 +239,7 @@ fn native(address: &str) -> TcpStream {
 }
 
 #[test]
-fn a_native_client_that_dies_on_the_way_lets_the_specimen_slow_down_and_rest_there() {
+fn dying_native_client_slows_the_specimen() {
     let pace = "ticks_per_step = 20000, rate_hz = 1000";
     let bench = Bench::speaking("gusset", pace, "");
     let stream = native(&bench.gateway.address);
@@ -263,7 +263,7 @@ fn rests_on_the_way(bench: &Bench, target: f64) {
 }
 
 #[test]
-fn a_client_may_ask_on_the_way_but_not_run_ahead() {
+fn client_may_query_but_not_run_ahead() {
     let bench = Bench::new(
         "ticks_per_step = 1500, rate_hz = 1000",
         "openfresco.idle_timeout_s = 1",
@@ -276,7 +276,7 @@ fn a_client_may_ask_on_the_way_but_not_run_ahead() {
     client.0.read_exact(&mut answer).unwrap();
     let force = f64::from_le_bytes(answer[..8].try_into().unwrap());
     assert!((force - 4e2).abs() < 0.05 * 4e2, "{force}");
-    // A target behind a request that is not answered yet is one too many.
+    // A new target before the answer to the last request is one too many.
     client.says(&[5.0]);
     client.says(&[3.0, 0.002, 0.02]);
     runs_on(&bench);
@@ -293,7 +293,7 @@ fn a_client_may_ask_on_the_way_but_not_run_ahead() {
 }
 
 #[test]
-fn a_rig_that_dies_on_the_way_ends_the_test_as_lost() {
+fn rig_lost_in_a_move_ends_the_test() {
     let mut bench = Bench::new("ticks_per_step = 20000, rate_hz = 1000", "");
     let mut client = Client::new(&bench.gateway.address);
     client.says(&[3.0, 0.004, 0.01]);
@@ -312,7 +312,7 @@ fn a_rig_that_dies_on_the_way_ends_the_test_as_lost() {
 }
 
 #[test]
-fn a_server_that_is_stopped_on_the_way_slows_down_first() {
+fn stopped_server_slows_down_first() {
     let bench = Bench::new("ticks_per_step = 1000, rate_hz = 1000", "");
     let mut client = Client::new(&bench.gateway.address);
     assert!(client.force(0.0, 0.0).is_some());
@@ -336,7 +336,7 @@ fn a_server_that_is_stopped_on_the_way_slows_down_first() {
 }
 
 #[test]
-fn a_second_target_of_a_step_trips_unless_the_file_allows_its_distance() {
+fn second_target_of_a_step_trips() {
     let pace = "ticks_per_step = 10, rate_hz = 2000";
     for (more, near) in [("", false), ("openfresco.iterates_within_m = 0.0005", true)] {
         let bench = Bench::new(pace, more);
@@ -364,7 +364,7 @@ fn a_second_target_of_a_step_trips_unless_the_file_allows_its_distance() {
 }
 
 #[test]
-fn six_displacements_command_four_coordinates_of_a_loading_unit() {
+fn six_displacements_command_four_axes() {
     let folder = tempfile::tempdir().unwrap();
     let laws = "[[specimen.laws]]\nlinear = { stiffness_n_per_m = 4e5 }\n".repeat(4);
     let rig = Served::start(
@@ -427,7 +427,7 @@ fn six_displacements_command_four_coordinates_of_a_loading_unit() {
 }
 
 #[test]
-fn a_client_with_six_forces_for_three_displacements_is_refused_at_its_sizes() {
+fn six_forces_for_three_axes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let laws = "[[specimen.laws]]\nlinear = { stiffness_n_per_m = 4e5 }\n".repeat(3);
     let text = format!("[[specimen]]\nname = \"brace\"\n{laws}");
@@ -448,7 +448,7 @@ fn a_client_with_six_forces_for_three_displacements_is_refused_at_its_sizes() {
 }
 
 #[test]
-fn accepted_speed_stands_in_the_summary() {
+fn accepted_speed_is_in_the_summary() {
     let folder = tempfile::tempdir().unwrap();
     let rig = Served::start(folder.path(), RIG, &[]);
     let out = folder.path().join("kept");

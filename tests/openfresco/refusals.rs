@@ -1,5 +1,5 @@
-//! What ends a test over OpenFresco's protocols, and what must not: strangers, silence, nonsense, ends that vanish, steps
-//! that are taken back. Nothing hangs, and the port is free again.
+//! Causes that end a test over OpenFresco's protocols, and others that must not: strangers, silence, nonsense, ends that vanish,
+//! steps taken back. Nothing hangs, and the port is free again.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -11,10 +11,10 @@ use gusset_link::openfresco::{
 use gusset_link::server::ServerEvent;
 use gusset_quantity::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes, write_action};
+use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Sizes};
 
 #[test]
-fn a_second_controller_is_turned_away_and_the_first_does_not_notice() {
+fn second_controller_is_refused_quietly() {
     for carrier in [Carrier::Stream, Carrier::Datagrams] {
         let server = Server::start(Role::Application, carrier, 1, Nature::Physical);
         let mut first = Remote::new(settings(Peer::Element, carrier, server.address, 1)).unwrap();
@@ -56,7 +56,7 @@ fn vector(first: f64, second: f64) -> Vec<u8> {
 
 /// OpenSees spins for ever where its connection is closed.
 #[test]
-fn a_second_tcp_client_of_a_computed_specimen_waits_until_the_first_has_ended() {
+fn second_tcp_client_waits_for_the_first() {
     let server = Server::start(Role::Application, Carrier::Stream, 1, Nature::Simulated);
     let with = || settings(Peer::Element, Carrier::Stream, server.address, 1);
     let mut first = Remote::new(with()).unwrap();
@@ -83,7 +83,7 @@ fn a_second_tcp_client_of_a_computed_specimen_waits_until_the_first_has_ended() 
 
 /// A client that was killed says no goodbye over UDP, and the next one of its machine must not wait for a minute.
 #[test]
-fn a_new_udp_client_of_the_same_machine_replaces_a_silent_one_at_a_computed_specimen_only() {
+fn new_udp_client_replaces_a_silent_one() {
     for nature in [Nature::Simulated, Nature::Physical] {
         for hello in [true, false] {
             let serve = ServeSettings {
@@ -148,7 +148,7 @@ fn a_client_that_vanishes_frees_the_port() {
 }
 
 #[test]
-fn a_server_that_vanishes_or_falls_silent_is_a_fault_and_never_a_hang() {
+fn vanished_server_is_a_fault_and_no_hang() {
     let server = Server::start(Role::Application, Carrier::Stream, 1, Nature::Simulated);
     let mut remote =
         Remote::new(settings(Peer::Element, Carrier::Stream, server.address, 1)).unwrap();
@@ -180,7 +180,7 @@ fn a_server_that_vanishes_or_falls_silent_is_a_fault_and_never_a_hang() {
     assert_eq!(asked.fault(), LinkFault::Timeout, "{asked}");
     let mut remote = Remote::new(RemoteSettings {
         reply_limit_s: 0.1,
-        // Without a displacement there is nothing to ask before the first command.
+        // Without a displacement there is nothing to query before the first command.
         daq: Counts::new(0, 0, 0, 1, 0),
         ..settings(Peer::Site, Carrier::Datagrams, deaf, 1)
     })
@@ -192,7 +192,7 @@ fn a_server_that_vanishes_or_falls_silent_is_a_fault_and_never_a_hang() {
 }
 
 #[test]
-fn a_step_taken_back_ends_the_test_of_a_physical_specimen_only() {
+fn step_taken_back_ends_physical_tests_only() {
     for nature in [Nature::Simulated, Nature::Physical] {
         let server = Server::start(Role::Application, Carrier::Stream, 1, nature);
         let mut stream = TcpStream::connect(server.address).unwrap();
@@ -207,7 +207,9 @@ fn a_step_taken_back_ends_the_test_of_a_physical_specimen_only() {
         stream.write_all(&sizes).unwrap();
         let mut say = |action: Action, disp: f64, time: f64| {
             let mut vector = vec![0; 8 * n];
-            write_action(&mut vector, action).unwrap();
+            let mut codes = (0..100).map(f64::from);
+            let code = codes.find(|code| Action::whole(*code) == Ok(Some(action)));
+            vector[..8].copy_from_slice(&code.unwrap().to_le_bytes());
             vector[8..16].copy_from_slice(&disp.to_le_bytes());
             vector[32..40].copy_from_slice(&time.to_le_bytes());
             stream.write_all(&vector).unwrap();
@@ -238,7 +240,7 @@ fn a_step_taken_back_ends_the_test_of_a_physical_specimen_only() {
 }
 
 #[test]
-fn other_protocols_garbage_and_silence_are_named_and_the_port_is_free_again() {
+fn garbage_is_named_and_frees_the_port() {
     let limits = ServeSettings {
         setup_limit_s: 0.2,
         ..ServeSettings::new(Role::Application, None)
@@ -253,7 +255,7 @@ fn other_protocols_garbage_and_silence_are_named_and_the_port_is_free_again() {
     drop(quiet);
     let mut wrong = TcpStream::connect(server.address).unwrap();
     let mut sizes = [0; 44];
-    let two = Sizes::generic_client(2, 256).unwrap();
+    let two = Sizes::new(Counts::new(2, 2, 2, 0, 1), Counts::new(0, 0, 0, 2, 0), 256).unwrap();
     two.write(&mut sizes).unwrap();
     wrong.write_all(&sizes).unwrap();
     assert!(matches!(server.end(), End::Refused(ExchangeFault::Wire(_))));
@@ -274,7 +276,7 @@ fn other_protocols_garbage_and_silence_are_named_and_the_port_is_free_again() {
 }
 
 #[test]
-fn beyond_loopback_one_machine_must_be_named_and_only_it_is_served() {
+fn only_the_named_machine_is_served() {
     for carrier in [Carrier::Stream, Carrier::Datagrams] {
         let limits = ServeSettings::new(Role::Application, None);
         let open = Listen::at(carrier, "0.0.0.0:0").bind(limits, 1, Nature::Simulated);

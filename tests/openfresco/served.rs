@@ -1,5 +1,5 @@
-//! What `gusset serve` offers over OpenFresco's protocols, as a client sees it: US units, a transformation between the
-//! client's displacements and the axes, and the controller of SimFEAdapter.
+//! A specimen of `gusset serve` over OpenFresco's protocols, as a client sees it: US units, a transformation between the client's
+//! displacements and the axes, and the controller of SimFEAdapter.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -108,7 +108,7 @@ fn serve(folder: &Path, table: &str) -> Served {
 }
 
 #[test]
-fn commands_in_inches_are_answered_in_kips_or_pounds() {
+fn inches_are_answered_in_kips_or_pounds() {
     let folder = tempfile::tempdir().unwrap();
     let (k, c) = (8000.0, 50.0);
     for (unit, newtons) in [("kip", KIP), ("lbf", POUND)] {
@@ -132,7 +132,7 @@ fn commands_in_inches_are_answered_in_kips_or_pounds() {
 }
 
 #[test]
-fn the_protocol_of_gusset_refuses_inches_and_kips_at_their_key() {
+fn native_protocol_refuses_inches_and_kips() {
     let folder = tempfile::tempdir().unwrap();
     for (key, unit) in [
         ("unit_disp", "in"),
@@ -159,7 +159,7 @@ fn the_protocol_of_gusset_refuses_inches_and_kips_at_their_key() {
 
 /// Both ends in inches and kips, which is the same test as in process.
 #[test]
-fn a_test_commands_in_inches_over_openfresco() {
+fn test_commands_in_inches_over_openfresco() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let units = "[[specimen.axis]]\nunit_disp = \"in\"\nunit_force = \"kip\"\n";
@@ -201,7 +201,7 @@ fn outer(row: &[f64], k: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_nonlinear_specimen_between_two_free_nodes_answers_both_with_its_force_and_tangent() {
+fn free_nodes_get_their_force_and_tangent() {
     let folder = tempfile::tempdir().unwrap();
     let table = format!("rows = [[-1, 1]]\nlimits.command_disp_m.trip = [-0.05, 0.05]\n{BILINEAR}");
     let served = serve(folder.path(), &table);
@@ -229,7 +229,7 @@ fn a_nonlinear_specimen_between_two_free_nodes_answers_both_with_its_force_and_t
 }
 
 #[test]
-fn an_inclined_brace_pulls_at_all_four_displacements_of_its_nodes() {
+fn inclined_brace_pulls_all_displacements() {
     let folder = tempfile::tempdir().unwrap();
     let row = [-0.6, -0.8, 0.6, 0.8];
     let table = format!(
@@ -247,7 +247,7 @@ fn an_inclined_brace_pulls_at_all_four_displacements_of_its_nodes() {
 
 /// A fixed base: d1 = x1, d2 = x2 − x1.
 #[test]
-fn two_axes_of_two_displacements_are_coupled_by_their_rows() {
+fn two_axes_are_coupled_by_their_rows() {
     let folder = tempfile::tempdir().unwrap();
     let table = "rows = [[1, 0], [-1, 1]]\n\
                  laws = [{ linear = { stiffness_n_per_m = 50.0 } }, { linear = { stiffness_n_per_m = 300.0 } }]";
@@ -259,7 +259,7 @@ fn two_axes_of_two_displacements_are_coupled_by_their_rows() {
 }
 
 #[test]
-fn rows_that_cannot_be_served_are_refused_at_their_key() {
+fn unservable_rows_are_refused_at_their_key() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |table: &str, arguments: &[&str]| {
         let text = format!("[[specimen]]\nname = \"rig\"\n{table}\n");
@@ -294,7 +294,7 @@ fn rows_that_cannot_be_served_are_refused_at_their_key() {
 
 /// Its rows are those of its structure: the axes are served, as always.
 #[test]
-fn a_served_test_file_offers_its_axes_whatever_its_rows() {
+fn served_test_offers_its_axes() {
     let folder = tempfile::tempdir().unwrap();
     let table = format!("rows = [[-1, 1]]\nstiffness_n_per_m = 4e5\n{ONE_AXIS_LAW}");
     let served = Served::start(folder.path(), &test_file(10, &table), OVER_OPENFRESCO);
@@ -323,10 +323,10 @@ fn first_two(bytes: &[u8]) -> [f64; 2] {
     [0, 8].map(|at| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()))
 }
 
-/// OpenFresco's SimFEAdapter takes our controller for an adapter element: it commands, requests with 10, never commits, and says
-/// goodbye twice.
+/// OpenFresco's SimFEAdapter takes our controller for an adapter element: it commands, requests with 10, never commits, and sends
+/// two goodbyes.
 #[test]
-fn the_bytes_of_simfeadapter_are_answered_by_the_controller_as_by_an_adapter_element() {
+fn simfeadapter_bytes_are_answered() {
     let folder = tempfile::tempdir().unwrap();
     let law =
         "law.bilinear = { stiffness_n_per_m = 2.8, yield_force_n = 1.5, post_yield_ratio = 0.02 }";

@@ -1,5 +1,5 @@
-//! `gusset serve` on OpenFresco's protocols and what a network brings to an open port: sizes that cannot be, other programs,
-//! cut messages, noise. Each is named, none reaches the specimen, and a test that runs does not notice.
+//! `gusset serve` on OpenFresco's protocols and the traffic at an open port: impossible sizes, other programs, cut messages, noise.
+//! Each is named, none reaches the specimen, and a running test is not disturbed.
 
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -44,7 +44,7 @@ fn say(address: &str, bytes: &[u8]) {
 }
 
 #[test]
-fn sizes_that_cannot_be_are_refused_with_the_number_and_cost_no_memory() {
+fn impossible_sizes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for protocol in ["openfresco", "openfresco-controller", "openfresco-simulink"] {
         let served = serve(folder.path(), protocol, "tcp");
@@ -66,7 +66,7 @@ fn sizes_that_cannot_be_are_refused_with_the_number_and_cost_no_memory() {
 }
 
 #[test]
-fn other_programs_are_recognised_by_their_first_bytes() {
+fn other_programs_are_recognised() {
     let folder = tempfile::tempdir().unwrap();
     let served = serve(folder.path(), "openfresco", "tcp");
     let noise = [0xa5; 100];
@@ -95,7 +95,7 @@ fn other_programs_are_recognised_by_their_first_bytes() {
 }
 
 #[test]
-fn a_message_that_is_cut_short_moves_nothing_and_frees_the_port() {
+fn cut_message_moves_nothing_frees_the_port() {
     let folder = tempfile::tempdir().unwrap();
     let served = serve(folder.path(), "openfresco", "tcp");
     let whole = [sizes(10, 5), vec![0; 40]].concat();
@@ -105,7 +105,7 @@ fn a_message_that_is_cut_short_moves_nothing_and_frees_the_port() {
         drop(stream);
         let end = served.hears("closed the connection without a goodbye");
         assert!(end.contains("0 commands"), "{end}");
-        // The sizes are 44 bytes long, and a message of their own.
+        // The sizes are 44 bytes long, and a separate message.
         let within = format!("a goodbye, {} bytes into a message", length % 44);
         assert_eq!(end.contains(&within), length != 44, "{end}");
     }
@@ -124,7 +124,7 @@ fn lines_before_the_client(served: &Served) -> Vec<String> {
 }
 
 #[test]
-fn who_connects_and_says_nothing_keeps_nobody_out() {
+fn silent_client_keeps_no_other_out() {
     // Some, and more than are greeted at a time.
     for (strangers, moves) in [(5, true), (40, true), (5, false), (40, false)] {
         let folder = tempfile::tempdir().unwrap();
@@ -146,7 +146,7 @@ fn who_connects_and_says_nothing_keeps_nobody_out() {
         assert_eq!(code, 0, "{said}");
         let before = lines_before_the_client(&served);
         let says = |words: &str| before.iter().any(|line| line.contains(words));
-        // Nobody had to lose patience with a stranger first.
+        // No time limit of a stranger had to pass first.
         assert!(!says("sent no sizes within"), "{before:?}");
         let turned_away = || {
             let mut after = served.says_before("the client ended the test").into_iter();
@@ -167,7 +167,7 @@ fn who_connects_and_says_nothing_keeps_nobody_out() {
 }
 
 #[test]
-fn who_says_half_of_it_over_datagrams_keeps_nobody_out() {
+fn half_a_hello_on_udp_keeps_no_other_out() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = serve(folder, "openfresco", "udp");
@@ -194,7 +194,7 @@ fn who_says_half_of_it_over_datagrams_keeps_nobody_out() {
 }
 
 #[test]
-fn what_strangers_send_all_the_time_is_told_only_so_often() {
+fn noise_of_strangers_is_reported_rarely() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let served = serve(folder, "openfresco", "udp");
@@ -218,7 +218,7 @@ fn what_strangers_send_all_the_time_is_told_only_so_often() {
 
 /// Every port of OpenFresco's protocols, over TCP and UDP, while a test runs over it.
 #[test]
-fn noise_at_every_port_does_not_disturb_a_running_test() {
+fn noise_does_not_disturb_a_running_test() {
     let ports = [
         ("openfresco", "openfresco"),
         ("openfresco-actor", "openfresco-shadow"),
@@ -232,7 +232,7 @@ fn noise_at_every_port_does_not_disturb_a_running_test() {
             let text = linked(20_000, &served.address, &keys);
             let owned = folder.to_owned();
             let test = std::thread::spawn(move || run(&owned, "run", &text));
-            // From here on it runs: over UDP its client has a socket of its own.
+            // From here on it runs: over UDP its client has a separate socket.
             served.hears(" displacements, ");
             if transport == "tcp" {
                 for _ in 0..5 {

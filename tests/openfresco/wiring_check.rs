@@ -1,5 +1,5 @@
-//! Which way round a specimen is wired is found out over OpenFresco's dialects, too, and a gateway brings OpenSees' adapter to
-//! a controller that speaks our own protocol.
+//! The wiring check works over OpenFresco's dialects, too. A gateway connects OpenSees' adapter to a controller with the native
+//! protocol.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -36,7 +36,7 @@ const WRONG: [(Wiring, &str); 5] = [
 ];
 
 #[test]
-fn a_controller_does_not_arm_what_is_wired_wrongly_behind_an_adapter() {
+fn miswired_adapter_is_not_armed() {
     for (wiring, words) in WRONG {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -62,7 +62,7 @@ fn a_controller_does_not_arm_what_is_wired_wrongly_behind_an_adapter() {
 }
 
 #[test]
-fn neither_does_a_gateway_to_an_adapter_whatever_its_controller_speaks() {
+fn gateway_does_not_arm_a_miswired_adapter() {
     for serve in [&["--protocol", "gusset"][..], &["--protocol", "openfresco"]] {
         for (wiring, words) in WRONG {
             let folder = tempfile::tempdir().unwrap();
@@ -82,9 +82,9 @@ fn neither_does_a_gateway_to_an_adapter_whatever_its_controller_speaks() {
     }
 }
 
-/// The way back of the small motion is no step that is taken back, although a shadow sends no time.
+/// The return half of the wiring check is no step that is taken back, although a shadow sends no time.
 #[test]
-fn a_rig_that_can_take_nothing_back_is_tried_over_a_shadow_and_by_a_gateway() {
+fn irreversible_rig_is_checked() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let rig = format!(
@@ -116,8 +116,8 @@ fn a_rig_that_can_take_nothing_back_is_tried_over_a_shadow_and_by_a_gateway() {
     between.hears("direction: axis 1");
 }
 
-/// A gateway that would take ten seconds for each way of the small motion, and whoever waits until that goes on; every
-/// displacement that its specimen is told.
+/// A gateway whose wiring check takes ten seconds for each ramp, and a channel that signals when it has begun. Also every
+/// displacement that its specimen receives.
 fn trying(
     folder: &Path,
     protocol: &str,
@@ -163,7 +163,7 @@ fn client(address: &str) -> TcpStream {
 }
 
 #[test]
-fn the_small_motion_of_a_gateway_ends_where_it_is_when_that_is_told_to_stop() {
+fn stopped_gateway_ends_its_check_in_place() {
     for protocol in ["openfresco", "gusset"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -191,7 +191,7 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_that_is_told_to_stop() {
 }
 
 #[test]
-fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_leaves() {
+fn check_ends_when_its_controller_leaves() {
     for protocol in ["openfresco", "gusset"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -211,7 +211,7 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_leaves() {
             controller.kill().unwrap();
             controller.wait().unwrap();
         }
-        // Said when the folder is closed.
+        // Logged when the folder is closed.
         between.hears(match protocol {
             "openfresco" => "without a goodbye; 0 commands",
             _ => "refused: ",
@@ -222,9 +222,9 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_leaves() {
     }
 }
 
-/// Over UDP no connection tells that a controller is gone: that it does not ask to be armed any more does.
+/// Over UDP no connection shows that a controller is gone: the missing requests to arm do.
 #[test]
-fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_is_killed_over_udp() {
+fn check_ends_when_its_udp_controller_dies() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (between, is_going_on, told) = trying(folder, "gusset", "udp");
@@ -238,9 +238,9 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_is_killed_
     assert!(reason.contains("has been silent for 2 s"), "{reason}");
 }
 
-/// An operator need not wait until a gateway has tried its specimen: it is told so, and tries it no further.
+/// An operator need not wait until a gateway has checked its specimen: the gateway is informed and ends the check.
 #[test]
-fn a_test_that_waits_for_a_gateway_to_be_armed_ends_when_it_is_told_to() {
+fn stop_ends_the_wait_for_a_gateways_check() {
     for (transport, signal, code) in [("tcp", "INT", 130), ("udp", "TERM", 143)] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -268,7 +268,7 @@ fn a_test_that_waits_for_a_gateway_to_be_armed_ends_when_it_is_told_to() {
 }
 
 #[test]
-fn through_a_gateway_to_an_adapter_the_test_is_the_same() {
+fn gateway_to_an_adapter_keeps_the_test() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let law = "[specimen.law.linear]\nstiffness_n_per_m = 4e5\n";

@@ -21,7 +21,7 @@ use gusset_quantity::units::AxisUnits;
 use gusset_wire::openfresco::{Carrier, Peer};
 
 pub const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
-/// Nothing here takes longer unless it hangs.
+/// No step here takes longer unless it hangs.
 pub const LONG: Duration = Duration::from_secs(20);
 
 pub struct Server {
@@ -132,7 +132,7 @@ impl Server {
     }
 }
 
-/// Clients begin where their path does, wherever the specimen stands: steps of any length up to a metre are theirs.
+/// Clients begin where their path does, wherever the specimen is: they may take steps of up to a metre.
 fn host(axes: usize, nature: Nature) -> Host {
     let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
     let law = Computed::new(law.build(axes).unwrap(), nature == Nature::Physical);

@@ -1,5 +1,5 @@
-//! The real OpenSees commands the real `gusset serve` through `genericClient`: what it computes with our specimen is
-//! what it computes with its own material.
+//! The real OpenSees commands the real `gusset serve` through `genericClient`: its results with our specimen equal those with its
+//! own material.
 
 use crate::programs::{Peer, Server, python};
 
@@ -49,7 +49,7 @@ fn agree(law: &str, transport: &str, material: &str, more: &[&str]) {
 }
 
 #[test]
-fn a_yielding_storey_under_every_kind_of_integrator() {
+fn yielding_storey_with_every_integrator() {
     for scheme in ["newton", "initial", "alphaos", "explicit"] {
         agree(BILINEAR, "tcp", STEEL, &["--scheme", scheme]);
     }
@@ -58,7 +58,7 @@ fn a_yielding_storey_under_every_kind_of_integrator() {
 /// A step begins with the displacement of the last one: the tangent there is that of the motion that led there. Looser than
 /// rounding, so that rounding decides no iteration.
 #[test]
-fn newtons_method_takes_as_many_iterations_as_with_opensees_own_material() {
+fn newton_iterates_as_in_opensees() {
     let Some(python) = python() else {
         return;
     };
@@ -97,9 +97,9 @@ fn a_linear_and_a_hardening_storey() {
     }
 }
 
-/// `genericClient` adds C·v to the force that it reads, so the server must not report a damping that is in its force:
-/// it would act twice. An explicit scheme, which wants C for its operator, then sees the damper half a step late;
-/// that difference goes with the step.
+/// `genericClient` adds C·v to the force that it reads, so the server must not report a damping that is in its force: it would act
+/// twice. An explicit scheme, which needs C for its operator, then sees the damper half a step late; that difference decreases with
+/// the step.
 #[test]
 fn a_damper_acts_once() {
     let damper = "law = { linear = { stiffness_n_per_m = 8000.0, damping_n_s_per_m = 40.0 } }";
@@ -118,7 +118,7 @@ fn a_damper_acts_once() {
 }
 
 #[test]
-fn two_degrees_of_freedom_with_laws_of_their_own() {
+fn two_dofs_have_separate_laws() {
     let one = "{ bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
     let two = format!("laws = [{one}, {one}]");
     for transport in ["tcp", "udp"] {
@@ -132,7 +132,7 @@ fn two_degrees_of_freedom_with_laws_of_their_own() {
 /// OpenSees integrates its Bouc-Wen law with one implicit step of first order, we along the path to roundoff: the
 /// two meet in proportion to the step.
 #[test]
-fn a_bouc_wen_storey_meets_that_of_opensees_as_the_step_shrinks() {
+fn bouc_wen_converges_to_that_of_opensees() {
     if python().is_none() {
         return;
     }
@@ -152,7 +152,7 @@ fn a_bouc_wen_storey_meets_that_of_opensees_as_the_step_shrinks() {
 }
 
 #[test]
-fn opensees_killed_in_mid_test_frees_the_port_and_a_second_opensees_waits_for_it() {
+fn killed_opensees_frees_the_port() {
     let Some(python) = python() else {
         return;
     };

@@ -1,5 +1,5 @@
-//! OpenSees → gateway → specimen, the main role of a gateway in laboratories: the real OpenSees commands the real gateway
-//! through `genericClient`, and computes what it computes with its own material.
+//! OpenSees → gateway → specimen, the main role of a gateway in laboratories: the real OpenSees commands the real gateway through
+//! `genericClient`, and its results equal those with its own material.
 
 use crate::link_common::{Served, gateway};
 use crate::programs::{Peer, python};
@@ -22,7 +22,7 @@ struct Speech {
     link: &'static str,
 }
 
-/// A formula cannot forget a trial across our own protocol, which knows none; across OpenFresco's it can.
+/// A formula cannot forget a trial across the native protocol, which has none; across OpenFresco's it can.
 const OURS: Speech = Speech {
     serve: &["--transport", "tcp"],
     link: "transport = \"tcp\"",
@@ -93,18 +93,18 @@ fn agree(down: &Speech, specimen: &str, material: &str, scheme: &str, udp: bool)
 }
 
 #[test]
-fn a_yielding_specimen_behind_openfresco_under_iterations_and_without() {
+fn yielding_specimen_behind_openfresco() {
     for scheme in ["newton", "explicit"] {
         agree(&THEIRS, BILINEAR, "Steel01:60,8000,0.05", scheme, false);
     }
-    // AlphaOS wants the tangent, for which a gateway has only the estimate in its file.
+    // AlphaOS needs the tangent, for which a gateway has only the estimate in its file.
     agree(&THEIRS, LINEAR, "Elastic:8000", "alphaos", false);
     agree(&THEIRS, BILINEAR, "Steel01:60,8000,0.05", "newton", true);
 }
 
 #[test]
 fn our_own_protocol_towards_the_specimen() {
-    // What yields on a trial has yielded: an explicit scheme tries once.
+    // A specimen that yields in a trial stays yielded: an explicit scheme tries once.
     agree(&OURS, BILINEAR, "Steel01:60,8000,0.05", "explicit", false);
     agree(&OURS, LINEAR, "Elastic:8000", "newton", false);
     agree(&OURS, LINEAR, "Elastic:8000", "newton", true);
@@ -112,7 +112,7 @@ fn our_own_protocol_towards_the_specimen() {
 
 /// Newton's second trial trips a gateway without `iterates_within_m`.
 #[test]
-fn a_client_that_iterates_is_refused_with_what_to_configure() {
+fn iterating_client_is_refused_with_advice() {
     let Some(python) = python() else {
         return;
     };
@@ -145,10 +145,10 @@ fn a_client_that_iterates_is_refused_with_what_to_configure() {
     assert_eq!(*kept.columns(&["trip"]).unwrap()[0].last().unwrap(), 54.0);
 }
 
-/// Newton's trials go beyond the limit: the connection is closed, which OpenSees 3.7 answers by spinning; the gateway says
-/// why, and serves the next.
+/// Newton's trials exceed the limit. The gateway closes the connection, logs the reason and serves the next client; OpenSees 3.7
+/// spins.
 #[test]
-fn a_limit_that_opensees_passes_closes_the_connection_and_is_said_here() {
+fn exceeded_limit_closes_the_connection() {
     let Some(python) = python() else {
         return;
     };

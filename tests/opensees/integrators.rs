@@ -90,7 +90,7 @@ fn theirs(python: &Path, scheme: &str, storeys: &[Storey]) -> Course {
     let output = child.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
-    // An integrator that OpenSees does not know is replaced in silence but for this.
+    // OpenSees silently replaces an integrator that it does not know, except for this message.
     assert!(!errors.contains("unknown integrator"), "{errors}");
     let line = said.lines().find(|line| line.contains("\"course\""));
     let found: Value =
@@ -270,7 +270,7 @@ fn central_differences() {
 }
 
 #[test]
-fn kr_alpha_with_forces_at_the_weighted_state() {
+fn kr_alpha_with_forces_at_weighted_state() {
     for rho in ["0", "0.5", "0.8", "1"] {
         let method = format!("method = \"kr_alpha\"\nrho_infinity = {rho}\nweighting = \"state\"");
         agree(&method, &format!("KRAlphaExplicit:{rho}"), Compared::Motion);
@@ -291,7 +291,7 @@ fn kr_alpha_with_weighted_forces() {
 
 /// KR-α with ρ = 1 is λ = 4 for a linear structure, from rest without a force: the family itself against OpenSees.
 #[test]
-fn the_family_at_lambda_4_is_kr_alpha_without_damping_of_high_frequencies() {
+fn family_at_lambda_4_is_undamped_kr_alpha() {
     let Some(python) = python() else {
         return;
     };
@@ -306,7 +306,7 @@ fn the_family_at_lambda_4_is_kr_alpha_without_damping_of_high_frequencies() {
 
 /// The two weightings are one for a linear structure and two where the law yields: which one is compared above matters.
 #[test]
-fn the_two_weightings_part_where_the_law_yields() {
+fn weightings_differ_where_the_law_yields() {
     let of = |weighting: &str, storeys: &[Storey]| {
         let method =
             format!("method = \"kr_alpha\"\nrho_infinity = 0.5\nweighting = \"{weighting}\"");

@@ -1,4 +1,4 @@
-//! Running the real OpenSees, and our binary beside it. Where OpenSees is not installed a test says so, loudly, and with
+//! Runs the real OpenSees, and our binary beside it. Where OpenSees is not installed a test prints a clear message, and with
 //! CI=true it fails. `tools/test` installs it.
 
 #![allow(dead_code, reason = "each test file uses its part")]
@@ -13,13 +13,13 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// Nothing takes this long unless it hangs.
+/// No step takes this long unless it hangs.
 pub const LONG: Duration = Duration::from_secs(60);
 
-/// The interpreter that has OpenSeesPy; `None`, said loudly, where there is none.
+/// The interpreter that has OpenSeesPy; `None`, with a clear message, if it is not installed.
 ///
 /// # Panics
-/// Where there is none and CI=true.
+/// If it is not installed and CI=true.
 pub fn python() -> Option<PathBuf> {
     let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/opensees-venv/bin/python");
     let python = match std::env::var_os("GUSSET_OPENSEES_PYTHON") {
@@ -31,7 +31,7 @@ pub fn python() -> Option<PathBuf> {
     }
     let text = "SKIPPED: OpenSees is not installed; `tools/test` installs it\n";
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{text}");
-    // Past the capture of the test harness: nobody sees what a passing test prints.
+    // Past the capture of the test harness, which hides the output of a passing test.
     let _ = std::io::stderr().write_all(text.as_bytes());
     None
 }
@@ -113,7 +113,7 @@ impl Peer {
         Self::spawn(command, false)
     }
 
-    /// Our binary; all that it says is read.
+    /// Our binary; all its output is read.
     pub fn gusset(args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gusset"));
         command.env("GUSSET_STATE", crate::link_common::state_folder());
@@ -199,7 +199,7 @@ impl Server {
         Self::offering("openfresco", lines, transport)
     }
 
-    /// The same for any of the protocols.
+    /// A server of that specimen for any of the protocols.
     pub fn offering(protocol: &str, lines: &str, transport: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("specimen.toml");

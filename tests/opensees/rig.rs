@@ -1,5 +1,5 @@
-//! OpenSees → a gateway that converts, paces and compensates → a rig behind two actuators: the files of the guide's page, compared
-//! with the model that OpenSees computes by itself, and with the same test of `gusset run`; and how such a test ends.
+//! OpenSees → a gateway that converts, paces and compensates → a rig behind two actuators. The files of the guide's page are
+//! compared with the model in OpenSees alone, and with the same test of `gusset run`; and how such a test ends.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -145,7 +145,7 @@ fn last(run: &Run, name: &str) -> f64 {
 }
 
 #[test]
-fn the_frame_of_the_guide_equals_the_pure_model_where_the_rig_does_not_lag() {
+fn guide_frame_equals_the_pure_model() {
     let Some(python) = python() else {
         return;
     };
@@ -187,7 +187,7 @@ fn transposed([[a, b], [c, d]]: Two) -> Two {
 /// A third of the size, a seventh of the force; a matrix of arms, a lever, a reversed axis, and another unit at each axis. The rig
 /// is the matrix of springs that all of that makes of the column.
 #[test]
-fn similitude_arms_a_lever_and_a_reversed_axis_in_inches_and_kips_change_nothing() {
+fn similitude_and_signs_change_nothing() {
     let Some(python) = python() else {
         return;
     };
@@ -205,7 +205,7 @@ fn similitude_arms_a_lever_and_a_reversed_axis_in_inches_and_kips_change_nothing
             more[0], more[1]
         )
     };
-    // Our own protocol has neither inches nor pounds: this one has.
+    // The native protocol has neither inches nor pounds: OpenFresco's has.
     let rig = format!(
         "[serve]\nprotocol = \"openfresco\"\n[[specimen]]\nname = \"column\"\n{}\n[specimen.coupled]\nstiffness_n_per_m = {springs:?}\n",
         axes(["", ""])
@@ -228,7 +228,7 @@ fn similitude_arms_a_lever_and_a_reversed_axis_in_inches_and_kips_change_nothing
 
 /// The table of the page: 18 % and 0.5 %.
 #[test]
-fn compensation_removes_the_error_of_a_lag_of_15_ms() {
+fn compensation_removes_a_lag_of_15_ms() {
     let Some(python) = python() else {
         return;
     };
@@ -305,7 +305,7 @@ fn figures(tracking: &Tracking) -> [f64; 3] {
 /// target, delays of 14 ms to 2 ms and amplitudes to 1 %. With it both are close to a perfect specimen: what remains is the error of
 /// differences over one tick, which grows with the acceleration on the path.
 #[test]
-fn an_actuator_follows_in_a_gateway_as_in_a_test_of_the_same_structure() {
+fn actuator_follows_in_a_gateway_too() {
     let Some(python) = python() else {
         return;
     };
@@ -356,7 +356,7 @@ fn an_actuator_follows_in_a_gateway_as_in_a_test_of_the_same_structure() {
 }
 
 #[test]
-fn opensees_that_is_killed_leaves_the_rig_at_its_last_target() {
+fn killed_opensees_leaves_the_last_target() {
     let Some(python) = python() else {
         return;
     };
@@ -397,7 +397,7 @@ fn is_connected(port: &str) -> bool {
 }
 
 #[test]
-fn a_rig_that_is_killed_ends_the_test_and_the_connection_of_opensees() {
+fn killed_rig_ends_the_opensees_connection() {
     let Some(python) = python() else {
         return;
     };
@@ -422,7 +422,7 @@ fn a_rig_that_is_killed_ends_the_test_and_the_connection_of_opensees() {
 }
 
 #[test]
-fn newtons_method_is_refused_at_its_second_target_of_a_step() {
+fn newton_is_refused_at_its_second_target() {
     let Some(python) = python() else {
         return;
     };

@@ -1,5 +1,5 @@
-//! Whole hybrid tests over OpenFresco's protocols: `gusset run` whose specimen is the real OpenSees, or our own server,
-//! takes the course of the same test with the law in process.
+//! Whole hybrid tests over OpenFresco's protocols: `gusset run` with the real OpenSees, or our own server, as its specimen takes
+//! the course of the same test with the law in process.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
 
-/// Three floors of 10 kg on 8000 N/m at 100 Hz, driven so that the ground storey yields; `specimen` stands for it.
+/// Three floors of 10 kg on 8000 N/m at 100 Hz, driven so that the ground storey yields; `specimen` replaces that storey.
 fn test_file(folder: &Path, name: &str, clock: &str, specimen: &str) -> String {
     let text = format!(
         r#"
@@ -108,7 +108,7 @@ fn differences(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
 /// kb · 0.05 m = 4e-6 N. Such a noise on a storey of 8000 N/m displaces it by 5e-10 m; the motion neither damps nor
 /// amplifies it much in 400 steps. Allowed is a hundred times as much.
 #[test]
-fn a_hybrid_test_with_opensees_as_the_specimen_is_the_one_with_the_law() {
+fn opensees_specimen_equals_the_law() {
     let folder = tempfile::tempdir().unwrap();
     for (kind, transport) in [("adapter", "tcp"), ("adapter", "udp"), ("actuator", "tcp")] {
         let Some((opensees, port)) = opensees_specimen(kind, transport) else {
@@ -143,7 +143,7 @@ fn a_hybrid_test_with_opensees_as_the_specimen_is_the_one_with_the_law() {
 
 /// Our controller against our server: nothing is lost on the wire.
 #[test]
-fn a_hybrid_test_over_our_own_element_server_and_actor_is_bit_for_bit_the_one_with_the_law() {
+fn our_servers_equal_the_law_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(run(folder.path(), "law", "simulated", BILINEAR).0, Some(0));
     let law = history(folder.path(), "law");
@@ -164,7 +164,7 @@ fn a_hybrid_test_over_our_own_element_server_and_actor_is_bit_for_bit_the_one_wi
 }
 
 #[test]
-fn opensees_killed_in_mid_test_is_exit_3_and_a_complete_run_folder() {
+fn killed_opensees_exits_with_3() {
     for transport in ["tcp", "udp"] {
         let Some((mut opensees, port)) = opensees_specimen("adapter", transport) else {
             return;
@@ -184,7 +184,7 @@ fn opensees_killed_in_mid_test_is_exit_3_and_a_complete_run_folder() {
         let summary: Value = serde_json::from_str(&summary).unwrap();
         assert_eq!(summary["status"], "failed");
         let reason = summary["reason"].as_str().unwrap();
-        // A UDP peer that dies with our command in its hands leaves nothing behind that could tell us.
+        // A UDP peer that dies while it handles our command leaves no trace for us.
         let silent = transport == "udp" && reason.contains("no reply within the time limit");
         assert!(
             silent || reason.contains("closed the connection"),
@@ -195,7 +195,7 @@ fn opensees_killed_in_mid_test_is_exit_3_and_a_complete_run_folder() {
 }
 
 #[test]
-fn nobody_there_or_another_protocol_is_exit_3_with_words_and_nothing_moves() {
+fn wrong_or_missing_server_exits_with_3() {
     let folder = tempfile::tempdir().unwrap();
     let short = |protocol: &str, port: u16| {
         link(protocol, "tcp", port).replace("connect_timeout_s = 30", "connect_timeout_s = 0.5")
@@ -224,7 +224,7 @@ fn nobody_there_or_another_protocol_is_exit_3_with_words_and_nothing_moves() {
 }
 
 #[test]
-fn a_stiffness_far_from_what_the_server_reports_is_a_warning() {
+fn stiffness_far_from_the_servers_warns() {
     let folder = tempfile::tempdir().unwrap();
     let stiffer = "law = { linear = { stiffness_n_per_m = 12000.0 } }";
     let server = Server::start(stiffer, "tcp");

@@ -60,7 +60,7 @@ fn step(port: &mut dyn Substructure, k: u64, into: &mut Measurement) -> Result<(
 /// are about 1e-8 of the peaks here; a hundred times that is allowed, for the solver's own rounding. The corotational
 /// element takes its elongation from two lengths of 100, whose difference carries 1.4e-14·kb.
 #[test]
-fn the_elements_follow_and_resist_like_the_law_in_process() {
+fn elements_follow_the_law_in_process() {
     for (kind, carrier, dofs, stiffness, tolerance) in [
         ("adapter", Carrier::Stream, 1, "8e11", 60e-6),
         ("adapter", Carrier::Datagrams, 1, "8e11", 60e-6),
@@ -92,13 +92,13 @@ fn the_elements_follow_and_resist_like_the_law_in_process() {
         let steps = opensees.events("step");
         assert!(steps.len() >= 199, "{kind}: {}", steps.len());
         let (status, _) = opensees.end();
-        // What OpenSees does when it is told to end.
+        // OpenSees exits in this way when it is stopped.
         assert_eq!(status.code(), Some(255), "{kind}");
     }
 }
 
 #[test]
-fn an_opensees_that_is_killed_is_a_closed_link_at_once() {
+fn killed_opensees_closes_the_link_at_once() {
     for carrier in [Carrier::Stream, Carrier::Datagrams] {
         let Some(Rig {
             mut opensees,

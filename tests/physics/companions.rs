@@ -1,4 +1,4 @@
-//! Every integration method runs a computed test from a file, and only those that may command a specimen get one.
+//! Every integration method runs a computed test from a file, and only methods that may command a specimen get one.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -56,7 +56,7 @@ fn peak(method: &str) -> f64 {
 }
 
 #[test]
-fn every_method_runs_a_computed_test_and_finds_the_same_peak() {
+fn every_method_finds_the_same_peak() {
     let family = peak("lambda = 4");
     for method in [
         "method = \"newmark_average\"",
@@ -71,13 +71,13 @@ fn every_method_runs_a_computed_test_and_finds_the_same_peak() {
         // Ω of the governing mode is about 0.1: periods differ by some 1e-3, the half step of the start by Δt/T.
         assert!((peak(method) / family - 1.0).abs() < 0.03, "{method}");
     }
-    // The same poles from the same start, up to β ω̄² Δt² of the load.
+    // Equal poles and an equal start, up to β ω̄² Δt² of the load.
     assert!((peak("method = \"newmark_average\"") / family - 1.0).abs() < 0.01);
 }
 
 /// That of equilibrium, but where the method itself is not in equilibrium at the ends of steps.
 #[test]
-fn the_record_says_which_acceleration_it_has() {
+fn record_names_its_acceleration() {
     for (method, words) in [
         ("lambda = 4", "from equilibrium"),
         ("method = \"newmark_average\"", "from equilibrium"),
@@ -102,7 +102,7 @@ fn the_record_says_which_acceleration_it_has() {
 }
 
 #[test]
-fn the_summary_of_a_companion_has_no_lambda_and_check_names_the_method() {
+fn companion_summary_has_no_lambda() {
     let text = format!("{TEST}method = \"chang_2002\"\n");
     let (_, summary, _) = gusset("run", &text);
     assert!(summary["lambda"].is_null(), "{summary}");
@@ -113,7 +113,7 @@ fn the_summary_of_a_companion_has_no_lambda_and_check_names_the_method() {
 }
 
 #[test]
-fn an_implicit_method_is_refused_a_specimen_with_the_reason() {
+fn implicit_method_is_refused_a_specimen() {
     for (method, reason) in [
         ("method = \"newmark_average\"", "it is implicit"),
         (
@@ -143,7 +143,7 @@ fn an_implicit_method_is_refused_a_specimen_with_the_reason() {
 }
 
 #[test]
-fn what_a_method_does_not_have_or_lacks_is_said() {
+fn unsupported_keys_of_a_method_are_named() {
     for (keys, words) in [
         ("method = \"kr_alpha\"", "needs `rho_infinity`"),
         (
@@ -181,7 +181,7 @@ fn what_a_method_does_not_have_or_lacks_is_said() {
 }
 
 #[test]
-fn a_test_that_finds_no_equilibrium_stops_with_its_rows() {
+fn test_without_equilibrium_keeps_its_rows() {
     let element = "\n[[structure.element]]\nfrom = \"ground\"\nto = 1\nreach_disp_m = 0.1\n\
                    law = { cubic = { stiffness_n_per_m = 1e5, cubic_n_per_m3 = 1e9 } }\n";
     let text = format!("{TEST}method = \"newmark_average\"\nnewton_iterations = 2\n{element}");
@@ -224,7 +224,7 @@ limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e
 "#;
 
 #[test]
-fn alpha_methods_that_grow_at_the_declared_bounds_do_not_move_what_is_behind_a_link() {
+fn growing_alpha_method_moves_no_link() {
     let method = "method = \"kr_alpha\"\nrho_infinity = 1";
     let grows = "the response grows by a factor of";
     let hardening = HARDENING.replace("\"simulated\"", "\"real\"");
@@ -233,7 +233,7 @@ fn alpha_methods_that_grow_at_the_declared_bounds_do_not_move_what_is_behind_a_l
         .replace("[1e3, 6e3]", "[20, 6e3]")
         .replace("stiffness_n_per_m = 1e7", "stiffness_n_per_m = 1e4");
     for text in [&hardening, &light] {
-        // What the same linear method of the family, λ = 4, is refused for.
+        // The refusal of the equivalent linear method of the family, λ = 4.
         let (code, _, said) = gusset("check", &format!("{text}lambda = 4\n"));
         assert_eq!(code, 1, "{said}");
         for (command, refused) in [("check", 1), ("run", 2)] {
@@ -266,7 +266,7 @@ fn alpha_methods_that_grow_at_the_declared_bounds_do_not_move_what_is_behind_a_l
 }
 
 #[test]
-fn what_is_known_of_an_alpha_method_is_said_and_no_more() {
+fn check_states_what_is_known_of_alpha() {
     let look = |text: &str| {
         let folder = TempDir::new().unwrap();
         let file = folder.path().join("test.toml");

@@ -1,8 +1,8 @@
 //! A base that is moved and a ground that accelerates are the same earthquake, seen from two frames of reference.
 //!
-//! With x = x_rel + ι x_g the equations of the two are equal; their discretisations are not, and differ by what each
-//! errs. The errors are of the order of the method, so the difference must fall with its power of Δt: the factor between
-//! two halvings is the test, and no number of the program's own.
+//! With x = x_rel + ι x_g the equations of the two are equal; their discretisations differ by their errors. The errors are of the
+//! order of the method, so the difference must fall with its power of Δt: the test is the factor between two halvings, and no
+//! number of the program's own.
 
 use crate::common::engine::{Run, run};
 
@@ -93,10 +93,10 @@ fn the_two_agree_to_second_order() {
     }
 }
 
-/// Beneath a moving base, too, the Newton form is the polynomial of order 2 on nodes a step apart: the velocity of the target that it
-/// takes is a difference, not that of the base as it is now.
+/// Beneath a moving base, too, the Newton form is the polynomial of order 2 on nodes a step apart. The velocity of its target is a
+/// difference, not the present velocity of the base.
 #[test]
-fn a_newton_form_is_its_polynomial_in_both_frames() {
+fn newton_form_is_its_polynomial_everywhere() {
     let commands = |absolute: bool, kind: &str| {
         let excitation = if absolute {
             "base_displacement = { signal = { sine = { amplitude = 0.05, frequency_hz = 1.5, \

@@ -1,5 +1,5 @@
-//! Specimens whose axes are the actuators of a loading unit: the work is the same on both sides, so a hybrid test with them is
-//! the monolithic one; they are served, replayed, resumed and refused like any other specimen.
+//! Specimens whose axes are the actuators of a loading unit. The work is the same on both sides, so a hybrid test with them is the
+//! monolithic one. They are served, replayed, resumed and refused like any other specimen.
 
 use std::path::Path;
 
@@ -97,7 +97,7 @@ fn monolith(amplitude: f64) -> String {
         let row = [e[0], e[1], joint[0] * e[1] - joint[1] * e[0]];
         for (i, a) in row.iter().enumerate() {
             for (j, b) in row.iter().enumerate() {
-                // The same to the last bit on both sides of the diagonal.
+                // Equal to the last bit on both sides of the diagonal.
                 whole[i][j] += SPRING * (a * b);
             }
         }
@@ -107,7 +107,7 @@ fn monolith(amplitude: f64) -> String {
 
 /// Some forty operations on forces of the size of the peak in each of 1024 ticks, added up linearly: 1024·40·1.1e-16.
 #[test]
-fn springs_of_three_actuators_are_the_monolithic_structure_to_roundoff() {
+fn actuator_springs_equal_the_monolith() {
     let (hybrid, whole) = (run(&springs(false, 2.0)), run(&monolith(2.0)));
     assert_same(&hybrid, &whole, 4.5e-12);
     // The force that enters equilibrium is that of the platform, the row holds both.
@@ -122,7 +122,7 @@ fn springs_of_three_actuators_are_the_monolithic_structure_to_roundoff() {
 /// With the pins where they are, the same springs differ by the square of the displacement: half the motion, a quarter of the
 /// difference, up to the cubic share of some percent.
 #[test]
-fn exact_strokes_differ_from_small_ones_by_the_square_of_the_displacement() {
+fn exact_strokes_differ_by_the_square() {
     let difference = |amplitude: f64| {
         let (exact, whole) = (run(&springs(true, amplitude)), run(&monolith(amplitude)));
         let pairs = exact.column("x1").into_iter().zip(whole.column("x1"));
@@ -134,10 +134,10 @@ fn exact_strokes_differ_from_small_ones_by_the_square_of_the_displacement() {
     assert!(large > 1e-7, "{large:e}");
 }
 
-/// A law at the platform is felt through exact actuators, Newton's method on both sides, as if there were none. A pose is
-/// known to 1e-14 m (roundoff of lengths through the inverse Jacobian) of a peak of 1e-2 m: 1e-12 a tick, over 1024 ticks.
+/// A law at the platform gives, through exact actuators (Newton's method on both sides), the response without any actuator. A pose
+/// is known to 1e-14 m (roundoff of lengths through the inverse Jacobian) of a peak of 1e-2 m: 1e-12 a tick, over 1024 ticks.
 #[test]
-fn a_law_at_the_platform_feels_nothing_of_its_actuators() {
+fn platform_law_does_not_feel_its_actuators() {
     let plain = run(&(structure(&STIFFNESS, 2.0, "") + SEEN + LAWS));
     let peak = plain
         .column("x1")
@@ -153,7 +153,7 @@ fn a_law_at_the_platform_feels_nothing_of_its_actuators() {
             assert!(distance(&felt, &exact) < 1e-9);
         }
     }
-    // A matrix of the user's own, of which the same holds; the second actuator counts the other way in millimetres.
+    // A user's matrix must give the same response; the second actuator is reversed and in millimetres.
     let matrix = "[specimen.geometry]\ncoordinates = [\"ux\", \"uy\", \"rz\"]\nmatrix = [[1, 0.2, 0.1], [0, 1, -0.5], [0, 1, 0.5]]\n\
                   [[specimen.axis]]\n[[specimen.axis]]\nsign = -1\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[[specimen.axis]]\n";
     let held = run(&(structure(&STIFFNESS, 2.0, "") + SEEN + matrix + LAWS));
@@ -162,7 +162,7 @@ fn a_law_at_the_platform_feels_nothing_of_its_actuators() {
 
 /// At one tenth of the size with exact pins: the same angles, lengths and forces by the similitude.
 #[test]
-fn a_model_of_one_tenth_takes_the_same_course() {
+fn model_at_one_tenth_takes_the_same_course() {
     let whole = run(&springs(true, 2.0));
     let tenth = PINS.map(|(b, j)| {
         let scaled = |pin: [f64; 2]| pin.map(|value| value / 10.0);
@@ -180,7 +180,7 @@ fn a_model_of_one_tenth_takes_the_same_course() {
 }
 
 #[test]
-fn prescribed_coordinates_move_all_actuators() {
+fn prescribed_pose_moves_all_actuators() {
     let text = format!(
         "[time]\nrate_hz = 200\nduration_s = 1\nclock = \"simulated\"\n[[specimen]]\nname = \"column\"\n{}{LAWS}\
          [[excitation.prescribed_displacement]]\nspecimen = \"column\"\naxis = 3\n\
@@ -202,10 +202,10 @@ fn prescribed_coordinates_move_all_actuators() {
     }
 }
 
-/// A platform that goes 100 mm sideways turns its upright actuators: their strokes bend and come back, far beyond what their ends
-/// are apart.
+/// A platform that moves 100 mm sideways turns its upright actuators: their strokes are curved and return, so the difference of the
+/// end points is far too small.
 #[test]
-fn the_way_in_along_poses_keeps_half_of_a_speed_limit() {
+fn startup_along_poses_keeps_half_the_speed() {
     let at = |axis: u32, value: f64| {
         format!(
             "[[excitation.prescribed_displacement]]\nspecimen = \"column\"\naxis = {axis}\nat = \"platform\"\n\
@@ -237,10 +237,10 @@ fn the_way_in_along_poses_keeps_half_of_a_speed_limit() {
 }
 
 #[test]
-fn served_actuators_take_the_same_course_as_in_process() {
+fn served_actuators_equal_in_process_ones() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    // What is declared is the same, so that K0 is.
+    // The declared values are equal, so K0 is, too.
     let seen = format!(
         "{SEEN}stiffness_n_per_m = [[6e5, 0, 0], [0, 5e5, 0], [0, 0, 2e5]]\ndamping_n_s_per_m = [[0, 0, 0], [0, 800, 0], \
          [0, 0, 0]]\n{}",
@@ -261,7 +261,7 @@ fn served_actuators_take_the_same_course_as_in_process() {
 
 /// Several ticks a step, the first lines of a checkpointed record, and the whole way again.
 #[test]
-fn replay_and_resume_find_the_same_bits_with_several_ticks_a_step() {
+fn replay_and_resume_find_the_same_bits() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let text = column(2.0, "ticks_per_step = 4", "") + "[record]\ncheckpoint_s = 0.1\n";
@@ -279,7 +279,7 @@ fn replay_and_resume_find_the_same_bits_with_several_ticks_a_step() {
         &next,
     ]));
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    // Counts of the link begin anew, and so does the energy.
+    // Counts of the link restart, and so does the energy.
     let anew = ["seq_", "added_", "hold"];
     let last = |folder: &Path| {
         let last = |(name, bits): (String, Vec<u64>)| (name, bits.last().copied());
@@ -288,15 +288,16 @@ fn replay_and_resume_find_the_same_bits_with_several_ticks_a_step() {
             .collect::<Vec<_>>()
     };
     assert_eq!(last(&whole), last(&next));
-    // The same again is the same.
+    // A repeated run gives the same physics.
     let again = home.join("again");
     completed(&test, &again, &[]);
     same_physics(&whole, &again);
 }
 
-/// A pose beyond what an actuator can reach ends the test before anything is sent there, and names itself; so does `check`.
+/// A pose beyond what an actuator can reach ends the test before any command goes there, and the message names the pose; so does
+/// `check`.
 #[test]
-fn a_pose_beyond_reach_is_named_before_anything_moves_there() {
+fn pose_beyond_reach_is_named_early() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let text = column(2.0, "", "").replace("0.15] }", "0.15], length_m = [1.19, 1.21] }");
@@ -333,7 +334,7 @@ fn a_pose_beyond_reach_is_named_before_anything_moves_there() {
 }
 
 #[test]
-fn check_tells_the_actuators_and_what_they_need() {
+fn check_shows_the_actuators_needs() {
     let home = tempfile::tempdir().unwrap();
     let test = write(home.path(), "test.toml", &column(2.0, "", ""));
     let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
@@ -355,7 +356,7 @@ fn check_tells_the_actuators_and_what_they_need() {
     assert!(
         platform["worst_condition"].as_f64().unwrap() >= platform["condition"].as_f64().unwrap()
     );
-    // What it says that actuator 1 needs is what the run then sends.
+    // The need that it shows for actuator 1 is the largest command of the run.
     let need = found["rehearsal"]["specimens"][0]["axes"][0][0]["high"].as_f64();
     let out = home.path().join("out");
     completed(&test, &out, &[]);
@@ -371,7 +372,7 @@ fn check_tells_the_actuators_and_what_they_need() {
 
 /// A law at the end of an actuator that turns is another spring at every pose: the proof is of one of them.
 #[test]
-fn stability_with_laws_of_exact_actuators_is_that_of_the_reference_pose() {
+fn stability_uses_the_reference_pose() {
     let text = |at: &str| {
         format!(
             "[time]\nrate_hz = 25\nduration_s = 1\nclock = \"simulated\"\n[structure.matrices]\nmass = [[1000]]\n\
@@ -397,7 +398,7 @@ fn stability_with_laws_of_exact_actuators_is_that_of_the_reference_pose() {
 
 /// Two actuators side by side hold what is across them badly: 1/tan of half their angle, and worse as they get longer.
 #[test]
-fn a_weak_geometry_is_warned_of_with_its_pose() {
+fn weak_geometry_warns_with_its_pose() {
     let text = "[time]\nrate_hz = 200\nduration_s = 1\nclock = \"simulated\"\n[[specimen]]\nname = \"column\"\n\
                 [specimen.geometry]\ncoordinates = [\"ux\", \"uy\"]\n\
                 plane = [{ base_m = [-1, 0.06] }, { base_m = [-1, -0.06] }]\n\

@@ -1,9 +1,9 @@
 //! With an ideal specimen the hybrid run is the monolithic run of the same structure, to roundoff, for every law.
 //!
-//! The same law stands once as `[[specimen]]`, commanded and measured through a port, and once as
-//! `[[structure.element]]`. Nothing at step n + 1 is needed to command it, so the two recursions are the same and differ
-//! by rounding alone: in each of N = 2048 ticks some ten operations on forces of the size of the peak, each with a
-//! relative error of 1.1e-16, which the stable recursion adds up at most linearly: 2048 · 10 · 1.1e-16 = 2.3e-12 of the peak.
+//! A law is used once as `[[specimen]]`, commanded and measured through a port, and once as `[[structure.element]]`. A command
+//! needs no value of step n + 1, so the two recursions are the same and differ by rounding alone. In each of N = 2048 ticks some
+//! ten operations on forces of the size of the peak have a relative error of 1.1e-16. The stable recursion adds it up at most
+//! linearly: 2048 · 10 · 1.1e-16 = 2.3e-12 of the peak.
 
 use crate::common::engine::{Run, distance, run};
 use gusset_control::engine::Phase;
@@ -12,7 +12,7 @@ use gusset_view::report::metrics::identify;
 
 const ROUNDOFF: f64 = 2.3e-12;
 
-/// A damped three-storey frame with these storeys of its own, under a synthetic earthquake of 0.35 g, and `rest`.
+/// A damped three-storey frame with these storey stiffnesses, under a synthetic earthquake of 0.35 g, and `rest`.
 fn frame(storeys: &str, rest: &str) -> String {
     frame_with(storeys, "", rest)
 }
@@ -165,7 +165,7 @@ const LAWS: [(&str, bool); 21] = [
     ),
 ];
 
-/// No wildcard: a new kind of law asks to be tested here.
+/// No wildcard: a new kind of law must be added here.
 fn kind(law: &LawSpec) -> usize {
     match law {
         LawSpec::Linear(_) => 0,
@@ -182,7 +182,7 @@ fn kind(law: &LawSpec) -> usize {
 }
 
 #[test]
-fn every_law_does_the_same_as_a_specimen_and_as_an_element() {
+fn every_law_equals_its_element() {
     let mut kinds = [false; 10];
     for (law, nonlinear) in LAWS {
         kinds[kind(&toml::from_str(law).unwrap())] = true;
@@ -194,7 +194,7 @@ fn every_law_does_the_same_as_a_specimen_and_as_an_element() {
             let hybrid = run(&frame(storeys, &specimen("s", &sees, law)));
             let whole = run(&frame(storeys, &element(from, storey, law)));
             assert_same(&hybrid, &whole, ROUNDOFF, law);
-            // The law did what it is for: no straight line explains its force.
+            // The law was nonlinear: no straight line explains its force.
             let (disp, force) = (hybrid.column("meas_1_1"), hybrid.column("force_1_1"));
             let line = identify(&disp, &disp, &force, 1.0 / 256.0).unwrap();
             assert_eq!(line.unexplained > 1e-3, nonlinear, "{law}: {line:?}");
@@ -204,7 +204,7 @@ fn every_law_does_the_same_as_a_specimen_and_as_an_element() {
 }
 
 #[test]
-fn a_storey_that_is_nothing_but_the_specimen_is_the_same_storey() {
+fn storey_of_the_specimen_alone_is_the_same() {
     for law in [STEEL, WEN, LAWS[9].0] {
         let hybrid = run(&frame("[0, 14e6, 11e6]", &specimen("s", "storey = 1", law)));
         let whole = run(&frame("[0, 14e6, 11e6]", &element("\"ground\"", 1, law)));
@@ -215,7 +215,7 @@ fn a_storey_that_is_nothing_but_the_specimen_is_the_same_storey() {
 /// A brace at an angle sees c·(x3 − x1): its force f(c Δ) enters as c f, so k, c and the yield force of the storey spring
 /// that does the same are c² k, c² c_d and c F_y. Products of c round once more per tick: twice the tolerance.
 #[test]
-fn a_brace_over_two_storeys_sees_its_row_of_b() {
+fn brace_over_two_storeys_sees_its_row_of_b() {
     let c = 0.8;
     let brace = |k: f64, fy: f64, cd: f64| {
         format!(
@@ -236,7 +236,7 @@ fn a_brace_over_two_storeys_sees_its_row_of_b() {
 }
 
 #[test]
-fn several_specimens_and_several_axes_are_so_many_elements() {
+fn specimens_and_axes_equal_elements() {
     let pounding = "gap = { stiffness_n_per_m = 9e6, gap_m = 0.004, side = \"both\" }";
     let storeys = "[3e6, 14e6, 7e6]";
     let whole = element("\"ground\"", 1, WEN) + &element("2", 3, pounding);
@@ -258,7 +258,7 @@ fn several_specimens_and_several_axes_are_so_many_elements() {
 /// K = [[9, −4], [−4, 6]] MN/m on floors 1 and 2 is three springs: 5 to the ground, 4 between, 2 to the ground. The mass
 /// that the specimen declares is carried by the structure.
 #[test]
-fn a_coupled_specimen_is_its_springs_and_the_structure_carries_its_mass() {
+fn coupled_specimen_is_its_springs() {
     let coupled = "\n[[specimen]]\nname = \"frame\"\nrows = [[1, 0, 0], [0, 1, 0]]\n\
                    [specimen.coupled]\nstiffness_n_per_m = [[9e6, -4e6], [-4e6, 6e6]]\n\
                    mass_kg = [[3e3, 0], [0, 2e3]]\n";
@@ -276,7 +276,7 @@ fn a_coupled_specimen_is_its_springs_and_the_structure_carries_its_mass() {
 /// peak for each of command and force, over a memory of a few hundred ticks (the damping of the frame): the same sum as above
 /// with twice the operations.
 #[test]
-fn units_signs_and_offsets_change_nothing_but_the_numbers_on_the_wire() {
+fn units_and_signs_change_only_the_wire() {
     let gear = "unit_disp = \"mm\"\nunit_force = \"kN\"\nsign = -1\n";
     let axis = |more: &str| format!("[[specimen.axis]]\n{gear}{more}");
     let cases = [
@@ -288,7 +288,7 @@ fn units_signs_and_offsets_change_nothing_but_the_numbers_on_the_wire() {
             "linear = { stiffness_n_per_m = 9e6, damping_n_s_per_m = 1e5 }",
             "offset_m = 0.012\noffset_n = 108e3\n",
         ),
-        // Pulled tight at 4 mm on the axis, which stands at 1 mm for d = 0 and counts backwards: compression at −3 mm.
+        // Taut at 4 mm on the axis, which is at 1 mm for d = 0 and reversed: compression at −3 mm.
         (
             "gap = { stiffness_n_per_m = 9e6, gap_m = 0.004, side = \"tension\" }",
             "gap = { stiffness_n_per_m = 9e6, gap_m = 0.003, side = \"compression\" }",
@@ -300,7 +300,7 @@ fn units_signs_and_offsets_change_nothing_but_the_numbers_on_the_wire() {
         let hybrid = run(&frame("[4e6, 14e6, 11e6]", &specimen));
         let whole = run(&frame("[4e6, 14e6, 11e6]", &element("\"ground\"", 1, same)));
         assert_same(&hybrid, &whole, 2.0 * ROUNDOFF, law);
-        // What is on the wire is in millimetres and reversed.
+        // The link carries millimetres, reversed.
         let (target, sent) = (hybrid.column("target_1_1"), hybrid.column("cmd_1_1"));
         let offset = if offsets.contains("0.012") {
             12.0
@@ -316,7 +316,7 @@ fn units_signs_and_offsets_change_nothing_but_the_numbers_on_the_wire() {
 
 /// A specimen at one tenth, λ_L = 10, λ_F = 100, λ_T = √10: k_p = λ_F/λ_L k_m, F_p = λ_F F_m, c_p = λ_F λ_T/λ_L c_m.
 #[test]
-fn a_specimen_at_one_tenth_stands_for_the_full_storey() {
+fn specimen_at_one_tenth_equals_full_storey() {
     let law = |k: f64, fy: f64, c: f64| {
         format!(
             "parallel = [ {{ bilinear = {{ stiffness_n_per_m = {k}, yield_force_n = {fy}, \
@@ -335,10 +335,10 @@ fn a_specimen_at_one_tenth_stands_for_the_full_storey() {
     assert_same(&hybrid, &whole, 2.0 * ROUNDOFF, "model");
 }
 
-/// Under a static load, from an initial displacement and velocity: what the specimen is told before t = 0 and at t = 0 is
-/// what the element sees. The two approach the static state by the same corrections, so the promise is the same.
+/// Under a static load, from an initial displacement and velocity: the specimen's commands before t = 0 and at t = 0 are the
+/// displacements of the element. The two approach the static state by the same corrections, so the same tolerance holds.
 #[test]
-fn a_static_load_and_an_initial_motion_come_to_both_alike() {
+fn static_load_and_initial_motion_agree() {
     let structure = "static_load_n = [40e3, 20e3, 60e3]\n\
                      initial_displacement_m = [0.004, -0.002, 0.003]\n\
                      initial_velocity_m_per_s = [0.1, 0.25, -0.2]";
@@ -360,10 +360,10 @@ fn a_static_load_and_an_initial_motion_come_to_both_alike() {
     assert!((hybrid.column("force_1_1")[0] - plastic - 2e5 * v).abs() < 1e-9 * plastic);
 }
 
-/// The inertia of 3 t that stand in the measured force is not in M, but the ground shakes them too: F = −(M + Bᵀ m B) ι a_g.
-/// On floor 1 that is the load of 23 t on 20 t, an influence of 1.15; a drift does not see a rigid motion at all.
+/// The inertia of 3 t in the measured force is not in M, but the ground shakes them too: F = −(M + Bᵀ m B) ι a_g. On floor 1 that
+/// is the load of 23 t on 20 t, an influence of 1.15; a drift does not see a rigid motion at all.
 #[test]
-fn mass_inside_the_measured_force_loads_the_structure_and_is_not_carried_by_it() {
+fn mass_in_the_measured_force_loads_only() {
     let storeys = "[4e6, 4e6, 11e6]";
     for (storey, from, influence) in [(1, "\"ground\"", "[1.15, 1, 1]"), (2, "1", "[1, 1, 1]")] {
         let sees = format!("storey = {storey}\nmass_in_force_kg = 3e3");

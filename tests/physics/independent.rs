@@ -1,8 +1,7 @@
-//! The engine against what it does not know: closed forms of free vibration, and a Runge-Kutta integration on a fine grid.
+//! The engine against independent solutions: closed forms of free vibration, and a Runge-Kutta integration on a fine grid.
 //!
-//! The recursion itself has a closed form for one degree of freedom (its two poles, coefficients (27) of the paper): that one
-//! must be met to roundoff. The differential equation is met to the order that the method claims: the factor between two
-//! halvings of Δt is the test.
+//! The recursion itself has a closed form for one degree of freedom (its two poles, coefficients (27) of the paper), which must be
+//! met to roundoff. The differential equation is met to the order of the method: the test is the factor between two halvings of Δt.
 
 use crate::common::engine::{Run, distance, prepare, run};
 use gusset_config::ClockChoice;
@@ -73,7 +72,7 @@ fn free_vibration_is_that_of_the_two_poles() {
 }
 
 #[test]
-fn free_vibration_decays_as_the_differential_equation_says_to_second_order() {
+fn free_vibration_decays_to_second_order() {
     let (omega, ratio) = (9.5, 0.04);
     let (k, c) = (MASS * omega * omega, 2.0 * ratio * MASS * omega);
     let damped = omega * f64::sqrt(1.0 - ratio * ratio);
@@ -193,7 +192,7 @@ fn errors(rates: [u32; 3], start: &str) -> [[f64; 3]; 4] {
 }
 
 #[test]
-fn a_nonlinear_hybrid_test_converges_to_runge_kutta_with_second_order() {
+fn nonlinear_test_converges_at_second_order() {
     for errors in errors([256, 512, 1024], "second-order") {
         for pair in errors.windows(2) {
             assert!((pair[0] / pair[1] - 4.0).abs() < 0.3, "{errors:?}");
@@ -203,7 +202,7 @@ fn a_nonlinear_hybrid_test_converges_to_runge_kutta_with_second_order() {
 
 /// The force is there at once, so the published start is half a step off (guide: mathematics-integrator): first order.
 #[test]
-fn as_published_it_converges_with_first_order() {
+fn published_form_converges_at_first_order() {
     for errors in errors([512, 1024, 2048], "published") {
         for pair in errors.windows(2) {
             assert!((pair[0] / pair[1] - 2.0).abs() < 0.2, "{errors:?}");
@@ -214,7 +213,7 @@ fn as_published_it_converges_with_first_order() {
 /// A floor without mass between two springs is one spring, k1 k2 / (k1 + k2): the recursion of the floor above is that of the
 /// single mass. Its acceleration does not exist: NaN in the rows, null in the summary.
 #[test]
-fn a_floor_without_mass_is_condensed_and_has_no_acceleration() {
+fn massless_floor_is_condensed() {
     let (k1, k2) = (6e5, 3e5);
     let ratio = k2 / (k1 + k2);
     let text = format!(

@@ -143,7 +143,7 @@ fn ratio(history: &[[f64; 2]], building: &Building, peak: [f64; 2]) -> f64 {
 }
 
 #[test]
-fn example_4_1_has_the_published_frequencies_and_limit() {
+fn example_4_1_has_published_frequencies() {
     let (_, facts) = LINEAR.run("4", false, [1.0; 2]);
     let structure = facts.structure.as_ref().unwrap();
     assert_eq!(structure.frequencies.len(), 2);
@@ -153,7 +153,7 @@ fn example_4_1_has_the_published_frequencies_and_limit() {
 }
 
 #[test]
-fn example_4_1_is_stable_below_its_limit_and_not_above_and_11_5_is_the_closest() {
+fn example_4_1_is_stable_below_its_limit() {
     let (reference, peak) = LINEAR.newmark(1e-4);
     let error = |lambda: &str| {
         let (history, _) = LINEAR.run(lambda, false, [1.0; 2]);
@@ -186,7 +186,7 @@ fn example_4_1_is_stable_below_its_limit_and_not_above_and_11_5_is_the_closest()
 /// displacement is β x[i+1] + (1 − 2β) x[i] + β x[i−1] of ours: to roundoff, from rest with F[0] = 0. Average
 /// acceleration is implicit; here its 2 × 2 system is solved at every step.
 #[test]
-fn lambda_4_is_average_acceleration_but_for_its_numerator() {
+fn lambda_4_is_average_acceleration() {
     let (ours, _) = LINEAR.run("4", false, [1.0; 2]);
     let Building {
         mass, stiffness, ..
@@ -266,7 +266,7 @@ fn classes(building: &Building, expected: &[(&str, std::ops::RangeInclusive<f64>
 const ABOVE_3: std::ops::RangeInclusive<f64> = 3.000_000_1..=f64::INFINITY;
 
 #[test]
-fn example_4_2_softening_breaks_down_where_the_paper_says() {
+fn example_4_2_softening_breaks_down_there() {
     let (_, facts) = SOFTENING.run("4", true, [1.0; 2]);
     let structure = facts.structure.as_ref().unwrap();
     assert_eq!(printed(structure.frequencies[0]), "4.06");
@@ -288,7 +288,7 @@ fn example_4_2_softening_breaks_down_where_the_paper_says() {
 /// The least limit over the run is that at the largest drifts of the reference: they come at almost the same time, and the
 /// second mode is that of the bottom storey (k1 = 100 k2).
 #[test]
-fn example_4_2_hardening_breaks_down_where_the_paper_says() {
+fn example_4_2_hardening_breaks_down_there() {
     let (_, peak) = HARDENING.newmark(1e-4);
     let (_, facts) = HARDENING.run("3.7", true, peak);
     assert_eq!(printed(limit(&facts)), "3.79");

@@ -1,5 +1,5 @@
-//! A prescribed displacement without any structure, the test before every hybrid test: the specimen goes where it is told,
-//! shows the loop of its law, and its stiffness is read off.
+//! A prescribed displacement without any structure, the test before every hybrid test: the specimen follows its history, shows the
+//! loop of its law, and the test reads its stiffness from it.
 
 use std::f64::consts::TAU;
 
@@ -46,7 +46,7 @@ fn triangle(amplitude: f64, t: f64) -> f64 {
 }
 
 #[test]
-fn the_specimen_is_told_the_history_and_goes_there() {
+fn specimen_follows_the_given_history() {
     let run = cyclic();
     let wanted: Vec<f64> = run
         .column("time")
@@ -105,7 +105,7 @@ fn the_loop_is_the_closed_form_of_the_law() {
 
 /// Before yield the loop is a straight line: least squares finds its slope to roundoff of some hundred sums.
 #[test]
-fn the_initial_stiffness_is_read_off_before_yield() {
+fn initial_stiffness_is_read_before_yield() {
     let run = cyclic();
     let (disp, force) = (run.column("meas_1_1"), run.column("force_1_1"));
     let elastic = 0.99 * YIELD / K / 0.010;
@@ -113,14 +113,14 @@ fn the_initial_stiffness_is_read_off_before_yield() {
     assert!(part > 100);
     let found = identify(&disp[..part], &disp[..part], &force[..part], DT).unwrap();
     assert!((found.stiffness.value / K - 1.0).abs() < 1e-9, "{found:?}");
-    // Over all of the test it is a secant, smaller: said in the doc comment of `identify`.
+    // Over all of the test it is a secant, smaller, as the doc comment of `identify` states.
     assert!(identify(&disp, &disp, &force, DT).unwrap().stiffness.value < 0.9 * K);
 }
 
 /// f = k d + c ḋ along a sine of ω: the central difference that the identification sees is ḋ · sin(ωΔt)/(ωΔt) at every
 /// sample, so that ĉ = c ωΔt / sin(ωΔt), and k̂ = k, both to roundoff.
 #[test]
-fn stiffness_and_damping_of_a_damped_spring_are_read_off() {
+fn damped_spring_is_identified() {
     let (c, hz) = (4e4, 2.0);
     let signal = format!("sine = {{ amplitude = 5, unit = \"mm\", frequency_hz = {hz} }}");
     let law = format!("linear = {{ stiffness_n_per_m = {K}, damping_n_s_per_m = {c} }}");
@@ -154,7 +154,7 @@ fn stroke(axis: usize, at: &str, amplitude: f64) -> String {
 }
 
 #[test]
-fn one_actuator_goes_along_its_stroke_while_the_other_keeps_its_length() {
+fn one_actuator_moves_the_other_stays() {
     let alone = TWO.replace("geometry = {", "geometry = { law_at = \"actuators\",");
     let run = run(&(alone + &stroke(2, "at = \"actuators\"", 0.3)));
     let [x, y] = [run.column("pose_1_1"), run.column("pose_1_2")];
@@ -179,7 +179,7 @@ fn one_actuator_goes_along_its_stroke_while_the_other_keeps_its_length() {
 }
 
 #[test]
-fn strokes_that_cannot_be_are_refused_at_their_place() {
+fn impossible_strokes_are_refused() {
     let here = "at = \"actuators\"";
     let mixed = TWO.to_owned() + &stroke(1, "", 0.1) + &stroke(2, here, 0.1);
     let text = refused(&mixed);

@@ -1,9 +1,8 @@
-//! What late specimens falsify of a test: damping, energy, and the room that is left for stability.
+//! Errors that late specimens introduce into a test: damping, energy, and the stability margin.
 
 use crate::common::engine::prepare;
 use crate::common::{FRAME, completed, json, write};
 use gusset_control::engine::{Ending, Phase, Stop};
-use gusset_numerics::spectral::delay::sdof;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Event, Run};
 use nalgebra::{Complex, DMatrix};
@@ -47,7 +46,7 @@ fn complex_mode(start: Complex<f64>, delays: [f64; 3]) -> Complex<f64> {
     complex_mode_at(start, delays, (0, 2e5), 2e4)
 }
 
-/// The same with another stiffness of one axis, and between those of the second specimen.
+/// [`complex_mode`] with another stiffness of one axis, and between those of the second specimen.
 fn complex_mode_at(
     start: Complex<f64>,
     delays: [f64; 3],
@@ -65,7 +64,7 @@ fn complex_mode_at(
     let complex = |m: &DMatrix<f64>| m.map(|v| Complex::new(v, 0.0));
     let mut s = start;
     for _ in 0..100 {
-        // Each axis hands on what it was told a delay ago, and that is where its forces come from.
+        // Each axis passes its command on after a delay, and its forces follow from that.
         let late = Matrix::from_diagonal(&nalgebra::DVector::from_iterator(
             3,
             delays.iter().map(|delay| (-s * *delay).exp()),
@@ -98,7 +97,7 @@ fn complex_mode_at(
 }
 
 #[test]
-fn falsified_damping_is_the_first_order_of_the_complex_modes_of_the_delayed_system() {
+fn damping_error_is_first_order_of_modes() {
     let analysis = prepare(FLOORS).facts.structure.unwrap().analysis.unwrap();
     let modes = analysis.delayed_modes();
     assert_eq!(modes.len(), 3);
@@ -121,8 +120,8 @@ fn falsified_damping_is_the_first_order_of_the_complex_modes_of_the_delayed_syst
                 let exact = ratio(complex_mode(on_time, delays.map(|d| scale * d)));
                 exact - ratio(on_time) - scale * first
             };
-            // What is left over is of second order in the delay, but for the share ζ of the slope that the damping of the
-            // mode itself changes.
+            // The residual is of second order in the delay, except for the share ζ of the slope by which the damping of the mode
+            // itself changes.
             let size = slopes
                 .iter()
                 .zip(delays)
@@ -166,7 +165,7 @@ fn work(force: &[f64], way: &[f64]) -> (f64, f64) {
 }
 
 #[test]
-fn a_late_specimen_shows_its_energy_and_its_damping_in_summary_and_report() {
+fn late_specimen_shows_energy_and_damping() {
     let folder = tempfile::tempdir().unwrap();
     let delay = 0.012;
     let text = format!(
@@ -185,8 +184,8 @@ fn a_late_specimen_shows_its_energy_and_its_damping_in_summary_and_report() {
         found.unwrap_or_else(|| panic!("{path}: {:#}", summary["falsified"]))
     };
 
-    // From the rows again: work of the load −m a_g, strain of K0 = 5e5 and 4e5 N/m, and what the specimen's way off its
-    // target took.
+    // From the rows again: work of the load −m a_g, strain energy of K0 = 5e5 and 4e5 N/m, and the work of the specimen's deviation
+    // from its target.
     let run = Run::open(&out).unwrap();
     let [ground, x1, x2, target, meas, force] = rows(
         &run,
@@ -275,7 +274,7 @@ fn a_late_specimen_shows_its_energy_and_its_damping_in_summary_and_report() {
 }
 
 #[test]
-fn without_a_structure_nothing_is_falsified_and_no_share_is_made_up() {
+fn no_structure_no_damping_error() {
     let folder = tempfile::tempdir().unwrap();
     let text = "title = \"P\"\n[time]\nrate_hz = 200\nduration_s = 0.5\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"it\"\nease_in_s = 0.1\n\
@@ -309,9 +308,9 @@ fn delayed(share: f64, safety: &str) -> crate::common::engine::Run {
     )))
 }
 
-/// What is commanded when the test is over follows none of its targets.
+/// Commands after the end of the test follow none of its targets.
 #[test]
-fn on_the_way_out_lag_and_gain_stay_those_of_the_test() {
+fn lag_and_gain_stay_during_shutdown() {
     let run = delayed(
         0.1,
         "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.01",
@@ -329,7 +328,7 @@ fn on_the_way_out_lag_and_gain_stay_those_of_the_test() {
 
 /// Lag and gain of one specimen: too little is as wrong as too much.
 #[test]
-fn a_lag_and_a_gain_beyond_their_limits_end_the_test() {
+fn lag_and_gain_beyond_limits_end_the_test() {
     let limits = "[specimen.limits]\nlag_s = { trip = 0.004 }\ngain_error = { trip = 0.08 }\n";
     for (transfer, quantity, value) in [
         ("delay_s = 0.005", Limit::Lag, 0.005),
@@ -360,17 +359,16 @@ fn a_lag_and_a_gain_beyond_their_limits_end_the_test() {
     }
 }
 
-/// Of the floor: ω² = 300, ξ = 0.03, two thirds of the stiffness in the specimen.
+/// The critical delay of the floor: ω² = 300, ξ = 0.03, two thirds of the stiffness in the specimen.
 fn critical() -> f64 {
-    sdof(0.03, 2.0 / 3.0, 300f64.sqrt()).unwrap()
+    0.005203173855437584
 }
 
 #[test]
-fn the_margin_of_a_late_specimen_is_what_it_lags_less_than_the_critical_delay_and_turns_negative_before_the_test_grows()
- {
+fn delay_margin_is_negative_before_growth() {
     let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let on_time = largest(&delayed(0.02, "").column("x1"));
-    // The first two periods of 2.2 Hz say nothing: a fit that has just begun overshoots.
+    // The first two periods of 2.2 Hz do not count: a new fit overshoots.
     let early = delayed(0.9, "").column("margin_1_1");
     assert!(early[..600].iter().all(|margin| margin.is_nan()) && early[1200].is_finite());
     for (share, warned) in [(0.5, false), (0.9, false), (1.4, true)] {
@@ -420,7 +418,7 @@ fn the_margin_of_a_late_specimen_is_what_it_lags_less_than_the_critical_delay_an
 }
 
 #[test]
-fn a_share_of_the_critical_delay_is_warned_of_and_trips_at_its_levels() {
+fn delay_share_warns_and_trips_at_levels() {
     let run = delayed(0.8, "delay_used = { warn = 0.3, trip = 0.6 }");
     let Ending::Stopped(Stop::TestLimit(hit)) = run.outcome.ending else {
         panic!("{:?}", run.outcome.ending);
@@ -448,14 +446,14 @@ fn a_share_of_the_critical_delay_is_warned_of_and_trips_at_its_levels() {
 }
 
 #[test]
-fn the_benchmark_has_its_published_critical_delay_in_every_row() {
+fn benchmark_has_its_published_delay() {
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
     let run = crate::common::engine::run(&text.replace("duration_s = 41", "duration_s = 6"));
     let [margin, lag, stiffness] =
         ["margin_1_1", "lag_1_1", "stiffness_1_1"].map(|name| run.column(name));
     let mut seen = 0;
-    // Of motions within ten times its declared noise nothing is said.
+    // Motions within ten times its declared noise give no value.
     let first = lag.iter().position(|lag| !lag.is_nan()).unwrap();
     assert!(first < 4 * 4096, "{first}");
     for ((margin, lag), stiffness) in margin.iter().zip(&lag).zip(&stiffness).skip(first) {
@@ -469,8 +467,8 @@ fn the_benchmark_has_its_published_critical_delay_in_every_row() {
 }
 
 #[test]
-fn one_late_axis_of_several_grows_at_the_delay_of_its_table() {
-    // What an axis does to another counts as on time in the table: here it does nothing.
+fn late_axis_grows_at_its_tables_delay() {
+    // The table treats the coupling between axes as on time: here the axes are not coupled.
     let floors = FLOORS
         .replace("2e4", "0")
         .replace("duration_s = 1", "duration_s = 4");
@@ -505,7 +503,7 @@ fn one_late_axis_of_several_grows_at_the_delay_of_its_table() {
 }
 
 #[test]
-fn where_no_critical_delay_can_be_known_the_reason_is_given() {
+fn unknown_critical_delay_gives_its_reason() {
     let refused = |text: &str, words: &str| {
         let path = std::path::Path::new("test.toml");
         let said = gusset_config::parse(path, text.to_owned(), &[])

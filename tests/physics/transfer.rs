@@ -1,23 +1,23 @@
-//! A test whose specimen stands behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
+//! A test whose specimen is behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::transfer::BetweenTicks;
 use gusset_control::engine::{Ending, Stop};
-use gusset_evidence::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
+use gusset_evidence::benchmark::{Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset_motion::{Grid, Motion, Quantity};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_record::{Event, Run};
 use gusset_session::replay;
 
-/// An actuator with everything that may depend on when and how often it is asked.
+/// An actuator with everything that may depend on the time and number of its calls.
 const ACTUATOR: &str = "[specimen.transfer]\ndelay_s = 0.0037\nactuator = { servo_hydraulic = {} }\nseed = 4\n\
                         disp_sensor = { noise_rms_m = 1e-6, drift_m_per_s = 1e-6 }\n\
                         force_sensor = { noise_power_n2_s = 1e-5, quantum_n = 0.25 }\n";
 const COMPENSATION: &str = "[specimen.compensation.ats]\ndelay_s = 0.03\nwindow_s = 0.2\n";
 
 #[test]
-fn actuators_sensors_and_adaptation_give_the_same_bits_in_process_and_over_udp() {
+fn actuators_give_the_same_bits_over_udp() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     // Zeroed on what is read, noise and all, and ramped: the readings of holds are the same on both sides, too.
@@ -58,7 +58,7 @@ fn actuators_sensors_and_adaptation_give_the_same_bits_in_process_and_over_udp()
 }
 
 #[test]
-fn an_ordinary_test_takes_the_course_of_the_benchmarks_own_runner() {
+fn ordinary_test_matches_benchmark_runner() {
     takes_the_course_of_the_benchmark(BetweenTicks::Ramped);
     takes_the_course_of_the_benchmark(BetweenTicks::Held);
 }
@@ -118,7 +118,7 @@ fn takes_the_course_of_the_benchmark(between_ticks: BetweenTicks) {
         quantum: 0.0,
         ground: &ground,
         late: 0,
-        force_limit: FORCE_LIMIT_N,
+        force_limit: 8900.0,
     };
     let own = run(&setup, controller.as_mut());
     assert_eq!(own.saturated, 0);
@@ -142,7 +142,7 @@ fn takes_the_course_of_the_benchmark(between_ticks: BetweenTicks) {
 }
 
 #[test]
-fn a_test_behind_an_actuator_is_replayed_and_goes_on_with_the_same_bits() {
+fn actuator_test_replays_and_resumes() {
     for (name, compensation) in [
         ("ats", COMPENSATION),
         ("amb", "[specimen.compensation.amb]\n"),
@@ -214,7 +214,7 @@ fn a_test_behind_an_actuator_is_replayed_and_goes_on_with_the_same_bits() {
 }
 
 #[test]
-fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_after_the_run() {
+fn unconverged_actuator_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let test = |rate: u32, stiffness: f64| {
@@ -262,7 +262,7 @@ fn an_actuator_that_does_not_come_to_terms_with_its_law_is_told_of_before_and_af
 
 /// Moved by a prescribed sine, or as a storey of a structure that one shakes; after its transient there is one frequency.
 #[test]
-fn a_pure_delay_is_the_lag_whatever_moment_the_velocity_that_comes_with_a_target_is_of() {
+fn pure_delay_is_the_lag() {
     let tick = 1.0 / 256.0;
     let prescribed = |ticks: u32| {
         format!(
@@ -298,7 +298,7 @@ fn a_pure_delay_is_the_lag_whatever_moment_the_velocity_that_comes_with_a_target
             );
             let run = crate::common::engine::run(&format!("{test}{specimen}"));
             let lag = run.column("lag_1_1").last().unwrap() / tick;
-            // What a straight line of velocities is off: 0.9 (ωΔt)² = 3.3 % at most. A velocity half a tick off is 0.4 ticks.
+            // The error of a straight line of velocities: 0.9 (ωΔt)² = 3.3 % at most. A velocity half a tick off is 0.4 ticks.
             assert!(
                 (lag - ticks).abs() < 0.03 + 0.04 * ticks,
                 "{name}: {lag} of {ticks}"
@@ -307,10 +307,10 @@ fn a_pure_delay_is_the_lag_whatever_moment_the_velocity_that_comes_with_a_target
     }
 }
 
-/// A damper behind a delay of 5 ms that is made up for: led in its place only, its force came a whole delay late, and was
-/// c ω sin ωτ of a stiffness that nobody has.
+/// A damper behind a compensated delay of 5 ms. With its displacement compensated only, its force would be a whole delay late, and
+/// would act as a stiffness of c ω sin ωτ that does not exist.
 #[test]
-fn what_makes_up_for_a_delay_makes_up_for_that_of_the_velocity() {
+fn compensation_covers_the_velocity_too() {
     let run = |more: &str| {
         let run = crate::common::engine::run(&format!(
             "[time]\nrate_hz = 1000\nduration_s = 4\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1000]\n\
@@ -333,13 +333,13 @@ fn what_makes_up_for_a_delay_makes_up_for_that_of_the_velocity() {
     let led = off(&run(&format!(
         "{delay}compensation.polynomial = {{ order = 3, delay_s = 0.005 }}\n"
     )));
-    // At resonance the damper alone holds the motion, and is late by ωτ = 0.157 of it where nothing makes up for that; of a
-    // velocity that is led, too, (ωτ)⁴ = 6.1e-4 is left.
+    // At resonance the damper alone holds the motion, and without compensation it is late by ωτ = 0.157 of the motion; with a
+    // compensated velocity, (ωτ)⁴ = 6.1e-4 remains.
     assert!(led < 1e-3 && late > 0.1, "{led} {late}");
 }
 
 #[test]
-fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
+fn impossible_transfer_is_refused_early() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let refused = |name: &str, specimen: &str, change: (&str, &str), words: &[&str]| {
@@ -419,7 +419,7 @@ fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
 }
 
 #[test]
-fn check_says_how_commands_go_and_counts_a_held_one_half_a_tick_earlier() {
+fn check_counts_a_held_command_earlier() {
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let check = |between_ticks: &str| {
         let set = format!("specimen.0.transfer.between_ticks={between_ticks}");
@@ -445,7 +445,7 @@ fn check_says_how_commands_go_and_counts_a_held_one_half_a_tick_earlier() {
 }
 
 #[test]
-fn check_refuses_a_loop_that_it_can_prove_unstable() {
+fn check_refuses_a_provably_unstable_loop() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
@@ -503,7 +503,7 @@ fn check_refuses_a_loop_that_it_can_prove_unstable() {
 /// A damper of a power beyond 1 holds nothing at rest, and gaps are open there. A loop that is unstable only at rest is an error,
 /// since its small motions grow. One that is unstable only with K0 and C0 is for the rehearsal to judge.
 #[test]
-fn loop_is_unstable_only_at_rest_or_only_beyond() {
+fn loop_is_unstable_only_at_rest_or_beyond() {
     let folder = tempfile::tempdir().unwrap();
     let check = |damping: f64, amplitude: f64, law: &str, delay: f64, more: &[&str]| {
         let text = format!(
@@ -535,7 +535,7 @@ fn loop_is_unstable_only_at_rest_or_only_beyond() {
         said.stderr
     );
     let idle = "law.power_damper = { force_at_unit_velocity_n = 5e5, exponent = 2, reference_damping_n_s_per_m = 5e4 }";
-    // λ = 4 has no proof up to this reach, which is an error of its own.
+    // λ = 4 has no proof up to this reach, which is a separate error.
     let said = check(200.0, 3.0, idle, 0.04, &["--no-rehearsal"]);
     assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
     assert!(said.stderr.contains("warning: the response may grow"));
@@ -544,7 +544,7 @@ fn loop_is_unstable_only_at_rest_or_only_beyond() {
         "{}",
         said.stdout
     );
-    // Unstable as K0 and C0 have it, and at rest, without damping, not known to be stable.
+    // Unstable with K0 and C0, and at rest, without damping, not known to be stable.
     let weak = "law.parallel = [ { linear.stiffness_n_per_m = 5e4 }, { power_damper = { force_at_unit_velocity_n = 200, \
                 exponent = 2, reference_damping_n_s_per_m = 200 } } ]";
     for damping in [0.0, 1.0] {
@@ -569,11 +569,11 @@ fn late(safety: &str) -> crate::common::engine::Run {
 }
 
 #[test]
-fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test() {
+fn large_share_of_added_energy_ends_test() {
     let free = late("added_energy_share = { trip = 1e9, floor_j = 1.0 }");
     assert_eq!(free.outcome.ending, Ending::Completed);
     let share = free.column("added_energy_share");
-    // The same from what stands in the rows: −m a_g over the way of each floor, and ½ m v².
+    // The share computed from the rows: −m a_g over the path of each floor, and ½ m v².
     let column = |name: &str| free.column(name);
     let (ground, added) = (column("ground"), column("added_1_1"));
     let floors = [(1000.0, "1"), (900.0, "2")].map(|(mass, dof)| {
@@ -611,7 +611,7 @@ fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test
     let first = share.iter().position(|share| *share > trip).unwrap();
     assert_eq!((hit.value, hit.bound), (share[first], trip));
     assert_eq!(bounded.column("x1").len(), first + 1);
-    // So late an actuator is beyond its critical delay, too, which is told by itself.
+    // Such a late actuator is beyond its critical delay, too, which is a separate warning.
     let warned = |event: &&gusset_record::TimedEvent| {
         let quantity = "added_energy_share";
         matches!(&event.kind, Event::LimitWarning(reached) if reached.limit == quantity)
@@ -626,7 +626,7 @@ fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test
 }
 
 #[test]
-fn the_benchmarks_test_without_its_compensator_ends_before_it_is_seen_to_be_unstable() {
+fn uncompensated_benchmark_ends_early() {
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
     let (bare, _) = text.split_once("[specimen.compensation").unwrap();
@@ -644,7 +644,7 @@ fn the_benchmarks_test_without_its_compensator_ends_before_it_is_seen_to_be_unst
 }
 
 #[test]
-fn the_benchmark_command_prints_its_criteria() {
+fn benchmark_command_prints_its_criteria() {
     let said = crate::common::say([
         "benchmark",
         "vrths",
@@ -659,7 +659,7 @@ fn the_benchmark_command_prints_its_criteria() {
     let line = &found["lines"][0];
     assert_eq!(line["ticks_at_force_limit"], 0);
     let j = |name: &str| line["criteria"][name].as_f64().unwrap();
-    // A lag of 4 to 5 ms is what the sample controller leaves, whatever the record.
+    // A lag of 4 to 5 ms remains with the sample controller, whatever the record.
     assert!((4.0..5.5).contains(&j("j1")) && (j("delay_ms") - j("j1")).abs() < 0.25);
     for name in ["j2", "j3", "j4", "j5", "j6", "j7", "j8", "j9"] {
         assert!((1.0..60.0).contains(&j(name)), "{name}");

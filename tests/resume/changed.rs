@@ -1,4 +1,4 @@
-//! A specimen that changed since the interruption: another force, another place, or a computation that starts anew. The test is
+//! A specimen that changed since the interruption: another force, another place, or a computation that restarts. The test is
 //! refused with exit 2, unless the user gives a reason, which is recorded.
 
 use super::rigs::built;
@@ -31,9 +31,9 @@ fn killed_test(home: &Path, remembers: bool) -> (link_common::Served, PathBuf) {
     (served, first)
 }
 
-/// The law starts anew where the column stands: its place alone does not show it.
+/// The law restarts at the column's position: the position alone does not show it.
 #[test]
-fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
+fn resume_refuses_a_server_without_state() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let (served, first) = killed_test(home.path(), false);
@@ -84,7 +84,7 @@ fn resume_refuses_a_computed_specimen_whose_server_does_not_keep_its_state() {
 
 /// Its server keeps its state, and was restarted: its first session holds nothing of the interrupted test.
 #[test]
-fn resume_refuses_a_computed_specimen_whose_server_was_restarted() {
+fn resume_refuses_a_restarted_server() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let (mut served, first) = killed_test(home.path(), true);
@@ -153,7 +153,7 @@ fn resume_refuses_a_changed_force() {
         &["--accept-changed", "unloaded by hand"],
     );
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    // What differs stands where people look, and not in the events alone.
+    // The difference is shown in the summary and the page, and not in the events alone.
     let summary = common::json(&at("second"), "summary.json");
     let page = std::fs::read_to_string(at("second/report.html")).unwrap();
     let warnings = summary["warnings"].as_array().unwrap().iter();
@@ -205,7 +205,7 @@ impl Substructure for Cell {
 }
 
 #[test]
-fn a_force_may_differ_by_2_percent_of_the_recorded_peak_or_by_what_the_test_file_says() {
+fn force_may_differ_by_2_percent_of_peak() {
     for (safety, share, cause) in [
         ("", 0.019, Cause::Done),
         ("", 0.021, Cause::ForceChanged),
@@ -256,7 +256,7 @@ fn limited(level: &str) -> String {
 }
 
 #[test]
-fn resume_goes_on_with_wider_limits() {
+fn resume_accepts_wider_limits() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let wide = limited("measured_force_n = { trip = [-1e5, 1e5] }");
@@ -326,7 +326,7 @@ fn resume_goes_on_with_wider_limits() {
 }
 
 #[test]
-fn resume_refuses_a_next_command_beyond_a_limit() {
+fn resume_refuses_a_command_beyond_a_limit() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let text = limited("command_disp_m = { trip = [-3e-3, 3e-3] }");
@@ -362,7 +362,7 @@ fn resume_refuses_a_next_command_beyond_a_limit() {
     assert_eq!(said.code, Some(0), "{}", said.stderr);
 }
 
-/// The words of a run folder decide nothing: a program that reads other words judges and resumes it alike.
+/// The texts of a run folder decide nothing: a program that reads other texts checks and resumes it alike.
 #[test]
 fn reworded_run_is_resumed_alike() {
     let home = tempfile::tempdir().unwrap();
@@ -386,10 +386,10 @@ fn reworded_run_is_resumed_alike() {
     ] {
         let said = reworded(&args);
         assert_eq!(said.code, Some(code), "{args:?}: {}", said.stderr);
-        // The resume says how the test ended.
+        // The resume reports how the test ended.
         assert_eq!(said.stderr.contains("reworded"), args.contains(&"--resume"));
     }
-    // The cause is judged, in any words.
+    // The cause decides, in any wording.
     let mut summary = common::json(home.path().join("first").as_path(), "summary.json");
     assert_eq!(summary["cause"], "measured_force_n");
     summary["cause"] = "command_disp_m".into();

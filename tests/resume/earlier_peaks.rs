@@ -3,7 +3,7 @@
 use super::*;
 use gusset_setup::Prepared;
 
-/// Of a test that runs so many ticks.
+/// Runs a test that is stopped after this number of ticks.
 fn concluded(test: Prepared, out: &Path, ticks: usize) -> session::Finished {
     let (says, requests) = crossbeam_channel::bounded(ticks + 1);
     for _ in 0..ticks {
@@ -16,7 +16,7 @@ fn concluded(test: Prepared, out: &Path, ticks: usize) -> session::Finished {
 
 /// The largest of these is that of the trip, in no row that counts.
 #[test]
-fn the_force_that_tripped_a_test_is_a_peak_of_the_tests_that_went_on_with_it() {
+fn tripping_force_is_a_resumed_tests_peak() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     tripped_in(home.path(), &at("first"));
@@ -25,7 +25,7 @@ fn the_force_that_tripped_a_test_is_a_peak_of_the_tests_that_went_on_with_it() {
     let tripped = peak["force"]["storey"][0].as_f64().unwrap();
     assert!(tripped > 1.2e3, "{peak}");
 
-    // Each is stopped before a step of its own: what it tells of the whole test is what the first has come to.
+    // Each is stopped before its first own step: its peaks of the whole test are those of the first.
     let mut before = "first";
     for (name, after_trip) in [("second", true), ("third", false)] {
         let next = resume(&at(before), None, after_trip).unwrap_or_else(|e| panic!("{e}"));
@@ -39,7 +39,7 @@ fn the_force_that_tripped_a_test_is_a_peak_of_the_tests_that_went_on_with_it() {
         before = name;
     }
 
-    // A recording from before such files had that is still gone on with.
+    // A recording from before such files had that is still resumed.
     let older = at("second").join("resumed.json");
     let mut origin = common::json(&at("second"), "resumed.json");
     origin.as_object_mut().unwrap().remove("peak");
@@ -48,9 +48,9 @@ fn the_force_that_tripped_a_test_is_a_peak_of_the_tests_that_went_on_with_it() {
     assert!(found.difference.is_none(), "{found:?}");
 }
 
-/// Neither a summary nor the loop tells of the rows behind a gap.
+/// Neither a summary nor the loop reports the rows behind a gap.
 #[test]
-fn what_was_measured_after_the_checkpoint_that_a_test_goes_back_to_is_a_peak_of_it() {
+fn force_after_the_checkpoint_is_a_peak() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     // It grows.
@@ -63,7 +63,7 @@ fn what_was_measured_after_the_checkpoint_that_a_test_goes_back_to_is_a_peak_of_
     killed(&at("whole"), &at("gap"), 380);
     without_rows(&at("gap"), 200..210);
     // A state that was kept after the gap would replace the checkpoint before it.
-    for name in gusset_record::STATE_FILES {
+    for name in ["state.bin", "state-before.bin"] {
         let _none = std::fs::remove_file(at("gap").join(name));
     }
     let next = resume(&at("gap"), None, false).unwrap_or_else(|e| panic!("{e}"));

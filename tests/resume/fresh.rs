@@ -1,10 +1,10 @@
-//! A new test on a specimen that bears a force already, as one that has yielded in an earlier test does.
+//! A new test on a specimen that already carries a force, for example because it yielded in an earlier test.
 
 use super::changed::Cell;
 use super::rigs::built;
 use super::*;
 
-/// The words of the events that tell of such a force.
+/// The events that report such a force.
 fn told(run: &Path) -> Vec<(String, f64, f64)> {
     let events = Run::open(run).unwrap().events().unwrap().to_json();
     let told = events
@@ -19,7 +19,7 @@ fn told(run: &Path) -> Vec<(String, f64, f64)> {
 }
 
 #[test]
-fn a_new_test_warns_of_a_specimen_that_has_yielded_before() {
+fn new_test_warns_of_a_yielded_specimen() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let law =
@@ -69,9 +69,9 @@ fn a_new_test_warns_of_a_specimen_that_has_yielded_before() {
     }
 }
 
-/// 1 % of a limit of 10 kN; a static load is none of it, and neither is a force that the displacement explains.
+/// 1 % of a limit of 10 kN. A static load does not count, and neither does a force that the displacement explains.
 #[test]
-fn a_force_at_the_beginning_is_warned_of_beyond_1_percent_of_the_limit() {
+fn initial_force_warns_beyond_1_percent() {
     for (structure, extra, is_told) in [
         ("", 99.0, false),
         ("", 101.0, true),

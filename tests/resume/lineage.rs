@@ -8,7 +8,7 @@ pub fn sha256(bytes: &[u8]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Makes the run in `folder` say that it continued the one in `parent` after no row, with digests that are right.
+/// Makes the run in `folder` claim that it continued the one in `parent` after no row, with right digests.
 fn continues(folder: &Path, parent: &Path) {
     let resolved = std::fs::read(parent.join("resolved.toml")).unwrap();
     let mut origin = common::json(folder, "resumed.json");

@@ -1,5 +1,5 @@
-//! An interrupted test goes on where its record ends: the same bits as if nothing had happened, from its folder alone, into a
-//! folder of its own. What was changed, damaged or moved meanwhile is refused, and nothing of the first run is touched.
+//! An interrupted test resumes where its record ends: the same bits as without the interruption, from its folder alone, into a new
+//! folder. A changed, damaged or moved run is refused, and the first run's folder stays unchanged.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! A long record takes no more memory to go on with than a short one.
+//! Resuming a long record takes no more memory than a short one.
 
 use serde_json::json;
 
@@ -6,7 +6,7 @@ use super::*;
 
 /// Twenty seconds of a frame with a rig, so that there is a place to be found, and a checkpoint every hundredth of a second.
 #[test]
-fn a_test_goes_on_with_as_much_memory_however_long_its_record_is() {
+fn resume_uses_constant_memory() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let text = frame(500, 1, 20.0, 0.0).replace("checkpoint_s = 0.1", "checkpoint_s = 0.01");

@@ -1,13 +1,13 @@
-//! What cannot be gone on with, or only by who says so.
+//! Tests that cannot be resumed, or only with an explicit flag.
 
-use gusset_record::{Checkpoint, STATE_FILES};
+use gusset_record::Checkpoint;
 
 use super::lineage::sha256;
 use super::rigs::{Rig, built, run_rigs, two_rigs};
 use super::*;
 
 #[test]
-fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoint() {
+fn changed_run_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
@@ -43,7 +43,7 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
     killed(&at("whole"), &run, 1);
     refused(&run, "before its first step", &[]);
 
-    // One bit of row 250 is wrong: everything before it stands, and the last checkpoint before it is where it goes on.
+    // One bit of row 250 is wrong: everything before it counts, and the test resumes from the last checkpoint before it.
     let run = fresh("damaged");
     let stride = Run::open(&run).unwrap().layout().stride();
     let mut rows = std::fs::read(run.join("samples.bin")).unwrap();
@@ -73,10 +73,10 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
     refused(&run, "no checkpoint is before it", &[]);
 }
 
-/// Without a summary the events prove that the test went further, as after a disk that filled up: what it did to its specimens
-/// then is not done to them a second time, and whoever reads the record is told.
+/// Without a summary the events prove that the test went further, as after a disk that filled up. Its last steps must not act on
+/// the specimens a second time, and the refusal reports this.
 #[test]
-fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of() {
+fn record_ending_before_events_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
@@ -130,7 +130,7 @@ fn edited_row(run: &Path, row: usize, column: &str, change: impl Fn(f64) -> f64)
 
 /// Where rows are missing between others, a simulated specimen restarts from the checkpoint before them. A real one remembers.
 #[test]
-fn a_gap_in_the_record_is_refused_for_a_specimen_behind_a_link() {
+fn gap_in_a_linked_record_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = two_rigs(home.path(), "[record]\ncheckpoint_s = 0.1");
@@ -168,7 +168,8 @@ fn a_gap_in_the_record_is_refused_for_a_specimen_behind_a_link() {
 
     // The newest kept state follows the damage. It replaces no row of a specimen that remembers.
     let made = column(&at("whole"), "step").len();
-    let states = STATE_FILES.map(|name| Checkpoint::read(&at("whole").join(name)).unwrap());
+    let states = ["state.bin", "state-before.bin"]
+        .map(|name| Checkpoint::read(&at("whole").join(name)).unwrap());
     let mut states = states.into_iter().flatten();
     let rows =
         states.find_map(|(state, _)| Some(state.rows as usize).filter(|rows| rows + 2 < made));
@@ -199,6 +200,10 @@ fn a_gap_in_the_record_is_refused_for_a_specimen_behind_a_link() {
     completed(&test, &at("formula"), &[]);
     killed(&at("formula"), &at("anew"), 380);
     without_rows(&at("anew"), 200..260);
+    // A kept state may follow the gap.
+    for name in ["state.bin", "state-before.bin"] {
+        std::fs::remove_file(at("anew").join(name)).unwrap();
+    }
     let said = go_on(&at("anew"), &at("after"));
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let note = "the last checkpoint before that";
@@ -206,7 +211,7 @@ fn a_gap_in_the_record_is_refused_for_a_specimen_behind_a_link() {
 }
 
 #[test]
-fn a_test_that_tripped_resumes_only_with_after_trip() {
+fn tripped_test_needs_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     tripped_in(home.path(), &at("first"));
@@ -222,7 +227,7 @@ fn a_test_that_tripped_resumes_only_with_after_trip() {
         second.to_str().unwrap(),
         "--after-trip",
     ]);
-    // The rows say so, too, should the event have been lost with the process.
+    // The rows show the trip, too, should the event have been lost with the process.
     let unsaid = at("unsaid");
     copy(&first, &unsaid);
     std::fs::remove_file(unsaid.join("summary.json")).unwrap();
@@ -241,7 +246,7 @@ fn a_test_that_tripped_resumes_only_with_after_trip() {
     let events = events[..torn].replace(&hash, &other);
     std::fs::write(earlier.join("events.jsonl"), events).unwrap();
     refused(&earlier, "this test had tripped (unknown): ", &[]);
-    // It trips at once again, or does not: it is told either way.
+    // It may trip at once again: the run reports the earlier trip either way.
     assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
     assert!(
         said.stderr.contains("THE TEST HAD TRIPPED"),
@@ -251,7 +256,7 @@ fn a_test_that_tripped_resumes_only_with_after_trip() {
     let summary = common::json(&second, "summary.json");
     let warnings = summary["warnings"].to_string();
     assert!(warnings.contains("THE TEST HAD TRIPPED"), "{warnings}");
-    // What was done to the specimen in steps without a row is not known.
+    // The effect of steps without a row on the specimen is unknown.
     let samples = std::fs::File::options()
         .write(true)
         .open(first.join("samples.bin"))
@@ -261,9 +266,9 @@ fn a_test_that_tripped_resumes_only_with_after_trip() {
     refused(&first, "but the rows end at", &["--after-trip"]);
 }
 
-/// The commands of a test that froze where it tripped are those of one that was interrupted: only its events tell them apart.
+/// A test that froze at its trip has the same commands as an interrupted one: only its events show the difference.
 #[test]
-fn where_the_event_of_a_trip_may_be_lost_the_test_resumes_only_with_after_trip() {
+fn lost_trip_event_needs_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let text =
@@ -322,9 +327,9 @@ fn where_the_event_of_a_trip_may_be_lost_the_test_resumes_only_with_after_trip()
     assert!(!said.stderr.contains("--after-trip"), "{}", said.stderr);
 }
 
-/// What ceased to be a number is latched as any other trip, whoever computed it.
+/// A value that is not finite is latched as any other trip, wherever it was computed.
 #[test]
-fn a_test_that_ended_with_no_finite_number_resumes_only_with_after_trip() {
+fn nonfinite_ending_needs_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let text = "[time]\nrate_hz = 100\nduration_s = 0.5\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"spring\"\n\

@@ -275,7 +275,7 @@ gain_error = { warn = 1e-4, trip = 10.0 }
 "#;
 
 #[test]
-fn a_test_with_all_limits_continues_from_its_states() {
+fn test_with_all_limits_continues() {
     let test = Test {
         make: &|| prepare(WATCHED).experiment,
         checkpoint_ticks: 37,
@@ -286,7 +286,7 @@ fn a_test_with_all_limits_continues_from_its_states() {
 }
 
 #[test]
-fn a_hold_between_two_states_does_not_change_the_rest() {
+fn hold_between_states_changes_no_result() {
     let test = Test {
         make: &|| shipped("multi-rate.toml", 2.0, &["safety.ease_s=0.2"]),
         checkpoint_ticks: 41,
@@ -301,7 +301,7 @@ fn a_hold_between_two_states_does_not_change_the_rest() {
 }
 
 #[test]
-fn every_compensator_continues_from_its_states() {
+fn every_compensator_continues() {
     for ease in ["safety.ease_s=0", "safety.ease_s=0.1"] {
         let test = Test {
             make: &|| shipped("compensators.toml", 2.0, &[ease]),
@@ -325,7 +325,7 @@ fn a_loading_unit_continues_from_its_states() {
 }
 
 #[test]
-fn two_specimens_a_static_load_and_a_prescribed_motion_continue_from_their_states() {
+fn static_load_and_given_motion_continue() {
     for name in [
         "two-specimens.toml",
         "static-load.toml",
@@ -342,7 +342,7 @@ fn two_specimens_a_static_load_and_a_prescribed_motion_continue_from_their_state
     }
 }
 
-/// A spring behind a lag that takes some looks for its answer, or loses answers and finds some of them later.
+/// A spring behind a lag that takes some polls for its answer, or loses answers and finds some of them later.
 struct Partner {
     coupling: Coupling,
     late: &'static [u32],
@@ -431,7 +431,7 @@ impl Substructure for Partner {
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// A frame of two storeys with a spring in the lower one and a partner in the upper one.
+/// A frame of two storeys with a spring in the lower one and a [`Partner`] in the upper one.
 fn with_partner(ticks: u32, partner: Partner, change: impl Fn(&mut PortSpec)) -> Experiment {
     let mut experiment = prepare(&format!(
         "[time]\nstep_s = 0.01\nduration_s = 2\nclock = \"simulated\"\nticks_per_step = {ticks}\n[integrator]\nlambda = 2\n\
@@ -449,7 +449,7 @@ fn with_partner(ticks: u32, partner: Partner, change: impl Fn(&mut PortSpec)) ->
 }
 
 #[test]
-fn a_partner_that_is_commanded_once_a_step_is_told_its_pending_target() {
+fn per_step_specimen_gets_pending_target() {
     let make = || {
         let partner = Partner {
             late: &[13, 0, 17, 5, 40, 9, 12],
@@ -470,7 +470,7 @@ fn a_partner_that_is_commanded_once_a_step_is_told_its_pending_target() {
 }
 
 #[test]
-fn stale_measurements_and_what_a_compensator_fills_in_continue() {
+fn stale_measurements_continue() {
     for ticks in [1, 4] {
         for stale in [false, true] {
             let make = || {

@@ -1,8 +1,8 @@
-//! Two rigs of which one ends the test: where both stand, and how the test goes on.
+//! Two rigs, one of which ends the test: where both are, and how the test resumes.
 
 use super::*;
 
-/// How the link of a rig ends, after so many commands.
+/// How the link of a rig ends, after a number of commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
     Closed,
@@ -10,18 +10,18 @@ pub enum End {
     Panic,
 }
 
-/// A spring that says where it stands, and stays there when nobody is connected.
+/// A spring that reports its position, and keeps it when no controller is connected.
 pub struct Rig {
     place: Arc<Mutex<f64>>,
     ends: Option<(u32, End)>,
     told: u32,
     sequence: u64,
-    /// It does not say where it stands.
+    /// It does not report its position.
     is_mute: bool,
 }
 
 impl Rig {
-    /// One that does not say where it stands, as an actor of OpenFresco.
+    /// A rig that does not report its position, as an actor of OpenFresco.
     fn mute(place: &Arc<Mutex<f64>>) -> Box<dyn Substructure> {
         Box::new(Self {
             place: Arc::clone(place),
@@ -101,7 +101,7 @@ pub fn two_rigs(home: &Path, safety: &str) -> PathBuf {
     write(home, "test.toml", &text)
 }
 
-/// Runs it with these rigs, and an operator who asks for the end after so many ticks.
+/// Runs it with these rigs, and with an operator who stops it after `stops_after` ticks.
 pub fn run_rigs(
     mut test: gusset_setup::Prepared,
     rigs: [Box<dyn Substructure>; 2],
@@ -129,17 +129,17 @@ pub fn built(test: &Path) -> gusset_setup::Prepared {
     gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Where two rigs stand, whoever put them there.
+/// Moves the two rigs by hand.
 fn put(places: &[Arc<Mutex<f64>>; 2], to: [f64; 2]) {
     for (place, to) in places.iter().zip(to) {
         *place.lock().unwrap() = to;
     }
 }
 
-/// The other specimen was sent its command in the tick in which the link of the one was lost: it stands there, and on record.
-/// After a panic of our own it may stand there.
+/// The other specimen received its command in the tick in which the first link was lost: it is there, and on record. After a panic
+/// it may be there.
 #[test]
-fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can_go_on() {
+fn test_resumes_after_one_link_was_lost() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = two_rigs(home.path(), "");
@@ -184,9 +184,9 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
     }
 }
 
-/// Already on the way out: a link that is lost there ends it for both, and both stand where the record ends.
+/// In the shutdown a lost link ends it for both, and both are where the record ends.
 #[test]
-fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
+fn link_lost_in_shutdown_keeps_commands() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let leaves = "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n";
@@ -213,9 +213,9 @@ fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
     }
 }
 
-/// What a specimen is told that was led away after its test, and cannot say so, is judged from where it was left.
+/// A specimen moved to its end position, and unable to report it: its commands are checked from where it was left.
 #[test]
-fn a_specimen_that_was_led_away_and_cannot_tell_goes_on_within_its_limits() {
+fn mute_specimen_resumes_within_its_limits() {
     for pace in ["every_tick", "every_step"] {
         goes_on_within_its_limits(pace);
     }
@@ -267,10 +267,10 @@ fn goes_on_within_its_limits(pace: &str) {
     );
 }
 
-/// Killed, stopped or refused before its first step, a test that goes on is no dead end: its specimens stand where it left them,
-/// and the state is that of the test before it.
+/// A resumed test that was killed, stopped or refused before its first step can be resumed again. Its specimens are where it left
+/// them, and the state is that of the test before it.
 #[test]
-fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
+fn resume_works_after_a_failed_startup() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let leaves = "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
@@ -287,7 +287,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
     assert_eq!(ended.cause, Cause::Operator);
     assert_eq!(ended.summary.left["one"], "reached");
-    // The same interruption of other specimens, since each goes on once.
+    // Copies of this interruption for other specimens, since each resumes once.
     for name in ["same", "third"] {
         copy(&at("first"), &at(name));
     }
@@ -327,7 +327,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
         goes_on(&cut, &on);
     }
 
-    // The operator ends it there: it is led out, and what goes on after that is killed in its ramp, too.
+    // The operator stops it there: it returns, and the next resumed test is killed in its ramp, too.
     put([0.0; 2]);
     let ended = run_rigs(again("same"), rigs(), &at("ended"), Some(35));
     assert_eq!(ended.cause, Cause::Operator);
@@ -335,14 +335,14 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     let stands = *places[0].lock().unwrap();
     assert_eq!(column(&at("ended"), "cmd_1_1").last(), Some(&stands));
     goes_on("ended", "after-that");
-    // By that the test went on with which that one did, too.
+    // The test that resumed that one has also resumed this one.
     let went_on = resume(&at("same"), None, false).err().unwrap().to_string();
     assert!(went_on.contains("after-that, to its end"), "{went_on}");
     killed(&at("after-that"), &at("cut-again"), ramps + 20);
     put(commands.each_ref().map(|column| column[ramps + 20]));
     goes_on("cut-again", "at-last");
 
-    // Somebody has moved it: refused, and that is no way around being refused.
+    // Somebody has moved it: refused, and a second resume is refused, too.
     for (from, to) in [("third", "refused"), ("refused", "refused-again")] {
         put([5e-3, 0.0]);
         let ended = run_rigs(again(from), rigs(), &at(to), None);
@@ -357,10 +357,10 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
 }
 
-/// What specimens that remember went through once they do not go through again: neither after an end nor after a kill of the test
-/// that led them, wherever its folder is, nor if they came back near to where they were. What was refused has led them nowhere.
+/// Specimens that remember must not repeat their motion: neither after an end nor after a kill of the test that moved them,
+/// wherever its folder is, nor if they returned near to their start. A refused test has moved them nowhere.
 #[test]
-fn the_same_interruption_is_gone_on_with_once() {
+fn interruption_is_resumed_once() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = two_rigs(home.path(), "");
@@ -380,7 +380,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     std::fs::remove_dir_all(at("refused")).unwrap();
     assert!(!mark.exists(), "it takes its word back");
     put(stands);
-    // What cannot say that it goes on does not begin.
+    // A resumed test that cannot record this in the first folder does not begin.
     let test = next();
     std::fs::create_dir(&mark).unwrap();
     let folder = RunFolder::create(&at("unsaid")).unwrap();
@@ -419,7 +419,7 @@ fn the_same_interruption_is_gone_on_with_once() {
             said.stderr
         );
     }
-    // It ended a while ago, and may be gone: what was said of it still holds.
+    // It ended a while ago, and may be gone: its mark still holds.
     copy(&at("first"), &at("kept/first"));
     std::fs::rename(at("second"), at("elsewhere")).unwrap();
     let gone = "is not there any more";
@@ -428,7 +428,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     copy(&at("elsewhere"), &at("kept/second"));
     refusal("kept/first", &[&after, "kept/"]);
 
-    // A kill leaves no word of how far it came but its own record.
+    // After a kill only its own record shows how far it came.
     let said = std::fs::read_to_string(&mark).unwrap();
     let unknown = said.replace(&format!("\"reached\": {reached}"), "\"reached\": null");
     assert_ne!(said, unknown);
@@ -446,7 +446,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     }
     refusal("first", &["second, as far as step", "--resume"]);
 
-    // One that came to the end of the test.
+    // A run that completed the test.
     std::fs::remove_file(&mark).unwrap();
     put(stands);
     let ended = run_rigs(next(), rigs(), &at("rest"), None);

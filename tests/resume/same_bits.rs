@@ -1,9 +1,9 @@
-//! It goes on with the same bits as if nothing had happened, whatever it was in the middle of.
+//! A resumed test continues with the same bits as without an interruption, whatever was interrupted.
 
 use super::*;
 
 #[test]
-fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
+fn repeated_resumes_give_the_same_bits() {
     // With one tick a step, and with ticks in between: also in the middle of the way from one target to the next.
     for (rate, ticks, ease) in [(200, 1, 0.0), (100, 5, 0.0)] {
         let home = tempfile::tempdir().unwrap();
@@ -90,7 +90,7 @@ fn measures(page: &str, heading: &str) -> String {
 }
 
 #[test]
-fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_of_the_whole() {
+fn resumed_page_shows_its_steps_and_totals() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     // The record is strongest at its beginning. An actuator lags, so that the displacement is measured.
@@ -129,7 +129,7 @@ fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_o
     );
     assert!(!whole.contains("This page is of"));
 
-    // Both tiles tell of the whole test, and so does the summary.
+    // Both tiles show the whole test, and so does the summary.
     let peak = |name: &str| common::json(&at(name), "summary.json")["peak"].clone();
     assert_eq!(peak("second"), peak("whole"));
     let tile = |page: &str, words: &str| {
@@ -142,7 +142,7 @@ fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_o
             .trim_start_matches('\u{2212}')
             .to_owned()
     };
-    // The steps before are where they are, also of a test that goes on with one that went on.
+    // The earlier steps are found in a test that resumes a resumed one, too.
     let last = *steps.keys().nth(100).unwrap();
     let row = column(&at("second"), "step");
     let row = row.iter().rposition(|step| *step == last as f64).unwrap();
@@ -167,11 +167,11 @@ fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_o
     );
 }
 
-/// Killed before a partner that is commanded once a step was told the target that was known already, or before it answered: it
-/// is told that one, and not the last that it had been told. It is judged by the targets before, not by where it was held meanwhile:
-/// its speed does not trip as an acceleration from rest, at neither end.
+/// Killed before a per-step specimen received its known target, or before it answered: it receives that target, and not its last
+/// one again. Its limits use the earlier targets, not the position of the pause: its speed does not trip as an acceleration from
+/// rest, at neither end.
 #[test]
-fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption() {
+fn per_step_specimen_gets_its_next_target() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let seen = link_common::ONE_AXIS;
@@ -216,7 +216,7 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
                 at(&format!("second-{ticks}-{row}")),
             );
             killed(&whole, &first, row);
-            // The server makes its spring anew, which makes no difference to a spring.
+            // The server restarts its spring, which makes no difference to a spring.
             let said = go_on_with(&first, &second, &["--accept-changed", "a linear spring"]);
             assert_eq!(said.code, Some(0), "{}", said.stderr);
             assert_eq!(steps(&[&first, &second]), steps(&[&whole]), "{ticks} {row}");
@@ -225,10 +225,10 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
     }
 }
 
-/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
-/// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
+/// With a hold ramp the first steps take several ticks: a formula that remembers moves in smaller parts. This one is exact whatever
+/// the parts, so that only roundoff differs; others differ by their own error of integration.
 #[test]
-fn an_eased_beginning_changes_the_way_and_not_the_response() {
+fn hold_ramp_at_start_keeps_the_response() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.1));
@@ -252,10 +252,10 @@ fn an_eased_beginning_changes_the_way_and_not_the_response() {
     assert!(found.is_exact(), "{found:?}");
 }
 
-/// A test with a compensator that was killed at full pace, in the ease of a hold, in the hold and behind it: it goes on without a
-/// kick, and what it then is comes out again to the last bit.
+/// A test with a compensator that was killed at full pace, in the hold ramp, in the hold and after it: it resumes without a kick,
+/// and a replay repeats it to the last bit.
 #[test]
-fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
+fn compensated_test_resumes_from_a_hold() {
     for (ticks, made) in [
         (1, "model_inverse = { coefficients = [1.0, 0.02, 1e-4] }"),
         (4, "ats = { delay_s = 0.02 }"),
@@ -289,7 +289,7 @@ fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
         let lead = whole[1].iter().zip(&whole[2]).map(|(c, d)| (c - d).abs());
         let lead = lead.fold(0.0, f64::max);
         let usual = jump(&whole[1]);
-        // Easing takes 80 steps.
+        // The hold ramp takes 80 steps.
         let bound = 1.02 * usual + lead / (80.0 * f64::from(ticks));
         assert!(lead > 5.0 * bound, "{lead} {bound}");
         let holds = |row: &usize| whole[0][*row] == Phase::Holding.code();
@@ -328,7 +328,7 @@ fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
 
 #[test]
 #[expect(clippy::disallowed_methods, reason = "another process is waited for")]
-fn a_killed_test_goes_on() {
+fn killed_test_resumes() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 3.0, 0.0));
@@ -381,9 +381,9 @@ fn a_killed_test_goes_on() {
     );
 }
 
-/// A test and those that it goes on with are moved together, or one by one to another place; without them it says what is missing.
+/// A test and those that it resumes are moved together, or one by one to another place; without them it names the missing folder.
 #[test]
-fn a_test_that_went_on_is_replayed_and_goes_on_wherever_it_was_moved_with_those_before_it() {
+fn moved_lineage_is_replayed_and_resumed() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
@@ -421,9 +421,9 @@ fn a_test_that_went_on_is_replayed_and_goes_on_wherever_it_was_moved_with_those_
     assert!(other.contains("was changed"), "{other}");
 }
 
-/// It was ended while it moved, and stands by now: nothing that it is told there is held against the speed that it had.
+/// It was ended while it moved, and is at rest now: its commands are not checked against its former speed.
 #[test]
-fn a_test_that_was_ended_at_speed_goes_on_within_its_limit_of_acceleration() {
+fn test_ended_at_speed_resumes_in_its_limit() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let text = "[time]\nrate_hz = 100\nduration_s = 6\nclock = \"simulated\"\n[structure.shear_building]\n\

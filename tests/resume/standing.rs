@@ -1,8 +1,8 @@
-//! Where a specimen across a link stands, and what it bears there.
+//! The position of a specimen behind a link, and the force that it carries there.
 
 use super::*;
 
-/// A spring behind a link of the test's own, whose sensor reads `off` more than where it was told to go.
+/// A spring behind a private link, whose sensor reads `off` more than its command.
 struct Far {
     off: f64,
     damping: f64,
@@ -38,7 +38,7 @@ impl Substructure for Far {
 }
 
 #[test]
-fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves() {
+fn specimen_at_another_place_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let law = frame(200, 1, 2.0, 0.0);
@@ -133,16 +133,16 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         .unwrap()
         .columns(&["cmd_1_1"])
         .unwrap();
-    let left = Run::open(&at("first"))
+    let recorded = Run::open(&at("first"))
         .unwrap()
         .columns(&["cmd_1_1"])
         .unwrap();
     assert!(
-        commands[0].iter().all(|c| Some(c) == left[0].last()),
+        commands[0].iter().all(|c| Some(c) == recorded[0].last()),
         "nothing moved"
     );
 
-    // Of one that was ended in order everything is known: a tenth of a millimetre is somewhere else.
+    // After a clean end everything is known: a tenth of a millimetre is somewhere else.
     let mut words = vec![Operator::Continue; 300];
     words.push(Operator::Stop);
     let whole = gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
@@ -188,7 +188,7 @@ fn concluded(mut test: gusset_setup::Prepared, out: &Path) -> session::Finished 
 
 /// The frame whose bottom storey is the damper.
 fn damped(home: &Path, safety: &str, specimen: &str) -> gusset_setup::Prepared {
-    // What bears a force in motion only bears another one at rest.
+    // A specimen that carries a force only in motion carries another one at rest.
     let safety = format!("[safety]\nunlimited = \"a damper\"\nresume_within_n = 1e6\n{safety}");
     let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
     let linked = law.split("[specimen.law").next().unwrap().to_owned()
@@ -199,10 +199,10 @@ fn damped(home: &Path, safety: &str, specimen: &str) -> gusset_setup::Prepared {
     gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test
-/// which was never interrupted. Who knows better says so before the test.
+/// A damper's force is gone when a killed test resumes: that is no drift of its load cell, and the response is that of a test
+/// without an interruption. A user who knows of a drift sets the key before the test.
 #[test]
-fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
+fn force_lost_at_rest_is_not_drift() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     for (zero, takes, key) in [
@@ -233,7 +233,7 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
 
 /// The force of a motion is gone at rest: no sensor has jumped.
 #[test]
-fn what_is_read_at_rest_is_not_held_against_the_last_measurement_of_the_interrupted_test() {
+fn readings_at_rest_are_not_checked_to_last() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let free = damped(home.path(), "", "");
@@ -258,9 +258,9 @@ fn what_is_read_at_rest_is_not_held_against_the_last_measurement_of_the_interrup
     assert!((left - found).abs() > most, "{left} {found} {most}");
 }
 
-/// It stays where the test was: the way out, which its record tells of, is no drift of any sensor.
+/// It keeps the test's position: the shutdown, which is in its record, is no drift of any sensor.
 #[test]
-fn a_formula_with_relative_zeros_that_was_led_out_goes_on_with_the_same_bits() {
+fn relative_zeros_resume_with_the_same_bits() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let safety = "[safety]\nzero_s = 0.05\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\nresume_takes_force_drift = true\n";

@@ -27,7 +27,7 @@ const QUANTITIES: [&str; 8] = [
     "miss",
 ];
 
-/// A test with a record and a matrix to read, in a folder of its own, and its run.
+/// A test with a record and a matrix to read, in a separate folder, and its run.
 struct Archived {
     folder: TempDir,
     test: PathBuf,
@@ -68,7 +68,7 @@ fn keys(value: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn every_file_of_the_contract_is_there_and_no_other() {
+fn folder_has_exactly_the_contracts_files() {
     let Archived {
         test,
         out,
@@ -115,16 +115,16 @@ fn every_file_of_the_contract_is_there_and_no_other() {
 
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("<svg") && page.contains("Frame"));
-    // The script that draws the charts says in a comment where it comes from.
+    // The script that draws the charts names its source in a comment.
     let own = page.replace("http://www.w3.org/", "");
-    let own = own.replace(gusset_view::assets::CHART_SCRIPT, "");
+    let own = own.replace(include_str!("../../src/view/assets/uplot.min.js"), "");
     for outside in ["http://", "https://", "src=", "@import"] {
         assert!(!own.contains(outside), "not self-contained: {outside}");
     }
 }
 
 #[test]
-fn summary_and_timing_have_the_keys_of_the_contract() {
+fn summary_and_timing_have_their_keys() {
     let Archived {
         out, folder: _kept, ..
     } = archived();
@@ -203,7 +203,7 @@ fn summary_and_timing_have_the_keys_of_the_contract() {
 }
 
 #[test]
-fn events_tell_the_course_of_the_test_with_tick_test_time_and_wall_time() {
+fn events_have_tick_test_time_and_wall_time() {
     let Archived {
         out, folder: _kept, ..
     } = archived();
@@ -236,7 +236,7 @@ fn events_tell_the_course_of_the_test_with_tick_test_time_and_wall_time() {
 }
 
 #[test]
-fn the_csv_has_one_row_per_step_whose_digits_read_back_to_the_bits_of_the_samples() {
+fn csv_digits_read_back_to_the_same_bits() {
     let Archived { out, folder, .. } = archived();
     let file = folder.path().join("one.csv");
     let export = |file: &Path| {
@@ -288,7 +288,7 @@ fn the_csv_has_one_row_per_step_whose_digits_read_back_to_the_bits_of_the_sample
 }
 
 #[test]
-fn resolved_toml_alone_runs_the_same_test_again_elsewhere() {
+fn resolved_toml_repeats_the_test_elsewhere() {
     let Archived { out, folder, .. } = archived();
     let resolved = fs::read_to_string(out.join("resolved.toml")).unwrap();
     assert!(resolved.contains("# requested \"auto\""), "{resolved}");
@@ -304,7 +304,7 @@ fn resolved_toml_alone_runs_the_same_test_again_elsewhere() {
     for key in ["steps", "dt", "lambda", "peak", "rate_hz", "inputs"] {
         assert_eq!(one[key], two[key], "{key}");
     }
-    // And what it resolves to is itself, but for the comment beside the automatic λ.
+    // And the resolved file resolves to itself, except for the comment beside the automatic λ.
     let plain = resolved.replace(" # requested \"auto\"", "");
     assert_eq!(
         fs::read_to_string(again.join("resolved.toml")).unwrap(),
@@ -313,7 +313,7 @@ fn resolved_toml_alone_runs_the_same_test_again_elsewhere() {
 }
 
 #[test]
-fn overrides_stand_in_resolved_toml_and_the_file_as_given_beside_it() {
+fn overrides_are_in_resolved_toml() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
@@ -344,7 +344,7 @@ fn overrides_stand_in_resolved_toml_and_the_file_as_given_beside_it() {
 }
 
 #[test]
-fn both_clocks_and_a_repeat_give_the_same_bits() {
+fn both_clocks_and_a_repeat_agree() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     let at = |name: &str| folder.path().join(name);
@@ -360,7 +360,7 @@ fn both_clocks_and_a_repeat_give_the_same_bits() {
         .as_f64()
         .unwrap();
     assert!(yielded > 1.5e3, "{yielded} N");
-    // What depends on wall time is marked, and is all that is.
+    // Exactly the columns that depend on wall time are marked.
     let run = Run::open(&at("real")).unwrap();
     let marked: BTreeMap<&str, bool> = run
         .layout()
@@ -396,7 +396,7 @@ fn a_run_is_never_written_over_another() {
 }
 
 #[test]
-fn without_out_a_run_is_named_after_its_title_and_its_start() {
+fn run_is_named_after_its_title_and_start() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     for _ in 0..2 {
@@ -415,7 +415,7 @@ fn without_out_a_run_is_named_after_its_title_and_its_start() {
     );
 }
 
-/// A test on the simulated clock whose folder others lay hands on at its last tick, when rows are in the file.
+/// A test on the simulated clock whose folder is changed by others at its last tick, when rows are in the file.
 fn meddled(meddle: fn(&Path), is_required: bool) -> session::Finished {
     let home = tempfile::tempdir().unwrap();
     let mut text = FRAME.replace("duration_s = 0.5", "duration_s = 20");
@@ -438,10 +438,10 @@ fn meddled(meddle: fn(&Path), is_required: bool) -> session::Finished {
     session::run(prepare(&text), folder, nobody, watches, &mut |_| {}).unwrap()
 }
 
-/// Without its last word a run is taken for one that was killed.
+/// Without its final event a run counts as killed.
 #[test]
-fn a_record_that_is_required_and_has_no_summary_makes_a_stopped_test() {
-    // Nothing that is written takes the place of a folder that holds something.
+fn required_record_without_summary_stops() {
+    // No written file replaces a folder with content.
     let occupy = |run: &Path| fs::create_dir_all(run.join("summary.json/other")).unwrap();
     for (is_required, wanted) in [(false, Cause::Done), (true, Cause::RecordDamaged)] {
         let finished = meddled(occupy, is_required);
@@ -457,8 +457,8 @@ fn a_record_that_is_required_and_has_no_summary_makes_a_stopped_test() {
 }
 
 #[test]
-fn what_others_do_to_the_record_of_a_running_test_is_told_and_what_cannot_be_read_is_lost() {
-    /// What is done, what is said of it, and the least and the most of 4001 rows that it costs.
+fn changed_record_of_a_running_test_is_lost() {
+    /// The change, its warnings, and the least and the most of 4001 rows that it costs.
     type Case = (fn(&Path), &'static [&'static str], [u64; 2]);
     let cases: [Case; 7] = [
         (|_| {}, &[], [0, 0]),
@@ -483,7 +483,7 @@ fn what_others_do_to_the_record_of_a_running_test_is_told_and_what_cannot_be_rea
                 fs::rename(run.join("x"), run.join("samples.bin")).unwrap();
             },
             &["samples.bin was replaced by another file while the test ran"],
-            // It may be that all were in the copy.
+            // Possibly all rows were in the copy.
             [0, 4001],
         ),
         (

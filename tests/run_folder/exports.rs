@@ -1,4 +1,4 @@
-//! Exports: other programs open them and find the numbers of the log; what cannot be exported is said.
+//! Exports: other programs open them and find the numbers of the log; refused exports give a reason.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ pub fn export(run: &Path, format: &str, out: &Path, more: &[&str]) -> Said {
     say(arguments.iter().chain(more))
 }
 
-/// Exports in every table format; what was said of the last.
+/// Exports in every table format; returns the output of the last.
 fn all_tables(run: &Path, into: &Path, more: &[&str]) -> Said {
     fs::create_dir(into).unwrap();
     let each = TABLES.map(|format| {
@@ -34,7 +34,7 @@ fn a_run(folder: &Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn numpy_and_h5py_find_the_bits_of_the_log_in_every_format() {
+fn numpy_and_h5py_find_the_bits() {
     let temp = tempfile::tempdir().unwrap();
     let run = a_run(temp.path());
     for rate in ["step", "tick"] {
@@ -49,7 +49,7 @@ fn numpy_and_h5py_find_the_bits_of_the_log_in_every_format() {
 }
 
 #[test]
-fn octave_opens_the_matlab_file_the_hdf5_file_and_the_log() {
+fn octave_opens_every_format() {
     let temp = tempfile::tempdir().unwrap();
     let run = a_run(temp.path());
     let out = temp.path().join("out");
@@ -62,8 +62,8 @@ fn octave_opens_the_matlab_file_the_hdf5_file_and_the_log() {
     }
 }
 
-/// 700,000 rows of 14 columns: many blocks, many pieces of a column that a library asks for. Gaps, names that a format may not have, a run
-/// without summary.
+/// 700,000 rows of 14 columns: many blocks, many pieces of a column that a library reads. Gaps, names that a format may forbid, a
+/// run without summary.
 #[test]
 fn a_run_of_many_blocks_arrives_whole() {
     let temp = tempfile::tempdir().unwrap();
@@ -89,7 +89,7 @@ fn a_run_of_many_blocks_arrives_whole() {
 }
 
 #[test]
-fn a_torn_run_gives_what_is_sound_and_an_empty_one_gives_columns() {
+fn torn_run_exports_its_sound_rows() {
     let temp = tempfile::tempdir().unwrap();
     let run = a_run(temp.path());
     fs::remove_file(run.join("summary.json")).unwrap();
@@ -116,7 +116,7 @@ fn a_torn_run_gives_what_is_sound_and_an_empty_one_gives_columns() {
         "{}",
         said.stderr
     );
-    // An empty table of text is not what `genfromtxt` can read.
+    // `genfromtxt` cannot read an empty table of text.
     if let Some(said) = judge(&run, &out, "step", &["npz", "mat", "hdf5"]) {
         assert!(said.ends_with(" 0 rows"), "{said}");
     }
@@ -134,7 +134,7 @@ fn a_torn_run_gives_what_is_sound_and_an_empty_one_gives_columns() {
 }
 
 #[test]
-fn a_window_of_test_time_is_the_same_in_every_format() {
+fn time_window_is_the_same_in_every_format() {
     let temp = tempfile::tempdir().unwrap();
     let run = a_run(temp.path());
     let whole = temp.path().join("whole.csv");
@@ -182,9 +182,9 @@ fn exported_with(folder: &Path, test: &str, with: &str) -> (Said, std::path::Pat
 
 const ALL: &str = "absolute-acceleration,storey-drift,storey-shear";
 
-/// Without damping the storeys carry what their springs and the specimen give: an equation that the export does not use.
+/// Without damping the storeys carry the forces of their springs and the specimen: an equation that the export does not use.
 #[test]
-fn storey_shears_from_inertia_are_the_forces_of_the_storeys() {
+fn inertia_shears_equal_storey_forces() {
     let temp = tempfile::tempdir().unwrap();
     let undamped = FRAME.replace(
         "[structure.damping.rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]\n",
@@ -222,7 +222,7 @@ fn storey_shears_from_inertia_are_the_forces_of_the_storeys() {
 }
 
 #[test]
-fn a_displaced_base_has_absolute_accelerations_and_is_the_floor_below_the_first() {
+fn displaced_base_has_absolute_values() {
     let temp = tempfile::tempdir().unwrap();
     let base = FRAME
         .replace("ground_acceleration.signal", "base_displacement.signal")
@@ -248,7 +248,7 @@ fn a_displaced_base_has_absolute_accelerations_and_is_the_floor_below_the_first(
 }
 
 #[test]
-fn columns_that_do_not_follow_from_a_test_are_refused() {
+fn underivable_columns_are_refused() {
     let matrices = "[structure.matrices]\nmass = [[1000.0, 0], [0, 900.0]]\nstiffness = [[4e5, -4e5], [-4e5, 4e5]]\n";
     let (head, rest) = FRAME.split_once("[structure.shear_building]").unwrap();
     let (_, rest) = rest.split_once("\n\n").unwrap();
@@ -309,7 +309,7 @@ fn columns_that_do_not_follow_from_a_test_are_refused() {
 
 /// The reader of records takes names and units from the two lines of the header, and opting out gives the names and numbers alone.
 #[test]
-fn an_exported_ground_motion_is_a_record_of_another_test() {
+fn exported_ground_motion_is_usable_again() {
     let temp = tempfile::tempdir().unwrap();
     let run = a_run(temp.path());
     let (csv, plain) = (temp.path().join("out.csv"), temp.path().join("plain.csv"));
@@ -342,7 +342,7 @@ fn an_exported_ground_motion_is_a_record_of_another_test() {
 }
 
 #[test]
-fn a_project_folder_has_every_part_and_says_truly_what_is_in_it() {
+fn project_folder_has_every_part() {
     let temp = tempfile::tempdir().unwrap();
     let run = a_run(temp.path());
     let out = temp.path().join("project");
@@ -447,9 +447,9 @@ fn a_project_folder_has_every_part_and_says_truly_what_is_in_it() {
     assert!(read(&bare.join("README.md")).contains("- the run has no resolved.toml"));
 }
 
-/// Units stand in a text file: who changed one is told of it, and who exports nothing but the log is told nothing.
+/// Units are in a text file: the export warns if one was changed. An export of the log alone gives no warning.
 #[test]
-fn a_description_of_the_samples_that_was_changed_is_told() {
+fn changed_sample_description_is_reported() {
     let temp = tempfile::tempdir().unwrap();
     let run = a_run(temp.path());
     let said = export(&run, "csv", &temp.path().join("as-it-was.csv"), &[]);
@@ -476,7 +476,7 @@ fn a_description_of_the_samples_that_was_changed_is_told() {
 }
 
 #[test]
-fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
+fn refused_export_leaves_nothing_behind() {
     let temp = tempfile::tempdir().unwrap();
     let at = |name: &str| temp.path().join(name);
     let run = a_run(temp.path());

@@ -24,7 +24,7 @@ fn on(command: &str, run: &Path, more: &[&str]) -> Said {
 }
 
 #[test]
-fn old_run_folders_are_reported_exported_and_listed() {
+fn old_runs_are_reported_and_exported() {
     let home = tempfile::tempdir().unwrap();
     for name in FOLDERS {
         let run = old(home.path(), name);
@@ -49,7 +49,7 @@ fn old_run_folders_are_reported_exported_and_listed() {
 }
 
 #[test]
-fn an_old_run_without_removed_keys_is_replayed_to_the_last_bit() {
+fn old_run_is_replayed_to_the_last_bit() {
     let home = tempfile::tempdir().unwrap();
     for name in ["defaults", "tripped", "held"] {
         let said = on("replay", &old(home.path(), name), &[]);
@@ -58,7 +58,7 @@ fn an_old_run_without_removed_keys_is_replayed_to_the_last_bit() {
 }
 
 #[test]
-fn a_removed_key_at_another_value_refuses_the_replay_and_names_the_version() {
+fn removed_key_refuses_the_replay() {
     let home = tempfile::tempdir().unwrap();
     let run = old(home.path(), "keys");
     let replayed = on("replay", &run, &[]);
@@ -84,7 +84,7 @@ fn a_removed_key_at_another_value_refuses_the_replay_and_names_the_version() {
 
 /// The rows of version 0.1.0 hold the forces of the laws `viscous`, `coulomb` and `elastic_plastic`.
 #[test]
-fn a_law_under_its_old_name_gives_the_bits_of_the_version_that_had_it() {
+fn law_under_its_old_name_keeps_the_bits() {
     let home = tempfile::tempdir().unwrap();
     for (name, removed) in [
         ("tripped", &[][..]),

@@ -1,4 +1,4 @@
-//! A recorded test comes out again bit for bit, from its folder alone; and whatever was changed in it is found and named.
+//! A recorded test is replayed bit for bit, from its folder alone; every change in it is found and named.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -53,7 +53,7 @@ fn test_in(home: &Path, more: &str) -> PathBuf {
     path
 }
 
-/// Runs it while an operator says these words, one a tick from the first tick on.
+/// Runs it while an operator gives these commands, one a tick from the first tick on.
 fn record(home: &Path, words: &[Operator]) -> PathBuf {
     record_of(&test_in(home, ""), words)
 }
@@ -79,7 +79,7 @@ fn gusset(args: &[&str]) -> Output {
 }
 
 #[test]
-fn a_test_comes_out_again_to_the_last_bit_wherever_its_folder_is() {
+fn replay_works_wherever_the_folder_is() {
     let home = tempfile::tempdir().unwrap();
     let run = record(home.path(), &[]);
     let elsewhere = tempfile::tempdir().unwrap();
@@ -94,9 +94,9 @@ fn a_test_comes_out_again_to_the_last_bit_wherever_its_folder_is() {
     assert!(rows > 1537 + 10, "those before t = 0 too");
 }
 
-/// No machine makes a step of 40 000 masses in 20 µs: the test is not begun, and its specimen is led home from there.
+/// No machine makes a step of 40 000 masses in 20 µs: the test does not begin, and its specimen returns from there.
 #[test]
-fn a_test_that_was_not_begun_comes_out_again() {
+fn unstarted_test_is_replayed() {
     const SLOW: &str = r#"
 title = "slow"
 [time]
@@ -144,7 +144,7 @@ law.linear = { stiffness_n_per_m = 2.5e4 }
 #[test]
 fn holds_happen_again_where_they_happened() {
     for before in [0, 1, 2, 40] {
-        // Idle words: what is held goes on, what goes on is told to.
+        // Commands without effect: a hold is continued, and `continue` is repeated without a hold.
         let mut words = vec![Operator::Continue; before + 800];
         words.extend([Operator::Hold; 30]);
         words.push(Operator::Continue);
@@ -162,9 +162,9 @@ fn holds_happen_again_where_they_happened() {
     }
 }
 
-/// While the sensors are read, while the static load comes on, and in the ramp behind it.
+/// During zeroing, during the static load, and in the ramp after it.
 #[test]
-fn holds_before_the_test_happen_again_where_they_happened() {
+fn holds_before_the_test_are_replayed() {
     let rows = |run: &Path| Run::open(run).unwrap().columns(&["state"]).unwrap();
     let home = tempfile::tempdir().unwrap();
     let free = rows(&record(home.path(), &[]))[0].len();
@@ -181,7 +181,7 @@ fn holds_before_the_test_happen_again_where_they_happened() {
 }
 
 #[test]
-fn a_test_that_was_stopped_is_proven_as_far_as_it_went() {
+fn stopped_test_is_proven_as_far_as_it_went() {
     let mut words = vec![Operator::Continue; 700];
     words.push(Operator::Stop);
     let home = tempfile::tempdir().unwrap();
@@ -192,9 +192,9 @@ fn a_test_that_was_stopped_is_proven_as_far_as_it_went() {
     assert!(steps > 100 && steps < 1536, "{steps}");
 }
 
-/// Stopped between two steps it goes out from there. Older recordings have their way out at the end of the last step.
+/// Stopped between two steps, it returns from there. Older recordings begin their shutdown at the end of the last step.
 #[test]
-fn a_way_out_from_between_two_steps_is_proven_as_it_is_recorded_now_and_as_it_was() {
+fn shutdown_between_two_steps_is_replayed() {
     let (mut between, mut at_ends) = (0, 0);
     for words in 700..704 {
         let home = tempfile::tempdir().unwrap();
@@ -235,9 +235,9 @@ fn a_way_out_from_between_two_steps_is_proven_as_it_is_recorded_now_and_as_it_wa
     assert_eq!((between, at_ends), (3, 1));
 }
 
-/// A trip while zeroing, and one on the way out: the row that trips is the last, and comes out again.
+/// A trip while zeroing, and one in the shutdown: the row that trips is the last, and the replay repeats it.
 #[test]
-fn a_trip_outside_of_the_running_test_is_proven_too() {
+fn trip_outside_the_test_is_replayed() {
     for (more, led) in [
         (
             "[specimen.limits]\nmeasured_disp_m = { trip = [1e-3, 1.0] }\n",
@@ -284,11 +284,10 @@ fn a_trip_outside_of_the_running_test_is_proven_too() {
     }
 }
 
-/// A test that was never confirmed is not taken for one that was, and the other way round: only the operator's word in the
-/// row tells a refusal of the very first command from a trip in the wait. The first tick of the wait is that of the word after
-/// eleven.
+/// A test that was never confirmed is not taken for one that was, and the other way round. Only the operator's command in the row
+/// distinguishes a refused first command from a trip in the wait. The first tick of the wait is that of the command after eleven.
 #[test]
-fn a_confirmation_stands_in_the_record() {
+fn confirmation_is_in_the_record() {
     use Operator::{Confirm, Continue, Stop};
     let refusing = "[specimen.limits]\ncommand_disp_m = { trip = [-1.0, 1e-9] }\n[safety]\n";
     for (waits, says, refused) in [
@@ -308,7 +307,7 @@ fn a_confirmation_stands_in_the_record() {
         }
         let test = test_in(home.path(), "");
         std::fs::write(&test, &text).unwrap();
-        // While the sensors are read, and in the wait: a hold is no confirmation, and its end is none.
+        // During zeroing, and in the wait: neither a hold nor its end is a confirmation.
         let mut words = vec![Operator::Hold; 11 + waits];
         words.extend(says);
         let place = says.iter().position(|word| *word == Confirm);
@@ -359,7 +358,7 @@ fn the_first_number_that_differs_is_named() {
 }
 
 #[test]
-fn a_state_that_was_another_is_found_at_its_checkpoint() {
+fn changed_state_is_found_at_its_checkpoint() {
     let home = tempfile::tempdir().unwrap();
     let test = test_in(home.path(), "[record]\ncheckpoint_s = 0.5\n");
     let run = record_of(&test, &[]);
@@ -410,7 +409,7 @@ fn the_last_bit_of_a_number_is_compared() {
 }
 
 #[test]
-fn a_force_that_was_changed_shows_in_what_follows_from_it() {
+fn changed_force_shows_in_its_consequences() {
     let home = tempfile::tempdir().unwrap();
     let run = record(home.path(), &[]);
     let rows = Run::open(&run).unwrap().columns(&["state"]).unwrap()[0].len() as u64;
@@ -423,7 +422,7 @@ fn a_force_that_was_changed_shows_in_what_follows_from_it() {
 }
 
 #[test]
-fn damage_ends_the_proof_and_what_is_foreign_is_refused() {
+fn damage_or_a_foreign_file_ends_the_proof() {
     let home = tempfile::tempdir().unwrap();
     let run = record(home.path(), &[]);
     let text = run.to_str().unwrap();
@@ -453,7 +452,7 @@ fn damage_ends_the_proof_and_what_is_foreign_is_refused() {
     assert_eq!(said.status.code(), Some(2), "{said:?}");
     let told = String::from_utf8_lossy(&said.stderr).into_owned();
     assert!(told.contains("resolved.toml was changed"), "{told}");
-    // Where nothing says what it was, the rows show it.
+    // Without any description, the rows show it.
     let events = run.join("events.jsonl");
     let told = std::fs::read_to_string(&events).unwrap();
     let silent = told
@@ -476,7 +475,7 @@ fn damage_ends_the_proof_and_what_is_foreign_is_refused() {
     assert!(String::from_utf8_lossy(&said.stderr).contains("SHA-256"));
 }
 
-/// Copies the run, spoils the copy, and replays it: the exit code, and what was said.
+/// Copies the run, spoils the copy, and replays it; returns the exit code and the output.
 fn spoilt(run: &Path, spoil: impl FnOnce(&Path)) -> (i32, String) {
     let home = tempfile::tempdir().unwrap();
     let copy = home.path().join("copy");
@@ -492,7 +491,7 @@ fn spoilt(run: &Path, spoil: impl FnOnce(&Path)) -> (i32, String) {
 }
 
 #[test]
-fn rows_that_are_whole_but_too_few_are_no_proof() {
+fn too_few_whole_rows_are_no_proof() {
     let home = tempfile::tempdir().unwrap();
     let run = record(home.path(), &[]);
     let layout = Run::open(&run).unwrap().layout().clone();
@@ -515,13 +514,13 @@ fn rows_that_are_whole_but_too_few_are_no_proof() {
         said.contains("nothing is proven") && said.contains("there are no rows"),
         "{said}"
     );
-    // Of a run that was killed nobody knows where it would have ended: it is proven as far as it went.
+    // The end of a killed run is unknown: it is proven as far as it went.
     let unfinished = |copy: &Path| std::fs::remove_file(copy.join("summary.json")).unwrap();
     assert_eq!(spoilt(&run, unfinished).0, 0);
 }
 
 #[test]
-fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
+fn foreign_folder_is_refused_in_words() {
     let home = tempfile::tempdir().unwrap();
     let run = record(home.path(), &[]);
     let remove = |name: &'static str| {
@@ -553,7 +552,7 @@ fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
         std::fs::create_dir(copy).unwrap();
         std::fs::write(copy.join("holiday.jpg"), b"JFIF").unwrap();
     };
-    // Of a version whose events do not say what the columns were.
+    // A folder of a version whose events do not describe the columns.
     let of_before = |copy: &Path| {
         let path = copy.join("events.jsonl");
         let text = std::fs::read_to_string(&path).unwrap();
@@ -663,7 +662,7 @@ fn tripped(home: &Path) -> PathBuf {
     record_of(&test_in(home, limits), &[])
 }
 
-/// What `replay --json` and `report` say of a run with another summary: their exit codes, the keys that differ, and the page.
+/// The verdict of `replay --json` and `report` on a run with another summary: exit codes, differing keys, and the headline.
 fn judged(
     run: &Path,
     edit: impl FnOnce(&mut serde_json::Value),
@@ -695,7 +694,7 @@ fn says_completed(summary: &mut serde_json::Value) {
 }
 
 #[test]
-fn an_edited_summary_does_not_turn_a_tripped_test_into_a_completed_one() {
+fn edited_summary_hides_no_trip() {
     let home = tempfile::tempdir().unwrap();
     let run = tripped(home.path());
     let (codes, keys, headline) = judged(&run, |_| {});
@@ -710,7 +709,7 @@ fn an_edited_summary_does_not_turn_a_tripped_test_into_a_completed_one() {
         "{headline}"
     );
 
-    // What an earlier version wrote differs for other reasons: it is told, and the headline is no better.
+    // The record of an earlier version differs for other reasons: the replay reports it, and the headline is no better.
     let events = std::fs::read_to_string(run.join("events.jsonl")).unwrap();
     let version = format!("\"version\":\"{}\"", env!("CARGO_PKG_VERSION"));
     assert!(events.contains(&version), "{events}");
@@ -724,7 +723,7 @@ fn an_edited_summary_does_not_turn_a_tripped_test_into_a_completed_one() {
 
 /// With a limit that trips before a command leaves, the rows do not show the trip: the next tick of the loop does.
 #[test]
-fn no_loss_of_events_turns_a_tripped_test_into_a_completed_one() {
+fn lost_events_hide_no_trip() {
     let home = tempfile::tempdir().unwrap();
     let run = tripped(home.path());
     let path = run.join("events.jsonl");
@@ -760,7 +759,7 @@ fn no_loss_of_events_turns_a_tripped_test_into_a_completed_one() {
 
 /// The operator's end leaves no row: a test with fewer steps than its duration is not completed, whatever its events say.
 #[test]
-fn a_test_of_too_few_steps_is_never_completed() {
+fn test_of_too_few_steps_is_never_completed() {
     let mut words = vec![Operator::Continue; 900];
     words.push(Operator::Stop);
     let home = tempfile::tempdir().unwrap();
@@ -776,7 +775,7 @@ fn a_test_of_too_few_steps_is_never_completed() {
 }
 
 #[test]
-fn a_summary_with_other_steps_peaks_or_another_trip_is_found() {
+fn summary_with_other_peaks_is_found() {
     let home = tempfile::tempdir().unwrap();
     let run = tripped(home.path());
     let (codes, keys, headline) = judged(&run, |summary| {
@@ -824,7 +823,7 @@ fn a_summary_with_other_steps_peaks_or_another_trip_is_found() {
 
 /// Its rows end where it was stopped, as those of a test that was killed there: the events say who stopped it.
 #[test]
-fn an_interrupted_test_is_told_from_one_that_a_panic_ended() {
+fn interruption_differs_from_a_panic() {
     let mut words = vec![Operator::Continue; 900];
     words.push(Operator::Stop);
     let home = tempfile::tempdir().unwrap();

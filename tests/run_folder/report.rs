@@ -1,5 +1,4 @@
-//! The report command: two runs on one page, tracking metrics with their noise floors, and folders that are not what they
-//! should be.
+//! The report command: two runs on one page, tracking metrics with their noise floors, and damaged folders.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::common::{FRAME, Said, completed, json, say, write};
 use gusset_record::{Run, journal::encode};
 
-/// Runs the frame, with a changed text, into a folder of its own.
+/// Runs the frame, with a changed text, into a separate folder.
 fn made(folder: &Path, name: &str, text: &str) -> PathBuf {
     let test = write(folder, &format!("{name}.toml"), text);
     let out = folder.join(name);
@@ -49,7 +48,7 @@ fn place(out: &Path, column: &str) -> usize {
 }
 
 #[test]
-fn two_runs_of_one_test_are_the_same_to_the_last_bit_and_one_changed_bit_is_found() {
+fn equal_runs_agree_and_one_bit_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let first = made(folder.path(), "first", FRAME);
     let second = made(folder.path(), "second", FRAME);
@@ -80,7 +79,7 @@ fn two_runs_of_one_test_are_the_same_to_the_last_bit_and_one_changed_bit_is_foun
 }
 
 #[test]
-fn another_test_shows_its_settings_differences_and_metrics_beside_the_first() {
+fn comparison_shows_settings_and_metrics() {
     let folder = tempfile::tempdir().unwrap();
     let first = made(folder.path(), "first", FRAME);
     let stronger = FRAME.replace("amplitude = 3.0", "amplitude = 4.0");
@@ -105,7 +104,7 @@ fn another_test_shows_its_settings_differences_and_metrics_beside_the_first() {
 }
 
 #[test]
-fn what_cannot_be_compared_row_by_row_is_said_and_the_rest_is_shown() {
+fn incomparable_rows_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let first = made(folder.path(), "first", FRAME);
     let finer = made(
@@ -138,7 +137,7 @@ fn what_cannot_be_compared_row_by_row_is_said_and_the_rest_is_shown() {
 }
 
 #[test]
-fn metrics_stand_in_the_summary_with_the_noise_that_was_read_while_zeroing() {
+fn summary_has_metrics_and_zeroing_noise() {
     let folder = tempfile::tempdir().unwrap();
     // A rig that follows perfectly but for the noise of its sensors: 0.2 mm and 10 N rms.
     let text = format!(
@@ -183,15 +182,15 @@ fn metrics_stand_in_the_summary_with_the_noise_that_was_read_while_zeroing() {
 }
 
 #[test]
-fn missing_numbers_are_gaps_and_a_torn_file_gives_a_page_that_says_so() {
+fn missing_numbers_are_gaps_in_the_report() {
     let folder = tempfile::tempdir().unwrap();
     let out = made(folder.path(), "gaps", FRAME);
     let places =
         ["x1", "v1", "meas_1_1", "force_1_1", "ground", "compute_s"].map(|name| place(&out, name));
-    let holes: Vec<_> = (20..30)
+    let gaps: Vec<_> = (20..30)
         .flat_map(|row| places.map(|at| (row, at, f64::NAN)))
         .collect();
-    changed(&out, &holes);
+    changed(&out, &gaps);
     let said = say(["report".as_ref(), out.as_os_str()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
@@ -211,7 +210,7 @@ fn missing_numbers_are_gaps_and_a_torn_file_gives_a_page_that_says_so() {
 }
 
 #[test]
-fn a_folder_that_is_no_run_is_told_apart_from_one_that_is_damaged() {
+fn damaged_run_differs_from_no_run() {
     let folder = tempfile::tempdir().unwrap();
     let first = made(folder.path(), "first", FRAME);
     let empty = folder.path().join("empty");
@@ -253,7 +252,7 @@ fn a_folder_that_is_no_run_is_told_apart_from_one_that_is_damaged() {
 }
 
 #[test]
-fn a_summary_that_cannot_be_read_counts_as_missing_and_lost_lines_of_events_are_told() {
+fn unreadable_summary_counts_as_missing() {
     let folder = tempfile::tempdir().unwrap();
     let run = made(folder.path(), "run", FRAME);
     let events = fs::read_to_string(run.join("events.jsonl")).unwrap();
@@ -313,7 +312,7 @@ fn a_summary_that_cannot_be_read_counts_as_missing_and_lost_lines_of_events_are_
 }
 
 #[test]
-fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
+fn cut_record_never_equals_another() {
     let folder = tempfile::tempdir().unwrap();
     let first = made(folder.path(), "first", FRAME);
     let second = made(folder.path(), "second", FRAME);
@@ -336,7 +335,7 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
         said.stderr
     );
     assert!(!page.contains("verdict good"));
-    // Damaged in the middle: a headline of its own.
+    // Damaged in the middle: another headline.
     let mut flipped = bytes;
     let middle = flipped.len() / 2;
     flipped[middle] ^= 4;
@@ -370,7 +369,7 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
 
 /// 30 GB of zeros behind the rows, and more events of a kind than any reader looks at.
 #[test]
-fn a_report_of_endless_files_is_bounded() {
+fn report_of_endless_files_is_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let out = made(folder.path(), "endless", FRAME);
     let run = gusset_record::Run::open(&out).unwrap();
@@ -416,7 +415,7 @@ fn a_report_of_endless_files_is_bounded() {
 }
 
 #[test]
-fn an_audit_that_ends_without_a_number_does_not_say_that_all_is_booked_right() {
+fn audit_without_a_number_proves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let out = made(folder.path(), "lost", FRAME);
     let page = |out: &Path| {
@@ -431,7 +430,7 @@ fn an_audit_that_ends_without_a_number_does_not_say_that_all_is_booked_right() {
 }
 
 #[test]
-fn the_page_tells_the_way_out_and_how_limits_are_judged() {
+fn page_shows_the_shutdown_and_limits() {
     // ±2 mm in the test, then 20 mm: 16 kN in the one, 40 kN + 0.05 · 8 MN/m · 15 mm = 46 kN in the other.
     let text = "title = \"Shutdown\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
@@ -477,7 +476,7 @@ fn two_storeys(seconds: f64, structure: &str, more: &str) -> String {
 }
 
 #[test]
-fn coordinates_of_a_base_that_is_displaced_are_absolute_and_the_lowest_storey_drifts_against_it() {
+fn displaced_base_has_absolute_coordinates() {
     let base =
         "[excitation.base_displacement]\nsignal.sine = { amplitude = 0.1, frequency_hz = 0.5 }\n";
     let folder = tempfile::tempdir().unwrap();
@@ -513,7 +512,7 @@ fn coordinates_of_a_base_that_is_displaced_are_absolute_and_the_lowest_storey_dr
 }
 
 #[test]
-fn the_row_of_a_trip_is_in_the_tables_as_it_is_in_the_summary() {
+fn row_of_a_trip_is_in_the_tables() {
     let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
         [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 1.5 }\n";
     let folder = tempfile::tempdir().unwrap();
@@ -550,7 +549,7 @@ fn the_row_of_a_trip_is_in_the_tables_as_it_is_in_the_summary() {
 }
 
 #[test]
-fn a_test_that_tripped_on_its_way_in_has_made_no_step_and_no_way_out() {
+fn trip_in_startup_has_no_step() {
     let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
         [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 0.5 }\n";
     let text = two_storeys(2.0, "initial_displacement_m = [0.01, 0.01]", more);
@@ -570,7 +569,7 @@ fn a_test_that_tripped_on_its_way_in_has_made_no_step_and_no_way_out() {
 }
 
 #[test]
-fn a_test_that_made_no_step_is_told_of_with_the_largest_force_before_it() {
+fn test_without_a_step_shows_earlier_forces() {
     let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
         [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 0.5 }\n";
     let text = two_storeys(2.0, "initial_displacement_m = [0.01, 0.01]", more);
@@ -597,7 +596,7 @@ fn a_test_that_made_no_step_is_told_of_with_the_largest_force_before_it() {
 }
 
 #[test]
-fn forces_of_a_specimen_at_another_scale_are_said_to_be_those_of_the_structure() {
+fn scaled_forces_are_those_of_the_structure() {
     let folder = tempfile::tempdir().unwrap();
     let shaken =
         "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 1, frequency_hz = 1 }\n";
@@ -622,7 +621,7 @@ fn forces_of_a_specimen_at_another_scale_are_said_to_be_those_of_the_structure()
 }
 
 #[test]
-fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
+fn motionless_test_has_no_empty_pictures() {
     let still =
         "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 0, frequency_hz = 0.5 }\n";
     let folder = tempfile::tempdir().unwrap();

@@ -16,7 +16,7 @@ pub fn phases(trace: &Value) -> Vec<&Value> {
 
 /// Every number of the trace follows from the columns of `row`, and the moment of the miss from the event alone.
 #[test]
-fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
+fn trace_shows_every_phase_event_and_miss() {
     let temp = tempfile::tempdir().unwrap();
     let run = temp.path().join("run");
     // Tick 5 computes 1.9 ms: the edges of ticks 6 and 7 pass meanwhile.
@@ -30,7 +30,7 @@ fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
             row
         }),
     );
-    // The loop's clock stood at 7 s at the first edge. The miss was seen 1.25 ms behind its deadline, 6 ms after it.
+    // The loop's clock showed 7 s at the first edge. The miss was seen 1.25 ms behind its deadline, 6 ms after it.
     let events = [
         r#"{"tick":2,"time":0.002,"wall":"","clock_ns":7002500000,"event":"limit","specimen":1}"#,
         r#"{"tick":5,"time":0.005,"wall":"","clock_ns":7007250000,"event":"miss","class":"ours","late_ns":1250000}"#,
@@ -72,7 +72,7 @@ fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
         assert!(close(of(&format!("step {k}"))[0], (edge, 1000.0)), "{k}");
         // Ticks 6 and 7 were due before the loop was done with tick 5 at 7215 µs.
         let begin = if k == 6 || k == 7 { continue } else { edge };
-        // What is behind the deadline is a slice of its own.
+        // The time behind the deadline is a separate slice.
         let compute = if k == 5 { 685.0 } else { 100.0 };
         for (name, at, length) in [
             ("wake up", 0.0, 10.0),
@@ -128,7 +128,7 @@ fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
 
 /// A second on the real clock. How long anything took decides nothing.
 #[test]
-fn a_run_on_the_real_clock_shows_every_phase_of_every_tick() {
+fn real_clock_trace_shows_every_phase() {
     let temp = tempfile::tempdir().unwrap();
     let text = FRAME.replace("duration_s = 0.5", "duration_s = 1");
     let test = write(temp.path(), "test.toml", &text);
@@ -158,7 +158,7 @@ fn a_run_on_the_real_clock_shows_every_phase_of_every_tick() {
         "earlier times are unknown"
     );
     assert!(record[begun + 1..].iter().all(|s| *s > 0.0));
-    // The same reading as in the histogram, which has three digits.
+    // Equal to the reading of the histogram, which has three digits.
     let largest = record.iter().copied().fold(0.0, f64::max) * 1e6;
     let summary = json(&run, "summary.json");
     let highest = summary["timing"]["record"]["max"].as_f64().unwrap();

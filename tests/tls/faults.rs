@@ -1,5 +1,5 @@
-//! What happens to a test over TLS while it runs: strangers disturb nothing; a peer that stops, falls silent or goes is a
-//! stated end.
+//! Faults of a test over TLS while it runs: strangers disturb nothing; a peer that stops, falls silent or leaves ends the test in a
+//! stated way.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -15,7 +15,7 @@ use crate::tls_common::{Authority, EXPIRED, VALID};
 use gusset_record::summary::Status;
 
 const STEPS: u32 = 50;
-/// So long that the test ends when it is told to, and not before.
+/// Long enough that the test ends only when it is stopped.
 const ENDLESS: u32 = 20_000_000;
 const TLS: &[&str] = &["--transport", "tls"];
 
@@ -36,14 +36,14 @@ fn fails_for(test: Running, folder: &Path, words: &str) {
 }
 
 #[test]
-fn strangers_who_fail_the_handshake_are_logged_and_do_not_disturb_a_running_test() {
+fn failed_handshakes_do_not_disturb_a_test() {
     for protocol in ["gusset", "openfresco"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let authority = crate::tls_common::make(folder);
         let served = Served::start(
             folder,
-            // A computed specimen of OpenFresco's protocols lets others wait.
+            // A computed specimen of OpenFresco's protocols makes others wait.
             &if protocol == "gusset" {
                 local()
             } else {
@@ -110,7 +110,7 @@ fn strangers_who_fail_the_handshake_are_logged_and_do_not_disturb_a_running_test
 }
 
 #[test]
-fn a_server_that_goes_is_a_lost_link_and_one_that_says_goodbye_is_heard() {
+fn lost_server_differs_from_a_goodbye() {
     for (kill, words) in [
         (true, "closed the connection"),
         (false, "the specimen said goodbye: its program ends"),
@@ -132,7 +132,7 @@ fn a_server_that_goes_is_a_lost_link_and_one_that_says_goodbye_is_heard() {
 }
 
 #[test]
-fn a_controller_that_is_killed_leaves_the_port_to_the_next() {
+fn killed_controller_frees_the_port() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -145,8 +145,8 @@ fn a_controller_that_is_killed_leaves_the_port_to_the_next() {
     assert_eq!(code, 0, "{said}");
 }
 
-/// Passes bytes between a controller and a server until it is told to keep the last byte of what comes back, and all that
-/// follows.
+/// Passes bytes between a controller and a server. From `stall` on it keeps the last byte of the server's data and everything after
+/// it.
 fn stalling(server: &str, stall: Arc<AtomicBool>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -175,14 +175,14 @@ fn stalling(server: &str, stall: Arc<AtomicBool>) -> String {
                 return;
             }
         }
-        // Held open until the controller goes.
+        // Held open until the controller closes.
         while from.read(&mut buffer).is_ok_and(|count| count > 0) {}
     });
     address
 }
 
 #[test]
-fn a_peer_that_stops_in_the_middle_of_a_record_is_given_up_after_the_time_limit() {
+fn peer_stalled_in_a_record_is_given_up() {
     for protocol in ["gusset", "openfresco"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -210,9 +210,9 @@ fn a_peer_that_stops_in_the_middle_of_a_record_is_given_up_after_the_time_limit(
     }
 }
 
-/// In its own time the loop goes on with stale data; the helper thread gives the record up all the same.
+/// The loop continues with stale data meanwhile; the helper thread gives up the incomplete record all the same.
 #[test]
-fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() {
+fn stalled_peer_ends_a_sampled_tls_test() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -229,7 +229,7 @@ fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() 
         );
     let test = Running::start(folder, "run", &text);
     served.hears("armed for");
-    // Who never answered does not enter the first step at all.
+    // A specimen that never answered does not enter the first step at all.
     test.moves();
     stall.store(true, Ordering::Release);
     fails_for(
@@ -239,9 +239,9 @@ fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() 
     );
 }
 
-/// What a server makes of a controller that stops in the middle of a record.
+/// A server's reaction to a controller that stops in the middle of a record.
 #[test]
-fn a_server_gives_up_a_client_that_stops_in_the_middle_of_a_record() {
+fn client_stalled_in_a_record_is_given_up() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -249,7 +249,7 @@ fn a_server_gives_up_a_client_that_stops_in_the_middle_of_a_record() {
     let mut half = TcpStream::connect(&served.address).unwrap();
     half.set_read_timeout(Some(Duration::from_secs(60)))
         .unwrap();
-    // A handshake record of 512 bytes of which one comes.
+    // A handshake record of 512 bytes of which one arrives.
     half.write_all(&[22, 3, 1, 2, 0, 1]).unwrap();
     served.hears("no end of the TLS handshake within 5 s");
     // The connection closes, after a TLS alert at most.

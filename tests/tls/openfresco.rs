@@ -1,4 +1,4 @@
-//! OpenFresco's protocols over TLS: who is let in, what is said when plain and TLS meet, and what must not be possible.
+//! OpenFresco's protocols over TLS: accepted clients, messages when plain and TLS meet, and forbidden settings.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -46,7 +46,7 @@ fn remote(peer: Peer, server: &Server, tls: Option<TlsClient>) -> Remote {
     .unwrap()
 }
 
-/// Everything up to the first answer; what went wrong.
+/// Runs everything up to the first answer; returns the error.
 fn failure(mut remote: Remote) -> String {
     if let Err(error) = remote.open() {
         return error.to_string();
@@ -67,11 +67,11 @@ fn failure(mut remote: Remote) -> String {
 }
 
 #[test]
-fn plain_and_tls_that_meet_say_so_at_both_ends() {
+fn plain_and_tls_report_it_at_both_ends() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
-    // An element server is asked while it is set up, a site server with the first command.
+    // The loop queries an element server during setup, a site server with the first command.
     for peer in [Peer::Element, Peer::Site] {
         let secure = server(folder, true);
         let said = failure(remote(peer, &secure, None));
@@ -93,11 +93,11 @@ fn plain_and_tls_that_meet_say_so_at_both_ends() {
 }
 
 #[test]
-fn a_certificate_that_will_not_do_is_named_at_both_ends_and_the_port_is_free_again() {
+fn unsuitable_certificate_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let authority = crate::tls_common::make(folder);
-    // A client's certificate need not be there, but one that is shown must hold.
+    // A client need not send a certificate, but a certificate that is sent must be valid.
     for required in [true, false] {
         let here = server(folder, required);
         authority.issue(folder, "client", &["controller"], EXPIRED);
@@ -129,7 +129,7 @@ fn a_certificate_that_will_not_do_is_named_at_both_ends_and_the_port_is_free_aga
 }
 
 #[test]
-fn who_stalls_in_the_handshake_does_not_keep_the_port() {
+fn stalled_handshake_frees_the_port() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -143,7 +143,7 @@ fn who_stalls_in_the_handshake_does_not_keep_the_port() {
     let alone = stall();
     assert_eq!(here.end(), End::Tls(TlsFault::SlowHandshake));
     drop(alone);
-    // Nor does he keep anybody else out in the meantime.
+    // Nor does it keep other clients out in the meantime.
     let mut half = stall();
     let mut good = remote(Peer::Element, &here, Some(client(folder)));
     good.open().unwrap();
@@ -155,7 +155,7 @@ fn who_stalls_in_the_handshake_does_not_keep_the_port() {
 }
 
 #[test]
-fn beyond_loopback_certificates_must_be_required_or_one_machine_named() {
+fn certificates_required_beyond_loopback() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);

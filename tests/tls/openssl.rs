@@ -1,5 +1,5 @@
-//! Certificates of tools/make-certificates, and OpenSSL at the other end: OpenFresco's programs speak TLS through it. Where
-//! there is no `openssl` these tests say so loudly, and fail with CI=true.
+//! Certificates of tools/make-certificates, and OpenSSL at the other end: OpenFresco's programs speak TLS through it. Without
+//! `openssl` these tests print a clear message, and fail with CI=true.
 
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -13,13 +13,13 @@ use gusset_link::openfresco::{End, Nature, Remote, RemoteSettings, Role, ServeSe
 use gusset_link::tls::{TlsClient, TlsFiles, TlsServer};
 use gusset_quantity::substructure::{Command as Move, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
-use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes, write_action};
+use gusset_wire::openfresco::{Action, Carrier, Counts, Peer, Reading, Sizes};
 
 /// The files, or `None` without openssl.
 fn made() -> Option<tempfile::TempDir> {
     if Command::new("openssl").arg("version").output().is_err() {
         let text = "SKIPPED: openssl is not installed\n";
-        // Past the capture of the test harness: nobody sees what a passing test prints.
+        // Past the capture of the test harness, which hides the output of a passing test.
         let _ = std::io::stderr().write_all(text.as_bytes());
         assert!(
             std::env::var_os("CI").is_none_or(|ci| ci != "true"),
@@ -43,7 +43,7 @@ fn make(folder: &Path, names: &[&str]) -> std::process::Output {
 }
 
 #[test]
-fn the_certificates_that_the_script_makes_carry_a_test_and_are_never_overwritten() {
+fn scripts_certificates_carry_a_test() {
     let Some(folder) = made() else { return };
     let folder = folder.path();
     use std::os::unix::fs::PermissionsExt;
@@ -109,7 +109,9 @@ const N: usize = 5;
 
 fn vector(action: Action, disp: f64) -> Vec<u8> {
     let mut bytes = vec![0; 8 * N];
-    write_action(&mut bytes, action).unwrap();
+    let mut codes = (0..100).map(f64::from);
+    let code = codes.find(|code| Action::whole(*code) == Ok(Some(action)));
+    bytes[..8].copy_from_slice(&code.unwrap().to_le_bytes());
     bytes[8..16].copy_from_slice(&disp.to_le_bytes());
     bytes
 }
@@ -119,7 +121,7 @@ fn double(bytes: &[u8], index: usize) -> f64 {
 }
 
 #[test]
-fn an_openssl_client_of_either_version_with_and_without_a_certificate_is_served() {
+fn openssl_client_is_served() {
     let Some(folder) = made() else { return };
     let folder = folder.path();
     let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
@@ -150,7 +152,7 @@ fn an_openssl_client_of_either_version_with_and_without_a_certificate_is_served(
 }
 
 #[test]
-fn an_openssl_server_that_verifies_our_certificate_is_commanded() {
+fn openssl_server_is_commanded() {
     let Some(folder) = made() else { return };
     let folder = folder.path();
     let client = TlsClient::new(
@@ -194,7 +196,7 @@ fn an_openssl_server_that_verifies_our_certificate_is_commanded() {
         });
         let sizes = server.hear(44);
         assert_eq!(sizes[0], 1);
-        // It is asked where it stands: at 0.
+        // The controller queries its position: it is at 0.
         let asked = server.hear(8 * N);
         assert_eq!(asked, vector(Action::Read(Reading::All), 0.0));
         server.say(&[0; 8 * N]);

@@ -1,5 +1,5 @@
-//! What TLS refuses, each in words that say which file or end is wrong: before anything moves, exit code 3; a file of our
-//! own that cannot be used is a mistake of the configuration, exit code 2.
+//! Refusals of TLS, each with the file or end that is wrong: before anything moves, exit code 3. An unusable file of the user is a
+//! mistake of the configuration, exit code 2.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -41,7 +41,7 @@ fn shows(text: &str, part: &str) {
     assert!(text.contains(part), "{part:?} is not in: {text}");
 }
 
-/// One end has a certificate that will not do; what the controller and the server say of it.
+/// One end has an unsuitable certificate; checks the messages of the controller and of the server.
 fn with(spoil: impl Fn(&Authority, &Path), controller: &str, server: &str) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -54,7 +54,7 @@ fn with(spoil: impl Fn(&Authority, &Path), controller: &str, server: &str) {
 }
 
 #[test]
-fn a_certificate_that_has_expired_is_refused_with_the_day() {
+fn expired_certificate_shows_its_day() {
     let day = "its certificate expired on 2003-01-01 00:00:00 UTC";
     with(
         |authority, folder| authority.issue(folder, "client", &["controller"], EXPIRED),
@@ -69,7 +69,7 @@ fn a_certificate_that_has_expired_is_refused_with_the_day() {
 }
 
 #[test]
-fn a_certificate_that_is_not_valid_yet_asks_for_the_clock() {
+fn future_certificate_suggests_the_clock() {
     let day = "its certificate is not valid before 2098-01-01 00:00:00 UTC: is the clock";
     with(
         |authority, folder| authority.issue(folder, "client", &["controller"], FUTURE),
@@ -84,7 +84,7 @@ fn a_certificate_that_is_not_valid_yet_asks_for_the_clock() {
 }
 
 #[test]
-fn a_certificate_of_another_authority_is_refused_at_either_end() {
+fn foreign_authority_refused_at_both_ends() {
     let stranger = Authority::named("another laboratory");
     with(
         |_, folder| stranger.issue(folder, "client", &["controller"], VALID),
@@ -99,7 +99,7 @@ fn a_certificate_of_another_authority_is_refused_at_either_end() {
 }
 
 #[test]
-fn an_authority_that_only_has_the_right_name_is_refused_as_one() {
+fn authority_with_only_the_name_is_refused() {
     let anew = Authority::new();
     let words = "another authority of this name";
     with(
@@ -115,7 +115,7 @@ fn an_authority_that_only_has_the_right_name_is_refused_as_one() {
 }
 
 #[test]
-fn a_clients_certificate_is_none_for_a_server() {
+fn client_certificate_does_not_suit_server() {
     with(
         |authority, folder| {
             authority.issue(folder, "other", LOCAL, VALID);
@@ -133,7 +133,7 @@ fn a_clients_certificate_is_none_for_a_server() {
 }
 
 #[test]
-fn another_host_name_is_refused_with_both_names_and_two_ways_out() {
+fn other_host_name_shows_both_names() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let authority = crate::tls_common::make(folder);
@@ -154,7 +154,7 @@ fn another_host_name_is_refused_with_both_names_and_two_ways_out() {
         let (code, said) = run(folder, name, &table(keys));
         assert_eq!(code, 0, "{said}");
     }
-    // Without the name the authority is still asked.
+    // Without the name the authority is still checked.
     Authority::named("another laboratory").issue(folder, "server", LOCAL, VALID);
     let served = Served::start(folder, &local(), TLS);
     let text = over_tls(&served.address, "[specimen.link.tls]\ncheck_name = false");
@@ -185,7 +185,7 @@ fn bare_client(folder: &Path, address: &str) -> std::io::Result<usize> {
 }
 
 #[test]
-fn a_client_without_a_certificate_is_refused_and_named() {
+fn client_without_certificate_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -198,7 +198,7 @@ fn a_client_without_a_certificate_is_refused_and_named() {
 }
 
 #[test]
-fn plain_and_tls_that_meet_say_so_at_both_ends() {
+fn plain_and_tls_report_it_at_both_ends() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -222,7 +222,7 @@ fn plain_and_tls_that_meet_say_so_at_both_ends() {
 }
 
 #[test]
-fn who_stalls_in_the_handshake_is_given_up_after_the_time_limit() {
+fn stalled_handshake_is_given_up() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -237,7 +237,7 @@ fn who_stalls_in_the_handshake_is_given_up_after_the_time_limit() {
         &reason,
         "it did not finish the TLS handshake within the time limit",
     );
-    // And the server: a caller that says nothing is let go, and one that closes is nobody.
+    // And the server: it drops a silent caller after its limit, and ignores one that closes.
     let served = Served::start(folder, &local(), TLS);
     let silent = TcpStream::connect(&served.address).unwrap();
     drop(TcpStream::connect(&served.address).unwrap());
@@ -245,7 +245,7 @@ fn who_stalls_in_the_handshake_is_given_up_after_the_time_limit() {
     drop(silent);
 }
 
-/// Exit code 2, and what was said, of a test and of a server with these files.
+/// Exit code 2, and the messages, of a test and of a server with these files.
 fn mistakes(spoil: impl Fn(&Authority, &Path, &str)) -> [String; 2] {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -268,7 +268,7 @@ fn mistakes(spoil: impl Fn(&Authority, &Path, &str)) -> [String; 2] {
 }
 
 #[test]
-fn a_file_that_cannot_be_used_is_named_with_its_key() {
+fn unusable_file_is_named_with_its_key() {
     type Spoil = fn(&Authority, &Path, &str);
     let cases: [(Spoil, &str, &str); 5] = [
         (
@@ -320,7 +320,7 @@ fn a_file_that_cannot_be_used_is_named_with_its_key() {
 }
 
 #[test]
-fn the_table_of_a_server_names_its_files_and_says_who_needs_a_certificate() {
+fn table_says_who_needs_a_certificate() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let authority = Authority::new();
@@ -339,7 +339,7 @@ fn the_table_of_a_server_names_its_files_and_says_who_needs_a_certificate() {
     let served = Served::start(folder, &serve("gusset", ""), &[]);
     let (code, said) = run(folder, "run", &over_tls(&served.address, ""));
     assert_eq!(code, 0, "{said}");
-    // Who needs a certificate: nobody on this machine, as OpenFresco has it, unless it is said.
+    // On this machine an OpenFresco client needs no certificate, as in OpenFresco, unless the table requires one.
     for (keys, words) in [
         ("", "a client without a certificate is let in"),
         (
@@ -368,7 +368,7 @@ fn the_table_of_a_server_names_its_files_and_says_who_needs_a_certificate() {
 }
 
 #[test]
-fn tables_and_arguments_that_contradict_the_transport_are_mistakes() {
+fn contradicting_tls_tables_are_mistakes() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);

@@ -47,7 +47,7 @@ fn is_the_same(seen: &str, law: &str, protocol: &str, address: &dyn Fn(&str) -> 
 }
 
 #[test]
-fn our_own_protocol_over_tls_takes_the_same_course_as_in_process() {
+fn native_protocol_over_tls_keeps_the_bits() {
     is_the_same(ONE_AXIS, ONE_AXIS_LAW, "gusset", &str::to_owned);
     // By name, and with more than one axis.
     is_the_same(TWO_AXES, TWO_AXES_LAW, "gusset", &|address| {
@@ -56,13 +56,13 @@ fn our_own_protocol_over_tls_takes_the_same_course_as_in_process() {
 }
 
 #[test]
-fn openfrescos_application_protocol_over_tls_takes_the_same_course_as_in_process() {
+fn openfresco_over_tls_keeps_the_bits() {
     is_the_same(ONE_AXIS, ONE_AXIS_LAW, "openfresco", &str::to_owned);
 }
 
 /// OpenFresco's protocol to the specimen, ours to the test, TLS on both: one authority for three ends.
 #[test]
-fn a_gateway_between_two_links_over_tls_changes_no_number() {
+fn gateway_between_two_tls_links_keeps_bits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);
@@ -84,7 +84,7 @@ fn a_gateway_between_two_links_over_tls_changes_no_number() {
 }
 
 #[test]
-fn every_dialect_of_which_both_ends_are_ours_is_the_same_over_tls() {
+fn every_dialect_keeps_the_bits_over_tls() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     crate::tls_common::make(folder);

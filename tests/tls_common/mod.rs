@@ -11,7 +11,7 @@ use rcgen::{
     KeyUsagePurpose, date_time_ymd,
 };
 
-/// Who signs.
+/// A certificate authority.
 pub struct Authority {
     issuer: Issuer<'static, KeyPair>,
     pem: String,
@@ -23,7 +23,7 @@ pub const VALID: Years = (2020, 2100);
 pub const EXPIRED: Years = (2001, 2003);
 pub const FUTURE: Years = (2098, 2100);
 
-/// What the address of a test's server can be called.
+/// The names by which a test's server can be reached.
 pub const LOCAL: &[&str] = &["localhost", "127.0.0.1", "::1"];
 
 impl Authority {

@@ -1,4 +1,4 @@
-//! What adaptive compensators have in common: coefficients with bounds and rates, and regressors made the same way of
+//! Common parts of adaptive compensators: coefficients with bounds and rates, and regressors made in the same way from
 //! commands and measurements.
 
 use super::filter::{Differences, LowPass};
@@ -25,7 +25,7 @@ pub(super) const COEFFICIENTS: &[Parameter] = &[
     },
 ];
 
-/// Static gain of a lead, in shares of that which it begins with: what an actuator's own may be, and no more.
+/// Static gain of a lead, as a share of its initial gain: the range of an actuator's own gain.
 pub(super) const GAIN: (f64, f64) = (0.7, 1.4);
 
 /// Coefficients that move towards a goal, within bounds and no faster than they may.
@@ -106,7 +106,7 @@ impl Bounded {
         sum
     }
 
-    /// Goes towards `goal`. What is not a number moves nothing. Real-time: yes.
+    /// Moves towards `goal`. A goal that is NaN or infinite moves nothing. Real-time: yes.
     pub(crate) fn approach(&mut self, goal: &[f64]) {
         if !goal.iter().all(|goal| goal.is_finite()) {
             return;
@@ -119,9 +119,9 @@ impl Bounded {
         }
     }
 
-    /// Goes towards `goal` on a straight line, for coefficients that mean something together only: what both ends of the line fit,
-    /// all between them do. The slowest of them gives the pace, and where one stands at its bound all do. What is not a number
-    /// moves nothing. Real-time: yes.
+    /// Moves towards `goal` on a straight line, for coefficients that only have a meaning together: all points between two valid
+    /// ends are valid. The slowest coefficient sets the pace. All stop where one reaches its bound. A goal that is NaN or
+    /// infinite moves nothing. Real-time: yes.
     pub(crate) fn approach_as_one(&mut self, goal: &[f64]) {
         if !goal.iter().all(|goal| goal.is_finite()) {
             return;
@@ -185,7 +185,7 @@ impl Regressors {
         (command, self.derivatives.push(measured))
     }
 
-    /// Ticks after which nothing is left of a pair: the filters', and the differences of what they give.
+    /// Ticks after which a pair has no effect: the filters' memory and that of the differences of their outputs.
     pub(crate) const fn memory(&self) -> u32 {
         self.measured.memory().saturating_add(3)
     }
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_goal_that_is_no_number_moves_nothing() {
+    fn goal_that_is_nan_moves_nothing() {
         let bounds = vec![(0.5, 1.5), (0.0, 0.1)];
         let made = Bounded::new(vec![1.0, 0.01], bounds, None, None, None, 1e-3);
         let mut learnt = made.unwrap();

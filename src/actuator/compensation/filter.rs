@@ -1,12 +1,10 @@
-//! A low pass and backward differences: what regressors are made of. The same filter on both sides of a fit changes nothing
-//! of what fits.
+//! A low pass and backward differences make the regressors. The same filter on both sides of a fit does not change the fit.
 
 use std::f64::consts::PI;
 
 use gusset_quantity::state;
 
-/// Low pass of Butterworth's kind and order 4, as two sections by the bilinear transformation, warped so that the corner is
-/// where it is asked for.
+/// Butterworth low pass of order 4, as two sections by the bilinear transformation, prewarped so that the corner is exact.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LowPass {
     sections: [Section; 2],
@@ -15,12 +13,12 @@ pub(super) struct LowPass {
 
 state! { LowPass { sections } keeps { memory } }
 
-/// What is forgotten to e⁻¹⁴, 1e-6, is forgotten.
+/// A response that has decayed to e⁻¹⁴, 1e-6, counts as forgotten.
 const FORGOTTEN: f64 = 14.0;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Section {
-    /// Of the input; the middle one is twice as large.
+    /// Weight of the input; the middle one is twice as large.
     b: f64,
     a1: f64,
     a2: f64,
@@ -54,7 +52,7 @@ impl LowPass {
         }
     }
 
-    /// Ticks after which nothing is left of an input.
+    /// Ticks after which an input has no effect.
     pub(crate) const fn memory(&self) -> u32 {
         self.memory
     }
@@ -154,7 +152,7 @@ impl History {
         self.ring.get(at).copied().unwrap_or(f64::NAN)
     }
 
-    /// The value so many pushes ago, on the straight line between two of them.
+    /// The value `back` pushes ago, interpolated linearly between two of them.
     pub(crate) fn between(&self, back: f64) -> f64 {
         let whole = back.floor();
         let share = back - whole;

@@ -1,7 +1,7 @@
 //! Least squares over a moving window, without going through the window.
 //!
-//! Sums are kept by adding what comes and taking off what leaves. A second set of sums, begun anew with every window, takes
-//! the place of the first when it holds exactly the window, so that roundoff grows over one window and no longer.
+//! Sums are updated by adding each new row and subtracting each old one. A second set of sums restarts with every window
+//! and replaces the first when it holds exactly the window. So roundoff grows over one window only.
 
 use gusset_quantity::state;
 
@@ -32,7 +32,7 @@ impl Sums {
     }
 }
 
-/// A window of so many rows (φ, u).
+/// A window of this many rows (φ, u).
 #[derive(Debug, Clone)]
 pub(super) struct Window {
     rows: Vec<[f64; MOST + 1]>,

@@ -1,16 +1,16 @@
-//! Compensators: the command that makes a specimen stand where the structure asks, in spite of its actuator.
+//! Compensators: the command that brings a specimen to the target of the structure in spite of its actuator.
 //!
-//! One per axis, in m at the specimen. Each tick [`Compensator::observe`] hears the command in force and what was measured of
-//! it, then [`Compensator::predict`] makes the next command of the next target. A loop whose target and measurement are of the same
-//! tick takes the lead of the target first, observes it with the measurement, and regulates last: what learns has no loop of its
-//! own, so that its lead is its command. Before the first target after
-//! [`Compensator::reset`] the history holds that target as if it had always stood there, so that start-up is a hold and never
-//! an extrapolation from nothing. What adapts is bounded in value and in rate. No allocation after construction, no clock.
+//! One compensator per axis, in m at the specimen. Each tick [`Compensator::observe`] receives the command in force and its
+//! measurement, then [`Compensator::predict`] makes the next command from the next target. Where target and measurement are of
+//! the same tick, the loop takes the lead of the target first, observes it with the measurement, and regulates last. An adaptive
+//! compensator has no feedback loop, so its lead is its command. Before the first target after [`Compensator::reset`] the history
+//! is filled with that target, so that startup is a hold and never an extrapolation. Adaptive parameters are bounded in value and
+//! in rate. No allocation after construction, no clock.
 //!
-//! Derivatives are taken along equally spaced targets only. Where test time is stretched the caller asks for the lead at the
-//! points that the targets of an undisturbed test have, and makes the commands between them itself
-//! ([`Compensator::lead`], [`Compensator::stands`]); what is a loop of its own goes on in every tick
-//! ([`Compensator::regulate`]). Nothing is learnt then, nor as long after it as measurements are remembered:
+//! Derivatives are taken along equally spaced targets only. Where test time is stretched, the caller requests the lead at
+//! the targets of an undisturbed test and makes the commands between them ([`Compensator::lead`], [`Compensator::stands`]).
+//! A feedback loop continues in every tick ([`Compensator::regulate`]). Nothing is learnt then, nor afterwards for as long
+//! as measurements are remembered:
 //!
 //! | kind | lead | of a place at rest | learns | in each tick |
 //! |---|---|---|---|---|
@@ -24,15 +24,15 @@
 //!
 //! - no compensation: while the lag is below the critical delay, about 2ξ/(pω) of the governing mode;
 //! - polynomial on nodes a delay apart, delay as assumed: the chain is H(θ) = 1 − (1 − e^{−iθ})^{n+1}, θ = ωτ; its added damping
-//!   is not negative for θ ≤ π/3 (n = 2) and θ ≤ π/2 (n = 3), slightly negative for n = 1 and everywhere negative near 0 for
-//!   n = 4; above that a lightly damped higher mode is driven. On nodes a step apart the weights grow as (τ/Δt)ⁿ and with them
-//!   what noise does;
+//!   is not negative for θ ≤ π/3 (n = 2) and θ ≤ π/2 (n = 3), slightly negative for n = 1 and everywhere negative near 0 for n =
+//!   4; above that a lightly damped higher mode is driven. On nodes a step apart the weights and the effect of noise grow as
+//!   (τ/Δt)ⁿ;
 //! - Newton form: as the polynomial of order 2 on nodes a step apart, for the family's own v and w;
 //! - inverse: as the polynomial of order 1 on nodes a step apart; exact for a first-order lag;
 //! - model inverse: while the true actuator's phase stays within the structure's damping of the model's;
-//! - adaptive kinds (ATS, AMB, recursive FIR): as the model inverse with the coefficients they have at the moment, which their
-//!   bounds hold to what was declared;
-//! - PI with phase lead: a feedback loop of its own; stable if its loop with the actuator is.
+//! - adaptive kinds (ATS, AMB, recursive FIR): as the model inverse with their present coefficients, which their bounds keep
+//!   near the declared ones;
+//! - PI with phase lead: a separate feedback loop; stable if its loop with the actuator is.
 
 mod adaptive;
 mod amb;
@@ -68,14 +68,14 @@ pub use model_inverse::ModelInverseSpec;
 pub use newton::NewtonSpec;
 pub use none::NoneSpec;
 pub use pi_lead::PiLeadSpec;
-pub use polynomial::{Nodes, PolynomialSpec, horiuchi_weights, lagrange_weights};
+pub use polynomial::{Nodes, PolynomialSpec};
 pub use recursive_fir::RecursiveFirSpec;
 pub use spec::CompensationSpec;
 
 /// Longest history in ticks.
 pub const LONGEST: usize = 8192;
 
-/// One parameter as it stands in the record.
+/// One parameter as listed in the record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
     /// Name of the column's part.
@@ -93,7 +93,7 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         self.regulate(led)
     }
 
-    /// The target as it is ahead: the command of what has no loop of its own. Targets are equally spaced in time.
+    /// The target led ahead: the command of a compensator without a feedback loop. Targets are equally spaced in time.
     fn lead(&mut self, disp: f64, vel: f64, accel: f64) -> f64;
 
     /// The command for a target that is ahead already, in every tick of wall time.
@@ -101,25 +101,24 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         led
     }
 
-    /// What [`Compensator::lead`] gives of a target that has always stood at `disp`, by the parameters of the moment: in
-    /// proportion to it.
+    /// The lead of a target that has always been at `disp`, by the present parameters: in proportion to it.
     fn stands(&self, disp: f64) -> f64 {
         disp
     }
 
-    /// The last target of [`Compensator::lead`] was foretold and came out as `disp`.
+    /// The last target of [`Compensator::lead`] was predicted; its final value is `disp`.
     fn amend(&mut self, disp: f64) {
         let _ = disp;
     }
 
-    /// What was measured while `command` was in force. Called before the next `predict`, once a tick. In a tick without a fresh
-    /// measurement it is not called: the ticks that are missing are noticed before the next that is measured, or are so many that
-    /// nothing is learnt for as long as is remembered.
+    /// Takes the measurement made while `command` was in force. Called before the next `predict`, once a tick. It is not called
+    /// in a tick without a fresh measurement. The ticks that are missing are noticed before the next measured one. If there are
+    /// too many, nothing is learnt for as long as measurements are remembered.
     fn observe(&mut self, command: f64, measured: f64) {
         let _ = (command, measured);
     }
 
-    /// The same where nothing may be learnt of it.
+    /// Like `observe`, but learns nothing.
     fn notice(&mut self, command: f64, measured: f64) {
         let _ = (command, measured);
     }
@@ -129,10 +128,10 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         0
     }
 
-    /// Forgets the past: everything has always stood at `disp`. What was learnt goes back to the start.
+    /// Forgets the past: everything has always been at `disp`. Learnt parameters return to their start.
     fn reset(&mut self, disp: f64);
 
-    /// Names of what [`Compensator::parameters`] gives.
+    /// Names of the values of [`Compensator::parameters`].
     fn names(&self) -> &'static [Parameter] {
         &[]
     }
@@ -142,13 +141,13 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         &[]
     }
 
-    /// What each parameter is kept within; the two are the same where nothing adapts.
+    /// Bounds of each parameter; both are equal where nothing adapts.
     fn bounds(&self) -> &[(f64, f64)] {
         &[]
     }
 }
 
-/// What is wrong with a compensator's description.
+/// Errors in a compensator's description.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum CompensationError {
     /// A number outside its domain.
@@ -156,7 +155,7 @@ pub enum CompensationError {
     Parameter {
         /// Key.
         name: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: f64,
         /// The domain, in words.
         allowed: &'static str,
@@ -168,7 +167,7 @@ pub enum CompensationError {
         name: &'static str,
         /// Entries given.
         found: usize,
-        /// Entries wanted.
+        /// Expected entries.
         wanted: usize,
     },
     /// A bound that holds nothing, or not the start.

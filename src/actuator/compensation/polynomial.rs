@@ -39,7 +39,7 @@ pub enum Nodes {
 
 /// Weights of x(t), x(t − τ) … for x(t + τ): (−1)^j (n+1 over j+1).
 #[must_use]
-pub fn horiuchi_weights(order: u32) -> [f64; 5] {
+pub(crate) fn horiuchi_weights(order: u32) -> [f64; 5] {
     let mut weights = [0.0; 5];
     let n = f64::from(order);
     let mut binomial = n + 1.0;
@@ -53,7 +53,7 @@ pub fn horiuchi_weights(order: u32) -> [f64; 5] {
 
 /// Weights of x\[i\], x\[i−1\] … for x(t + η Δt): Π_{k≠j} (η + k)/(k − j).
 #[must_use]
-pub fn lagrange_weights(order: u32, eta: f64) -> [f64; 5] {
+pub(crate) fn lagrange_weights(order: u32, eta: f64) -> [f64; 5] {
     let mut weights = [0.0; 5];
     for (j, weight) in weights.iter_mut().enumerate().take(order as usize + 1) {
         let mut product = 1.0;

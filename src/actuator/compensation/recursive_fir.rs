@@ -167,8 +167,8 @@ impl RecursiveFir {
         }
     }
 
-    /// What of the past counts after this tick. It forgets no further than it began, or it would wind up where nothing moves:
-    /// then nothing is forgotten at all, for a variance that is cut back alone leaves no covariance.
+    /// Share of the past that still counts after this tick. It forgets no further than it began, or it would wind up where
+    /// nothing moves. Then it forgets nothing at all, because a variance that is cut back alone leaves no covariance.
     fn forgets(&self, gain: &[f64; TAPS], scale: f64) -> f64 {
         let variances = self.covariance.iter().enumerate();
         let trace: f64 = variances
@@ -182,7 +182,7 @@ impl RecursiveFir {
         }
     }
 
-    /// What fits best of all weights whose sum is within its bounds: the estimate, if its own is.
+    /// The best fit of all weights whose sum is within its bounds: the estimate, if its own sum is.
     fn goal(&self) -> [f64; TAPS] {
         let mut goal = self.estimate;
         let sum: f64 = goal.iter().sum();

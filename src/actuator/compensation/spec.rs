@@ -58,8 +58,8 @@ impl CompensationSpec {
         })
     }
 
-    /// Command over target at ω in rad/s for ticks of `dt` seconds; none for what adapts or feeds back, and for what
-    /// cannot be built.
+    /// Command over target at ω in rad/s for ticks of `dt` seconds; `None` for adaptive kinds, feedback, and invalid
+    /// settings.
     #[must_use]
     pub fn response(&self, omega: f64, dt: f64) -> Option<Complex<f64>> {
         let back = |seconds: f64| {
@@ -92,7 +92,7 @@ impl CompensationSpec {
         }
     }
 
-    /// True of what takes second differences of targets, or higher ones, from tick to tick.
+    /// True for a compensator that takes second or higher differences of targets from tick to tick.
     #[must_use]
     pub fn takes_curvature(&self) -> bool {
         match self {
@@ -104,7 +104,7 @@ impl CompensationSpec {
         }
     }
 
-    /// True of what adapts to the measured displacement or feeds it back.
+    /// True for a compensator that adapts to the measured displacement or feeds it back.
     #[must_use]
     pub const fn uses_measured_disp(&self) -> bool {
         matches!(

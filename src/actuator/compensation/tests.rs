@@ -2,6 +2,7 @@ use std::f64::consts::PI;
 
 use nalgebra::Complex;
 
+use super::polynomial::{horiuchi_weights, lagrange_weights};
 use super::*;
 use gusset_quantity::state::{Stateful, TestState};
 
@@ -36,7 +37,7 @@ fn target(k: i32) -> (f64, f64, f64) {
 }
 
 #[test]
-fn weights_are_those_of_the_literature_and_exact_for_their_polynomials() {
+fn weights_are_published_and_exact() {
     assert_eq!(horiuchi_weights(1)[..2], [2.0, -1.0]);
     assert_eq!(horiuchi_weights(2)[..3], [3.0, -3.0, 1.0]);
     assert_eq!(horiuchi_weights(3)[..4], [4.0, -6.0, 4.0, -1.0]);
@@ -59,13 +60,13 @@ fn weights_are_those_of_the_literature_and_exact_for_their_polynomials() {
 }
 
 #[test]
-fn everything_holds_the_first_target_and_what_does_not_learn_keeps_holding_it() {
+fn all_kinds_hold_the_first_target() {
     for text in ALL {
         let mut one = build(text);
         one.reset(2e-3);
         for _ in 0..50 {
             let command = one.predict(2e-3, 0.0, 0.0);
-            // What is learnt of a hold is roundoff of the filters.
+            // A hold teaches only the roundoff of the filters.
             assert!((command - 2e-3).abs() < 1e-12, "{text}: {command}");
             one.observe(command, 2e-3);
         }
@@ -73,7 +74,7 @@ fn everything_holds_the_first_target_and_what_does_not_learn_keeps_holding_it() 
 }
 
 #[test]
-fn the_lead_of_what_learns_is_its_command() {
+fn lead_of_an_adaptive_kind_is_its_command() {
     for text in ALL {
         let mut one = build(text);
         one.reset(0.0);
@@ -84,7 +85,7 @@ fn the_lead_of_what_learns_is_its_command() {
 }
 
 #[test]
-fn newton_the_inverse_and_the_polynomial_on_steps_are_the_same_numbers() {
+fn three_forms_on_steps_give_equal_weights() {
     let delay = 0.0031;
     let pairs = [
         (
@@ -116,7 +117,7 @@ fn newton_the_inverse_and_the_polynomial_on_steps_are_the_same_numbers() {
 }
 
 #[test]
-fn a_compensated_pure_delay_behaves_as_h_of_theta_says() {
+fn compensated_delay_follows_h_of_theta() {
     // A complex exponential through target → polynomial → delay of whole ticks, as sine and cosine side by side.
     let ticks = 40;
     let delay = f64::from(ticks) * DT;
@@ -141,7 +142,7 @@ fn a_compensated_pure_delay_behaves_as_h_of_theta_says() {
                 (found - wanted).norm() < 1e-11,
                 "{order} {theta}: {found} {wanted}"
             );
-            // Added damping has the sign of Im H, as the documentation says it.
+            // Added damping has the sign of Im H, as documented.
             match order {
                 1 => assert!(wanted.im < 0.0),
                 2 => assert_eq!(wanted.im >= 0.0, theta <= PI / 3.0),
@@ -175,7 +176,7 @@ fn through_lag(text: &str, lag: f64, seconds: f64) -> (Box<dyn Compensator>, f64
 }
 
 #[test]
-fn ats_finds_the_inverse_of_a_first_order_lag() {
+fn ats_inverts_a_first_order_lag() {
     let lag = 0.02;
     let (ats, error) = through_lag(
         "ats = { delay_s = 0.015, gain = 1.05, upper = [1.4, 0.1, 1e-3] }",
@@ -187,7 +188,7 @@ fn ats_finds_the_inverse_of_a_first_order_lag() {
         panic!("three coefficients")
     };
     assert!((a0 - 1.0).abs() < 1e-5, "{a0}");
-    // What no coefficient stands for is the T Δt²/6 of the third derivative: 4e-7 of T at 7 Hz, shared out by the fit.
+    // No coefficient represents the T Δt²/6 of the third derivative: 4e-7 of T at 7 Hz, distributed by the fit.
     assert!((a1 - lag).abs() < 5e-5 * lag, "{a1}");
     assert!((a2 - lag * DT / 2.0).abs() < 0.01 * lag * DT / 2.0, "{a2}");
     // T Δt²/6 · d⃛ = 2e-10 s³ · 100 m/s³.
@@ -195,7 +196,7 @@ fn ats_finds_the_inverse_of_a_first_order_lag() {
 }
 
 #[test]
-fn adaptive_kinds_follow_a_lag_better_than_where_they_began() {
+fn adaptive_kinds_improve_on_their_start() {
     let lag = 0.02;
     for (text, bound) in [
         (
@@ -219,8 +220,8 @@ fn adaptive_kinds_follow_a_lag_better_than_where_they_began() {
 }
 
 #[test]
-fn forgetting_does_not_let_a_filter_wind_up_where_nothing_moves() {
-    // A slow, narrow motion through a lag, seen with 10 µm of noise: two of four weights can be told, two cannot.
+fn forgetting_does_not_wind_up_at_rest() {
+    // A slow, narrow motion through a lag, with 10 µm of noise: two of four weights can be identified, two cannot.
     let lag = 0.02;
     let mut one = build("recursive_fir = { delay_s = 0.01, forgetting = 0.999 }");
     one.reset(0.0);
@@ -253,9 +254,9 @@ fn scatter(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// A pure delay and a first-order lag, as they are published for four weights that mean something together only.
+/// A pure delay and a first-order lag, as published for four weights that only have a meaning together.
 #[test]
-fn weights_that_go_together_lead_a_motion_of_any_size() {
+fn coupled_weights_lead_any_motion_size() {
     let (delay, lag) = (0.012, 0.006);
     for rate in [250.0, 1000.0] {
         let dt = 1.0 / rate;
@@ -294,9 +295,9 @@ fn weights_that_go_together_lead_a_motion_of_any_size() {
                     "{rate} {size} {sweeps} {noise}: {most} {late} {:?}",
                     fir.parameters()
                 );
-                // What a lag asks for at 4 Hz is 1 % more than the target.
+                // A lag requires 1 % more than the target at 4 Hz.
                 assert!(most < 1.1 * size, "{all}");
-                // At the end of the sweep what the smallest motion has told of three more weights than one is least: 1.2 %.
+                // At the end of the sweep the smallest motion has determined three more weights than one least well: 1.2 %.
                 assert!(late < 0.02 * size, "{all}");
             }
         }
@@ -304,7 +305,7 @@ fn weights_that_go_together_lead_a_motion_of_any_size() {
 }
 
 #[test]
-fn what_adapts_stays_within_bounds_and_rates_whatever_it_hears() {
+fn adaptation_keeps_bounds_and_rates() {
     for text in [
         "ats = { delay_s = 0.02 }",
         "amb = {}",
@@ -339,9 +340,9 @@ fn what_adapts_stays_within_bounds_and_rates_whatever_it_hears() {
     }
 }
 
-/// What was foretold and put right leaves no trace but roundoff, with weights up to 1e4 at 4 mm.
+/// A predicted and amended target leaves only roundoff, with weights up to 1e4 at 4 mm.
 #[test]
-fn a_target_that_was_amended_is_as_if_it_had_been_so_from_the_start() {
+fn amended_target_leaves_no_trace() {
     for text in ALL {
         let (mut one, mut two) = (build(text), build(text));
         one.reset(0.0);
@@ -362,9 +363,9 @@ fn a_target_that_was_amended_is_as_if_it_had_been_so_from_the_start() {
     }
 }
 
-/// The lead of what has long stood is that of a place at rest, whatever was learnt before.
+/// The lead of a target that has long been at rest is that of a place at rest, whatever was learnt before.
 #[test]
-fn what_stands_is_led_as_a_place_at_rest() {
+fn target_at_rest_is_led_as_a_place_at_rest() {
     for text in ALL {
         let (mut one, _) = through_lag(text, 0.02, 2.0);
         let led = (0..8192).map(|_| one.lead(2e-3, 0.0, 0.0)).last().unwrap();
@@ -374,7 +375,7 @@ fn what_stands_is_led_as_a_place_at_rest() {
 }
 
 #[test]
-fn without_motion_nothing_is_learnt() {
+fn nothing_is_learnt_without_motion() {
     let mut one = build("ats = { delay_s = 0.02 }");
     one.reset(0.0);
     let before = one.parameters().to_vec();
@@ -386,7 +387,7 @@ fn without_motion_nothing_is_learnt() {
 }
 
 #[test]
-fn the_sample_controller_is_tustins_discretisation_of_its_formula() {
+fn sample_controller_matches_tustin() {
     // Open loop (nothing measured): a sine through lead and PI against both transfer functions at z = e^{iωΔt}.
     let mut one = build("pi_lead = {}");
     one.reset(0.0);
@@ -424,7 +425,7 @@ const MORE: [&str; 6] = [
 ];
 
 #[test]
-fn a_restored_compensator_goes_on_with_the_same_bits_and_nothing_allocates() {
+fn restored_compensator_has_the_same_bits() {
     let step = |one: &mut Box<dyn Compensator>, k: i32| {
         let (disp, vel, accel) = target(k);
         let command = one.predict(disp, vel, accel);
@@ -469,9 +470,9 @@ fn a_restored_compensator_goes_on_with_the_same_bits_and_nothing_allocates() {
     }
 }
 
-/// Each kind says which it is: the state of one does not fit another, whatever its size.
+/// Each kind names itself: the state of one does not fit another, whatever its size.
 #[test]
-fn a_state_of_another_compensator_is_refused() {
+fn state_of_another_compensator_is_refused() {
     for (index, text) in ALL.into_iter().enumerate() {
         let mut one = build(text);
         let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
@@ -484,7 +485,7 @@ fn a_state_of_another_compensator_is_refused() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_its_key() {
+fn invalid_compensation_is_refused_by_key() {
     for (text, key) in [
         ("polynomial = { order = 5, delay_s = 0.01 }", "order"),
         ("polynomial = { order = 2, delay_s = 5.0 }", "delay_s"),

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::{Fault, MOST};
 
-/// A geometry that is none. Actuators and rows count from 1.
+/// An invalid geometry. Actuators and rows count from 1.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GeometryError {
     /// None, or more than one, of the three forms.
@@ -21,7 +21,7 @@ pub enum GeometryError {
         /// How many were given.
         found: usize,
     },
-    /// Nobody said which coordinates are driven, and there is more than one choice.
+    /// The driven coordinates are not declared, and there is more than one choice.
     #[error(
         "`coordinates` must say which coordinates of the platform the structure drives: {actuators} actuators in `{key}` can \
          hold several choices of them"
@@ -35,9 +35,9 @@ pub enum GeometryError {
     /// Too many, too few or repeated coordinates.
     #[error("`coordinates` has {found}, but {wanted}")]
     Coordinates {
-        /// What was given.
+        /// The value that was given.
         found: String,
-        /// What is allowed.
+        /// The values that are allowed.
         wanted: String,
     },
     /// A row of the matrix of another length.
@@ -61,10 +61,10 @@ pub enum GeometryError {
     NotFinite {
         /// Actuator, from 1.
         actuator: usize,
-        /// What.
+        /// The wrong key.
         key: &'static str,
     },
-    /// A range of lengths that is none, or that the reference pose is outside of.
+    /// An invalid range of lengths, or one that excludes the reference pose.
     #[error(
         "actuator {actuator}: its pins are {length:.6} m apart at the reference pose, but `length_m` allows {} to {} m",
         range[0],
@@ -75,7 +75,7 @@ pub enum GeometryError {
         actuator: usize,
         /// Pin to pin, m.
         length: f64,
-        /// What is allowed, m.
+        /// The allowed lengths, m.
         range: [f64; 2],
     },
     /// A matrix has no pins that could move.
@@ -87,7 +87,7 @@ pub enum GeometryError {
 }
 
 impl GeometryError {
-    /// The key that is wrong, for whoever shows the place.
+    /// The key that is wrong, for messages that show its place.
     #[must_use]
     pub const fn key(&self) -> &'static str {
         match self {

@@ -1,8 +1,8 @@
-//! What a geometry cannot do, and at which pose.
+//! Errors of a geometry, and the pose at which they occur.
 
 use super::{Coordinate, MOST, Six};
 
-/// What is wrong.
+/// Kinds of errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Wrong {
     /// An actuator would be longer or shorter than its `length_m` allows.
@@ -51,10 +51,10 @@ impl Wrong {
     }
 }
 
-/// What is wrong, and at which pose.
+/// An error and its pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
-    /// What is wrong.
+    /// Kind of the error.
     pub wrong: Wrong,
     coordinates: [Option<Coordinate>; MOST],
     pose: Six,

@@ -1,8 +1,8 @@
 //! The kinematics of a loading unit: from the pose of a platform to the strokes of the actuators that hold it, and back.
 //!
-//! A rigid platform is held by up to six actuators, each with a pin on the reaction frame and one on the platform. Its pose q
-//! is what the structure asks for: translations of a control point in m and rotations in rad, in the plane (`ux`, `uy`, `rz`)
-//! or in space (a rotation vector, `rx`, `ry`, `rz`); coordinates that the structure does not drive stay at zero. Then
+//! A rigid platform is held by up to six actuators, each with a pin on the reaction frame and one on the platform. The
+//! structure commands its pose q: translations of a control point in m and rotations in rad, in the plane (`ux`, `uy`, `rz`)
+//! or in space (a rotation vector, `rx`, `ry`, `rz`). Coordinates that the structure does not drive stay at zero. Then
 //!
 //! ```text
 //! strokes         s(q)            change of the distances between the pins, positive when an actuator gets longer
@@ -13,8 +13,8 @@
 //!
 //! A linear geometry (a matrix of the user's, or J at the reference pose for small displacements) is the same with a J that
 //! does not change. Invariants: a [`Placed`] that was made without an error holds finite numbers and a Jacobian of full rank;
-//! every loop has a bound; nothing allocates after construction; the result depends on the arguments alone. What cannot be
-//! is a [`Fault`], which names the pose; what follows from it is not decided here.
+//! every loop has a bound; nothing allocates after construction; the result depends on the arguments alone. An impossible
+//! pose is a [`Fault`], which names it; the reaction to it is not decided here.
 //!
 //! ```
 //! use gusset_actuator::geometry::{Coordinate, GeometrySpec, PlanePins};
@@ -313,13 +313,13 @@ impl Geometry {
 }
 
 impl Placed {
-    /// Driven coordinates, in their order; what is beyond their number is zero.
+    /// Driven coordinates, in their order; entries beyond their number are zero.
     #[must_use]
     pub const fn pose(&self) -> &[f64; MOST] {
         &self.pose
     }
 
-    /// Strokes of the actuators, m; what is beyond their number is zero.
+    /// Strokes of the actuators, m; entries beyond their number are zero.
     #[must_use]
     pub const fn strokes(&self) -> &[f64; MOST] {
         &self.strokes

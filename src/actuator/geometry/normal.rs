@@ -7,7 +7,7 @@
 use super::{MOST, Six};
 use gusset_quantity::state;
 
-/// A pivot below this share of the largest diagonal is none: a condition number of about 1e4.
+/// A pivot below this share of the largest diagonal counts as zero: a condition number of about 1e4.
 const LEAST: f64 = 1e-8;
 
 /// LDLᵀ of JᵀJ: unit lower triangle and the inverse pivots.

@@ -12,7 +12,7 @@ use super::{MOST, Six};
 
 type Vector = [f64; 3];
 
-/// Below this θ² the series are exact to roundoff: what they leave out is θ⁸/9! of the first term.
+/// Below this θ² the series are exact to roundoff: they omit θ⁸/9! of the first term.
 const SMALL: f64 = 1e-3;
 
 /// A rotation and the functions of its size.

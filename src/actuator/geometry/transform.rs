@@ -1,19 +1,21 @@
-//! From a pose to strokes, from strokes to a pose, and what velocities and forces make of it. All of it is on the real-time path.
+//! Conversion of a pose to strokes, of strokes to a pose, and of velocities and forces between them. All of it is on the
+//! real-time path.
 
 use super::{Coordinate, Fault, Form, Geometry, MOST, Placed, Six, Wrong, plane, space};
 
-/// Newton's steps; a pose that is not found after so many is none. From a pose a fifth of an actuator's length away it takes
-/// five or six.
+/// Newton's steps; a pose that is not found after this many does not exist. From a pose a fifth of an actuator's length away
+/// it takes five or six.
 const MOST_STEPS: usize = 30;
-/// Largest step, in shortest actuators and radians: beyond it the Jacobian says nothing.
+/// Largest step, in shortest actuators and radians: the Jacobian is not valid beyond it.
 const LONGEST_STEP: f64 = 0.3;
-/// After a Newton step of this size the error is about its square; what is left one more step with the old Jacobian takes.
+/// After a Newton step of this size the error is about its square; one more step with the old Jacobian removes the rest.
 const SQUARED_AWAY: f64 = 1e-7;
 /// Gauss–Newton steps get shorter by a factor each: this is roundoff.
 const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
 
 impl Geometry {
-    /// Moves `placed` to a pose: driven coordinates in their order. After an error it stands anywhere. Real-time: yes.
+    /// Moves `placed` to a pose: driven coordinates in their order. After an error its pose is arbitrary. Real-time:
+    /// yes.
     ///
     /// # Errors
     /// Two pins meet, the Jacobian loses rank, or something is not a finite number. Strokes are not judged: see
@@ -26,7 +28,8 @@ impl Geometry {
         Ok(())
     }
 
-    /// The same without what [`Geometry::stroke_forces`] and [`Geometry::pose_rates`] need. Real-time: yes.
+    /// Like `place`, but without the quantities of [`Geometry::stroke_forces`] and [`Geometry::pose_rates`]. Real-time:
+    /// yes.
     fn measure(&self, pose: &[f64], placed: &mut Placed) -> Result<(), Fault> {
         let n = self.coordinates.len();
         for (to, from) in placed.pose.iter_mut().zip(pose) {
@@ -109,11 +112,11 @@ impl Geometry {
         Ok(())
     }
 
-    /// Moves `placed` to the pose in which the actuators have these strokes, from where it stands; with more actuators than
+    /// Moves `placed` from its present pose to the pose in which the actuators have these strokes; with more actuators than
     /// coordinates, to the pose that fits them best. Real-time: yes, at most `MOST_STEPS` steps.
     ///
     /// # Errors
-    /// There is no such pose near, or the way leads through one that is none.
+    /// There is no such pose near, or the path leads through an impossible one.
     pub fn find(&self, strokes: &[f64], placed: &mut Placed) -> Result<(), Fault> {
         self.find_for_forces(strokes, placed)?;
         if self.is_exact() {
@@ -122,8 +125,8 @@ impl Geometry {
         Ok(())
     }
 
-    /// The same where only [`Geometry::pose_forces`] and [`Geometry::stroke_rates`] are wanted afterwards: quicker.
-    /// Real-time: yes.
+    /// Like [`Geometry::find`], but quicker: only [`Geometry::pose_forces`] and [`Geometry::stroke_rates`] are valid
+    /// afterwards. Real-time: yes.
     ///
     /// # Errors
     /// As [`Geometry::find`].
@@ -156,7 +159,7 @@ impl Geometry {
                 }
                 return Ok(());
             }
-            // Least squares come to rest where roundoff goes to and fro.
+            // Least squares stop where roundoff alternates.
             if redundant && (size <= ROUNDOFF || (size <= SQUARED_AWAY && size >= last)) {
                 return Ok(());
             }
@@ -166,7 +169,7 @@ impl Geometry {
         Err(self.fault(Wrong::NotFound, placed))
     }
 
-    /// What is left of the strokes. Real-time: yes.
+    /// The residual of the strokes. Real-time: yes.
     fn left(&self, strokes: &[f64], placed: &Placed) -> Six {
         let mut left = [0.0; MOST];
         let both = strokes.iter().zip(&placed.strokes).take(self.actuators);
@@ -176,7 +179,7 @@ impl Geometry {
         left
     }
 
-    /// Of a step in shortest actuators and radians; infinite if it is no number. Real-time: yes.
+    /// Size of a step in shortest actuators and radians; infinite if it is NaN or infinite. Real-time: yes.
     fn size(&self, step: &Six) -> f64 {
         let mut size = 0.0f64;
         for (coordinate, step) in self.coordinates.iter().zip(step) {

@@ -52,7 +52,7 @@ impl CoupledSpec {
 /// Differences and eigenvalues below this share of the largest entry count as rounding of the entries.
 const ROUNDING: f64 = 1e-9;
 
-/// Rows from the file as a checked matrix by columns (the same by rows, for it is symmetric).
+/// Rows from the file as a checked matrix by columns (and equally by rows, because it is symmetric).
 fn matrix(name: &'static str, rows: &[Vec<f64>], axes: usize) -> Result<Vec<f64>, LawError> {
     let size = |what, found| {
         if found == axes {
@@ -96,7 +96,7 @@ fn matrix(name: &'static str, rows: &[Vec<f64>], axes: usize) -> Result<Vec<f64>
             }
         }
     }
-    // The mean of both halves: what follows relies on exact symmetry.
+    // The mean of both halves: later steps rely on exact symmetry.
     let symmetric = (&by_columns + by_columns.transpose()) * 0.5;
     let eigenvalue = symmetric.symmetric_eigenvalues().min();
     if eigenvalue >= -ROUNDING * largest {
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn forces_are_the_products_of_matrix_and_motion() {
+    fn forces_are_matrix_times_motion() {
         let mut specimen = spec([[3e6, -1e6], [-1e6, 2e6]]).build(2).unwrap();
         let mut force = [0.0; 2];
         specimen.trial(&[1e-3, -2e-3], &[0.5, 0.25], 0.01, &mut force);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_free_body_is_welcome_and_an_indefinite_matrix_is_not() {
+    fn free_body_is_allowed_indefinite_is_not() {
         assert!(spec([[1e6, -1e6], [-1e6, 1e6]]).build(2).is_ok());
         let error = spec([[1e6, -3e6], [-3e6, 1e6]]).build(2).unwrap_err();
         let LawError::Indefinite { name, eigenvalue } = error else {
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_symmetric_matrix_of_numbers_is_refused() {
+    fn invalid_matrix_is_refused() {
         let text = |spec: &CoupledSpec, axes| spec.build(axes).unwrap_err().to_string();
         assert_eq!(
             text(&spec([[1.0, 0.5], [0.4, 1.0]]), 2),

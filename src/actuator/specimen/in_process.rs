@@ -1,7 +1,7 @@
 //! A specimen in this process as a substructure: the command is answered by a formula, at once.
 //!
 //! It commits when the step is accepted and never otherwise. A command whose sequence number was answered already gets
-//! the stored answer, whatever it says, and moves nothing: so does an acceptance that comes twice.
+//! the stored answer, whatever its content, and moves nothing. The same holds for a repeated acceptance.
 
 use super::Specimen;
 use gusset_quantity::state;
@@ -39,7 +39,7 @@ state! {
 enum Phase {
     /// No command has come yet.
     Idle,
-    /// The command stands in the buffers, unanswered.
+    /// The command is in the buffers, unanswered.
     Issued,
     /// Answered; the specimen's trial is that of the command.
     Answered,
@@ -118,7 +118,7 @@ fn break_down(time: f64) -> ! {
     panic!("fault injection: the specimen's code fails on purpose at {time} s")
 }
 
-/// What a specimen says of itself.
+/// Status that a specimen reports.
 pub fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
     let mut status = Status::default();
     if specimen.is_saturated() {
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn through_the_hinge_or_directly_the_specimen_gives_the_same_bits() {
+    fn hinge_does_not_change_the_bits() {
         let mut port = port();
         let mut direct = laws();
         let mut measured = Measurement::zeros(2);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_repeated_sequence_number_gets_the_stored_answer_and_moves_nothing() {
+    fn repeated_number_gets_the_stored_answer() {
         let (mut once, mut twice) = (port(), port());
         let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
         for k in 0..100 {
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_taken_between_exchanges_and_never_within_one() {
+    fn state_is_taken_only_between_exchanges() {
         let (mut one, mut other) = (port(), port());
         let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
         let take = |port: &mut InProcess<Uniaxial>| {
@@ -378,7 +378,7 @@ mod tests {
         assert_eq!(other, one);
     }
 
-    /// Counts what is done to it; its force is the number of commits so far.
+    /// Counts its calls; its force is the number of commits so far.
     #[derive(Debug, Default)]
     struct Counter {
         trials: u32,
@@ -412,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn one_sequence_number_is_one_trial_and_one_commit() {
+    fn one_number_is_one_trial_and_one_commit() {
         let mut port = InProcess::new(Counter::default());
         let mut into = Measurement::zeros(1);
         for k in 0..10 {
@@ -432,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_is_not_accepted_leaves_no_trace() {
+    fn rejected_step_leaves_no_trace() {
         let (mut plain, mut disturbed) = (port(), port());
         let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
         disturbed
@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_a_final_fault() {
+    fn value_that_is_not_finite_is_a_fault() {
         let mut port = port();
         let mut into = Measurement::zeros(2);
         port.issue(&command(0, &[0.0, f64::NAN], &[0.0; 2]))
@@ -464,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_from_the_caller_is_refused_without_a_panic() {
+    fn nonsense_is_refused_without_a_panic() {
         let mut into = Measurement::zeros(2);
         assert_eq!(port().collect(Nanos(0), &mut into), Err(LinkFault::Timeout));
         let wrong_axes = command(0, &[0.0], &[0.0]);

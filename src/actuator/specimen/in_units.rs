@@ -1,5 +1,5 @@
-//! A specimen whose axes count in units of their own: the adapter that makes a law in SI answer a command in
-//! millimetres with a force in kilonewtons, as the controller of a real rig does.
+//! A specimen whose axes have other units than SI. This adapter makes a law in SI answer a command in millimetres with
+//! a force in kilonewtons, like the controller of a real rig.
 
 use super::Specimen;
 use gusset_numerics::law::Reach;
@@ -83,7 +83,7 @@ impl<S: Specimen> Specimen for InUnits<S> {
         self.specimen.measured(&mut self.read);
         let both = disp.iter_mut().zip(&self.read).zip(&self.units);
         for ((disp, read), (metres, _)) in both {
-            // What follows exactly keeps the very bits of its command.
+            // A specimen that follows exactly keeps the very bits of its command.
             if metres * *disp != *read {
                 *disp = read / metres;
             }
@@ -141,7 +141,7 @@ mod tests {
     use gusset_numerics::law::{LawSpec, LinearSpec};
 
     #[test]
-    fn a_spring_in_millimetres_and_kilonewtons_is_the_same_spring() {
+    fn units_do_not_change_a_spring() {
         let law = LawSpec::Linear(LinearSpec {
             stiffness_n_per_m: 8e6,
             damping_n_s_per_m: 0.0,

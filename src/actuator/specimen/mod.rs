@@ -3,7 +3,7 @@
 //! A [`Specimen`] is pure mathematics, so the same object serves in the loop, behind a server and in a
 //! simulated link. [`InProcess`] makes a [`Substructure`](gusset_quantity::substructure::Substructure) of it.
 
-/// What a specimen around another one leaves to the one inside: `passed_on!(self => self.inner)` within its `impl Specimen`.
+/// Methods that a wrapper passes on to the specimen inside: `passed_on!(self => self.inner)` within its `impl Specimen`.
 macro_rules! passed_on {
     ($self:ident => $inner:expr) => {
         fn is_saturated(&$self) -> bool {
@@ -48,14 +48,14 @@ pub use mounted::Mounted;
 pub use platform::{Gear, Platform};
 pub use spec::SpecimenLaw;
 pub use stiffened::Stiffened;
-pub use uniaxial::Uniaxial;
+pub(crate) use uniaxial::Uniaxial;
 
 use gusset_numerics::law::Reach;
 use gusset_quantity::state::Stateful;
 
-/// What can stand behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
+/// The object behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
 ///
-/// All methods are on the real-time path, except those that say otherwise.
+/// All methods are on the real-time path, unless their comment excludes it.
 pub trait Specimen: Stateful + Send + std::fmt::Debug {
     /// Number of axes n.
     fn axes(&self) -> usize;
@@ -64,8 +64,8 @@ pub trait Specimen: Stateful + Send + std::fmt::Debug {
     /// starts from the committed state; slices have n entries.
     fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]);
 
-    /// Where a sensor says that the last trial took the specimen, m. On call `disp` is the command, where it stays for
-    /// whatever follows its command exactly.
+    /// Displacement that a sensor reads after the last trial, m. On call `disp` is the command, and stays so for a
+    /// specimen that follows exactly.
     fn measured(&mut self, disp: &mut [f64]) {
         let _ = disp;
     }
@@ -75,13 +75,13 @@ pub trait Specimen: Stateful + Send + std::fmt::Debug {
         false
     }
 
-    /// False if an actuator and what it moves did not come to terms in the last trial: its answer is not exact.
+    /// False if the actuator–specimen iteration did not converge in the last trial: the answer is not exact.
     fn is_settled(&self) -> bool {
         true
     }
 
-    /// Told before the first trial, where it is known: commands come every `seconds` of wall time, 0 where that is not known any
-    /// more. Whoever samples at that rate cannot see it while test time stands still.
+    /// Announces before the first trial, where it is known, that commands come every `seconds` of wall time; 0 where it is no
+    /// longer known. A specimen that samples at that rate cannot see it while test time stops.
     fn commanded_every(&mut self, seconds: f64) {
         let _ = seconds;
     }

@@ -1,13 +1,13 @@
-//! A specimen that does not stand at the zero of its axes, and whose load cells do not read zero at rest: f(d − d₀) + f₀.
+//! A specimen that is not at the zero of its axes, and whose load cells do not read zero at rest: f(d − d₀) + f₀.
 
 use super::Specimen;
 use gusset_numerics::law::Reach;
 
-/// A specimen whose deformation is zero where its axes stand at an offset. Everything in SI.
+/// A specimen whose deformation is zero at an offset of its axes. Everything in SI.
 #[derive(Debug)]
 pub struct Mounted {
     specimen: Box<dyn Specimen>,
-    /// Of each axis: its place in m, and what it reads there in N.
+    /// For each axis: its place in m, and its reading there in N.
     offsets: Vec<(f64, f64)>,
     disp: Vec<f64>,
     read: Vec<f64>,
@@ -16,8 +16,8 @@ pub struct Mounted {
 gusset_quantity::state! { Mounted { specimen } keeps { offsets, disp, read } }
 
 impl Mounted {
-    /// `offsets` holds, for each axis, where it stands in m and what it reads in N at a deformation of zero; the specimen itself
-    /// where nothing is off.
+    /// `offsets` holds, for each axis, its position in m and its reading in N at a deformation of zero. Returns the specimen
+    /// itself if all are zero.
     #[must_use]
     pub fn around(specimen: Box<dyn Specimen>, offsets: &[(f64, f64)]) -> Box<dyn Specimen> {
         if offsets.iter().all(|offset| *offset == (0.0, 0.0)) {
@@ -61,7 +61,7 @@ impl Specimen for Mounted {
         self.specimen.measured(&mut self.read);
         let both = disp.iter_mut().zip(&self.read).zip(&self.offsets);
         for ((disp, read), (stands, _)) in both {
-            // What follows exactly keeps the very bits of its command.
+            // A specimen that follows exactly keeps the very bits of its command.
             if *disp - stands != *read {
                 *disp = read + stands;
             }
@@ -109,11 +109,11 @@ mod tests {
     }
 
     #[test]
-    fn off_its_zero_it_is_the_same_specimen() {
+    fn offset_does_not_change_the_specimen() {
         let (mut plain, mut off) = (plastic(), Mounted::around(plastic(), &[(0.25, 40.0)]));
         let (mut expected, mut force) = ([0.0], [0.0]);
         for k in 0..60 {
-            // Exact in binary, so that nothing is lost on the way.
+            // Exact in binary, so that nothing is lost in the conversion.
             let disp = f64::from((7 * k) % 32 - 16) / 1024.0;
             plain.trial(&[disp], &[0.0], 0.01, &mut expected);
             off.trial(&[disp + 0.25], &[0.0], 0.01, &mut force);

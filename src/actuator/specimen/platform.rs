@@ -1,19 +1,20 @@
 //! A law at a platform that actuators hold: strokes in, forces of the actuators out.
 //!
-//! The strokes have a pose, the law answers it, and its forces are shared by the actuators so that the work is the same on
-//! both sides. The pose is sought from the reference pose every time: it depends on the strokes alone, not on the way there. With the controller's own geometry on the other side nothing of this is seen; with another one (small
-//! displacements there, exact pins here) it shows what that costs.
+//! The strokes have a pose, the law answers it, and the actuators share its forces so that the work is the same on both sides.
+//! The pose is sought from the reference pose every time: it depends on the strokes alone, not on the path to them. With the
+//! controller's own geometry on the other side this has no effect. With another one (small displacements there, exact pins here)
+//! it shows the error.
 
 use super::Specimen;
 use crate::geometry::{Geometry, MOST, Placed};
 use gusset_numerics::law::Reach;
 
-/// What lies between an actuator's stroke and the number that its axis is told.
+/// Relation between an actuator's stroke and the command of its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gear {
-    /// Of the axis per stroke; not zero.
+    /// Axis per stroke; not zero.
     pub ratio: f64,
-    /// Of the axis at a stroke of zero, m.
+    /// Axis at a stroke of zero, m.
     pub offset: f64,
 }
 
@@ -33,7 +34,7 @@ gusset_quantity::state! { <S: Specimen> Platform<S> { specimen } keeps { geometr
 type Square = [f64; MOST * MOST];
 
 impl<S: Specimen> Platform<S> {
-    /// `specimen` must have as many axes as the geometry has coordinates; a gear that is missing is none.
+    /// `specimen` must have as many axes as the geometry has coordinates; a missing gear counts as one to one.
     #[must_use]
     pub fn new(specimen: S, geometry: Geometry, gears: &[Gear]) -> Self {
         let none = Gear {
@@ -100,7 +101,7 @@ impl<S: Specimen> Specimen for Platform<S> {
         }
         self.trial = self.geometry.reference();
         if self.geometry.find(&strokes, &mut self.trial).is_err() {
-            // No pose, no force: whoever asked is told that it is not a number.
+            // No pose, no force: the caller receives NaN.
             self.trial = self.geometry.reference();
             force.fill(f64::NAN);
             return;
@@ -129,7 +130,7 @@ impl<S: Specimen> Specimen for Platform<S> {
         self.to_actuators(&at, &m, mass);
     }
 
-    /// Of the law; what its force does while the actuators turn is not in it.
+    /// Tangent of the law; it omits the change of its force as the actuators turn.
     fn tangent(&self, stiffness: &mut [f64]) {
         let size = self.coordinates() * self.coordinates();
         let mut k = [0.0; MOST * MOST];
@@ -216,9 +217,9 @@ mod tests {
         law.build(3).unwrap()
     }
 
-    /// A pose is told as strokes; what the actuators feel, brought back, is what the law says of the pose itself.
+    /// A pose is commanded as strokes; the forces of the actuators, transformed back, are those of the law at the pose.
     #[test]
-    fn the_actuators_feel_what_the_law_says_of_the_pose() {
+    fn actuator_forces_are_those_of_the_pose() {
         let geometry = geometry();
         let gears = [
             Gear {
@@ -262,7 +263,7 @@ mod tests {
 
     /// Pᵀ K P with P = J⁻¹: brought back by J it is K again, gears included.
     #[test]
-    fn matrices_of_the_law_come_to_the_actuators_and_back() {
+    fn law_matrices_convert_to_actuators() {
         let geometry = geometry();
         let gears = [Gear {
             ratio: -2.0,
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frozen_platform_goes_on_to_the_last_bit_and_allocates_nothing() {
+    fn restored_platform_has_the_same_bits() {
         let law = "bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, post_yield_ratio = 0.1, beta = 0.5, \
                    gamma = 0.5, exponent = 1.5 }";
         let law: LawSpec = toml::from_str(law).unwrap();
@@ -325,9 +326,9 @@ mod tests {
         assert_eq!(count.count_total, 0);
     }
 
-    /// A hold, or a test that goes on after an interruption, asks for the same strokes again: not a bit may change.
+    /// A hold, or a test that resumes after an interruption, commands the same strokes again: not a bit may change.
     #[test]
-    fn the_same_strokes_have_the_same_force_whatever_came_before() {
+    fn force_depends_only_on_strokes() {
         let ask = |platform: &mut Platform<Box<dyn Specimen>>, disp: [f64; 3]| {
             let mut force = [0.0; 3];
             platform.trial(&disp, &[0.0; 3], 0.0, &mut force);

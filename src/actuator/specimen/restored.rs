@@ -76,7 +76,7 @@ fn drive(specimen: &mut dyn Specimen, ticks: std::ops::Range<u32>, scale: f64) -
 }
 
 #[test]
-fn every_specimen_continues_from_a_restored_state_with_the_same_bits() {
+fn restored_specimens_have_the_same_bits() {
     for (text, axes) in SPECIMENS {
         let law: SpecimenLaw = toml::from_str(text).unwrap();
         for around in ["", "units", "mounted", "stiffened", "platform"] {

@@ -19,7 +19,7 @@ pub enum SpecimenLaw {
 }
 
 impl SpecimenLaw {
-    /// The force in N at which an axis yields from its virgin state, if its law says that.
+    /// The force in N at which an axis yields from its virgin state, if its law has one.
     #[must_use]
     pub fn yield_force(&self, axis: usize) -> Option<f64> {
         match self {
@@ -43,7 +43,7 @@ impl SpecimenLaw {
         }
     }
 
-    /// The behaviour from the three keys of a specimen's table, which exclude each other; none of them is `None`.
+    /// The behaviour from the three keys of a specimen's table, which exclude each other; `None` without any of them.
     ///
     /// # Errors
     /// More than one of them is given.
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn the_three_keys_of_a_specimen_build_what_they_say() {
+    fn each_key_builds_its_specimen() {
         let one = "law = { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, \
                    post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2 } }";
         let two = "laws = [ { linear = { stiffness_n_per_m = 2.0 } }, { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 3.0 } } ]";

@@ -3,8 +3,8 @@
 use super::Specimen;
 use gusset_numerics::law::Reach;
 
-/// A specimen whose stiffness and damping are `factor` times those of the law inside, at the same strength: what yields, yields
-/// at the same force. What it declares of itself is what the law inside declares: nobody knows better.
+/// A specimen with `factor` times the stiffness and damping of the law inside, at the same strength: it yields at the same
+/// force. It declares the properties of the law inside, because no better ones are known.
 #[derive(Debug)]
 pub struct Stiffened {
     inner: Box<dyn Specimen>,
@@ -88,7 +88,7 @@ mod tests {
     use crate::specimen::SpecimenLaw;
 
     #[test]
-    fn a_stiffer_spring_yields_at_the_same_force() {
+    fn stiffer_spring_yields_at_equal_force() {
         let law: SpecimenLaw = toml::from_str(
             "law.bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, post_yield_ratio = 0.1 }",
         )

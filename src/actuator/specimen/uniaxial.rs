@@ -6,7 +6,7 @@ use gusset_quantity::state;
 
 /// A specimen with one independent law per axis. Declares no mass.
 #[derive(Debug)]
-pub struct Uniaxial {
+pub(crate) struct Uniaxial {
     laws: Vec<Box<dyn Law>>,
 }
 
@@ -17,7 +17,7 @@ impl Uniaxial {
     ///
     /// # Errors
     /// No law at all.
-    pub fn new(laws: Vec<Box<dyn Law>>) -> Result<Self, LawError> {
+    pub(crate) fn new(laws: Vec<Box<dyn Law>>) -> Result<Self, LawError> {
         if laws.is_empty() {
             return Err(LawError::Size {
                 name: "laws",

@@ -1,7 +1,7 @@
-//! One actuator: from the command of a tick to where the specimen stands at its end.
+//! One actuator: from the command of a tick to the position of the specimen at its end.
 //!
-//! Between commands lies a straight line or the new command, which the linear part follows exactly. Limits act at the ends of ticks. While test
-//! time stands still nothing moves, except what follows its command at once.
+//! Between commands lies a straight line or the new command, which the linear part follows exactly. Limits act at the ends of
+//! ticks. While test time stops nothing moves, except a part that follows its command at once.
 
 use super::between_ticks::BetweenTicks;
 use super::delay::Delay;
@@ -12,8 +12,8 @@ use gusset_quantity::state;
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;
-/// Least and most of a correction that a secant may go; the least, too, where it leads away. The most is needed by what slips
-/// from a stiffness that is far above that of the mass and the tick.
+/// Smallest and largest factor of a secant on a correction; the smallest also applies where it leads away. A slip from a
+/// stiffness far above that of the mass and the tick needs the largest.
 const SHARES: [f64; 2] = [1.0 / 64.0, 1024.0];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -21,7 +21,7 @@ struct State {
     /// Delayed command.
     drive: f64,
     x: [f64; STATES],
-    /// What the specimen's force is beyond its linear estimate.
+    /// The specimen's force beyond its linear estimate.
     residual: f64,
 }
 
@@ -36,7 +36,7 @@ enum Dynamics {
     Servo(Box<Servo>),
 }
 
-/// Where limits lie; infinite where there is none.
+/// Limits; infinite where there is no limit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
     pub rate: f64,
@@ -57,9 +57,9 @@ pub(super) struct Axis {
     primed: bool,
     committed: State,
     trial: State,
-    /// Whether this trial ends at the end of the stroke, of an actuator that feels its specimen.
+    /// Whether this trial ends at the end of the stroke, for an actuator in the loop.
     stopped: bool,
-    /// The last correction of this trial and what was made of it; none before the first.
+    /// The last correction of this trial and its result; `None` before the first.
     corrected: Option<(f64, f64)>,
     command: [f64; 2],
     pub disp: f64,
@@ -79,7 +79,7 @@ state! {
 }
 
 impl Axis {
-    /// `stiffness` and `damping` are the specimen's own estimates, for what feels the specimen.
+    /// `stiffness` and `damping` are the specimen's own estimates, for an actuator in the loop.
     pub(crate) fn new(
         delay: Delay,
         actuator: Option<&ActuatorSpec>,
@@ -128,8 +128,8 @@ impl Axis {
         self.bounds.force
     }
 
-    /// The actuator stands at rest where `disp` takes it, as if it had always been commanded. `force` is the specimen's at
-    /// the place that [`Axis::rest`] gave.
+    /// Puts the actuator at rest where `disp` takes it, as if it had always been commanded. `force` is the specimen's at
+    /// the position that [`Axis::rest`] gave.
     pub(crate) fn prime(&mut self, disp: f64, force: f64) {
         self.delay.prime(disp);
         let mut state = State {
@@ -212,8 +212,8 @@ impl Axis {
         self.limit(dt);
     }
 
-    /// The specimen resists with `force` where [`Axis::go`] took it: zero if that is what was expected; else the share of it that
-    /// was not, and it stands elsewhere now. Real-time: yes.
+    /// Takes the specimen's `force` at the place of [`Axis::go`]. Returns zero if it is as expected, else the unexpected share of
+    /// it; the position changes then. Real-time: yes.
     pub(crate) fn correct(&mut self, force: f64) -> f64 {
         let Dynamics::Servo(servo) = &self.dynamics else {
             return 0.0;
@@ -222,7 +222,7 @@ impl Axis {
         let residual = force - linear;
         let change = residual - self.trial.residual;
         if self.stopped {
-            // However it resists, it stands; what that was holds when it leaves.
+            // It stays, whatever the force; the residual applies when it leaves.
             self.trial.residual = residual;
             return 0.0;
         }
@@ -231,7 +231,7 @@ impl Axis {
         if change.abs() <= 1e-12 * size || self.dt <= 0.0 {
             return 0.0;
         }
-        // What falls quickly is left to itself; else the secant through this correction and the last says how far to go.
+        // A correction that falls quickly needs no help; else the secant through it and the last one gives the step.
         let step = match self.corrected {
             Some((before, way)) if change.abs() > SLOWLY * before.abs() => {
                 let share = way / (before - change);
@@ -253,7 +253,7 @@ impl Axis {
         };
         servo.tick.add_to_end(&mut self.trial.x, 1, step);
         self.limit(self.dt);
-        // A number that is none is no small share.
+        // NaN or infinity is not a small share.
         if change.is_finite() {
             change.abs() / size
         } else {
@@ -261,8 +261,8 @@ impl Axis {
         }
     }
 
-    /// True if the committed state is at the end of the stroke, and the cylinder presses it there. Where it leaves within a tick it
-    /// stands to the end of that: no more than the cube of a tick of its way is lost. Real-time: yes.
+    /// True if the committed state is at the end of the stroke, and the cylinder presses it there. If it leaves within a tick, it
+    /// stays to the end of that tick: the loss is at most the cube of a tick of its path. Real-time: yes.
     fn is_pressed(&self, servo: &Servo) -> bool {
         let State { x, residual, .. } = &self.committed;
         let left = x[FORCE] - (servo.stiffness * x[DISP] + residual);
@@ -279,7 +279,7 @@ impl Axis {
         if let Dynamics::Servo(servo) = &self.dynamics {
             let excess = state.x[FORCE] - state.x[FORCE].clamp(-force, force);
             if excess != 0.0 {
-                // The mass does not feel what the cylinder cannot give.
+                // The mass does not receive the force that the cylinder cannot give.
                 if !self.stopped {
                     servo.tick.add_to_end(&mut state.x, 1, excess);
                 }
@@ -297,7 +297,7 @@ impl Axis {
         if state.x[DISP].abs() > stroke {
             let end = stroke.copysign(state.x[DISP]);
             if let Dynamics::Servo(servo) = &self.dynamics {
-                // The way that it did not go has not bled the cylinder.
+                // The displacement that it did not make has not bled the cylinder.
                 state.x[FORCE] += servo.bled(state.x[DISP] - end);
                 state.x[FORCE] = state.x[FORCE].clamp(-force, force);
                 self.stopped = true;
@@ -310,15 +310,15 @@ impl Axis {
         self.vel = state.x[VEL];
     }
 
-    /// The actuator stalls on its way: it stands where this share of the way ends. Real-time: yes.
+    /// The actuator stalls: it stops after this share of the step. Real-time: yes.
     pub(crate) fn stall_at(&mut self, share: f64) {
         let before = self.committed.x[DISP];
         self.disp = before + share * (self.trial.x[DISP] - before);
         self.vel = share * self.trial.x[VEL];
     }
 
-    /// What the actuator gives, where it is part of the loop. At the end of the stroke the stop takes what is beyond the
-    /// specimen's force.
+    /// Force of the actuator, where it is part of the loop. At the end of the stroke the stop takes the force beyond the
+    /// specimen's.
     pub(crate) fn force(&self) -> Option<f64> {
         (self.feels_the_specimen() && !self.stopped).then_some(self.trial.x[FORCE])
     }

@@ -1,4 +1,4 @@
-//! How a command goes from one tick to the next before it reaches an actuator.
+//! Course of a command from one tick to the next before it reaches an actuator.
 
 use nalgebra::Complex;
 use schemars::JsonSchema;

@@ -1,9 +1,9 @@
 //! A pure delay of any length: commands that ramp from tick to tick, read a while ago.
 //!
-//! The command between two ticks is a straight line, so that a delay of a fraction of a tick is a weighted mean of two
-//! commands, exactly at each tick; what follows sees a straight line between two ticks again. The history stands on a grid of
-//! one tick. A step of several ticks (commands were lost on the way) fills it in; one of a part of a tick (a test that eases
-//! into motion) goes on from where the last one ended.
+//! The command between two ticks is a straight line. So a delay of a fraction of a tick is a weighted mean of two commands,
+//! exactly at each tick, and the next stage sees a straight line between two ticks again. The history lies on a grid of one
+//! tick. A step of several ticks (commands were lost) fills it in. A step of a part of a tick (a hold ramp) continues from
+//! the end of the last one.
 
 use gusset_quantity::state::{Stateful, Visit};
 
@@ -56,7 +56,7 @@ impl Delay {
         self.ring.is_empty()
     }
 
-    /// The specimen has always stood at `disp`.
+    /// Begins with a specimen that has always been at `disp`.
     pub(crate) fn prime(&mut self, disp: f64) {
         self.ring.fill([disp, 0.0]);
         self.head = [disp, 0.0];
@@ -73,8 +73,8 @@ impl Delay {
         self.ring.get(at).copied().unwrap_or([f64::NAN; 2])
     }
 
-    /// What arrives now, `dt` after the last committed command, if `motion` is the newest command. Not a number where the
-    /// history does not reach. Real-time: yes.
+    /// The delayed command, `dt` after the last committed one, if `motion` is the newest. NaN where the history does not
+    /// reach. Real-time: yes.
     pub(crate) fn trial(&mut self, motion: Motion, dt: f64) -> Motion {
         if self.is_none() {
             return motion;
@@ -103,7 +103,8 @@ impl Delay {
         }
     }
 
-    /// What arrives at the moment `end`, in ticks beyond the newest entry, if `motion` is the command of that moment.
+    /// The delayed command at the moment `end`, in ticks beyond the newest entry, if `motion` is the command of that
+    /// moment.
     fn between(&self, end: f64, motion: Motion) -> Motion {
         let at = end - (self.whole as f64 + self.share);
         if at <= 0.0 {
@@ -120,7 +121,7 @@ impl Delay {
         mix(self.head, motion, (at - self.beyond) / (end - self.beyond))
     }
 
-    /// `dt` in whole ticks of the grid, if it goes from entry to entry.
+    /// `dt` in whole ticks of the grid, if it leads from entry to entry.
     fn ticks(&mut self, dt: f64) -> Option<usize> {
         if self.grid == 0.0 {
             self.lay_out(dt);
@@ -174,7 +175,7 @@ impl Delay {
         }
         let last = std::mem::replace(&mut self.head, motion);
         if dt <= 0.0 {
-            // A jump while test time stands still.
+            // A jump while test time stops.
             if self.beyond == 0.0
                 && let Some(entry) = self.ring.get_mut(self.newest)
             {
@@ -189,11 +190,11 @@ impl Delay {
             }
             return;
         }
-        // Part of a tick: entries that are passed stand on the line from the last command to this one.
+        // Part of a tick: passed entries are on the line from the last command to this one.
         let steps = dt / self.grid;
         let end = self.beyond + steps;
         let count = (end + SAME).floor();
-        // However long it took: what is older than the history is not remembered.
+        // However long it took: older commands than the history are not kept.
         for back in (0..(count as usize).min(self.ring.len())).rev() {
             let k = count - back as f64;
             self.push(mix(last, motion, ((k - self.beyond) / steps).min(1.0)));
@@ -258,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_delays_give_the_very_commands_and_fractions_their_straight_line() {
+    fn delays_are_exact_and_linear_in_between() {
         let dt = 1.0 / 4096.0;
         let command = |t: f64| libm::sin(200.0 * t);
         for ticks in [1.0, 7.0, 0.0, 3.25, 0.5] {
@@ -277,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_is_delayed_exactly_over_lost_ticks_and_another_grid() {
+    fn ramp_delay_is_exact_over_lost_ticks() {
         let mut delay = Delay::new(0.0105, 64, None);
         delay.prime(0.0);
         let mut t = 0.0;
@@ -299,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_that_eases_into_motion_is_delayed_by_as_much() {
+    fn hold_ramp_is_delayed_equally() {
         // A history for the nominal tick alone, and steps of any part of it down to a thousandth.
         let dt = 1e-3;
         let mut delay = Delay::new(3.7e-3, 7, Some(dt));
@@ -317,7 +318,7 @@ mod tests {
             let wanted = (t - 3.7e-3).max(0.0);
             // The corner at t = 0 is on the grid.
             assert!((found - wanted).abs() < 1e-12, "{k} {t}: {found} {wanted}");
-            // Time stands still.
+            // Time stops.
             let still = delay.trial([t, 0.0], 0.0)[0];
             delay.commit([t, 1.0], 0.0);
             assert!((still - wanted).abs() < 1e-12, "{k} {t}: {still} {wanted}");
@@ -341,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_history_goes_on_with_the_same_bits() {
+    fn restored_history_has_the_same_bits() {
         let (mut one, mut two) = (Delay::new(0.0123, 40, None), Delay::new(0.0123, 40, None));
         one.prime(0.5);
         for k in 0..70 {

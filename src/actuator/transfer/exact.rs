@@ -2,12 +2,12 @@
 //! zero-order hold.
 //!
 //! With time counted in ticks and A, B scaled accordingly, the exponential of \[A B 0; 0 0 I; 0 0 0\] holds everything: the state
-//! transition, what a held input adds and what its ramp adds (first-order hold; Van Loan 1978). Accurate to roundoff.
+//! transition, and the contributions of a held input and of its ramp (first-order hold; Van Loan 1978). Accurate to roundoff.
 
 /// A square matrix by rows.
 pub(crate) type Square<const D: usize> = [[f64; D]; D];
 
-/// Terms of the Taylor series; with a norm of at most 1/2 what is left out is below 1e-20.
+/// Terms of the Taylor series; with a norm of at most 1/2 the omitted ones are below 1e-20.
 const TERMS: usize = 16;
 
 fn product<const D: usize>(a: &Square<D>, b: &Square<D>) -> Square<D> {
@@ -61,9 +61,9 @@ pub(crate) fn exponential<const D: usize>(a: &Square<D>) -> Square<D> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ramped<const N: usize, const M: usize> {
     state: [[f64; N]; N],
-    /// What the inputs at the start of the tick add.
+    /// Contribution of the inputs at the start of the tick.
     start: [[f64; M]; N],
-    /// What the inputs at its end add.
+    /// Contribution of the inputs at its end.
     end: [[f64; M]; N],
 }
 
@@ -146,7 +146,7 @@ impl<const N: usize, const M: usize> Ramped<N, M> {
         next
     }
 
-    /// What a change of input `input` at the end of the tick adds to the state. Real-time: yes.
+    /// Adds the effect of a change of input `input` at the end of the tick to the state. Real-time: yes.
     pub fn add_to_end(&self, state: &mut [f64; N], input: usize, change: f64) {
         for (entry, row) in state.iter_mut().zip(&self.end) {
             *entry += row.get(input).copied().unwrap_or(f64::NAN) * change;
@@ -154,7 +154,7 @@ impl<const N: usize, const M: usize> Ramped<N, M> {
     }
 }
 
-/// True if every root of the polynomial, coefficients from the highest power down, lies left of the imaginary axis (Routh).
+/// True if every root of the polynomial, coefficients from the highest power down, has a negative real part (Routh).
 #[must_use]
 pub(crate) fn is_hurwitz(coefficients: &[f64]) -> bool {
     let every_other =
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_exponential_of_a_rotation_turns_however_far() {
+    fn exponential_of_any_rotation_is_exact() {
         for angle in [0.1, 3.0, 40.0] {
             let turned = exponential(&[[0.0, -angle], [angle, 0.0]]);
             let (s, c) = libm::sincos(angle);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_order_lag_follows_a_ramp_as_its_formula_says() {
+    fn first_order_lag_follows_a_ramp_exactly() {
         // x' = (u − x)/T, u = t: x = t − T (1 − e^{−t/T}); one tick of length 1 with T = 3.
         let lag = Ramped::<1, 1>::new::<3>(&[[-1.0 / 3.0]], &[[1.0 / 3.0]], &[1.0]);
         let mut x = [0.0];
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn routh_tells_stable_polynomials_from_others() {
+    fn routh_separates_stable_polynomials() {
         // (s + 1)(s + 2)(s² + s + 4) and the same with s² − s/10 + 4.
         assert!(is_hurwitz(&[1.0, 4.0, 9.0, 14.0, 8.0]));
         assert!(!is_hurwitz(&[1.0, 2.9, 5.7, 11.8, 8.0]));

@@ -1,9 +1,9 @@
-//! Transfer systems: what lies between a command and the motion of a specimen, and between its force and a reading.
+//! Transfer systems: the parts between a command and the motion of a specimen, and between its force and a reading.
 //!
 //! [`Transfer`] is a specimen round a specimen: delay, actuator, limits and sensors of every axis. It is the same object in
 //! process, behind a server and in a simulated link. Linear parts are exact for a command that ramps over the tick, and for one
-//! that is held ([`exact`]). Before the first committed command the actuator stands at rest at the command. While test time is held it
-//! does not move. Nothing here depends on how often a trial was asked for. No clock, no input or output.
+//! that is held ([`exact`]). Before the first committed command the actuator is at rest at the command. While test time is held
+//! it does not move. Nothing here depends on the number of trials. No clock, no input or output.
 
 mod axis;
 mod between_ticks;
@@ -36,7 +36,7 @@ use crate::specimen::Specimen;
 use gusset_numerics::law::Reach;
 use gusset_quantity::state;
 
-/// What is wrong with a transfer system.
+/// Errors of a transfer system.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum TransferError {
     /// A number outside its domain.
@@ -44,7 +44,7 @@ pub enum TransferError {
     Parameter {
         /// Key.
         name: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: f64,
         /// The domain, in words.
         allowed: &'static str,
@@ -62,7 +62,7 @@ pub enum TransferError {
     NotApplicable {
         /// Key.
         name: &'static str,
-        /// For what it is not.
+        /// The part that does not support it.
         what: &'static str,
     },
     /// The history of commands is too short.
@@ -103,12 +103,12 @@ impl TransferError {
     }
 }
 
-/// Most rounds of the correction between a nonlinear specimen and an actuator that feels it. At a fine tick each gains a factor
-/// of about k Δt²/6m, and four are enough; at a coarse one secants find the way, where there is one.
+/// Most rounds of the correction between a nonlinear specimen and an actuator in the loop. At a fine tick each gains a factor
+/// of about k Δt²/6m, and four are enough; at a coarse one secants find the solution, where one exists.
 const MOST_CORRECTIONS: u32 = 64;
-/// Share of the specimen's force that may be left of a correction: more is told.
+/// Share of the specimen's force that a correction may reach: a larger one is reported.
 const SETTLED: f64 = 1e-6;
-/// Rounds of the search for where an actuator stalls; 2⁻²⁰ of a tick's way is left.
+/// Rounds of the search for the place where an actuator stalls; it ends within 2⁻²⁰ of a tick's step.
 const STALL_ROUNDS: u32 = 20;
 /// Rounds of the search for where a specimen rests.
 const REST_ROUNDS: u32 = 60;
@@ -126,9 +126,9 @@ pub struct Transfer {
     /// Committed ticks and test time.
     ticks: u64,
     elapsed: f64,
-    /// Readings since then while time stood still.
+    /// Readings since then while time stopped.
     readings: u64,
-    /// Tick in s of whoever commands it, 0 if that was not told; the last one in which time passed; that of the last trial.
+    /// Tick in s of the controller, 0 if it was not announced; the last one in which time passed; that of the last trial.
     tick: f64,
     dt: f64,
     trial_dt: f64,
@@ -147,7 +147,7 @@ state! {
 }
 
 impl Transfer {
-    /// `law` behind what `spec` describes. `dt` is the tick in s of test time, if it is known.
+    /// `law` behind the transfer system of `spec`. `dt` is the tick in s of test time, if it is known.
     ///
     /// # Errors
     /// A key outside its domain, a delay beyond the history, an actuator that is unstable with this specimen.
@@ -202,14 +202,14 @@ impl Transfer {
         })
     }
 
-    /// Where the specimen stood at the last trial, in m: the truth, not what a sensor read.
+    /// Position of the specimen at the last trial, in m: the truth, not a sensor's reading.
     #[must_use]
     #[cfg(test)]
     pub(crate) fn achieved(&self) -> &[f64] {
         &self.disp
     }
 
-    /// Stands at rest where the first command takes it.
+    /// Puts the actuators at rest where the first command takes them.
     fn prime(&mut self, disp: &[f64], force: &mut [f64]) {
         self.vel.fill(0.0);
         force.fill(0.0);
@@ -260,7 +260,7 @@ impl Transfer {
         }
     }
 
-    /// Where a force passes the actuators' limit they stall on their way. Real-time: yes.
+    /// If a force exceeds the actuators' limit, they stall within the tick. Real-time: yes.
     fn stall(&mut self, dt: f64, force: &mut [f64]) {
         let too_much = |axes: &[Axis], force: &[f64]| {
             let mut pairs = axes.iter().zip(force);
@@ -271,7 +271,7 @@ impl Transfer {
         }
         let (mut low, mut high) = (0.0, 1.0);
         for round in 0..=STALL_ROUNDS {
-            // The last round goes back to what is known to be possible.
+            // The last round returns to a share that is known to be possible.
             let share = if round == STALL_ROUNDS {
                 low
             } else {
@@ -291,7 +291,7 @@ impl Transfer {
         self.saturated = true;
     }
 
-    /// What the sensors make of it. Real-time: yes.
+    /// Computes the readings of the sensors. Real-time: yes.
     fn sense(&mut self, dt: f64, force: &mut [f64]) {
         let (tick, reading) = if dt > 0.0 {
             (self.ticks + 1, 0)
@@ -299,7 +299,7 @@ impl Transfer {
             self.readings += 1;
             (self.ticks, self.readings)
         };
-        // Noise of a given power is that of the tick, also while time stands still.
+        // Noise of a given power is that of the tick, also while time stops.
         if dt > 0.0 {
             self.dt = dt;
         }

@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn noise_is_normal_white_and_independent_between_channels() {
+    fn noise_is_white_and_independent() {
         let n = 40_000_u64;
         let draw = |channel, tick| normal_pair(7, channel, tick, 0);
         let (mut sum, mut square, mut fourth, mut next, mut other) = (0.0, 0.0, 0.0, 0.0, 0.0);

@@ -173,7 +173,7 @@ impl Sensor {
         let sensed = value + self.bias + self.drift * elapsed + deviation * normal;
         let within = sensed.clamp(-self.range, self.range);
         let read = if self.quantum > 0.0 {
-            // Half to even, as converters are specified; std's round goes through no library.
+            // Half to even, as converters are specified; std's `round` needs no library.
             (within / self.quantum).round_ties_even() * self.quantum
         } else {
             within
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_fault_of_a_sensor_does_what_its_key_says() {
+    fn each_sensor_fault_follows_its_key() {
         let spec = DispSensorSpec {
             noise_power_m2_s: Some(6.25e-14),
             bias_m: 1e-3,

@@ -1,4 +1,4 @@
-//! A servo-valve and a cylinder with the linear estimate of what they move.
+//! A servo-valve and a cylinder with the linear estimate of their load.
 
 use super::exact::Ramped;
 use super::spec::ServoHydraulicSpec;
@@ -9,14 +9,14 @@ pub(super) const DISP: usize = 0;
 pub(super) const VEL: usize = 1;
 pub(super) const FORCE: usize = 2;
 
-/// A valve, a cylinder and the linear estimate of what they move.
+/// A valve, a cylinder and the linear estimate of their load.
 #[derive(Debug, Clone)]
 pub(super) struct Servo {
     pub spec: ServoHydraulicSpec,
     pub stiffness: f64,
     pub damping: f64,
     pub tick: Ramped<STATES, 2>,
-    /// The same where the piston stands at the end of its stroke: nothing moves, and nothing bleeds the cylinder.
+    /// The tick of a piston at the end of its stroke: nothing moves, and nothing bleeds the cylinder.
     pub at_stop: Ramped<STATES, 2>,
 }
 
@@ -36,7 +36,7 @@ impl Servo {
         (self.tick, self.at_stop) = (of(true), of(false));
     }
 
-    /// Force in N that a way in m of the piston takes from the cylinder.
+    /// Force in N that velocity feedback takes from the cylinder over a displacement in m of the piston.
     pub(crate) fn bled(&self, way: f64) -> f64 {
         self.spec.velocity_feedback_n_per_m * way
     }

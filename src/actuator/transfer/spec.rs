@@ -238,7 +238,7 @@ impl TransferSpec {
         }
     }
 
-    /// [`TransferSpec::response`] for commands of `tick` seconds, with what a held command adds.
+    /// [`TransferSpec::response`] for commands of `tick` seconds, including the effect of a held command.
     #[must_use]
     pub fn response_to_ticks(
         &self,

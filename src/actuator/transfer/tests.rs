@@ -45,7 +45,7 @@ fn follow(
 }
 
 #[test]
-fn without_any_key_the_law_answers_with_the_same_bits() {
+fn without_keys_the_law_answers_directly() {
     let mut direct = spring(1.19e6, 114.0);
     let mut through = behind("", spring(1.19e6, 114.0));
     let (mut a, mut b) = ([0.0], [0.0]);
@@ -63,7 +63,7 @@ fn without_any_key_the_law_answers_with_the_same_bits() {
 }
 
 #[test]
-fn lags_follow_ramps_and_steps_as_their_formulas_say() {
+fn lags_follow_ramps_and_steps_exactly() {
     // A step of one tick's ramp: after it, x = 1 − e^{−(t−δ)/T}·(1 − e^{−δ/T})·T/δ … with δ the tick, exactly.
     let (lag, rise) = (0.02, DT);
     let mut first = behind(
@@ -94,7 +94,7 @@ fn lags_follow_ramps_and_steps_as_their_formulas_say() {
 }
 
 #[test]
-fn a_held_command_is_a_step_at_the_start_of_each_tick() {
+fn held_command_steps_at_each_tick_start() {
     // First order: x = 1 − e^{−t/T} from the start of the first tick on, exactly.
     let mut first = behind(
         "between_ticks = \"held\"\nactuator.first_order = { time_constant_s = 0.02 }",
@@ -124,7 +124,7 @@ fn a_held_command_is_a_step_at_the_start_of_each_tick() {
 }
 
 #[test]
-fn the_plant_answers_a_held_sine_half_a_tick_earlier() {
+fn held_sine_is_answered_half_a_tick_early() {
     let (hertz, k, c) = (3.6, 1.19e6, 114.22);
     let omega = 2.0 * PI * hertz;
     let text = "between_ticks = \"held\"\nactuator.servo_hydraulic = {}";
@@ -136,7 +136,7 @@ fn the_plant_answers_a_held_sine_half_a_tick_earlier() {
     for (i, [x, _]) in out.iter().enumerate().skip(n - 1200) {
         let (s, cosine) = libm::sincos(omega * (i + 1) as f64 * DT);
         let wanted = 1e-3 * (expected.re * s + expected.im * cosine);
-        // The aliases at 4096 Hz are what a plant of three poles more than zeros lets through: nothing of 1e-12 m.
+        // A plant of three poles more than zeros passes almost nothing of the aliases at 4096 Hz: 1e-12 m.
         assert!((x - wanted).abs() < 1e-12, "{x} {wanted}");
     }
     let lead = held.lag(omega, k, c) - held.lag_to_ticks(omega, k, c, DT);
@@ -153,7 +153,7 @@ fn the_plant_answers_a_held_sine_half_a_tick_earlier() {
 }
 
 #[test]
-fn the_benchmark_plant_has_its_published_lags_and_gains() {
+fn benchmark_plant_has_published_lags() {
     let plant = spec("actuator.servo_hydraulic = {}");
     let (k, c) = (1.19e6, 114.22);
     for (hertz, lag, gain) in [
@@ -183,7 +183,7 @@ fn the_benchmark_plant_has_its_published_lags_and_gains() {
 }
 
 #[test]
-fn the_simulated_plant_answers_a_sine_as_its_transfer_function_says() {
+fn plant_matches_its_transfer_function() {
     let (hertz, k, c) = (3.6, 1.19e6, 114.22);
     let omega = 2.0 * PI * hertz;
     let text = "delay_s = 0.0031\nactuator.servo_hydraulic = {}";
@@ -198,7 +198,7 @@ fn the_simulated_plant_answers_a_sine_as_its_transfer_function_says() {
         let (s, cosine) = libm::sincos(omega * t);
         let wanted = 1e-3 * (expected.re * s + expected.im * cosine);
         assert!((x - wanted).abs() < 6e-9, "{x} {wanted}");
-        // The load cell feels spring, dashpot and inertia: the equation of motion of a sine.
+        // The load cell measures spring, dashpot and inertia: the equation of motion of a sine.
         let dynamic = nalgebra::Complex::new(k - 29.13 * omega * omega, c * omega) * expected;
         let felt = 1e-3 * (dynamic.re * s + dynamic.im * cosine);
         assert!((force - felt).abs() < 7e-3, "{force} {felt}");
@@ -206,7 +206,7 @@ fn the_simulated_plant_answers_a_sine_as_its_transfer_function_says() {
 }
 
 #[test]
-fn a_yielding_specimen_inside_the_loop_is_in_equilibrium_with_its_actuator() {
+fn yielding_specimen_is_in_equilibrium() {
     // Half the step must give a quarter of the difference: the coupling is of second order.
     let law = || {
         let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1, \
@@ -226,7 +226,7 @@ fn a_yielding_specimen_inside_the_loop_is_in_equilibrium_with_its_actuator() {
 }
 
 #[test]
-fn limits_of_rate_stroke_and_force_hold_where_they_should() {
+fn limits_of_rate_stroke_and_force_hold() {
     // A far command: at the rate until the lag would be slower, |u − x| = rate T, then an exponential.
     let text = "actuator.first_order = { time_constant_s = 0.05 }\nrate_limit_m_per_s = 0.2";
     let mut slow = behind(text, spring(1.0, 0.0));
@@ -251,7 +251,7 @@ fn limits_of_rate_stroke_and_force_hold_where_they_should() {
     let out = follow(&mut short, DT, 100, |t| t);
     assert_eq!(out[99], [0.01, 1000.0]);
     assert!(short.is_saturated());
-    // Stalls where 1e5 N/m gives 500 N, at 5 mm, to 2⁻¹⁹ of a tick's way.
+    // Stalls where 1e5 N/m gives 500 N, at 5 mm, to 2⁻¹⁹ of a tick's step.
     let mut weak = behind("force_limit_n = 500", spring(1e5, 0.0));
     let out = follow(&mut weak, DT, 100, |t| t);
     assert!((out[99][0] - 0.005).abs() < DT / 2e5 && out[99][1] <= 500.0);
@@ -267,9 +267,9 @@ fn limits_of_rate_stroke_and_force_hold_where_they_should() {
     assert!(out.iter().all(|[x, _]| x.abs() < 0.02));
 }
 
-/// Beyond 2 mm the stop takes what the cylinder presses with, and nothing bleeds it while it stands.
+/// Beyond 2 mm the stop takes the pressing force of the cylinder, and nothing bleeds it while it is at rest.
 #[test]
-fn at_the_end_of_its_stroke_a_cylinder_winds_up_and_the_specimen_does_not_feel_it() {
+fn cylinder_winds_up_at_its_stroke_end() {
     let (k, stroke) = (1.19e6, 2e-3);
     let run = |per_second: usize| {
         let mut plant = behind(
@@ -282,7 +282,7 @@ fn at_the_end_of_its_stroke_a_cylinder_winds_up_and_the_specimen_does_not_feel_i
         for [_, force] in out.iter().filter(|[x, _]| *x >= stroke) {
             assert!((force - k * stroke).abs() < 1e-9 * k * stroke, "{force}");
         }
-        // It arrives, bounces and stands. Left at 0.2887 s, as by small steps with a piston that is held.
+        // It arrives, bounces and stops. It leaves at 0.2887 s, as by small steps with a piston that is held.
         let last = out.iter().rposition(|[x, _]| *x >= stroke).unwrap();
         let left = (last + 1) as f64 * dt;
         let later: Vec<f64> = out
@@ -312,7 +312,7 @@ fn at_the_end_of_its_stroke_a_cylinder_winds_up_and_the_specimen_does_not_feel_i
 }
 
 #[test]
-fn it_begins_at_rest_where_the_first_command_takes_it() {
+fn startup_is_at_rest_at_the_first_command() {
     for text in [
         "delay_s = 0.01\nactuator.second_order = { frequency_hz = 9, damping_ratio = 0.6 }",
         "actuator.first_order = { time_constant_s = 0.03 }",
@@ -332,7 +332,7 @@ const NOISY: &str = "delay_s = 0.0041\nactuator.servo_hydraulic = {}\nseed = 5\n
                      [disp_sensor]\nnoise_rms_m = 1e-5\ndrift_m_per_s = 1e-4\n[force_sensor]\nnoise_power_n2_s = 1e-3\nquantum_n = 0.5";
 
 #[test]
-fn trials_and_holds_leave_no_trace_and_a_restored_state_goes_on_with_the_same_bits() {
+fn trials_and_holds_leave_no_trace() {
     let law = || spring(1.19e6, 114.0);
     let (mut plain, mut disturbed) = (behind(NOISY, law()), behind(NOISY, law()));
     let (mut a, mut b) = ([0.0], [0.0]);
@@ -347,7 +347,7 @@ fn trials_and_holds_leave_no_trace_and_a_restored_state_goes_on_with_the_same_bi
         assert_eq!(a, b);
         disturbed.commit();
         if k % 50 == 20 {
-            // A hold: readings are noisy, time stands still, and committing it (as a server does) changes nothing.
+            // A hold: readings are noisy, time stops, and a commit (as a server makes it) changes nothing.
             let mut before = f64::NAN;
             for _ in 0..3 {
                 disturbed.trial(&disp, &[0.0], 0.0, &mut b);
@@ -387,7 +387,7 @@ fn a_tick_allocates_nothing() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_its_key() {
+fn invalid_transfer_is_refused_by_key() {
     let refuse =
         |text: &str| Transfer::new(&spec(text), spring(1.19e6, 114.0), Some(DT)).unwrap_err();
     for (text, key) in [
@@ -447,13 +447,15 @@ fn growth(ratio: f64, share: f64, transfer: &str) -> f64 {
 }
 
 #[test]
-fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
-    use gusset_numerics::spectral::delay::{critical_lag, sdof};
+fn loops_decay_below_the_critical_delay() {
     let omega = 2.0 * PI;
-    for (ratio, share) in [(0.02, 0.5), (0.05, 0.8), (0.01, 1.0)] {
+    // With the critical delay and lag in closed form.
+    for (ratio, share, delay, lag) in [
+        (0.02, 0.5, 0.012745994077000876, 0.01281467435719022),
+        (0.05, 0.8, 0.01994621620342171, 0.020211173250689753),
+        (0.01, 1.0, 0.0031833110641826244, 0.00318437261088226),
+    ] {
         let (k, c) = (omega * omega, 2.0 * ratio * omega);
-        let delay = sdof(ratio, share, omega).unwrap();
-        let lag = critical_lag(1.0, c, (1.0 - share) * k, share * k).unwrap();
         // Second order: (m s² + c s + k_n)(s² + 2ζω_a s + ω_a²) + k_e ω_a², by bisection on ω_a at ζ = 0.7.
         let is_stable = |natural: f64| {
             let (a, b) = (1.4 * natural, natural * natural);
@@ -489,7 +491,7 @@ fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
             ];
             for transfer in transfers {
                 let found = growth(ratio, share, &transfer);
-                // A tenth of the damping is left or missing: e^{∓0.1 ξ ω 100 s} or more.
+                // A tenth of the damping remains or is missing: e^{∓0.1 ξ ω 100 s} or more.
                 let wanted = libm::exp(0.05 * ratio * omega * 100.0);
                 assert_eq!(
                     found > 1.0,
@@ -506,7 +508,7 @@ fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
 }
 
 #[test]
-fn noise_of_a_given_power_is_that_of_the_tick_also_before_time_has_passed() {
+fn noise_power_holds_before_time_passes() {
     let rms = |told: f64, dt: f64| {
         let mut plant = behind(
             "seed = 5\n[force_sensor]\nnoise_power_n2_s = 1e-3",
@@ -529,7 +531,7 @@ fn noise_of_a_given_power_is_that_of_the_tick_also_before_time_has_passed() {
     // A test that runs slower than its time is read as often as it is commanded.
     let slow = rms(100.0 * DT, DT) * 10.0;
     assert!((slow / exact - 1.0).abs() < 0.056, "{slow}");
-    // Nobody said how often.
+    // The interval of commands is not announced.
     assert_eq!(rms(0.0, 0.0), 0.0);
 }
 
@@ -538,7 +540,7 @@ fn law(text: &str) -> Box<dyn Specimen> {
     SpecimenLaw::Law(law).build(1).unwrap()
 }
 
-/// What of the specimen's force is not in the actuator's equations at the end of the last trial.
+/// Part of the specimen's force that is missing in the actuator's equations at the end of the last trial.
 fn left_over(plant: &mut Transfer, dt: f64) -> f64 {
     let mut force = [0.0];
     plant.law.trial(&plant.disp, &plant.vel, dt, &mut force);
@@ -546,7 +548,7 @@ fn left_over(plant: &mut Transfer, dt: f64) -> f64 {
 }
 
 #[test]
-fn at_coarse_ticks_an_actuator_comes_to_terms_with_laws_that_bend_sharply() {
+fn coarse_ticks_converge_with_sharp_laws() {
     let laws = [
         "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.05 }",
         "cubic = { stiffness_n_per_m = 2e5, cubic_n_per_m3 = 1e11 }",
@@ -599,7 +601,7 @@ impl Specimen for Jump {
 gusset_quantity::state! { Jump {} }
 
 #[test]
-fn an_actuator_that_does_not_come_to_terms_says_so() {
+fn failed_convergence_is_reported() {
     let mut plant = behind("actuator.servo_hydraulic = {}", Box::new(Jump));
     let (dt, mut force, mut unsettled) = (0.01, [0.0], 0);
     for k in 0..300 {

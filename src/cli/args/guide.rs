@@ -1,4 +1,4 @@
-//! What `gusset guide` takes.
+//! Arguments of `gusset guide`.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What shakes the ground in a benchmark: a record, or a motion made for it.
+//! Ground motion of a benchmark: a record, or a motion made for it.
 
 use std::path::{Path, PathBuf};
 

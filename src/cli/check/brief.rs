@@ -236,7 +236,7 @@ fn of_errors(checked: &Checked<'_>, table: &mut Table) {
     }
 }
 
-/// Whether the whole test was rehearsed, and what it met.
+/// Whether the whole test was rehearsed, and the limits that it met.
 fn of_rehearsal(full: &FullRehearsal) -> String {
     let rehearsal = &full.rehearsal;
     let time = duration(rehearsal.time);

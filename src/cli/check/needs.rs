@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn of_many_axes_those_nearest_to_their_limits_are_kept_and_all_that_trip() {
+    fn axes_nearest_to_their_limits_are_kept() {
         let mut few: Vec<Line> = (0..6).map(|axis| line(axis, 0.1)).collect();
         assert_eq!((keep_the_nearest(&mut few), few.len()), (0, 6));
         let shares = [0.1, 0.9, 0.2, 0.8, 0.3, 0.7, 0.6, 0.0];

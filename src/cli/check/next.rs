@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn word_with_a_space_or_a_quote_reaches_the_program_as_it_is() {
+    fn quoted_words_reach_the_program_unchanged() {
         assert_eq!(quoted("config/cyclic.toml"), "config/cyclic.toml");
         assert_eq!(quoted("my test.toml"), "'my test.toml'");
         assert_eq!(quoted("title=\"it's\""), "'title=\"it'\\''s\"'");

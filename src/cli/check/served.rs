@@ -11,7 +11,7 @@ use super::in_words;
 use gusset_quantity::units::in_axis_unit;
 use gusset_setup::{ServedLimit, load_served, served_limits};
 
-/// Checks a served file. The exit code says whether its verdict is clear.
+/// Checks a served file. The exit code shows whether its verdict is clear.
 ///
 /// # Errors
 /// The server would refuse the file, or an option is for tests only.

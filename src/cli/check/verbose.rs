@@ -133,7 +133,7 @@ fn describe_lambda(table: &mut Table, structure: &StructureFacts, lambda: Lambda
     table.row("λ", &format!("{lambda} ({how})"));
 }
 
-/// Natural frequencies alone, where nothing is known of what the method makes of them.
+/// Natural frequencies alone, where the effect of the method on them is not known.
 fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     if structure.frequencies.is_empty() {
         return;

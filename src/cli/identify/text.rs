@@ -1,4 +1,4 @@
-//! What was identified, as a table.
+//! The identified properties, as a table.
 
 use std::path::Path;
 

@@ -57,7 +57,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
 /// The text of a file that several tests in a folder share.
 fn text_of(shared: &str) -> String {
     match shared {
-        SERVE_SCHEMA => config::serve_json_schema() + "\n",
+        SERVE_SCHEMA => config::schema_of::<config::ServeFile>() + "\n",
         PYTHON_PROTOCOL => include_str!("../../../tools/specimen.py").to_owned(),
         _ => config::json_schema() + "\n",
     }
@@ -145,7 +145,7 @@ mod tests {
     };
 
     #[test]
-    fn name_is_a_file_name_of_the_current_folder() {
+    fn name_is_a_file_name_in_this_folder() {
         assert_eq!(valid("first"), Ok("first"));
         assert_eq!(valid("test_2.b.toml"), Ok("test_2.b"));
         for wrong in ["", "a/b", "../a", ".hidden", "-x", "a b", "é", ".toml"] {

@@ -1,4 +1,4 @@
-//! What a certificate goes by: ranges, and numbers that are not there.
+//! Checks of a certificate: ranges, and numbers that are missing.
 
 use super::Findings;
 use crate::certificate::{UncertaintyTable, current_key, number_at};
@@ -187,7 +187,7 @@ pub(crate) fn check_samples(file: &TestFile, samples: &[UncertaintyTable]) -> Ve
     findings
 }
 
-/// Why a number is felt by no trial, and what is in its place; none for one that is felt.
+/// Why a number affects no trial, and what to vary instead; `None` for one that has an effect.
 fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str)> {
     let segments = path.segments();
     let key = |place: usize| match segments.get(place) {
@@ -244,7 +244,7 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
     }
 }
 
-/// A spread that is none, or that leaves out what the file has.
+/// A spread of zero, or one that excludes the file's number.
 fn spread(
     one: &UncertaintyTable,
     path: &KeyPath,

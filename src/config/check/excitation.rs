@@ -1,4 +1,4 @@
-//! `[excitation]`: what moves the test, against what there is to be moved.
+//! `[excitation]`: the loads and motions of the test, against the parts that they could move.
 
 use std::collections::BTreeMap;
 
@@ -61,7 +61,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
     }
 }
 
-/// What is tied to the inertial frame, or measured in it, where the coordinates are others.
+/// Parts that are tied to the inertial frame, or measured in it, where the coordinates are others.
 fn check_frames(file: &TestFile, findings: &mut Findings) {
     let root = KeyPath::root();
     let at = root.key("excitation");
@@ -116,7 +116,7 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
     }
 }
 
-/// A structure that nothing sets in motion is probably not what was meant.
+/// A structure without any motion is probably a mistake.
 fn check_motionless(file: &TestFile, findings: &mut Findings) {
     let Some(structure) = &file.structure else {
         return;

@@ -1,4 +1,4 @@
-//! `[specimen.geometry]`: a geometry that is one, and that fits what the specimen sees.
+//! `[specimen.geometry]`: a valid geometry that fits the coordinates of the specimen.
 
 use super::Findings;
 use crate::diagnose::Finding;
@@ -81,7 +81,7 @@ fn is_redundant(geometry: &Geometry) -> bool {
     geometry.actuators() > geometry.coordinates().len()
 }
 
-/// A geometry that is none, at its place.
+/// An invalid geometry, at its place.
 fn refusal(error: &GeometryError, form: &str, here: &KeyPath) -> Finding {
     let text = error.to_string();
     match error {

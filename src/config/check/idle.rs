@@ -1,7 +1,7 @@
-//! Keys that are given and have no effect in the file that gives them: each is told, with what it would need.
+//! Keys without an effect in their file: a warning reports each, with its reason.
 //!
-//! A key counts as given where it differs from its default, so that a file that writes its defaults down (as
-//! `resolved.toml` does) is not told of them. What contradicts another key is no idle key but an error, and said elsewhere.
+//! A key counts as given where it differs from its default, so that a file that states its defaults (like `resolved.toml`)
+//! gets no reports. A key that contradicts another is not idle but an error, which is reported elsewhere.
 
 mod specimen;
 
@@ -29,7 +29,7 @@ impl Findings {
         }
     }
 
-    /// The same of several keys of one table.
+    /// Reports several keys of one table.
     fn all_idle(&mut self, at: &KeyPath, keys: &[(&str, bool)], why: &str) {
         for (key, given) in keys {
             self.idle(at, key, *given, why);
@@ -37,7 +37,8 @@ impl Findings {
     }
 }
 
-/// The whole file but its specimens. Whoever chose the clock for this one run knows what it does not keep: `clock_is_chosen`.
+/// The whole file except its specimens. `clock_is_chosen`: the user overrides the clock for this run, and knows which keys it
+/// ignores.
 pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut Findings) {
     let root = KeyPath::root();
     check_time(file, &root.key("time"), findings);
@@ -201,7 +202,7 @@ fn check_timing(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
     );
 }
 
-/// On the simulated clock nobody waits for an edge, and nothing is asked of the machine: one finding for all of it.
+/// On the simulated clock no thread waits for an edge, and no request goes to the machine: one finding for all keys.
 fn check_clock(timing: &TimingSpec, root: &KeyPath, findings: &mut Findings) {
     let keys = of_real_time(timing);
     let Some(first) = keys.first() else { return };
@@ -219,7 +220,7 @@ fn check_clock(timing: &TimingSpec, root: &KeyPath, findings: &mut Findings) {
     );
 }
 
-/// Keys that only the real clock knows, as far as they are not their defaults.
+/// Keys of the real clock that differ from their defaults.
 fn of_real_time(timing: &TimingSpec) -> Vec<&'static str> {
     let usual = TimingSpec::default();
     let TimingSpec {
@@ -251,7 +252,7 @@ fn of_real_time(timing: &TimingSpec) -> Vec<&'static str> {
     given.map(|(key, _)| key).collect()
 }
 
-/// `[timing]` and `[record]` of a file that is only served: it has no ticks of its own, no DOFs and nothing to go on with.
+/// `[timing]` and `[record]` of a file that is only served: it has no ticks, no DOFs and nothing to resume.
 pub(super) fn check_idle_served(
     timing: Option<&TimingSpec>,
     record: Option<&RecordTable>,

@@ -1,5 +1,5 @@
 //! Limits of the specimens: bounds that cannot be kept, that contradict each other, or that a specimen behind a link lacks; and
-//! ways and places of the file that limits, or what the rig can give, forbid.
+//! motions and places of the file beyond the limits or the capacity of the rig.
 
 use super::Findings;
 use crate::diagnose::Finding;
@@ -13,7 +13,7 @@ use gusset_quantity::text::is_reason;
 /// A range, the place of its key, why a position outside it is impossible, and its label.
 type PlaceBound = ([f64; 2], KeyPath, &'static str, &'static str);
 
-/// Two bounds that say the same in different units may differ by rounding.
+/// Equal bounds in different units may differ by rounding.
 const SAME: f64 = 1.0 + 1e-9;
 /// Stroke in m of the example that is shown where a specimen has no limits and its reach is not declared.
 const EXAMPLE_STROKE_M: f64 = 0.05;
@@ -37,7 +37,7 @@ pub(super) fn check_limits(
     for (index, axis) in specimen.axis.iter().enumerate() {
         judge(&axis.limits, at.key("axis").index(index).key("limits"));
     }
-    // What is wrong in itself is not compared.
+    // Invalid limits are not compared.
     if findings.0.len() > before {
         return;
     }
@@ -85,7 +85,7 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Where the bound that holds for the axis stands: in its own table, or in that of all axes.
+    /// Place of the bound of the axis: in its own table, or in that of all axes.
     fn of(&self, limit: Limit) -> KeyPath {
         let key = limit.key();
         let own = self
@@ -124,7 +124,7 @@ impl Place<'_> {
         }
     }
 
-    /// What a sensor cannot read cannot be measured.
+    /// A sensor cannot measure beyond its range.
     fn check_sensors(&self, limits: &LimitsSpec, findings: &mut Findings) {
         let pairs = [
             (Limit::MeasuredDisp, Limit::SensorDisp),
@@ -152,8 +152,7 @@ impl Place<'_> {
         }
     }
 
-    /// The way out must not trip itself.
-    /// Its acceleration follows from the limit itself.
+    /// The return move must not trip itself. Its acceleration follows from the limit itself.
     fn check_exit(
         &self,
         limits: &LimitsSpec,
@@ -291,7 +290,7 @@ impl Place<'_> {
         let room = |[low, high]: [f64; 2]| match stands {
             Some(stands) if backwards => stands - low,
             Some(stands) => high - stands,
-            // Wherever it stands.
+            // Wherever it is.
             None => high - low,
         };
         if let Some((_, bound, _, label)) =
@@ -310,7 +309,7 @@ impl Place<'_> {
     }
 }
 
-/// What a specimen behind a link must at least have: a bound of what it is told and one of what it feels, on every axis.
+/// Minimum for a specimen behind a link: a bound of its commands and one of its forces, on every axis.
 pub(super) fn check_required(
     specimens: &[SpecimenTable],
     unlimited: Option<&str>,

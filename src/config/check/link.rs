@@ -1,4 +1,4 @@
-//! `[specimen.link]`: numbers inside their ranges, and what our own protocol cannot say.
+//! `[specimen.link]`: numbers inside their ranges, and keys that our own protocol does not support.
 
 use super::Findings;
 use crate::diagnose::Finding;
@@ -170,7 +170,7 @@ pub(super) fn check_pace(
                 .beside(at.key("link").key("coupling"), "sampled here"),
         );
     } else if file.timing.warmup_ticks == Some(0) {
-        // The record must tell its first answer from what was read before.
+        // The record must separate its first answer from earlier readings.
         let warm_up = KeyPath::root().key("timing").key("warmup_ticks");
         let text =
             "a specimen that is commanded once per step needs a warm-up of at least one tick";
@@ -180,8 +180,7 @@ pub(super) fn check_pace(
     }
 }
 
-/// The motion that shows the direction of a specimen.
-/// What is missing in "host:port". Whether there is such a host shows when it is called.
+/// The missing part of "host:port". A connection shows whether the host exists.
 fn check_address(address: &str) -> Result<(), &'static str> {
     let (host, port) = address.rsplit_once(':').ok_or("port")?;
     if !port.bytes().all(|c| c.is_ascii_digit()) || !port.parse::<u16>().is_ok_and(|port| port > 0)
@@ -230,8 +229,8 @@ fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings
     }
 }
 
-/// Where the specimen stands is told by its link or by the file, and by one of them only: but for our own protocol, in which a
-/// specimen may tell.
+/// Either the link or the file gives the position of the specimen, not both. Our own protocol is an exception: its specimens
+/// may report it.
 pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let Some(link) = &specimen.link else {
         return;
@@ -280,7 +279,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
     }
 }
 
-/// What OpenFresco's protocols have no place for.
+/// Keys that OpenFresco's protocols do not support.
 fn check_openfresco(link: &LinkSpec, axes: usize, at: &KeyPath, findings: &mut Findings) {
     let more = link.openfresco.iter();
     for (key, found, allowed) in more.flat_map(|more| more.out_of_range(axes)) {

@@ -1,7 +1,7 @@
-//! What is contradictory or out of range in a test file and can be said without building anything.
+//! Contradictions and values out of range in a test file that are found without building anything.
 //!
-//! Each complaint explains the consequence, not only the rule. What needs the structure itself (how many DOFs it has,
-//! whether a storey exists, whether a matrix is symmetric) is checked where it is built.
+//! Each error explains the consequence, not only the rule. Checks that need the structure itself (number of DOFs,
+//! existence of a storey, symmetry of a matrix) are made where it is built.
 
 mod certificate;
 mod excitation;
@@ -152,7 +152,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
 struct Findings(Vec<Finding>);
 
 impl Findings {
-    /// Finite and greater than zero, where given. What is not finite is complained of elsewhere.
+    /// Finite and greater than zero, where given. Infinity and NaN are reported elsewhere.
     fn positive(&mut self, at: KeyPath, value: Option<f64>) {
         if let Some(found) = value
             && found <= 0.0
@@ -172,7 +172,7 @@ impl Findings {
         }
     }
 
-    /// A reason that the user gives says something, in characters that can be printed.
+    /// The user's reason must have content, in characters that can be printed.
     fn reason(&mut self, at: KeyPath, reason: Option<&str>) {
         self.printable(&at, reason);
         if reason.is_some_and(|reason| !gusset_quantity::text::is_reason(reason)) {

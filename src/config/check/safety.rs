@@ -1,4 +1,4 @@
-//! `[safety]`, and what belongs to it at the specimens.
+//! `[safety]`, and related keys of the specimens.
 
 use super::{Finding, Findings, KeyPath, TestFile};
 use crate::{ExitChoice, ShareSpec, ZeroChoice};
@@ -37,10 +37,10 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
         }
     }
     let (warn, refuse) = (safety.error_warn, safety.error_refuse);
-    let is_sound = warn > 0.0 && refuse >= warn && refuse.is_finite();
+    let is_sound = warn > 0.0 && warn <= 1.0 && refuse >= warn && refuse.is_finite();
     if !is_sound {
         let text = format!(
-            "`error_warn` is {warn} and `error_refuse` is {refuse}, but 0 < `error_warn` ≤ `error_refuse` is required"
+            "`error_warn` is {warn} and `error_refuse` is {refuse}, but 0 < `error_warn` ≤ 1 and `error_warn` ≤ `error_refuse` are required"
         );
         findings
             .0
@@ -109,7 +109,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     }
 }
 
-/// What was read is confirmed: something must have been.
+/// Readings that must be confirmed need zeroing.
 fn check_confirmation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let safety = &file.safety;
     if !safety.confirm || file.specimen.is_empty() {

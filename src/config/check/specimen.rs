@@ -1,4 +1,4 @@
-//! `[[specimen]]`: what it sees, what is believed of it, and its name.
+//! `[[specimen]]`: its axes, its estimates, and its name.
 
 use super::Findings;
 use super::geometry::check_geometry;
@@ -9,7 +9,7 @@ use crate::specimen::SpecimenTable;
 use crate::value::MatrixValue;
 use gusset_actuator::transfer::TransferSpec;
 
-/// What gives the displacements that a specimen sees.
+/// Source of the displacements of a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Source {
     /// The structure of the test.
@@ -309,7 +309,7 @@ fn check_estimate(
         );
         return;
     }
-    // What is symmetric in decimals is symmetric in doubles: each pair is written with the same digits.
+    // Numbers that are equal in decimals are equal as doubles: each pair is written with the same digits.
     for (i, row) in rows.iter().enumerate() {
         for (j, below) in row.iter().enumerate().take(i) {
             let above = rows[j][i];
@@ -370,7 +370,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
     }
 }
 
-/// Noise that is meant to be independent, but comes of one seed.
+/// Noise that should be independent, but has one seed.
 pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) {
     let seed = |table: &SpecimenTable| {
         let noisy = table.own_transfer().filter(|spec| spec.is_noisy());

@@ -1,5 +1,5 @@
-//! Times that somebody waits for: each has a longest one, so that a slip of the pen (ms for s, one zero too many) shows before
-//! anything moves and not while it does.
+//! Waiting times: each has a maximum, so that a typing error (ms for s, one zero too many) shows before anything moves and not
+//! during the motion.
 
 use super::Findings;
 use crate::diagnose::Finding;
@@ -14,13 +14,13 @@ use crate::timing_table::TimingSpec;
 
 /// Longest time in s in which the specimens hold and nothing happens yet: zeroing, warming up, easing.
 const STANDING_S: f64 = 600.0;
-/// Longest time in s that one end owes the other something, a ramp takes, or a tick is long.
+/// Longest time in s for an answer of one end, a ramp, or a tick.
 const OWED_S: f64 = 3600.0;
-/// Longest busy loop in µs, as `[timing]` has it.
+/// Longest busy loop in µs, as in `[timing]`.
 const SPIN_US: f64 = 1e6;
-/// Slowest way out in m/s: a millimetre in a quarter of an hour.
+/// Slowest return move in m/s: a millimetre in a quarter of an hour.
 const SLOWEST_EXIT_M_PER_S: f64 = 1e-6;
-/// So many ticks of warm-up are no slip of the pen, however long they are.
+/// This many ticks of warm-up are not a typing error, however long they are.
 const FEW_TICKS: u64 = 200;
 /// Seconds of rows that a queue may hold in memory.
 const QUEUE_S: f64 = 600.0;
@@ -30,7 +30,7 @@ const MOST_TRIALS: u32 = 1_000_000;
 const MOST_ITERATIONS: u32 = 10_000;
 
 impl Findings {
-    /// At most this, where given; what is not finite is complained of elsewhere.
+    /// At most this, where given; infinity and NaN are reported elsewhere.
     pub(super) fn at_most(
         &mut self,
         at: &KeyPath,
@@ -106,7 +106,7 @@ fn check_safety(safety: &SafetyTable, at: &KeyPath, findings: &mut Findings) {
     }
 }
 
-/// The record of a test, or of what is served.
+/// The record of a test, or of a served specimen.
 pub(super) fn check_record(record: &RecordTable, findings: &mut Findings) {
     let at = KeyPath::root().key("record");
     let memory = "waiting rows are kept in memory";
@@ -151,7 +151,7 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
     }
 }
 
-/// What one link waits for, and its other end, in a test of this time.
+/// Waits of one link and of its other end, in a test of this time.
 pub(super) fn check_link_waits(
     link: &LinkSpec,
     time: Option<&Time>,

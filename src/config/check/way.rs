@@ -1,4 +1,4 @@
-//! The way between two targets, and what of it a compensator sees.
+//! The path between two targets, and its effect on a compensator.
 
 use super::Findings;
 use crate::diagnose::Finding;
@@ -7,7 +7,8 @@ use crate::link_table::LinkSpec;
 use crate::schema::TestFile;
 use crate::specimen::SpecimenTable;
 
-/// Value and slope of the way are continuous, its curvature is not: what takes it from tick to tick hands its jumps on.
+/// Value and slope of the path are continuous, its curvature is not: a compensator that differentiates it from tick to
+/// tick passes its jumps on.
 pub(super) fn check_way(
     specimen: &SpecimenTable,
     file: &TestFile,

@@ -216,7 +216,7 @@ impl Stopped {
 
     /// The shutdown: specimens are moved to where they are to be left, unless an internal fault has ended the test.
     #[must_use]
-    pub fn shut_down(mut self) -> Self {
+    fn shut_down(mut self) -> Self {
         if self.fault.is_none() {
             let ending = self.ending;
             let moved = (self.test).guarded(|engine, _| Shutdown::perform(ending, engine));
@@ -229,6 +229,13 @@ impl Stopped {
             }
         }
         self
+    }
+
+    /// The shutdown of a process that may be killed in it.
+    #[cfg(feature = "test-doubles")]
+    #[must_use]
+    pub fn shut_down_alone(self) -> Self {
+        self.shut_down()
     }
 
     /// Every specimen receives its last message, and the record is closed.
@@ -324,5 +331,98 @@ fn retraced(test: Test, ending: Ending) -> Retraced {
     Retraced {
         ending,
         state: state.map(|resumption| (side, test.ports, resumption)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::{Limits, OnMiss, Pacing, StartupSettings, TestLimits};
+    use crate::port::{Axis, AxisSpec, PortSpec};
+    use gusset_quantity::substructure::{
+        Command, Coupling, Freshness, LinkFault, Measurement, Substructure,
+    };
+    use gusset_quantity::time::{Nanos, Ratio};
+    use gusset_record::MemoryRecorder;
+    use std::sync::{Arc, Mutex};
+
+    /// Commands that came, and the last message.
+    type Log = Arc<Mutex<(u32, Option<Retirement>)>>;
+
+    /// A specimen that writes down what comes.
+    struct Rig(Log);
+
+    impl Substructure for Rig {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            self.0.lock().unwrap().0 += 1;
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, how: Retirement) {
+            self.0.lock().unwrap().1 = Some(how);
+        }
+    }
+
+    fn experiment(log: &Log) -> Experiment {
+        let axes = vec![AxisSpec::new(Axis::plain(vec![(0, 1.0)]), 1e5)];
+        let rig = Box::new(Rig(Arc::clone(log)));
+        Experiment {
+            dt: 0.01,
+            period: Ratio::new(1, 100).unwrap(),
+            steps: 10,
+            side: Side::Prescribed(vec![None]),
+            opening: StartupSettings::default(),
+            settling: None,
+            ports: vec![PortSpec::new("rig", rig, 1, axes).build().unwrap()],
+            record_dofs: Vec::new(),
+            rotations: Vec::new(),
+            limits: Limits {
+                on_miss: OnMiss::Stretch,
+                extrapolate_stale: false,
+                stale_in_a_row: 0,
+                reply_timeout_ns: 1_000_000,
+                warmup_ticks: 0,
+                divergence: f64::INFINITY,
+                test: TestLimits::NONE,
+            },
+            pacing: Pacing::default(),
+            resume: None,
+            retraces: false,
+        }
+    }
+
+    #[test]
+    fn a_part_that_is_not_there_ends_the_test() {
+        let log = Log::default();
+        let recorder = MemoryRecorder::with_capacity(64, 64, 64);
+        let clock = Box::new(SimClock::new());
+        let Connected(mut test) = Connected::new(experiment(&log), clock, Box::new(recorder));
+        let Ok(Ok(())) = test.guarded(|engine, _| Startup::perform(None, engine)) else {
+            panic!("the startup is complete")
+        };
+        let commands = log.lock().unwrap().0;
+        let part = "specimen";
+        let found = test.guarded(|engine, _| {
+            let stamps = &mut Default::default();
+            engine.collect_from(7, &Tick::before_start(0.0), stamps, true)
+        });
+        let stop = Stop::NoSuchPart { part, index: 7 };
+        assert_eq!(found, Ok(Err(stop)));
+        let stopped = Stopped::by(test, Ending::Stopped(stop));
+        let retired = stopped.shut_down().retire();
+        // Nothing more is moved, and the specimen is held.
+        let (after, last) = *log.lock().unwrap();
+        assert_eq!((after, last), (commands, Some(Retirement::Tripped)));
+        assert!(retired.fault.unwrap().contains("specimen 8"));
+        let ending = retired.outcome.unwrap().ending;
+        assert_eq!(ending, Ending::Stopped(Stop::Internal));
     }
 }

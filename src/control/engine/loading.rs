@@ -1,7 +1,8 @@
 //! The static load before t = 0: it is applied in small parts and held.
 //!
 //! In each part the displacement moves by K⁻¹·(unbalanced force). K is an upper bound of the tangent, so for yielding and
-//! softening laws the approach is monotone, and no specimen is driven back and forth. Corrections use forces that were measured
+//! softening laws the approach is monotone, and no specimen is driven back and forth. A correction that turns back and is no
+//! smaller than the one before shows that K is too small: the test ends there. Corrections use forces that were measured
 //! where the specimens stand: while a reply stays away they hold, and while one is on its way ([`Rest`]) the others wait for
 //! it. A specimen that does not go where it is sent ([`MotionCheck`]) ends the test. Each correction is an accepted motion along half
 //! a cosine. The ramp's time is shared over the parts, and no speed limit is used beyond the ramp's share of it.
@@ -46,6 +47,8 @@ struct Unbalance {
     largest: f64,
     /// Unbalanced force, N.
     force: f64,
+    /// It turns back, and is no smaller than the correction before.
+    diverges: bool,
 }
 
 impl Unbalance {
@@ -265,6 +268,8 @@ pub(super) struct Loading {
     largest: f64,
     /// Smallest relative unbalance of the part.
     nearest: f64,
+    /// The last correction of the part; empty before the first.
+    before: Vec<f64>,
 }
 
 impl Loading {
@@ -321,6 +326,7 @@ impl Loading {
             longest: 0.0,
             largest: 0.0,
             nearest: f64::INFINITY,
+            before: Vec::new(),
         }
     }
 
@@ -348,6 +354,7 @@ impl Loading {
             let share = f64::from(part) / f64::from(parts);
             let tolerance = (part == parts).then_some(self.settling.tolerance);
             let mut balance = Balance::new();
+            self.before.clear();
             loop {
                 let found = self.correct(share, engine)?;
                 let reached = balance.is_reached(&found, tolerance, enough_force);
@@ -366,22 +373,29 @@ impl Loading {
         let rests = self.waits.rests.iter();
         let most = rests.map(Rest::patience).max().unwrap_or(0);
         if self.exchanges > self.settling.most_exchanges || self.waits.waited > WAITS * most {
-            return Err(Stop::NotSettled {
-                exchanges: self.exchanges.saturating_add(self.waits.waited as u32),
-                unbalance: self.nearest,
-                port: self.waits.farthest(),
-            });
+            return Err(self.not_settled());
         }
         self.come_to_rest(engine)?;
         self.waits
             .judge(engine.ports, NO_BETTER_THAN * self.largest)?;
         let found = self.balance(share, engine)?;
+        if found.diverges {
+            return Err(self.not_settled());
+        }
         self.largest = found.largest;
         self.longest = self.longest.max(found.correction);
         if found.correction > 0.0 {
             self.approach(found.correction, engine)?;
         }
         Ok(found)
+    }
+
+    fn not_settled(&self) -> Stop {
+        Stop::NotSettled {
+            exchanges: self.exchanges.saturating_add(self.waits.waited as u32),
+            unbalance: self.nearest,
+            port: self.waits.farthest(),
+        }
     }
 
     /// Leads the specimens to the corrected position. A way that one tick can go is the next exchange itself.
@@ -439,6 +453,7 @@ impl Loading {
             correction: 0.0,
             largest: 0.0,
             force: 0.0,
+            diverges: false,
         };
         let Side::Structure(numerical) = &mut *engine.side else {
             return Ok(found);
@@ -467,6 +482,13 @@ impl Loading {
         }
         found.correction = size(&residual);
         found.largest = size(&numerical.state.disp);
+        let turns_back = self.before.iter().zip(&residual);
+        let turns_back = turns_back.map(|(before, now)| before * now).sum::<f64>() < 0.0;
+        // A smaller unbalance may be noise.
+        let part = size(&self.settling.load) / f64::from(self.settling.parts);
+        let grows = found.correction >= size(&self.before);
+        found.diverges = turns_back && grows && found.force >= part;
+        self.before.clone_from(&residual);
         for port in &mut *engine.ports {
             port.aim(&numerical.state.disp, &still, base.disp, base.vel);
         }

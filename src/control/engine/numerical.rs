@@ -245,7 +245,12 @@ impl Numerical {
     /// # Errors
     /// An offline method finds no equilibrium.
     #[inline]
-    pub fn make_step(&mut self, step: u64, dt: f64, ports: &mut [Port]) -> Result<(), StepError> {
+    pub(crate) fn make_step(
+        &mut self,
+        step: u64,
+        dt: f64,
+        ports: &mut [Port],
+    ) -> Result<(), StepError> {
         // The account of energy looks at the whole of a closed step.
         let (Stepper::Explicit(integrator), None) = (&mut self.stepper, &self.intake) else {
             self.close(step, dt, ports);
@@ -281,7 +286,7 @@ impl Numerical {
 
     /// a of the step last closed, for the record only. Real-time: yes.
     #[inline]
-    pub fn output_accel(&mut self) {
+    pub(crate) fn output_accel(&mut self) {
         self.acceleration.accel_into(&self.inertia, &mut self.accel);
     }
 
@@ -366,7 +371,7 @@ impl RowForces for StepForces<'_> {
 
 /// State and memory of the numerical side before t = 0.
 #[derive(Debug)]
-pub struct Scratch {
+pub(crate) struct Scratch {
     state: State,
     memory: TestState,
 }

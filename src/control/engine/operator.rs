@@ -144,7 +144,7 @@ pub struct Control {
     /// Where the phase is left.
     pub phase: PhaseCell,
     /// The other end of `requests`, if other programs may speak to the test through its run folder.
-    pub desk: Option<Sender<Operator>>,
+    pub request_socket: Option<Sender<Operator>>,
 }
 
 impl From<Receiver<Operator>> for Control {
@@ -160,12 +160,12 @@ impl From<Receiver<Operator>> for Control {
 impl Control {
     /// A control that nobody holds: for tests and offline runs.
     #[must_use]
-    pub fn unattended() -> Self {
+    pub(crate) fn unattended() -> Self {
         Self {
             requests: crossbeam_channel::never(),
             notices: crossbeam_channel::bounded(0).0,
             phase: PhaseCell::default(),
-            desk: None,
+            request_socket: None,
         }
     }
 }

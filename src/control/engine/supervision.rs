@@ -282,7 +282,7 @@ impl Supervision {
     pub(crate) fn wait_where_it_stands(&mut self) {
         let stands = self.motion == Motion::Still || self.phase == Phase::Holding;
         let is_waiting = stands && (self.is_unconfirmed() || self.is_held());
-        if is_waiting && self.control.desk.is_some() && self.hearing == Hearing::On {
+        if is_waiting && self.control.request_socket.is_some() && self.hearing == Hearing::On {
             let most = Duration::from_nanos(LISTEN_NS);
             self.requests.wait(&self.control, most);
         }

@@ -16,7 +16,7 @@ impl Port {
     /// # Errors
     /// It has another number of axes.
     pub fn put_recording(&mut self, substructure: Box<dyn Substructure>) -> Result<(), PortError> {
-        spec::fits(
+        error::fits(
             "axes of the recording",
             substructure.axes(),
             self.axes.len(),
@@ -52,11 +52,6 @@ impl Port {
     ) {
         let (limits, units) = (0..self.axes()).map(of).unzip();
         self.guard = Guard::new(limits, units, tick);
-    }
-
-    /// Where to say how the specimen is left.
-    pub const fn exits_mut(&mut self) -> &mut Exits {
-        &mut self.exits
     }
 
     /// A port with an observer round its substructure: `wrap` takes that, and the metres and newtons in one unit of each axis.

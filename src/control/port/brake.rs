@@ -4,7 +4,7 @@
 
 /// The last commands of a specimen that is stopped.
 #[derive(Debug, Clone, Copy)]
-pub struct Brake {
+pub(crate) struct Brake {
     ticks: u64,
     /// The tick, from 1; 0 before the first.
     tick: u64,

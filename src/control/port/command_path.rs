@@ -152,8 +152,7 @@ impl CommandPath {
         &mut self.target
     }
 
-    /// Velocities of targets are the slope of a path from here on.
-    /// Velocities that come with targets are the slope of a path, and no differences.
+    /// From here on, velocities that come with targets are the slope of a path, and no differences.
     pub const fn take_velocities_of_a_path(&mut self) {
         self.velocity_of = VelocityOf::Path;
     }

@@ -36,11 +36,23 @@ pub enum PortError {
     /// A list whose length does not fit.
     #[error("{found} {what}, but there must be {wanted}")]
     Length {
-        /// What was counted.
+        /// Name of the counted items.
         what: &'static str,
         /// How many there are.
         found: usize,
         /// How many there must be.
         wanted: usize,
     },
+}
+
+/// Refuses a list whose length does not fit.
+pub(super) const fn fits(what: &'static str, found: usize, wanted: usize) -> Result<(), PortError> {
+    if found == wanted {
+        return Ok(());
+    }
+    Err(PortError::Length {
+        what,
+        found,
+        wanted,
+    })
 }

@@ -31,7 +31,7 @@ pub struct LinkCount {
     pub stats: LinkStats,
 }
 
-// What the link itself counts belongs to the link.
+// The counts of the link itself belong to the link.
 state! { LinkCount { sent, received, stale, unsettled, holds } keeps { stats } }
 
 /// What answers say of a hold by the specimen's own watchdog.
@@ -90,7 +90,7 @@ impl std::fmt::Debug for Exchange {
     }
 }
 
-/// What is owed and counted, and a specimen that is computed in this process. Others keep their own state.
+/// The state has what is owed and counted, and a specimen that is computed in this process. Other specimens keep their own.
 impl Stateful for Exchange {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         let is_elsewhere = self.is_remote() || self.is_recording;

@@ -50,7 +50,8 @@ mod wiring_check;
 mod wiring_fault;
 
 pub use axis::Axis;
-pub use brake::Brake;
+pub(crate) use brake::Brake;
+pub use compensators::Compensation;
 pub use error::PortError;
 pub use estimates::Declared;
 pub use exchange::{Hold, LinkCount, OnStale, WaitRules};
@@ -58,18 +59,22 @@ pub use guard::Guard;
 pub use interpolation::{Order, PathPoint, shares};
 pub use linear_stand_in::LinearStandIn;
 pub use loading_unit::{LoadingUnit, PoseRow, Poses};
-pub use motion_check::MotionCheck;
+pub(crate) use motion_check::MotionCheck;
 pub use probe::{Found, Pace, Probe, WayBack, Wiring};
-pub use ramp::{SHARE_OF_SPEED, UNBOUNDED_RAMP_S};
+pub use ramp::SHARE_OF_SPEED;
+pub(crate) use ramp::UNBOUNDED_RAMP_S;
 pub use received::ReceivedPort;
 pub use rest::Rest;
-pub use return_move::{Exit, Exits, ReturnMove};
+pub(crate) use return_move::ReturnMove;
+pub use return_move::{Exit, Exits};
 pub use sensor_zero::{DispZero, Reading, Reference, Zero};
-pub use spec::{AxisSpec, Compensation, LoadingUnitSpec, PortSpec, TrackingSpec};
+pub use spec::{AxisSpec, LoadingUnitSpec, PortSpec};
 pub use startup::NeedsMeasuredDisp;
-pub use step_pacer::{HOLD_AT, PacerTick, SLOW_FROM, StepPacer};
+pub(crate) use step_pacer::PacerTick;
+pub(crate) use step_pacer::StepPacer;
 pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
+pub use tracking::TrackingSpec;
 pub use trend::Trend;
 pub use unloading::UnloadFailure;
 pub use wiring_check::WiringCheck;
@@ -178,7 +183,7 @@ impl Port {
         &self.guard
     }
 
-    /// What was measured.
+    /// The measurements.
     #[inline]
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
@@ -206,31 +211,31 @@ impl Port {
         &self.tracking
     }
 
-    /// The same, to be changed.
+    /// Targets and commands, to be changed.
     #[inline]
     pub const fn path_mut(&mut self) -> &mut CommandPath {
         &mut self.path
     }
 
-    /// The same, to be changed.
+    /// The link and its counts, to be changed.
     #[inline]
     pub const fn exchange_mut(&mut self) -> &mut Exchange {
         &mut self.exchange
     }
 
-    /// The same, to be changed.
+    /// The limits and past commands, to be changed.
     #[inline]
     pub const fn guard_mut(&mut self) -> &mut Guard {
         &mut self.guard
     }
 
-    /// The same, to be changed.
+    /// The measurements, to be changed.
     #[inline]
     pub(crate) const fn feedback_mut(&mut self) -> &mut Feedback {
         &mut self.feedback
     }
 
-    /// The same, to be changed.
+    /// Readings at rest and the wiring check, to be changed.
     #[inline]
     pub const fn startup_mut(&mut self) -> &mut Startup {
         &mut self.startup
@@ -471,7 +476,7 @@ impl Port {
         found
     }
 
-    /// Takes the force of an answer that was lost and came with a later one into [`Port::recovered_force`], one with each call;
+    /// Takes the force of an answer that was lost and came with a later one into [`Feedback::recovered`], one with each call;
     /// the number of its command in the test. Real-time: yes.
     pub(crate) fn recover(&mut self) -> Option<u64> {
         let Self {

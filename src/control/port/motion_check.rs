@@ -57,7 +57,7 @@ impl AxisFollows {
 
 /// One specimen. Real-time: yes, after its making.
 #[derive(Debug, Clone)]
-pub struct MotionCheck {
+pub(crate) struct MotionCheck {
     axes: Vec<AxisFollows>,
     has_begun: bool,
 }

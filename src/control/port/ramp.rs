@@ -7,7 +7,7 @@ use super::axis::Axis;
 use super::axis_motion::AxisMotion;
 
 /// Time of a ramp in s that nothing else bounds.
-pub const UNBOUNDED_RAMP_S: f64 = 1.0;
+pub(crate) const UNBOUNDED_RAMP_S: f64 = 1.0;
 
 /// Share of a speed limit that a ramp uses at its fastest.
 pub const SHARE_OF_SPEED: f64 = 0.5;

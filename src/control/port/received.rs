@@ -3,7 +3,7 @@
 //! The controller commands the signals of the port: the deformations of its axes, or the coordinates of its loading
 //! unit. They go through the port as the targets of a structure do, and displacements and forces come back the same way.
 
-use super::spec::fits;
+use super::error::fits;
 use super::*;
 
 /// A port whose commands another controller sends. Nothing is estimated.
@@ -21,6 +21,43 @@ impl std::ops::Deref for ReceivedPort {
 impl std::ops::DerefMut for ReceivedPort {
     fn deref_mut(&mut self) -> &mut Port {
         &mut self.0
+    }
+}
+
+impl PortSpec {
+    /// Joins the specimen to another controller: each of its commands is a target, and is answered. Nothing is estimated.
+    ///
+    /// # Errors
+    /// As [`PortSpec::build`].
+    pub fn build_received(self) -> Result<ReceivedPort, PortError> {
+        self.check()?;
+        Ok(self.join_received())
+    }
+
+    /// Parts that fit, commanded once for each target of the other controller.
+    fn join_received(mut self) -> ReceivedPort {
+        self.per_step = true;
+        self.order = Order::default();
+        let mut port = self.join();
+        port.pause_estimates();
+        ReceivedPort(port)
+    }
+
+    /// A specimen whose axes another controller commands in their own units: what that sends is passed on to the last bit. `stiffness`
+    /// is the estimate k̂ of each axis, in its units; 0 where it is missing.
+    #[must_use]
+    pub fn passing_on(
+        name: impl Into<String>,
+        substructure: Box<dyn Substructure>,
+        stiffness: &[f64],
+    ) -> ReceivedPort {
+        let axes = 0..substructure.axes();
+        let axes = axes.map(|index| {
+            let stiffness = stiffness.get(index).copied().unwrap_or(0.0);
+            AxisSpec::new(Axis::received(), stiffness)
+        });
+        // One axis for each of the substructure's, and no other list.
+        Self::new(name, substructure, 0, axes.collect()).join_received()
     }
 }
 
@@ -141,7 +178,7 @@ impl ReceivedPort {
         }
     }
 
-    /// Commands at rest after which [`Port::skips_commands`] is not needed: an adaptive compensator learns nothing wrong. Real-time: yes.
+    /// Commands at rest after which [`ReceivedPort::skips_commands`] is not needed: an adaptive compensator learns nothing wrong. Real-time: yes.
     pub fn ticks_to_rest(&mut self) -> u32 {
         let compensators = self.path.compensators_mut();
         compensators.map_or(0, |compensators| compensators.ticks_to_rest())
@@ -229,7 +266,7 @@ impl ReceivedPort {
     }
 }
 
-// What the controller of a server needs of a port beside its signals.
+// Methods for the controller of a server, beside its signals.
 impl ReceivedPort {
     /// See `Port::ramp_time`.
     #[must_use]

@@ -56,7 +56,7 @@ impl Exits {
 
 /// A return move of one specimen.
 #[derive(Debug)]
-pub enum ReturnMove {
+pub(crate) enum ReturnMove {
     /// To displacements.
     Ramp {
         /// Of how many ticks.

@@ -1,7 +1,8 @@
 //! All that a port is built from, and what fits together of it.
 
 use super::command_path::CommandPath;
-use super::compensators::Compensators;
+use super::compensators::{Compensation, Compensators};
+use super::error::fits;
 use super::estimates::Estimates;
 use super::exchange::Exchange;
 use super::feedback::Feedback;
@@ -9,14 +10,12 @@ use super::initial_stiffness::InitialStiffness;
 use super::limits::AxisLimits;
 use super::loading_unit::LoadingUnit;
 use super::startup::Startup;
-use super::tracking::Tracking;
+use super::tracking::{Tracking, TrackingSpec};
 use super::{
     Axis, Declared, Exit, Exits, Guard, NeedsMeasuredDisp, Order, Port, PortError, PoseRow,
-    ReceivedPort, Reference, WaitRules, WiringCheck,
+    Reference, WaitRules, WiringCheck,
 };
-use gusset_actuator::compensation::Compensator;
 use gusset_actuator::geometry::{Geometry, LawPlace};
-use gusset_proof::CriticalDelay;
 use gusset_quantity::substructure::Substructure;
 
 /// One axis of a specimen, with everything that is declared of it.
@@ -32,7 +31,7 @@ pub struct AxisSpec {
     pub limits: AxisLimits,
     /// Which channels take their zero from what is read.
     pub reference: Reference,
-    /// What is declared at the structure.
+    /// Declared values at the structure.
     pub declared: Declared,
 }
 
@@ -60,35 +59,6 @@ pub struct LoadingUnitSpec {
     pub rows: Vec<PoseRow>,
     /// Where the specimen's stiffness is the same for every pose.
     pub law_at: LawPlace,
-}
-
-/// How commands make up for the lag of the actuators.
-#[derive(Debug)]
-pub struct Compensation {
-    /// One per axis.
-    pub compensators: Vec<Box<dyn Compensator>>,
-    /// Wall time from command to command, s.
-    pub tick: f64,
-    /// Test time that passes in one second of it.
-    pub pace: f64,
-    /// The compensated delay is one of test time: that of an actuator which is simulated in this process.
-    pub delay_in_test_time: bool,
-    /// The base moves: targets come with velocities that are no differences of theirs.
-    pub base_moves: bool,
-}
-
-/// How delay and gain of the axes are estimated.
-#[derive(Debug, Default)]
-pub struct TrackingSpec {
-    /// Test time from command to command, s.
-    pub dt: f64,
-    /// By how much of `dt` the velocity that comes with a target is older: half where it is the backward difference of the
-    /// family, γ with the α methods, nothing where it is prescribed.
-    pub age: f64,
-    /// Declared noise of the displacement sensors, m of the specimen rms: smaller motion gives no estimate until noise is read.
-    pub noise_m: Option<f64>,
-    /// Critical delays, one table per axis; empty if they are not known.
-    pub critical: Vec<CriticalDelay>,
 }
 
 /// Everything that a [`Port`] is built from.
@@ -131,18 +101,6 @@ pub struct PortSpec {
     pub exits: Exits,
     /// Where a specimen stands that does not report it, m of the specimen, one value per axis.
     pub stands_at_m: Option<Vec<f64>>,
-}
-
-/// Refuses a list whose length does not fit.
-pub(super) const fn fits(what: &'static str, found: usize, wanted: usize) -> Result<(), PortError> {
-    if found == wanted {
-        return Ok(());
-    }
-    Err(PortError::Length {
-        what,
-        found,
-        wanted,
-    })
 }
 
 impl std::fmt::Debug for PortSpec {
@@ -196,19 +154,7 @@ impl PortSpec {
         Ok(self.join())
     }
 
-    /// Joins the specimen to another controller: each of its commands is a target, and is answered. Nothing is estimated.
-    ///
-    /// # Errors
-    /// As [`PortSpec::build`].
-    pub fn build_received(mut self) -> Result<ReceivedPort, PortError> {
-        self.per_step = true;
-        self.order = Order::default();
-        let mut port = self.build()?;
-        port.pause_estimates();
-        Ok(ReceivedPort(port))
-    }
-
-    fn check(&self) -> Result<(), PortError> {
+    pub(super) fn check(&self) -> Result<(), PortError> {
         let n = self.axes.len();
         let axes = self.substructure.axes();
         if n != axes {
@@ -254,7 +200,7 @@ impl PortSpec {
     }
 
     /// A port of parts that fit.
-    fn join(self) -> Port {
+    pub(super) fn join(self) -> Port {
         let units: Vec<(f64, f64)> = self.axes.iter().map(|spec| spec.units).collect();
         let stiffness: Vec<f64> = self.axes.iter().map(|spec| spec.stiffness).collect();
         let limits = self.axes.iter().map(|spec| spec.limits).collect();
@@ -315,28 +261,5 @@ impl PortSpec {
             retrace: None,
             axes,
         }
-    }
-
-    /// A specimen whose axes another controller commands in their own units: what that sends is passed on to the last bit. `stiffness`
-    /// is the estimate k̂ of each axis, in its units; 0 where it is missing.
-    #[must_use]
-    pub fn passing_on(
-        name: impl Into<String>,
-        substructure: Box<dyn Substructure>,
-        stiffness: &[f64],
-    ) -> ReceivedPort {
-        let axes = 0..substructure.axes();
-        let axes = axes.map(|index| {
-            let stiffness = stiffness.get(index).copied().unwrap_or(0.0);
-            AxisSpec::new(Axis::received(), stiffness)
-        });
-        let spec = Self {
-            per_step: true,
-            ..Self::new(name, substructure, 0, axes.collect())
-        };
-        // One axis for each of the substructure's, and no other list.
-        let mut port = spec.join();
-        port.pause_estimates();
-        ReceivedPort(port)
     }
 }

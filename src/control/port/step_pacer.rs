@@ -11,9 +11,9 @@ use gusset_quantity::catalog::phase::Stage;
 use gusset_quantity::state;
 
 /// Share of the step at which an unknown target slows the command down.
-pub const SLOW_FROM: f64 = 0.6;
+pub(crate) const SLOW_FROM: f64 = 0.6;
 /// Share of the step that is not passed without a target.
-pub const HOLD_AT: f64 = 0.8;
+pub(crate) const HOLD_AT: f64 = 0.8;
 /// Share of the step over which the pace changes.
 const OVER: f64 = 0.2;
 /// Smallest increment of a recovery, so that it begins at all.
@@ -25,7 +25,7 @@ const ON_GRID: f64 = 1e-9;
 
 /// The way that one tick makes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PacerTick {
+pub(crate) struct PacerTick {
     /// Where it ends, as a share of the step: 0 … 1, exactly 1 at the target.
     pub share: f64,
     /// How long it is, as a share of the step.
@@ -80,7 +80,7 @@ impl PacerTick {
 /// number next to (N − i)/d that leaves d ≤ 1: with N = 1 the pace can only be 1, 1/2, 1/3 … steps a tick, which are taken in turn.
 /// The pace without that cutting is ρ d, followed by no more than ρ may change in a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StepPacer {
+pub(crate) struct StepPacer {
     /// N.
     ticks: f64,
     /// i.

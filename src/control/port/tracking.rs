@@ -8,7 +8,6 @@
 
 use super::command_path::VelocityOf;
 use super::estimates::Observation;
-use super::spec::TrackingSpec;
 use gusset_proof::CriticalDelay;
 use gusset_quantity::state;
 
@@ -157,6 +156,20 @@ impl AxisTracking {
             stiffness: (a_f * a + omega * omega * b_f * b) / (gain * gain),
         };
     }
+}
+
+/// How delay and gain of the axes are estimated.
+#[derive(Debug, Default)]
+pub struct TrackingSpec {
+    /// Test time from command to command, s.
+    pub dt: f64,
+    /// By how much of `dt` the velocity that comes with a target is older: half where it is the backward difference of the
+    /// family, γ with the α methods, nothing where it is prescribed.
+    pub age: f64,
+    /// Declared noise of the displacement sensors, m of the specimen rms: smaller motion gives no estimate until noise is read.
+    pub noise_m: Option<f64>,
+    /// Critical delays, one table per axis; empty if they are not known.
+    pub critical: Vec<CriticalDelay>,
 }
 
 /// How all axes of a specimen follow.

@@ -2,7 +2,7 @@
 
 use gusset_motion::metrics::tracking::delay;
 
-/// What a run left behind, tick by tick: m.
+/// Results of a run, one value per tick, in m.
 #[derive(Debug, Clone, Default)]
 pub struct Histories {
     /// Measured displacement of the interface.
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_late_and_small_copy_has_the_criteria_of_its_delay_and_gain() {
+    fn scaled_late_copy_has_known_criteria() {
         let dt = 1.0 / 4096.0;
         let sine = |lag: f64| -> Vec<f64> {
             let at = |k: i32| libm::sin(12.0 * (f64::from(k) - lag) * dt);

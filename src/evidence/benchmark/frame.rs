@@ -89,7 +89,7 @@ impl Frame {
         })
     }
 
-    /// What is computed: the whole less the specimen at floor 1.
+    /// The numerical substructure: the whole frame less the specimen at floor 1.
     #[must_use]
     pub fn numerical(&self) -> Part {
         let (mass, damping, stiffness) = SPECIMEN;
@@ -136,7 +136,7 @@ pub struct Motion {
 
 impl Motion {
     /// At rest.
-    pub const REST: Self = Self {
+    pub(crate) const REST: Self = Self {
         disp: Vector3::new(0.0, 0.0, 0.0),
         vel: Vector3::new(0.0, 0.0, 0.0),
     };

@@ -53,7 +53,7 @@ const NOISE_POWER: (f64, f64) = (6.25e-14, 1.16e-3);
 /// Quantum of the released converters, in V.
 pub(crate) const QUANTUM: f64 = 1.0 / (1_u32 << 18) as f64;
 /// The actuator gives no more, N.
-pub const FORCE_LIMIT_N: f64 = 8900.0;
+pub(crate) const FORCE_LIMIT_N: f64 = 8900.0;
 
 /// The plant of one run: the published one, or one drawn from its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,8 +81,8 @@ impl Default for Plant {
 }
 
 impl Plant {
-    /// Plant `number` of the uncertain ones of `seed`: standard deviations of k_e 5e4 N/m, a₃ 1.3 1/s, β₁ 3.3 1/s,
-    /// β₂ 3.3e3 1/s². A leakage below zero, which does not exist, is drawn anew. Number 0 is the nominal plant.
+    /// Plant `number` of the uncertain ones of `seed`: standard deviations of k_e 5e4 N/m, a₃ 1.3 1/s, β₁ 3.3 1/s, β₂
+    /// 3.3e3 1/s². A negative leakage is unphysical: it is drawn again. Number 0 is the nominal plant.
     #[must_use]
     pub(crate) fn drawn(seed: u64, number: u64) -> Self {
         let mut plant = Self::default();
@@ -105,7 +105,7 @@ impl Plant {
     }
 }
 
-/// What is run.
+/// One run to make: case, plant, coupling and disturbances.
 #[derive(Debug, Clone, Copy)]
 pub struct Setup<'a> {
     /// The case.
@@ -122,16 +122,16 @@ pub struct Setup<'a> {
     pub ground: &'a [f64],
     /// Further whole ticks by which the force comes late.
     pub late: usize,
-    /// What the actuator gives at most, in N.
+    /// Largest force of the actuator, in N.
     pub force_limit: f64,
 }
 
-/// What a run was like.
+/// Results of a run.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// Tick by tick.
     pub histories: Histories,
-    /// Ticks in which the actuator was at its limit of force, or the numbers were none.
+    /// Ticks in which the actuator was at its force limit, or a number was NaN or infinite.
     pub saturated: usize,
 }
 
@@ -192,7 +192,7 @@ impl Rig {
         }
     }
 
-    /// Displacement and force as they are read.
+    /// Displacement and force as the sensors read them.
     fn read(&self, noise: Option<u64>, tick: usize) -> (f64, f64) {
         let (mut disp, mut force) = (self.state[0], self.state[2]);
         if let Some(seed) = noise {
@@ -205,7 +205,7 @@ impl Rig {
     }
 }
 
-/// Runs it. The compensator is taken as it is, without a reset.
+/// Makes the run. The compensator is not reset first.
 pub fn run(setup: &Setup<'_>, controller: &mut dyn Compensator) -> Outcome {
     let dt = 1.0 / RATE_HZ;
     let n = setup.ground.len();

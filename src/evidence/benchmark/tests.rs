@@ -57,7 +57,7 @@ fn find(case: usize, controller: &str, ground: &[f64], change: impl Fn(&mut Setu
 }
 
 #[test]
-fn the_frame_has_its_published_frequencies() {
+fn frame_has_its_published_frequencies() {
     let wanted = [
         [3.612, 15.997, 38.086],
         [3.444, 15.252, 36.314],
@@ -96,7 +96,7 @@ fn loop_gain(frame: &Frame, omega: f64) -> Complex<f64> {
 }
 
 #[test]
-fn the_cases_have_their_published_critical_delays() {
+fn cases_have_published_critical_delays() {
     let wanted = [(14.64, 3.587), (12.22, 3.429), (9.92, 3.160), (8.73, 3.603)];
     for (case, (delay, hertz)) in (1..).zip(wanted) {
         let frame = Frame::case(case).unwrap();
@@ -123,7 +123,7 @@ fn the_cases_have_their_published_critical_delays() {
 }
 
 #[test]
-fn without_compensation_every_case_is_unstable() {
+fn every_case_is_unstable_uncompensated() {
     let ground = ground(20.0);
     for case in 1..=4 {
         let limited = find(case, "none = {}", &ground, |_| {});
@@ -140,7 +140,7 @@ fn without_compensation_every_case_is_unstable() {
 }
 
 #[test]
-fn second_and_third_order_extrapolation_drive_the_second_mode() {
+fn extrapolation_drives_the_second_mode() {
     let ground = ground(20.0);
     for case in 1..=4 {
         for order in [2, 3] {
@@ -156,7 +156,7 @@ fn second_and_third_order_extrapolation_drive_the_second_mode() {
 }
 
 #[test]
-fn what_tracks_is_stable_in_every_case() {
+fn tracking_kinds_are_stable_in_every_case() {
     let ground = ground(15.0);
     for case in 1..=4 {
         for (controller, most) in [
@@ -179,7 +179,7 @@ fn what_tracks_is_stable_in_every_case() {
 /// Target and measurement of one tick: what learns finds the plant of that tick, with the half tick by which a held command is
 /// late. A pair that is a tick apart leaves a bias of a whole tick, 0.244 ms; the four weights leave an eighth of one.
 #[test]
-fn what_learns_in_the_released_wiring_has_no_bias_of_a_tick() {
+fn adaptive_kinds_have_no_bias_of_a_tick() {
     let ground = ground(12.0);
     let tick_ms = 1e3 * DT;
     for case in [1, 3] {
@@ -199,7 +199,7 @@ fn what_learns_in_the_released_wiring_has_no_bias_of_a_tick() {
 
 /// A held command arrives half a tick before one that ramps; a compensator that does not learn leaves the difference.
 #[test]
-fn a_held_command_in_this_programs_loop_leads_a_ramp_by_half_a_tick() {
+fn held_command_leads_a_ramp_by_half_a_tick() {
     let ground = ground(15.0);
     let delay = |between_ticks: BetweenTicks| {
         let controller = "model_inverse = { coefficients = [1.0, 0.0249, 1.07e-4] }";
@@ -208,12 +208,12 @@ fn a_held_command_in_this_programs_loop_leads_a_ramp_by_half_a_tick() {
     };
     let lead = delay(BetweenTicks::Ramped) - delay(BetweenTicks::Held);
     let half = 0.5e3 * DT;
-    // The two responses differ by what the delay makes of them, to which the metric gives other weights: 2 %.
+    // The two responses differ by the effect of the delay, which the metric weights differently: 2 %.
     assert!((lead / half - 1.0).abs() < 0.02, "{lead} {half}");
 }
 
 #[test]
-fn quantisation_and_noise_are_switched_apart() {
+fn quantisation_and_noise_are_separate() {
     let ground = ground(3.0);
     let is_whole = |quantum: f64, noise: Option<u64>| {
         let frame = Frame::case(1).unwrap();
@@ -241,8 +241,8 @@ fn quantisation_and_noise_are_switched_apart() {
     assert_eq!(is_whole(0.0, Some(1)), (false, false));
 }
 
-/// What a force that comes a tick late makes of the third floor, in per cent of its deviation, to first order in the lateness:
-/// the whole frame, linear and without any loop, under the difference of its own specimen's force of now and a tick ago.
+/// Error of the third floor, in per cent of its deviation, due to a force that comes one tick late, to first order in the
+/// delay. The whole frame, linear and without a loop, is excited by the specimen's force now less that of a tick ago.
 fn cost_of_a_tick(frame: &Frame, ground: &[f64], linear: &[f64]) -> f64 {
     let whole = frame.whole();
     let (m, c, k) = SPECIMEN;
@@ -268,12 +268,12 @@ fn deviation(values: &[f64]) -> f64 {
     (squares / (n - 1.0)).sqrt()
 }
 
-/// d(n) is how far the third floor of a run n ticks late is from the same run in time, per tick. It is d + d' n + …, for the
-/// delay acts on a response that it has already changed, by 1.3 % to 2.2 % a tick here: 2 d(1) − d(2) is d but for the square of
-/// that, 5e-4. And it acts on the response that the tracker leaves, which is off by J7 of the run in time: that is the tolerance,
-/// 0.7 %. J7 itself is a norm, so that it is n d(n) up to what it is in time.
+/// d(n) is the distance of the third floor of a run n ticks late from the run without delay, per tick. It is d + d' n + …,
+/// because the delay acts on a response that it has already changed, by 1.3 % to 2.2 % a tick here. So 2 d(1) − d(2) is d up to
+/// the square of that, 5e-4. The delay also acts on the response that the tracker produces. That response differs by J7 of the
+/// run without delay: this is the tolerance, 0.7 %. J7 itself is a norm, so it is n d(n) up to its value without delay.
 #[test]
-fn with_the_same_tracker_a_tick_of_latency_costs_what_the_delayed_frame_says() {
+fn tick_of_latency_costs_as_computed() {
     let ground = ground(20.0);
     for case in 1..=4 {
         let frame = Frame::case(case).unwrap();
@@ -330,7 +330,7 @@ fn with_the_same_tracker_a_tick_of_latency_costs_what_the_delayed_frame_says() {
 }
 
 #[test]
-fn drawn_plants_have_the_published_spread_and_come_again() {
+fn drawn_plants_have_the_published_spread() {
     let n = 2000;
     let drawn: Vec<Plant> = (1..=n).map(|number| Plant::drawn(9, number)).collect();
     assert_eq!(Plant::drawn(9, 0), Plant::default());
@@ -357,7 +357,7 @@ fn drawn_plants_have_the_published_spread_and_come_again() {
 }
 
 #[test]
-fn the_count_of_unstable_roots_says_the_same_of_the_cases() {
+fn unstable_roots_confirm_the_cases() {
     use gusset_actuator::transfer::TransferSpec;
     use gusset_numerics::spectral::unstable_roots;
     let plant: TransferSpec = toml::from_str("actuator.servo_hydraulic = {}").unwrap();

@@ -1,10 +1,10 @@
 //! How large a model keeps its deadlines at a given rate: the models, the search and the picture. Nothing here keeps time:
-//! whoever searches runs the trials.
+//! the caller of the search runs the trials.
 
 mod models;
 mod picture;
 mod search;
 
-pub use models::{ModelError, Scalable, plane_frame};
-pub use picture::{MARKS, Mark, csv, svg};
+pub use models::{ModelError, Scalable};
+pub use picture::{Mark, csv, svg};
 pub use search::{Length, Point, Search, Trial, largest};

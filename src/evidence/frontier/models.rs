@@ -176,7 +176,7 @@ fn joint(columns: usize, column: usize, storey: usize) -> Option<usize> {
 /// Lumped mass in kg and stiffness in N/m of a rectangular frame with clamped feet, `columns` wide and `storeys` high:
 /// 3 columns · storeys degrees of freedom, storey by storey from below.
 #[must_use]
-pub fn plane_frame(columns: usize, storeys: usize) -> (SymMatrix, SymMatrix) {
+fn plane_frame(columns: usize, storeys: usize) -> (SymMatrix, SymMatrix) {
     let n = 3 * columns * storeys;
     let masses: Vec<f64> = (0..n)
         .map(|dof| match dof % 3 {
@@ -226,7 +226,7 @@ fn member(
         [0.0, -across, -lever, 0.0, across, -lever],
         [0.0, lever, far, 0.0, -lever, near],
     ];
-    // Of an upright member, along is upwards and across is against the floor's direction.
+    // For an upright member, "along" points upwards and "across" against the floor's direction.
     let place = |k: usize| {
         let (end, axis) = (if k < 3 { a } else { b }, k % 3);
         let (axis, sign) = match (upright, axis) {
@@ -252,7 +252,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_of_one_column_line_per_side_is_as_stiff_as_its_columns_and_beam() {
+    fn frame_is_as_stiff_as_columns_and_beam() {
         // Two columns, one storey, beam much stiffer than nothing: the sway stiffness of a portal with clamped feet
         // and equal members is 2 · 12 EI/L³ · (1 + 6 k)/(4 + 6 k) with k = I_b/I_c · h/L = 1: 24 EI/L³ · 7/10. Axial
         // flexibility of the members takes a little of it away.
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_base_moves_every_model() {
+    fn moving_base_moves_every_model() {
         for kind in [Scalable::Chain, Scalable::Frame] {
             let n = kind.size_near(kind.least());
             let dt = 1e-3;

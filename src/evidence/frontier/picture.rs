@@ -12,12 +12,12 @@ pub struct Mark {
     pub dofs: f64,
     /// Steps per second.
     pub rate_hz: f64,
-    /// What it was, and where it stands.
+    /// Description and source.
     pub words: &'static str,
 }
 
 /// What others have published.
-pub const MARKS: [Mark; 2] = [
+pub(crate) const MARKS: [Mark; 2] = [
     Mark {
         dofs: 27_000.0,
         rate_hz: 50.0,
@@ -47,7 +47,7 @@ pub fn svg(words: &str, points: &[Point]) -> String {
         let least = all.iter().copied().fold(mark, f64::min);
         (least, all.iter().copied().fold(mark, f64::max))
     };
-    // What the goal of 5 million degrees of freedom per second looks like.
+    // Curve of the goal: 5 million degrees of freedom per second.
     let (least, most) = ends(&x, MARKS[0].dofs);
     let goal = |dofs: f64| 5e6 / dofs;
     series.push(Series::reference(

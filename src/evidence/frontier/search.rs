@@ -1,29 +1,30 @@
 //! The search for the largest model: double or halve until it is enclosed, halve the rest, then prove it in a long trial.
 
-/// How long a trial is.
+/// Length of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Length {
-    /// To find out about where the end is.
+    /// Short, to find the approximate limit.
     Short,
-    /// Long enough to judge the share of kept deadlines.
+    /// Long enough to determine the share of kept deadlines.
     Long,
 }
 
-/// What one trial showed.
+/// Outcome of one trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {
     /// Ticks of it.
     pub ticks: u64,
     /// Deadlines missed because the step took too long, or another thread had the processor.
     pub missed: u64,
-    /// Deadlines that the machine below took away: stalls of a hypervisor. No smaller model would have kept them.
+    /// Deadlines lost to stalls of a hypervisor. No smaller model would have kept them.
     pub taken_away: u64,
     /// Time of a step in µs, median and 99.9th percentile.
     pub compute_us: [f64; 2],
 }
 
 impl Trial {
-    /// Share of the deadlines that a smaller model would not have kept either, left out: what judges a model.
+    /// Share of kept deadlines, apart from those that a smaller model would not have kept either: the criterion for a
+    /// model.
     #[must_use]
     pub fn kept(&self) -> f64 {
         1.0 - self.missed as f64 / self.ticks.max(1) as f64
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_is_found_from_below_and_from_above() {
+    fn limit_is_found_from_below_and_above() {
         for begin in [2, 100, 12_345, 1_000_000] {
             let found = largest(search(begin), &mut machine(5_000, 1.0)).unwrap();
             let (n, trial) = found.unwrap();
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_proof_that_fails_takes_the_size_back_until_one_holds() {
+    fn failed_proof_reduces_the_size() {
         let (n, _) = largest(search(100), &mut machine(5_000, 0.7))
             .unwrap()
             .unwrap();
@@ -182,13 +183,13 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_where_nothing_holds_and_all_where_all_does() {
+    fn search_ends_with_none_or_the_largest() {
         assert_eq!(largest(search(100), &mut machine(1, 1.0)).unwrap(), None);
         let (n, _) = largest(search(100), &mut machine(usize::MAX, 1.0))
             .unwrap()
             .unwrap();
         assert_eq!(n, 1_000_000);
-        // An operator who has enough.
+        // The operator ends the search.
         let mut never = |_: usize, _: Length| Ok::<_, Infallible>(None);
         assert_eq!(largest(search(100), &mut never).unwrap(), None);
     }

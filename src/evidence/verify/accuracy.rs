@@ -108,8 +108,8 @@ pub(super) fn amplitude_decay() -> Proof {
     (checks, vec![figure])
 }
 
-/// What the program's own free vibrations say: largest |AD|, and largest |PE − that of (26)|. Two poles follow from four
-/// samples in a row of x\[i+1\] = trace x\[i\] − determinant x\[i−1\].
+/// From free vibrations that the program computes: largest |AD|, and largest |PE − that of (26)|. Two poles follow from
+/// four consecutive samples of x\[i+1\] = trace x\[i\] − determinant x\[i−1\].
 fn of_runs(shares: &[f64]) -> (f64, f64) {
     let (mut decay, mut period) = (0.0f64, 0.0f64);
     for lambda in LAMBDAS {

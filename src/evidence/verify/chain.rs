@@ -1,4 +1,4 @@
-//! The chain of example 4.3: model, load, and what is judged of it without a clock.
+//! The chain of example 4.3: model, load, and the checks that need no clock.
 //!
 //! The text leaves ends, input and duration open. Here: mass 1 hangs on a base that moves as 0.1 sin 2πt m, mass n is
 //! free, the dampers act on absolute velocities, and the run starts at rest.
@@ -26,7 +26,7 @@ pub(super) const METHODS: [Method; 6] = [
     Method::Family(11.5),
 ];
 
-/// The same for a dense implementation.
+/// These variants in a dense implementation.
 pub(super) const WAYS: [Way; 6] = [
     Way::Average,
     Way::Chang,
@@ -44,10 +44,10 @@ pub(super) fn tridiagonal(n: usize, value: f64) -> SymMatrix {
     SymMatrix::from_triplets(n, entries)
 }
 
-/// Example 4.3 with `n` masses: equal masses in a row on a base, a nonlinear damper from each to the inertial frame. None
-/// for no mass at all.
+/// Example 4.3 with `n` masses: equal masses in a row on a base, a nonlinear damper from each to the inertial frame.
+/// `None` without a mass.
 #[must_use]
-pub fn chain_of_example_4_3(n: usize) -> Option<Structure> {
+pub(crate) fn chain_of_example_4_3(n: usize) -> Option<Structure> {
     let law = DAMPER.build().ok()?;
     let dampers = (0..n).map(|dof| Element {
         name: format!("absolute damper {}", dof + 1),
@@ -114,7 +114,7 @@ pub(super) fn limits() -> Vec<Check> {
     ]
 }
 
-/// The damper of Fig. 15, as the program's law has it.
+/// The damper of Fig. 15, by the program's law.
 pub(super) fn damper() -> Vec<Check> {
     let Ok(mut law) = DAMPER.build() else {
         return vec![Check::near(

@@ -1,6 +1,7 @@
 //! Example 4.3, Table 2 and Fig. 16: the cost of a step of a chain with nonlinear absolute dampers.
 //!
-//! Times are those of this machine and are not judged; what a dense implementation of each method must do in a step is.
+//! Times are those of this machine and have no verdict. The work of a dense implementation of each method in a step
+//! has one.
 
 use super::chain::{
     DT, METHODS, WAYS, agreement, base, chain_of_example_4_3, damper, force_velocity, limits,
@@ -14,7 +15,7 @@ use gusset_quantity::time::Clock;
 
 /// Table 2 of Gui et al. (2014): n, then milliseconds per step as printed, for average acceleration, Chang 2002, explicit
 /// Newmark, λ = 2, 4, 11.5 (a 2014 PC).
-pub const TABLE_2: [(usize, [f64; 6]); 8] = [
+const TABLE_2: [(usize, [f64; 6]); 8] = [
     (500, [5.6, 7.2, 6.5, 0.7, 0.9, 0.9]),
     (1000, [30.1, 36.8, 34.6, 4.3, 3.9, 3.5]),
     (1500, [85.8, 100.0, 95.4, 8.2, 7.5, 6.9]),
@@ -165,7 +166,7 @@ fn as_published(effort: Effort, clock: &dyn Clock) -> Vec<AsPublished> {
     each.collect()
 }
 
-/// What the paper says of Table 2, judged by counts and not by the clock.
+/// The paper's statements about Table 2, judged by counts and not by the clock.
 fn claims(rows: &[AsPublished]) -> Vec<Check> {
     let [first, .., last] = rows else {
         return Vec::new();
@@ -271,7 +272,7 @@ fn published_axes(dense: &[(usize, [f64; 6])]) -> Figure {
     }
 }
 
-/// The same with the sparse methods, which the paper does not have.
+/// The comparison with the sparse methods, which the paper does not contain.
 fn beside(dense: &[(usize, [f64; 6])], measured: &[(usize, [f64; 6])]) -> Figure {
     let mut series = Vec::new();
     for k in [0, 4] {

@@ -55,7 +55,7 @@ pub(super) fn random_system(random: &mut Random, damped: bool) -> StabilityProof
     }
 }
 
-/// The same whose storeys have all changed by nearly one factor: their shapes stay alike.
+/// A random system whose storeys have all changed by nearly one factor: their mode shapes stay alike.
 fn nearly_alike(random: &mut Random, spread: f64) -> StabilityProof {
     let mut proof = random_system(random, false);
     let n = proof.mass.n();

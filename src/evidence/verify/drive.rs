@@ -104,7 +104,7 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
         Ok(Self::of(stepper, structure, dt, load))
     }
 
-    /// The same with a method that is made already.
+    /// A drive with an existing method.
     pub(super) fn of(mut stepper: Stepper, structure: &'a mut Structure, dt: f64, load: L) -> Self {
         let n = structure.dofs();
         let mut state = State::at_rest(n);

@@ -7,15 +7,15 @@ use gusset_view::report::{self, Curve, Curves, Look};
 /// One curve of a figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// What it shows.
+    /// Name of the curve.
     pub name: String,
     /// Abscissas.
     pub x: Vec<f64>,
-    /// Ordinates; NaN where there is none.
+    /// Ordinates; NaN where a point is missing.
     pub y: Vec<f64>,
     /// Points instead of a line.
     pub dots: bool,
-    /// What the others are compared with: drawn in the colour of text, dashed, above all.
+    /// True for the reference curve: dashed, in the text colour, above all others.
     pub reference: bool,
 }
 
@@ -54,7 +54,7 @@ impl Series {
 /// One axis of a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
-    /// What it shows.
+    /// Label of the axis.
     pub words: &'static str,
     /// SI unit, or "1".
     pub unit: &'static str,
@@ -106,7 +106,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// The picture: part of a page, or a file of its own.
+    /// The picture: part of a page, or a separate file.
     #[must_use]
     pub fn svg(&self, inline: bool) -> String {
         let curves: Vec<Curve<'_>> = self

@@ -19,7 +19,7 @@ const FINE: f64 = 1e-4;
 /// The paper gives no duration.
 const SECONDS: f64 = 20.0;
 
-/// What a run came to by R = its peak bottom drift over that of the reference: good up to 1.05, unstable beyond 3.
+/// Class of a run by R = its peak bottom drift over that of the reference: good up to 1.05, unstable beyond 3.
 pub(super) fn class(ratio: f64) -> &'static str {
     match ratio {
         r if r <= 1.05 => "good",

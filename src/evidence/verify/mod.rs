@@ -1,9 +1,9 @@
-//! The published values of the family, obtained anew by the program's own code and judged: Gui, Wang, Jin, Chen and
-//! Zhou (2014), table by table, equation by equation, figure by figure.
+//! The published values of the family, recomputed by the program's own code and judged: Gui, Wang, Jin, Chen and Zhou
+//! (2014), table by table, equation by equation, figure by figure.
 //!
-//! A [`Topic`] is a piece of the paper under a name. Proving it gives a [`Part`]: checks, each with what the paper says,
-//! what was obtained, the tolerance and the verdict, and the figures in the paper's axes. Where the paper is loose or
-//! inconsistent the check says so as a [`Verdict::Note`] and judges what is true instead. Random systems come from
+//! A [`Topic`] is a named piece of the paper. Proving it gives a [`Part`]: checks and the figures in the paper's axes.
+//! Each check holds the paper's value, the value obtained, the tolerance and the verdict. Where the paper is loose or
+//! inconsistent, the check is a [`Verdict::Note`] and judges the correct statement instead. Random systems come from
 //! fixed seeds: two runs give the same text, timing apart.
 //!
 //! Nothing is written here: [`files`] gives the page, the pictures and their data as text.
@@ -29,14 +29,13 @@ mod tests;
 use serde::Serialize;
 use thiserror::Error;
 
-pub use chain::chain_of_example_4_3;
-pub use cost::TABLE_2;
+pub(crate) use chain::chain_of_example_4_3;
 pub use figure::{Figure, Scale, Series};
 pub use page::files;
 
 use gusset_quantity::time::Clock;
 
-/// What came of one check.
+/// Outcome of one check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -51,15 +50,15 @@ pub enum Verdict {
 /// One value or statement of the paper.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Check {
-    /// What is looked at.
+    /// Quantity or statement under check.
     pub what: String,
-    /// What the paper says.
+    /// The paper's value.
     pub paper: String,
-    /// What was obtained.
+    /// The value obtained.
     pub obtained: String,
-    /// How far they may be apart, or how it is judged.
+    /// Allowed difference, or criterion.
     pub tolerance: String,
-    /// What came of it.
+    /// Outcome.
     pub verdict: Verdict,
 }
 
@@ -100,7 +99,7 @@ impl Check {
         }
     }
 
-    /// Something to be said and not judged.
+    /// A note without a verdict.
     #[must_use]
     pub(crate) fn note(what: &str, paper: &str, obtained: String, remark: &str) -> Self {
         Self {
@@ -144,10 +143,10 @@ fn number(value: f64) -> String {
     }
 }
 
-/// A table of the paper with what was obtained beside it.
+/// A table of the paper with the values obtained beside it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tabulation {
-    /// What it holds.
+    /// Title of the table.
     pub title: String,
     /// Names of the columns; the first one names the rows.
     pub head: Vec<String>,
@@ -155,14 +154,14 @@ pub struct Tabulation {
     pub rows: Vec<Vec<String>>,
 }
 
-/// What came of one piece of the paper.
+/// Outcome of one piece of the paper.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Part {
     /// Name of its topic.
     pub name: &'static str,
-    /// What it is.
+    /// Title of the topic.
     pub title: &'static str,
-    /// What the paper says, in short.
+    /// The paper's statement, in short.
     pub says: &'static str,
     /// Its values and statements.
     pub checks: Vec<Check>,
@@ -198,7 +197,7 @@ pub enum Effort {
 }
 
 impl Effort {
-    /// `quick` or `whole`, as it is.
+    /// Returns `quick` or `whole`, by the effort.
     fn of(self, quick: usize, whole: usize) -> usize {
         match self {
             Self::Quick => quick,
@@ -232,9 +231,9 @@ impl From<Proof> for Shown {
 pub struct Topic {
     /// Its name on the command line.
     pub name: &'static str,
-    /// What it is.
+    /// Title of the topic.
     pub title: &'static str,
-    /// What the paper says, in short.
+    /// The paper's statement, in short.
     pub says: &'static str,
     prove: fn(Effort, &dyn Clock) -> Shown,
 }

@@ -15,7 +15,7 @@ const SECONDS: f64 = 15.0;
 /// Steps of the reference between two looks at its tangents.
 const EVERY: usize = 25;
 
-/// One of the two systems, with what the paper says of it.
+/// One of the two systems, with the paper's statements.
 struct System {
     name: &'static str,
     theta: [f64; 2],

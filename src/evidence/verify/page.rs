@@ -59,7 +59,7 @@ fn index(parts: &[Part]) -> String {
     frame(TITLE, &body)
 }
 
-/// What the page holds, with the verdict on each part.
+/// Contents of the page, with the verdict on each part.
 fn contents(parts: &[Part]) -> String {
     let mut out = String::from("<nav><ul class=\"contents\">\n");
     for part in parts {

@@ -20,7 +20,7 @@ pub(super) fn circle() -> Series {
     )
 }
 
-/// Invariants of one step of the program with Δt = 1, m = 1; NaN if there is none.
+/// Invariants of one step of the program with Δt = 1, m = 1; NaN if they do not exist.
 fn stepped(omega: f64, ratio: f64, lambda: f64) -> (f64, f64) {
     let own = (2.0 * ratio * omega, omega * omega);
     let found = transition(own, own, 1.0, lambda);
@@ -39,7 +39,7 @@ pub(super) fn regions(effort: Effort) -> Proof {
         let (omega, ratio) = (random.between(0.1, 4.0), random.between(0.0, 0.5));
         let [first, second] = poles(omega, ratio, lambda);
         let radius = first.norm().max(second.norm());
-        // Close to the circle neither growth nor decay shows in the time that is looked at.
+        // Close to the circle neither growth nor decay shows in the simulated time.
         if (radius - 1.0).abs() < 0.02 {
             continue;
         }

@@ -67,7 +67,7 @@ pub(super) fn closed_loop(effort: Effort) -> Proof {
     (checks, vec![loop_figure()])
 }
 
-/// What the loop of Fig. 4 answers to an impulse, by (36) and by the program.
+/// Response of the loop of Fig. 4 to an impulse, by (36) and by the program.
 fn loop_figure() -> Figure {
     let (omega, ratio, lambda, steps) = (1.0, 0.05, 4.0, 40);
     let alpha = alpha(omega, ratio, lambda);
@@ -100,7 +100,7 @@ fn loop_figure() -> Figure {
             found,
         ));
     }
-    // The same colour for a line and its dots.
+    // A line and its dots have one colour.
     let (lines, dots): (Vec<_>, Vec<_>) = series.into_iter().partition(|s| !s.dots);
     Figure {
         file: "fig-4",

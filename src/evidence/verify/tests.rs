@@ -4,7 +4,7 @@ use super::*;
 use gusset_quantity::time::SimClock;
 
 #[test]
-fn a_value_that_is_not_as_published_fails_and_the_whole_with_it() {
+fn wrong_value_fails_the_whole() {
     let right = Check::near("a", 4.75, 4.7495, 0.005);
     let wrong = Check::near("a", 4.85, 4.7495, 0.005);
     assert_eq!(
@@ -52,7 +52,7 @@ fn numbers_are_short_and_honest() {
 }
 
 #[test]
-fn topics_are_chosen_by_name_in_the_order_of_the_paper() {
+fn topics_keep_the_order_of_the_paper() {
     assert_eq!(select(&[]).unwrap().len(), TOPICS.len());
     let some = select(&["example-4.1".to_owned(), "table-1".to_owned()]).unwrap();
     let names: Vec<_> = some.iter().map(|topic| topic.name).collect();
@@ -70,7 +70,7 @@ fn topics_are_chosen_by_name_in_the_order_of_the_paper() {
 }
 
 #[test]
-fn a_figure_has_its_data_and_picture_beside_the_page() {
+fn figure_has_data_and_picture() {
     let topics = select(&["fig-5".to_owned()]).unwrap();
     let part = topics[0].prove(Effort::Quick, &SimClock::default());
     assert!(all_hold(std::slice::from_ref(&part)), "{part:?}");

@@ -1,6 +1,7 @@
-//! What happens to actuator, specimen and sensors.
+//! Faults of actuator, specimen and sensors.
 //!
-//! Invariant: what does not concern the present command leaves it and its measurement as they are, to the last bit.
+//! Invariant: a fault that does not concern the present command leaves command and measurement unchanged, to the last
+//! bit.
 
 use std::collections::VecDeque;
 
@@ -17,25 +18,25 @@ use gusset_quantity::units::AxisUnits;
 const STREAM: u64 = 2;
 
 /// A specimen on which a script is played.
-pub struct Bench {
+pub(crate) struct Bench {
     specimen: Box<dyn Substructure>,
     faults: Vec<Fault>,
     units: Vec<AxisUnits>,
     dice: Dice,
-    /// Which of the faults happen to the command at hand.
+    /// Which faults apply to the present command.
     happen: Vec<bool>,
     first: u64,
     /// Wall time in s from one command to the next, and the command that was committed last; from `first`.
     period: Option<f64>,
     committed: Option<u64>,
     number: u64,
-    /// Where the actuators stand: committed, and as last tried.
+    /// Position of the actuators: committed, and as last tried.
     place: Vec<f64>,
     tried: Vec<f64>,
-    /// The command at hand, and whether a fault concerns it.
+    /// The present command, and whether a fault concerns it.
     command: CommandAtHand,
     vel: Vec<f64>,
-    /// What the sensors said last.
+    /// The last measurement of the sensors.
     said: Measurement,
     past: VecDeque<(u64, Vec<f64>)>,
     complaint: Option<String>,
@@ -111,7 +112,7 @@ impl Bench {
         self.happen.contains(&true)
     }
 
-    /// The faults that happen to the command at hand.
+    /// The faults of the present command.
     fn happening(&self) -> impl Iterator<Item = &Fault> {
         happening(&self.faults, &self.happen)
     }
@@ -126,7 +127,7 @@ impl Bench {
             .map_or(elapsed, |period| commands as f64 * period)
     }
 
-    /// Where the actuators go, told to go to `self.tried`.
+    /// Moves the actuators for the command `self.tried`.
     fn actuate(&mut self, number: u64, elapsed: f64) {
         let elapsed = self.since_committed(elapsed);
         for fault in happening(&self.faults, &self.happen) {
@@ -179,7 +180,7 @@ impl Bench {
         stalls
     }
 
-    /// What the sensors make of it.
+    /// Writes what the sensors measure.
     fn sense(&mut self, number: u64, into: &mut Measurement) {
         for fault in happening(&self.faults, &self.happen) {
             match fault.kind {
@@ -250,7 +251,7 @@ fn happening<'a>(faults: &'a [Fault], happen: &'a [bool]) -> impl Iterator<Item 
     pairs.filter_map(|(fault, happens)| happens.then_some(fault))
 }
 
-/// What a specimen says that is not where the test believes.
+/// Describes a specimen that is not where the test expects it.
 fn elsewhere(disp_m: f64, axis: Option<usize>) -> String {
     let which = axis.map_or_else(|| "every axis".to_owned(), |axis| format!("axis {axis}"));
     format!("the specimen is not where the test expects it: {which} is {disp_m} m away")
@@ -433,16 +434,13 @@ impl Substructure for Bench {
 mod tests {
     use super::*;
     use crate::served::Computed;
-    use gusset_actuator::specimen::Uniaxial;
+    use gusset_actuator::specimen::SpecimenLaw;
     use gusset_numerics::law::LawSpec;
 
     /// A spring of 1000 N/m in millimetres and newtons, played with these faults.
     fn play(kinds: &[(Option<u64>, Option<u64>, Kind)], commands: &[f64]) -> Vec<(f64, f64)> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
-        let rig = Computed::new(
-            Box::new(Uniaxial::new(vec![spec.build().unwrap()]).unwrap()),
-            false,
-        );
+        let rig = Computed::new(SpecimenLaw::Law(spec).build(1).unwrap(), false);
         let fault = |(at, lasts, kind): &(Option<u64>, Option<u64>, Kind)| Fault {
             at: *at,
             lasts: *lasts,
@@ -479,17 +477,18 @@ mod tests {
         each.collect()
     }
 
-    /// The commands of 10 Hz that went, by a script of one fault, at a controller whose test time runs a tenth as fast.
+    /// Result of the commands at 10 Hz, by a script of one fault, with a controller whose test time runs a tenth as
+    /// fast.
     fn go(fault: Fault, commands: &[f64]) -> Result<Vec<f64>, String> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
-        let law = Uniaxial::new(vec![spec.build().unwrap()]).unwrap();
+        let law = SpecimenLaw::Law(spec).build(1).unwrap();
         let script = Script {
             seed: 3,
             fault: vec![fault],
             ..Script::default()
         };
         gusset_config::check_script(&script, Some(1)).unwrap();
-        let rig = Box::new(Computed::new(Box::new(law), false));
+        let rig = Box::new(Computed::new(law, false));
         let mut bench = Bench::around(rig, &script, vec![AxisUnits::SI]);
         bench.commanded_every(0.1);
         let complaint = |bench: &dyn Substructure| bench.complaint().unwrap_or_default();
@@ -529,7 +528,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_improbable_happens_to_some_commands_whatever_it_is() {
+    fn probabilistic_fault_hits_some_commands() {
         let commands: Vec<f64> = (1..=200).map(|k| 0.1 * f64::from(k)).collect();
         for kind in [
             Kind::Frozen,
@@ -565,7 +564,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_elsewhere_says_where() {
+    fn wrong_place_is_reported() {
         let fault = Fault {
             axis: Some(1),
             ..certain(Kind::Elsewhere { disp_m: 0.005 })
@@ -577,7 +576,7 @@ mod tests {
     const WAY: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 2.0, 0.0];
 
     #[test]
-    fn an_actuator_that_fails_takes_the_specimen_with_it() {
+    fn failed_actuator_affects_the_specimen() {
         let disp = |kind| -> Vec<f64> {
             let said = play(&[(Some(1), Some(4), kind)], &WAY);
             assert!(said.iter().all(|(disp, force)| disp == force));
@@ -595,7 +594,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_fails_leaves_the_specimen_alone() {
+    fn failed_sensor_leaves_the_specimen_alone() {
         let said = |kind| play(&[(Some(2), Some(2), kind)], &WAY);
         let true_one: Vec<_> = WAY.iter().map(|disp| (*disp, *disp)).collect();
         let changed = |kind, at_2: (f64, f64), at_3: (f64, f64)| {
@@ -628,7 +627,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_stays_within_its_bounds_and_is_the_same_in_every_play() {
+    fn noise_is_bounded_and_repeatable() {
         let noise = [(
             None,
             None,

@@ -5,7 +5,7 @@
 pub(super) struct Dice(u64);
 
 impl Dice {
-    /// `stream` tells apart what would otherwise throw the same.
+    /// `stream` separates numbers that would otherwise be equal.
     pub(super) const fn new(seed: u64, stream: u64) -> Self {
         Self(seed ^ stream.wrapping_mul(0xA076_1D64_78BD_642F))
     }

@@ -1,17 +1,19 @@
-//! What goes wrong in a laboratory: one model of faults, for a simulated link and for a real server.
+//! Faults of a laboratory: one model of faults, for a simulated link and for a real server.
 //!
-//! A [`Script`](gusset_config::fault_script::Script) says what happens, counted in commands since arming. A [`FaultyWire`] plays what happens to frames on
-//! their way, a [`Bench`] what happens to actuator, specimen and sensors, a [`StallingClock`] what happens to the
-//! controller's loop. Neither opens a socket or reads a clock of its own. Two plays of one script are the same: chance
-//! begins with its seed. What a controller should make of it is not decided here.
+//! A [`Script`](gusset_config::fault_script::Script) lists faults, counted in commands since arming. A [`FaultyWire`] injects
+//! faults into frames in transit. A [`Bench`] injects faults into actuator, specimen and sensors. A `StallingClock` stalls the
+//! controller's loop. Neither opens a socket or reads a real clock. Two runs of one script are identical: random numbers begin
+//! with its seed. This module does not decide how a controller should react.
 
 mod bench;
 mod dice;
 mod queue;
+#[cfg(any(test, feature = "test-doubles"))]
 mod stall;
 mod wire;
 
-pub use bench::Bench;
+pub(crate) use bench::Bench;
 pub(crate) use queue::Queue;
+#[cfg(any(test, feature = "test-doubles"))]
 pub use stall::StallingClock;
-pub use wire::FaultyWire;
+pub(crate) use wire::FaultyWire;

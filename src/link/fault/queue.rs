@@ -18,7 +18,7 @@ impl Queue {
         self.put(at, bytes);
     }
 
-    /// `frame` in a buffer that is to be given back, with [`Queue::put`] or [`Queue::discard`].
+    /// `frame` in a buffer that returns with [`Queue::put`] or [`Queue::discard`].
     pub(crate) fn copy(&mut self, frame: &[u8]) -> Vec<u8> {
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();
@@ -58,7 +58,7 @@ impl Queue {
         })
     }
 
-    /// The same, lent to `act`.
+    /// Like `get`, but lends the frame to `act`.
     #[inline]
     pub(crate) fn pass<R>(&mut self, until: Nanos, act: impl FnOnce(&[u8]) -> R) -> Option<R> {
         if self.next_at()? > until {

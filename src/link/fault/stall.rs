@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 
-/// A simulated clock that oversleeps: what a page fault or a kernel does to a loop.
+/// A simulated clock that oversleeps, as a page fault or the kernel makes a loop do.
 #[derive(Debug)]
 pub struct StallingClock {
     clock: SimClock,

@@ -1,7 +1,7 @@
-//! What happens to frames on their way, and to the connection as a whole.
+//! Faults of frames in transit, and of the connection as a whole.
 //!
-//! The wire stands at the specimen's end. Invariants: a frame that no fault concerns passes as it is and at once; what a
-//! fault holds back leaves in the order of its times; numbers of commands, never a clock, decide what happens.
+//! The wire is at the specimen's end. Invariants: a frame that no fault concerns passes unchanged and at once; delayed
+//! frames leave in the order of their times; numbers of commands, never a clock, decide what happens.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,7 @@ use gusset_wire::native::{Kind as FrameKind, forge_force, forge_length, forge_se
 /// The stream of chance on the link.
 const STREAM: u64 = 1;
 
-/// What happens on one way, and what is kept of it.
+/// Faults of one direction, and its kept frames.
 #[derive(Debug, Default)]
 struct OneWay {
     faults: Vec<Fault>,
@@ -60,9 +60,9 @@ impl OneWay {
 
 /// A transport on which a script is played.
 #[derive(Debug)]
-pub struct FaultyWire<T> {
+pub(crate) struct FaultyWire<T> {
     inner: T,
-    /// What happens to the connection, once after each arming, and what of it has not happened yet.
+    /// Faults of the connection, once after each arming, and those that are still to come.
     events: Vec<Fault>,
     coming: Vec<Fault>,
     dice: Dice,
@@ -117,7 +117,7 @@ impl<T: Transport> FaultyWire<T> {
         }
     }
 
-    /// Commands count from this number on, and the script begins anew.
+    /// Commands count from this number on, and the script restarts.
     pub(crate) fn armed(&mut self, first: u64) {
         (self.first, self.newest, self.heard) = (first, 0, false);
         self.deaf_until = Nanos(0);
@@ -145,7 +145,7 @@ impl<T: Transport> FaultyWire<T> {
         self.origin.plus(since.ceil() as u64 + 1)
     }
 
-    /// What becomes of a frame of command `number`: it waits, once or several times, for its time to come.
+    /// Plays the faults on a frame of command `number`: it waits, once or several times, for its time.
     fn play(&mut self, way: Way, number: u64, frame: &[u8]) {
         let now = self.inner.now();
         let one_way = match way {
@@ -244,7 +244,7 @@ impl<T: Transport> FaultyWire<T> {
         Ok(())
     }
 
-    /// A command has come: what happens at it to the connection. True if it is heard.
+    /// Applies the faults of the connection to a command that arrived. True if the command is received.
     fn hears(&mut self, number: u64) -> Result<bool, LinkFault> {
         let is_new = !self.heard || number > self.newest;
         if is_new {
@@ -305,7 +305,7 @@ impl<T: Transport> Transport for FaultyWire<T> {
         if self.deaf_until > Nanos(0) && self.inner.now() < self.deaf_until {
             return Ok(());
         }
-        // Nobody is there any more to send a goodbye later.
+        // Nothing can send a goodbye later.
         if seen.kind == FrameKind::Goodbye || !self.replies.concerns(number) {
             return self.inner.send(frame);
         }

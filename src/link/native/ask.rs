@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::refused::{SetupError, parting};
+use super::refused::SetupError;
 use crate::Transport;
 use crate::inbox::Inbox;
 use gusset_quantity::substructure::LISTEN_NS;
@@ -30,7 +30,7 @@ pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupErro
         Control::Bye(bye) => SetupError::Left {
             due: expected,
             cause: bye.cause,
-            why: parting(bye.cause, &bye.text),
+            text: bye.text,
         },
         other => SetupError::Wire(WireError::Order {
             expected,
@@ -134,7 +134,7 @@ mod tests {
     const S: u64 = 1_000_000_000;
 
     #[test]
-    fn a_lost_datagram_is_sent_again_long_before_its_answer_is_given_up() {
+    fn lost_datagram_is_sent_again_early() {
         // A gateway's usual watchdog time, and the shortest and the longest that are taken.
         for watchdog in [S / 1000, 10 * S, 600 * S] {
             for reply_timeout in [S / 20, S, 5 * S, 60 * S] {

@@ -18,13 +18,13 @@ pub(super) struct Book {
     known: Option<u64>,
     /// Which commands have been answered, their numbers plus one.
     answered: SequenceWindow,
-    /// Flags that were said outside a measurement, or in one that was overtaken.
+    /// Flags received outside a measurement, or in one that was overtaken.
     latched: Status,
     recovered: Recovered,
     pub(super) stats: LinkStats,
 }
 
-/// Answers that never came by themselves but stood in the history of a later one, until somebody takes them.
+/// Measurements recovered from the history of a later answer, until the loop takes them.
 #[derive(Debug)]
 struct Recovered {
     sequences: Vec<u64>,
@@ -86,12 +86,12 @@ impl Book {
         self.known == Some(sequence)
     }
 
-    /// Flags of a heartbeat. An interlock stays; holding is told once.
+    /// Records the flags of a heartbeat. An interlock stays; holding is reported once.
     pub(super) fn flags(&mut self, status: Status) {
         self.latched.0 |= status.0 & (Status::INTERLOCK.0 | Status::HOLDING.0);
     }
 
-    /// True once it has said that its interlock is open.
+    /// True once its interlock has been reported open.
     pub(super) const fn has_interlock(&self) -> bool {
         self.latched.has(Status::INTERLOCK)
     }
@@ -117,7 +117,7 @@ impl Book {
         self.stats.missed = self.stats.missed.max(u64::from(frame.missed()));
         match self.answered.accept(sequence.saturating_add(1)) {
             Err(WireError::Replayed { .. }) => self.stats.duplicates += 1,
-            // More than 64 commands behind: whether it is the first or the second cannot be told.
+            // More than 64 commands behind: the first and the second answer cannot be distinguished.
             Err(_) => self.stats.late += 1,
             Ok(_) if sequence < issued => self.stats.late += 1,
             Ok(_) => {}
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overtaken_answer_never_replaces_a_newer_one_and_counts_as_late() {
+    fn late_answer_never_replaces_a_newer_one() {
         let mut ends = Ends::new();
         let frames: Vec<_> = (0..3).map(|k| ends.frame(k, Status::default())).collect();
         ends.take(&frames[0], 0).unwrap();
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_answer_to_one_command_is_a_duplicate_and_one_to_the_future_an_error() {
+    fn second_answer_is_a_duplicate() {
         let mut ends = Ends::new();
         for _ in 0..2 {
             let frame = ends.frame(4, Status::default());
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interlock_stays_open_and_holding_is_told_once() {
+    fn interlock_stays_holding_is_reported_once() {
         let mut ends = Ends::new();
         let frame = ends.frame(0, Status::INTERLOCK);
         ends.take(&frame, 0).unwrap();
@@ -255,7 +255,7 @@ mod tests {
         ends.book.flags(Status::HOLDING);
         assert_eq!(ends.held().status, Status(3 | Status::HELD.0));
         assert_eq!(ends.held().status, Status::INTERLOCK);
-        // One that goes on says so in its answers.
+        // A hold that continues is reported in the answers.
         ends.book.flags(Status::HOLDING);
         let frame = ends.frame(2, Status::HOLDING);
         ends.take(&frame, 2).unwrap();

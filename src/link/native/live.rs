@@ -17,18 +17,21 @@ use gusset_quantity::substructure::{
 use gusset_quantity::time::Nanos;
 use gusset_wire::WireError;
 use gusset_wire::handshake::{self, Control, Welcome};
-use gusset_wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
+use gusset_wire::native::{
+    Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice, SAYS_LOST,
+};
 
-/// How often a stop is said over UDP before the way out begins.
+/// How often a stop is sent over UDP before shutdown begins.
 const HALTS: u32 = 4;
-/// Reads after the deadline: what is here already is taken, a flood is not.
+/// Reads after the deadline: frames that have arrived are taken, a flood is not.
 const EXTRA_READS: u32 = 64;
-/// A specimen that hears nothing for half a minute gives a controller up: between commands it hears this often.
+/// A specimen that receives nothing for half a minute gives a controller up: between commands it receives a heartbeat
+/// this often.
 const KEEP_ALIVE_NS: u64 = 10_000_000_000;
 /// Variant number of a control message that repeats an Arm.
 const ARM: [u8; 4] = [3, 0, 0, 0];
 
-/// More than a [`LinkFault`] says.
+/// More details than a [`LinkFault`].
 #[derive(Debug, Clone, PartialEq)]
 enum Detail {
     Wire(WireError),
@@ -50,7 +53,7 @@ pub(super) struct Live {
     /// Version of the handshake that both speak.
     version: u16,
     reply_timeout_ns: u64,
-    /// Over UDP a command whose answer is owed is sent again after so long; over TCP a heartbeat is sent.
+    /// After this time over UDP an unanswered command is sent again; over TCP a heartbeat is sent.
     nudge_ns: u64,
     connect_limit: Duration,
     /// When the last frame left.
@@ -70,11 +73,11 @@ pub(super) struct Live {
     asked_to_arm: Option<Vec<u8>>,
     fault: Option<LinkFault>,
     detail: Option<Detail>,
-    /// Its goodbye says that the specimen behind it is lost, or cannot say that it is not.
+    /// Its goodbye reports that the specimen behind it is lost, or cannot rule this out.
     may_be_lost: bool,
     /// Its goodbye has come; none before that was waited for.
     acknowledged: Option<bool>,
-    /// What it said then, beyond that.
+    /// Text of its goodbye, beyond the cause.
     last_words: Option<String>,
 }
 
@@ -150,15 +153,18 @@ impl Live {
         (!all.is_empty()).then(|| all.join("; "))
     }
 
-    /// True if only the server at the other end knows where the specimen is: it lost it, or is too old to say that it did not.
+    /// True if only the server at the other end knows where the specimen is: it lost it, or is too old to rule this out.
     pub(super) const fn may_be_lost(&self) -> bool {
         self.may_be_lost
     }
 
-    /// Keeps what the cause of a goodbye says about who holds the specimen.
-    fn heard_goodbye(&mut self, code: u32) {
-        let cause = Cause::from_code(code);
-        self.may_be_lost |= cause.is_ok_and(|cause| cause.may_be_lost(self.version));
+    /// Keeps what a goodbye says about who holds the specimen. An older peer has only a text for that, which may say anything.
+    fn heard_goodbye(&mut self, code: u32, text: &str) {
+        let says_only = self.version < SAYS_LOST && !text.is_empty();
+        self.may_be_lost |= match Cause::from_code(code) {
+            Ok(Cause::Tripped) => says_only,
+            cause => cause == Ok(Cause::Lost),
+        };
     }
 
     /// Real-time: yes.
@@ -241,8 +247,8 @@ impl Live {
         since.plus(self.reply_timeout_ns)
     }
 
-    /// Hears what comes up to `deadline`, or up to the answer: then true. From `nudge` on it is asked for now and then.
-    /// Real-time: yes.
+    /// Reads incoming frames up to `deadline`, or up to the answer: then true. From `nudge` on it repeats the request
+    /// now and then. Real-time: yes.
     fn hear_answer(
         &mut self,
         issued: u64,
@@ -284,9 +290,9 @@ impl Live {
         Ok(self.book.has(issued))
     }
 
-    /// True if the answer to the last command is here, or comes within `wait_ns` and within its time limit. What was lost is
-    /// asked for again, as [`Live::collect`] does while it waits. On simulated time no wait takes any: then that is its affair.
-    /// Real-time: yes.
+    /// True if the answer to the last command is here, or comes within `wait_ns` and within its time limit. A lost answer is
+    /// requested again, as [`Live::collect`] does while it waits. On simulated time no wait takes any: then the specimen is
+    /// responsible. Real-time: yes.
     pub(super) fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         if let Some(fault) = self.fault {
             return Err(fault);
@@ -309,8 +315,8 @@ impl Live {
         Ok(false)
     }
 
-    /// A lockstep answer stays away. A lost datagram is sent again (the specimen answers again and moves nothing); on a
-    /// stream nothing is lost, but the specimen's watchdog is told that we are here.
+    /// A lockstep answer is overdue. A lost datagram is sent again (the specimen answers again and moves nothing). A
+    /// stream loses nothing, but a heartbeat shows the specimen's watchdog that the controller is alive.
     fn nudge(&mut self, issued: u64) -> Result<(), LinkFault> {
         if self.inbox.is_stream() {
             let beat = Heartbeat {
@@ -325,8 +331,8 @@ impl Live {
         }
     }
 
-    /// Between commands: takes what has come, and says now and then that we are here. A heartbeat does not end the
-    /// holding of a specimen whose commands have stopped.
+    /// Between commands: takes the frames that have come, and sends a heartbeat now and then. A heartbeat does not end
+    /// the hold of a specimen whose commands have stopped.
     pub(super) fn attend(&mut self) -> Result<(), LinkFault> {
         if let Some(fault) = self.fault {
             return Err(fault);
@@ -344,7 +350,7 @@ impl Live {
         }
         let silent_ns = self.transport.now().0.saturating_sub(self.sent_ns);
         if self.paused && !self.inbox.is_stream() && silent_ns >= self.nudge_ns {
-            // What said that nothing will come may have been lost.
+            // The message that nothing will come may have been lost.
             return self.say_hold(issued, Cause::Operator);
         }
         if silent_ns < KEEP_ALIVE_NS {
@@ -370,8 +376,8 @@ impl Live {
             .map_or(Ok(()), |issued| self.say_hold(issued, cause))
     }
 
-    /// See [`gusset_quantity::substructure::Substructure::halt`]. Once the next command has overtaken it, it says nothing any more: over
-    /// UDP it is said as often as may be lost in a row.
+    /// See [`gusset_quantity::substructure::Substructure::halt`]. It has no effect once the next command has overtaken it: over
+    /// UDP it is sent as often as datagrams may be lost in a row.
     pub(super) fn halt(&mut self) -> Result<(), LinkFault> {
         if let Some(fault) = self.fault {
             return Err(fault);
@@ -388,8 +394,8 @@ impl Live {
         self.send(written)
     }
 
-    /// Takes every whole frame that is here. Over UDP what fails a check is counted and dropped, over TCP it is the end;
-    /// a force that is not a number, in a frame that is otherwise right, is always the end.
+    /// Takes every whole frame that is here. Over UDP a frame that fails a check is counted and dropped, over TCP it
+    /// ends the link. A force that is NaN, in a frame that is otherwise right, always ends it.
     fn take_frames(&mut self, issued: u64) -> Result<(), LinkFault> {
         loop {
             let outcome = match self.inbox.next() {
@@ -438,14 +444,14 @@ impl Live {
             }
             Frame::Goodbye(notice) => {
                 let cause = notice.cause;
-                self.heard_goodbye(cause.code());
+                self.heard_goodbye(cause.code(), "");
                 Err((LinkFault::Closed, Some(Detail::Goodbye(cause))))
             }
             // The answer to an Arm that was repeated.
             Frame::Control(message) if message.starts_with(&ARM) => Ok(()),
             Frame::Control(message) => Err(match handshake::decode(message).map_err(wire)? {
                 Control::Bye(bye) => {
-                    self.heard_goodbye(bye.cause);
+                    self.heard_goodbye(bye.cause, &bye.text);
                     let said = format!(
                         "the specimen said goodbye: {}",
                         parting(bye.cause, &bye.text)

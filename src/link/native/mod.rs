@@ -3,7 +3,7 @@
 //! Everything that blocks or allocates happens in `connect` and `arm`, before anything moves; `issue` and `collect` run
 //! on the loop's thread. Guarantees: a late answer never overwrites a newer one; every answer is counted once; a fault is
 //! final; an open interlock stays in the status of every later measurement. The stiffness that the specimen reports is
-//! only compared, in number and sign, with what the test file believes: nothing is moved to find out.
+//! only compared, in number and sign, with the estimate of the test file. The comparison moves nothing.
 
 mod ask;
 mod book;
@@ -12,9 +12,8 @@ mod refused;
 mod setup;
 mod start;
 
-pub use refused::SetupError;
 pub(super) use refused::with_words;
-pub use setup::{NativeSetup, unlimited_axis};
+pub use setup::NativeSetup;
 pub(crate) use setup::{SOFTWARE, fit};
 
 use crate::Transport;
@@ -57,7 +56,7 @@ impl NativeLink {
         }
     }
 
-    /// The same over a transport that is connected already, which carries whole frames as the set-up's carrier would.
+    /// A link over a transport that is connected already and carries whole frames like the carrier of the set-up.
     #[must_use]
     pub fn over(setup: NativeSetup, wire: Box<dyn Transport>) -> Self {
         Self {
@@ -66,7 +65,7 @@ impl NativeLink {
         }
     }
 
-    /// The same over TLS: whatever carrier the set-up names, it is TLS now.
+    /// A link over TLS, whichever carrier the set-up names.
     #[must_use]
     pub fn over_tls(mut setup: NativeSetup, tls: TlsClient) -> Self {
         setup.carrier = Carrier::Tls;

@@ -1,4 +1,4 @@
-//! Why a set-up failed, and what to do about it.
+//! Why a set-up failed, and the remedy.
 
 use thiserror::Error;
 
@@ -11,7 +11,7 @@ use gusset_wire::native::Cause;
 
 /// Why a set-up failed. Nothing was moved.
 #[derive(Debug, Error)]
-pub enum SetupError {
+pub(crate) enum SetupError {
     /// There is no connection.
     #[error(transparent)]
     Connect(#[from] ConnectError),
@@ -20,7 +20,7 @@ pub enum SetupError {
         "no answer to our {question} within {seconds} s: is it a specimen that speaks the gusset protocol?"
     )]
     Silent {
-        /// What was asked.
+        /// The unanswered question.
         question: &'static str,
         /// The time limit.
         seconds: f64,
@@ -28,7 +28,7 @@ pub enum SetupError {
     /// The connection was lost.
     #[error("{0} before everything was agreed: is it a specimen that speaks the gusset protocol?")]
     Lost(LinkFault),
-    /// TLS is wanted, and nobody gave a certificate.
+    /// The link requires TLS, and no certificate is given.
     #[error("TLS wants a certificate, a key and an authority")]
     Bare,
     /// The far end speaks TLS, and we do not.
@@ -39,7 +39,7 @@ pub enum SetupError {
     /// The TLS session was lost, or hangs.
     #[error("TLS: {0}")]
     Tls(TlsFault),
-    /// The answer makes no sense, or is not what was asked for.
+    /// The answer is invalid, or belongs to another question.
     #[error("{wrong}{hint}", wrong = .0, hint = hint(*.0))]
     Wire(WireError),
     /// The specimen refuses.
@@ -51,16 +51,16 @@ pub enum SetupError {
         text: String,
     },
     /// The specimen leaves instead of answering.
-    #[error("it said goodbye where {due} was due: {why}")]
+    #[error("it said goodbye where {due} was due: {}", parting(*cause, text))]
     Left {
         /// The answer.
         due: &'static str,
         /// The code of the cause, see [`Cause`].
         cause: u32,
-        /// The cause, and the specimen's words.
-        why: String,
+        /// In the specimen's words; empty if it has none.
+        text: String,
     },
-    /// It keeps narrower limits than the test, and did not say so to the Hello.
+    /// It keeps narrower limits than the test, and did not report them in its answer to the Hello.
     #[error(
         "axis \"{axis}\": {what} is {promised} {unit} here, beyond {own} {unit} there{}",
         advice(RefuseCode::Limits),
@@ -75,7 +75,7 @@ pub enum SetupError {
     /// It answers that it is armed, for another place than was asked for.
     #[error("the specimen is armed for another place than it was asked to be")]
     ArmedElsewhere,
-    /// Nobody wants it any more.
+    /// The connection is no longer needed.
     #[error("it is not wanted any more")]
     Unwanted,
     /// The system has no random numbers.
@@ -94,14 +94,11 @@ pub(super) fn reason(code: RefuseCode, text: &str) -> &str {
 
 /// Why a specimen leaves, and its own words.
 pub(super) fn parting(cause: u32, text: &str) -> String {
-    let why = Cause::from_code(cause).map_or_else(
-        |_| format!("for an unknown reason (code {cause})"),
-        |cause| cause.why().to_owned(),
-    );
-    with_words(why, text)
+    let why = Cause::from_code(cause).map_or("for an unknown reason", Cause::why);
+    with_words(why.to_owned(), text)
 }
 
-/// A reason, and the words of its own that somebody has for it, if any.
+/// A reason, followed by the sender's text, if any.
 pub(crate) fn with_words(why: String, text: &str) -> String {
     if text.trim().is_empty() {
         why
@@ -156,6 +153,17 @@ impl SetupError {
                 RefuseCode::Key => LinkFault::Auth,
                 _ => LinkFault::Refused,
             },
+        }
+    }
+
+    /// Cause and text, if it may say that the specimen is lost. A gateway of version 1 refuses in that case.
+    pub(super) fn goodbye(&self) -> Option<(u32, &str)> {
+        match self {
+            Self::Left { cause, text, .. } => Some((*cause, text)),
+            Self::Refused { code, text } if *code == RefuseCode::NotReady => {
+                Some((Cause::Tripped.code(), text))
+            }
+            _ => None,
         }
     }
 

@@ -9,13 +9,13 @@ use crate::secret::random;
 use gusset_config::Carrier;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::text::is_hidden;
-use gusset_wire::handshake::{self, Axis, Hello, Limits, Sampling, Versions, Welcome, layout_hash};
+use gusset_wire::handshake::{self, Axis, Hello, Sampling, Versions, Welcome, layout_hash};
 use gusset_wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 
 /// The program, as it calls itself to peers.
 pub(crate) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VERSION"));
 
-/// What a controller wants of a specimen that speaks our own protocol.
+/// Requirements of a controller for a specimen that speaks our own protocol.
 #[derive(Debug, Clone)]
 pub struct NativeSetup {
     /// "host:port".
@@ -34,13 +34,13 @@ pub struct NativeSetup {
     pub watchdog_s: f64,
     /// When the force is sampled.
     pub sampling: Sampling,
-    /// Whether a reply is owed for each command.
+    /// Whether each command needs a reply.
     pub coupling: Coupling,
     /// Time limit of connecting and of each question in the set-up.
     pub connect_limit: Duration,
     /// How long a lockstep reply may stay away.
     pub reply_timeout: Duration,
-    /// What is asked of the socket.
+    /// Options of the socket.
     pub options: SocketOptions,
 }
 
@@ -86,21 +86,6 @@ impl NativeSetup {
             name: fit(&self.test),
             axes: self.axes.clone(),
         })
-    }
-}
-
-/// An axis without limits.
-#[must_use]
-pub fn unlimited_axis(
-    name: String,
-    disp_unit: handshake::Unit,
-    force_unit: handshake::Unit,
-) -> Axis {
-    Axis {
-        name,
-        disp_unit,
-        force_unit,
-        limits: Limits::NONE,
     }
 }
 

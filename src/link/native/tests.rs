@@ -1,4 +1,4 @@
-//! What a specimen's end says in place of an answer, and after the last words, over a wire that a test has in its hands.
+//! Frames that a specimen's end sends instead of an answer, and after the goodbye, over a wire that a test controls.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
@@ -9,7 +9,8 @@ use crate::SocketOptions;
 use gusset_quantity::substructure::{Command, Freshness, Holder, Measurement, Status};
 use gusset_wire::Side;
 use gusset_wire::handshake::{
-    self, Bye, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, Unit, Versions, Welcome,
+    self, Bye, Capabilities, Control, Hello, Limits, Refuse, RefuseCode, Sampling, Unit, Versions,
+    Welcome,
 };
 use gusset_wire::native::{
     Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Moment, Notice,
@@ -18,10 +19,10 @@ use gusset_wire::native::{
 const SESSION: u64 = 7;
 const TEXT: &str = "pump lost pressure";
 
-/// What the specimen's end does at a point of the session.
+/// A scripted reaction of the specimen's end at a point of the session.
 #[derive(Debug, Clone)]
 enum Word {
-    /// What belongs there.
+    /// The expected message.
     Fits,
     Says(Box<Control>),
     Goodbye(Cause),
@@ -30,10 +31,10 @@ enum Word {
     Byes(Bye, Cause),
 }
 
-/// What a test makes of the usual welcome.
+/// A change to the usual welcome.
 type Change = fn(&mut Welcome);
 
-/// A specimen's end that is there, on a clock that goes on by each wait.
+/// A scripted specimen's end, on a clock that advances with each wait.
 struct Scripted {
     words: [Word; 3],
     welcome: Change,
@@ -187,7 +188,7 @@ fn welcome(hello: &Hello) -> Welcome {
     }
 }
 
-/// A link to an end that says these words in place of welcome, arming and goodbye, and what it has heard.
+/// A link to an end that sends these frames for welcome, arming and goodbye, and the list of frames that it received.
 fn link(
     carrier: Carrier,
     words: [Word; 3],
@@ -219,7 +220,12 @@ fn link_that_answers(
         carrier,
         key: None,
         test: "test".into(),
-        axes: vec![unlimited_axis("axis 1".into(), Unit::Metre, Unit::Newton)],
+        axes: vec![handshake::Axis {
+            name: "axis 1".into(),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        }],
         rate: (100, 1),
         watchdog_s: 0.5,
         sampling: Sampling::Reply,
@@ -241,7 +247,7 @@ fn bye(cause: Cause, text: &str) -> Bye {
 const CARRIERS: [Carrier; 2] = [Carrier::Tcp, Carrier::Udp];
 
 #[test]
-fn a_goodbye_in_place_of_a_welcome_is_told_with_its_words_and_at_once() {
+fn goodbye_instead_of_welcome_is_reported() {
     for carrier in CARRIERS {
         let word = Word::Says(Box::new(Control::Bye(bye(Cause::Tripped, TEXT))));
         let (mut link, heard) = link(carrier, [word, Word::Fits, Word::Fits], |_| {});
@@ -255,7 +261,7 @@ fn a_goodbye_in_place_of_a_welcome_is_told_with_its_words_and_at_once() {
 }
 
 #[test]
-fn what_is_said_in_place_of_the_arming_is_told_and_at_once() {
+fn message_instead_of_arming_is_reported() {
     let refuse = |code, text: &str| {
         Word::Says(Box::new(Control::Refuse(Refuse {
             code,
@@ -300,7 +306,7 @@ fn what_is_said_in_place_of_the_arming_is_told_and_at_once() {
 }
 
 #[test]
-fn what_a_specimen_says_to_its_last_words_is_kept() {
+fn text_of_the_goodbye_is_kept() {
     let beats = |status, cause| Word::Beats(status, cause);
     let orderly = Retirement::Orderly;
     let cases = [
@@ -343,7 +349,7 @@ fn what_a_specimen_says_to_its_last_words_is_kept() {
     }
 }
 
-/// Version 2 says by a code that the specimen is lost. Version 1 has only a sentence, so only the server may know.
+/// Version 2 has a code for a lost specimen. Version 1 has only a sentence, so only the server may know.
 #[test]
 fn holder_follows_the_code_of_the_goodbye() {
     let refuse = |code| {
@@ -355,7 +361,7 @@ fn holder_follows_the_code_of_the_goodbye() {
     };
     let says = |cause| Word::Says(Box::new(Control::Bye(bye(cause, TEXT))));
     let byes = |cause| Word::Byes(bye(cause, TEXT), cause);
-    // What comes instead of the arming, what answers the retire, and whether the holder is unknown in versions 1 and 2.
+    // Message instead of the arming, answer to the retire, and whether the holder is unknown in versions 1 and 2.
     let cases = [
         (says(Cause::Tripped), Word::Fits, [true, false]),
         (says(Cause::Shutdown), Word::Fits, [false, false]),
@@ -385,7 +391,7 @@ fn holder_follows_the_code_of_the_goodbye() {
     }
 }
 
-/// What the answers to three commands come to, which take so long and give this force.
+/// Results of three commands whose answers take this long and give this force.
 fn three_answers(carrier: Carrier, answers: (u64, f64)) -> Vec<Result<Freshness, LinkFault>> {
     let words = [Word::Fits, Word::Fits, Word::Fits];
     let (mut link, _) = link_that_answers(carrier, words, |_| {}, answers);
@@ -408,7 +414,7 @@ fn three_answers(carrier: Carrier, answers: (u64, f64)) -> Vec<Result<Freshness,
 
 /// A second each, and not for all of them.
 #[test]
-fn every_answer_is_waited_for_as_long_as_its_time_limit() {
+fn each_answer_has_its_time_limit() {
     let silent = Err(LinkFault::Timeout);
     for carrier in CARRIERS {
         let in_time = three_answers(carrier, (700_000_000, 1e3));
@@ -417,9 +423,9 @@ fn every_answer_is_waited_for_as_long_as_its_time_limit() {
     }
 }
 
-/// A datagram that is damaged is lost; one that is whole and says no number is none of those.
+/// A damaged datagram counts as lost. An intact one whose force is NaN is a fault.
 #[test]
-fn a_force_that_is_no_number_is_the_end_over_either_carrier() {
+fn nan_force_is_a_fault_on_both_carriers() {
     for carrier in CARRIERS {
         for force in [f64::NAN, f64::INFINITY] {
             let found = three_answers(carrier, (0, force));
@@ -429,7 +435,7 @@ fn a_force_that_is_no_number_is_the_end_over_either_carrier() {
 }
 
 #[test]
-fn a_watchdog_that_one_late_command_alarms_is_warned_of_and_its_time_is_told() {
+fn short_watchdog_is_warned_about() {
     // Commands come every 0.01 s.
     let changes: [(Change, &str, bool); 3] = [
         (|_| {}, "watchdog 0.5 s", false),
@@ -458,7 +464,7 @@ fn a_watchdog_that_one_late_command_alarms_is_warned_of_and_its_time_is_told() {
 }
 
 #[test]
-fn a_specimen_that_does_not_say_that_it_measures_displacement_is_known() {
+fn missing_measured_displacement_is_known() {
     let changes: [(Change, bool); 3] = [
         (|_| {}, false),
         (

@@ -1,4 +1,4 @@
-//! The asking dialects as one, and the transports below them: what is sent and heard, without its meaning.
+//! The asking dialects as one, and the transports below them: bytes sent and received, without their meaning.
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ pub(super) enum Asking {
     Shadow(Shadow),
 }
 
-/// What came of some bytes.
+/// Result of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Came {
     Nothing,
@@ -95,7 +95,7 @@ impl Asking {
         }
     }
 
-    /// The last words, and whether they are answered.
+    /// The final message, and whether the server answers it.
     pub(super) fn die(&mut self) -> Result<(&[u8], bool), WireError> {
         match self {
             Self::Client(client) => client.die().map(|bytes| (bytes, false)),
@@ -111,7 +111,7 @@ impl Asking {
         }
     }
 
-    /// Feeds everything that came and sends what it asks for; the last thing that it meant. Real-time: yes, after the
+    /// Feeds all received bytes and sends the requests that follow; returns the last message. Real-time: yes, after the
     /// set-up.
     pub(super) fn digest(
         &mut self,
@@ -142,8 +142,8 @@ impl Asking {
     }
 }
 
-/// A far end that gives the time of a command back with its answer, as the genuine servers do where they are asked for a
-/// time, shows by it that a datagram came twice or late: nothing else in these protocols does.
+/// Detects a datagram that came twice or late by the time of the command in the answer. Genuine servers return this time
+/// where they support it. These protocols offer no other means.
 #[derive(Debug, Default)]
 pub(super) struct Echo {
     newest: Option<f64>,
@@ -252,13 +252,13 @@ mod tests {
     use super::Echo;
 
     #[test]
-    fn an_answer_with_the_time_of_the_command_before_is_noticed_where_times_are_echoed() {
+    fn echoed_time_reveals_an_old_answer() {
         let mut echo = Echo::default();
         for (commanded, answered) in [(0.0, 0.0), (0.0, 0.0), (0.1, 0.1), (0.1, 0.1), (0.2, 0.2)] {
             echo.check(commanded, answered).unwrap();
         }
         echo.check(0.3, 0.2).unwrap_err();
-        // A peer without a time sends zeros, one with a clock of its own anything.
+        // A peer without a time sends zeros; one with a separate clock sends any number.
         for clock in [[0.0; 4], [5.0, 5.1, 5.2, 5.3]] {
             let mut echo = Echo::default();
             for (k, answered) in clock.into_iter().enumerate() {

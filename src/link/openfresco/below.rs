@@ -1,4 +1,4 @@
-//! What the transport below knows of a lost link, and whether the far end answered plain words with TLS.
+//! Reports what the transport below knows of a lost link, and whether the far end answered plain text with TLS.
 
 use super::error::RemoteError;
 use crate::Transport;
@@ -28,7 +28,7 @@ impl Below {
         }
     }
 
-    /// In words, if there is more to say than that the link is lost. `plain`: no TLS was spoken here.
+    /// In words, if more is known than that the link is lost. `plain`: no TLS was spoken here.
     pub(super) fn text(self, plain: bool) -> Option<String> {
         if plain && is_alert(&self.first) {
             let text = "it speaks TLS: set `transport = \"tls\"`, with the certificates of [specimen.link.tls]";

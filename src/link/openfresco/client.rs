@@ -1,11 +1,11 @@
 //! Our controller as a client: dialects A, B and C behind the hinge.
 //!
-//! Coupling is lockstep: one answer is owed for each command, nothing has a sequence number, so nothing may be lost or
-//! late. Command and request leave in one write. Each wait ends at the time limit of [`RemoteSettings`], on the
-//! wall clock of the socket: the engine's deadline is on the engine's clock, which may be simulated. Nothing is
-//! allocated for an exchange.
+//! Coupling is lockstep: each command needs one answer. Nothing has a sequence number, so nothing may be lost or late.
+//! Command and request leave in one write. Each wait ends at the time limit of [`RemoteSettings`], on the wall clock of
+//! the socket: the engine's deadline is on the engine's clock, which may be simulated. Nothing is allocated for an
+//! exchange.
 //!
-//! Not here: what the numbers mean for the structure, and what to do about a fault; a fault is final.
+//! Not here: the meaning of the numbers for the structure, and reactions to a fault; a fault is final.
 
 mod opening;
 
@@ -53,7 +53,7 @@ pub struct Remote {
     sent_at: Nanos,
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
-    /// What a server measured before the first command.
+    /// Measurement of a server before the first command.
     standing: Option<(Vec<f64>, Vec<f64>)>,
     complaint: Option<Lost>,
     below: Below,
@@ -109,8 +109,8 @@ impl Remote {
         })
     }
 
-    /// Connects and sets everything up; an element server is asked for its initial stiffness, and every server where its
-    /// specimen stands. Nothing moves.
+    /// Connects and sets everything up. Reads the initial stiffness of an element server, and the position of the
+    /// specimen from every server. Nothing moves.
     ///
     /// # Errors
     /// See [`RemoteError`].
@@ -200,8 +200,8 @@ impl Remote {
         )?)
     }
 
-    /// The goodbye: 99, whose answer is waited for only in dialect B. OpenFresco says it twice in dialect C, where
-    /// the far end has gone after the first.
+    /// The goodbye: 99, whose answer is waited for only in dialect B. OpenFresco sends it twice in dialect C, where the
+    /// far end has closed after the first.
     fn say_goodbye(&mut self) -> Result<(), Lost> {
         let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
         let (bytes, answered) = self.machine.die()?;
@@ -236,7 +236,7 @@ impl Substructure for Remote {
             axes,
             ..
         } = &self.settings;
-        // The wire's matrix stands here by rows.
+        // This is the wire's matrix by rows.
         let rows = self.initial_stiffness.as_deref().unwrap_or_default();
         let (standing, force) = self
             .standing
@@ -287,7 +287,7 @@ impl Substructure for Remote {
         })
     }
 
-    /// Refused: a command while an answer is owed, and one after the end. One whose sequence number was answered
+    /// Refused: a command before the last answer, and one after the end. A command whose sequence number was answered
     /// already moves nothing.
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         match self.phase {
@@ -313,8 +313,8 @@ impl Substructure for Remote {
         Ok(())
     }
 
-    /// Waits up to the time limit of a reply, whatever the engine's deadline is: an answer that is owed cannot be left
-    /// behind.
+    /// Waits up to the time limit of a reply, whatever the engine's deadline is: an unanswered command must not be
+    /// abandoned.
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         match self.phase {
             Phase::Faulted(fault) => return Err(fault),
@@ -400,7 +400,7 @@ impl Substructure for Remote {
 
     /// The protocols have one goodbye, whatever happened; we close first, so that the far end's port is free at once.
     fn retire(&mut self, _how: Retirement) {
-        // A lost link takes no last words; nothing is left to do about it.
+        // A lost link carries no goodbye; nothing can be done about it.
         let _ = self.say_goodbye();
         self.link = None;
         self.phase = Phase::Retired;

@@ -52,13 +52,13 @@ pub enum End {
     Replaced(f64),
     /// It connected and sent no sizes for so long, in s.
     NoSizes(f64),
-    /// It had not said what it wants when more came than are greeted at a time.
+    /// It had sent no request when more clients came than can wait.
     GaveWay,
     /// There was no TLS session, or it broke.
     Tls(TlsFault),
     /// It speaks TLS, and plain TCP is served.
     SpeaksTls,
-    /// Its bytes, or what they ask for, cannot be.
+    /// Its bytes, or its requests, are invalid.
     Refused(ExchangeFault),
     /// The server stops.
     Stopped,

@@ -34,7 +34,7 @@ pub(crate) enum Request {
     Switch(bool),
     /// A line of an initialisation file.
     InitLine,
-    /// An action that the dialect does not know. It gets no answer.
+    /// An unknown action of the dialect. It gets no answer.
     Unknown(f64),
     /// The client ends the test. [`Codec::reply`] may hold an answer.
     Goodbye,
@@ -184,7 +184,7 @@ impl Codec {
         Some(Target { response, dt })
     }
 
-    /// True if the last command went back to the start of the client's analysis after a commit. Real-time: yes.
+    /// True if the last command returned to the start of the client's analysis after a commit. Real-time: yes.
     pub(crate) fn is_reset(&self) -> bool {
         match &self.dialect {
             Dialect::Vectors(machine) => machine.is_reset(),

@@ -14,14 +14,14 @@ pub enum RemoteError {
     /// No connection.
     #[error(transparent)]
     Connect(#[from] ConnectError),
-    /// The settings, or what the peer answered, cannot be.
+    /// The settings, or the peer's answer, are invalid.
     #[error("{address}: {what}: {source}{}", hint(*source))]
     Wire {
         /// Where to.
         address: String,
-        /// What was being done.
+        /// The operation that failed.
         what: &'static str,
-        /// What is wrong.
+        /// The fault.
         source: WireError,
     },
     /// The link was lost while it was set up.
@@ -29,7 +29,7 @@ pub enum RemoteError {
     Lost {
         /// Where to.
         address: String,
-        /// What was being done.
+        /// The operation that failed.
         what: &'static str,
         /// How.
         fault: LinkFault,
@@ -51,7 +51,7 @@ pub enum RemoteError {
     Timeout {
         /// Where to.
         address: String,
-        /// What was asked.
+        /// The item that was requested.
         what: &'static str,
         /// The time limit.
         seconds: f64,
@@ -61,14 +61,14 @@ pub enum RemoteError {
     Setting {
         /// Which.
         name: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: f64,
         /// The domain, in words.
         allowed: &'static str,
     },
 }
 
-/// These programs give no reasons: what was wrong must be guessed from when they fall silent.
+/// These programs give no reasons: the cause follows from when they fall silent.
 fn closing(fault: LinkFault) -> &'static str {
     match fault {
         LinkFault::Closed => {
@@ -118,7 +118,7 @@ impl RemoteError {
     }
 }
 
-/// A link lost on the way, or bytes that cannot be.
+/// A lost link, or invalid bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Lost {
     Link(LinkFault),
@@ -146,7 +146,7 @@ impl From<WireError> for Lost {
     }
 }
 
-/// Puts names on what goes wrong in the set-up.
+/// Adds names to the errors of the set-up.
 pub(super) struct Saying {
     address: String,
     carrier: Carrier,
@@ -175,7 +175,7 @@ impl Saying {
     pub(super) fn lost(&self, fault: LinkFault) -> RemoteError {
         let (address, what) = (self.address.clone(), self.what);
         match fault {
-            // No datagram closes anything: the machine itself says that nobody has the port.
+            // No datagram closes a connection: the machine itself reports that no program has the port.
             LinkFault::Closed if self.carrier == Carrier::Datagrams => {
                 ConnectError::Refused { address }.into()
             }

@@ -1,9 +1,9 @@
-//! The specimen behind an OpenFresco server: what a command, a commit, a request and a step that is taken back do
-//! to it.
+//! The specimen behind an OpenFresco server: the effect of a command, a commit, a request and a step that is taken
+//! back.
 //!
-//! Invariant: the force that stands in [`Host::response`] belongs to the displacement beside it, however often and
-//! in whatever order it is asked for; and a formula is evaluated once for each new command, what moves for each one that
-//! comes, neither ever for a request. No socket, no bytes, no clock.
+//! Invariant: the force in [`Host::response`] belongs to the displacement beside it, however often and in whatever order
+//! a client requests it. A formula is evaluated once for each new command, a moving specimen once for each command, and
+//! neither for a request. No socket, no bytes, no clock.
 
 use thiserror::Error;
 
@@ -20,7 +20,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_wire::openfresco::{Course, Matrix, Response};
 
-/// Why a host refuses to go on. A formula is left at its last committed state, what moves where it is.
+/// Why a host stops. A formula stays at its last committed state, a physical specimen where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum HostFault {
     /// OpenSees gave up a step that a real specimen has already made.
@@ -30,7 +30,7 @@ pub enum HostFault {
          or operator-splitting integrator)"
     )]
     TakenBack {
-        /// Test time in s that the client goes back to.
+        /// Test time in s to which the client returns.
         time: f64,
     },
     /// OpenSees gave up more than a step.
@@ -51,15 +51,15 @@ pub enum HostFault {
     /// The specimen holds: a limit, an interlock, or a lost link.
     #[error("{holds}{trip}", trip = .0, holds = if matches!(.0, Trip::Lost(_)) { "" } else { "the specimen holds: " })]
     Tripped(#[from] Trip),
-    /// The server was told to stop while the specimen's answer was waited for.
+    /// The server was stopped while it waited for the specimen's answer.
     #[error("the server was stopped")]
     Unwanted,
-    /// The specimen cannot take part in this test; why was told when the sizes came.
+    /// The specimen cannot take part in this test; the reason was reported when the sizes came.
     #[error("the specimen cannot take part")]
     Unavailable,
 }
 
-/// Test time in s beyond which there is no test.
+/// Test time in s beyond which a test is impossible.
 const LATEST_S: f64 = 1e9;
 
 /// A specimen as a server sees it.
@@ -131,7 +131,8 @@ impl Host {
         self
     }
 
-    /// What moves follows later trials of a step as far as this from the first one, in m or rad at the client's scale.
+    /// A physical specimen follows later trials of a step this far from the first one, in m or rad at the client's
+    /// scale.
     #[must_use]
     pub fn iterating_within(mut self, distance: Option<f64>) -> Self {
         self.trials = Trials::new(self.served.axes(), distance);
@@ -156,7 +157,7 @@ impl Host {
         self.served.is_paced()
     }
 
-    /// What was done since [`Host::begin`].
+    /// Counts of commands since [`Host::begin`].
     #[must_use]
     pub(crate) const fn tally(&self) -> Tally {
         self.tally
@@ -167,11 +168,12 @@ impl Host {
         self.served.keep_record_away_from(cpu);
     }
 
-    /// A new client: a simulated specimen becomes virgin again, a physical one stays as it is, one across another link is
-    /// connected, and moves before the test for as long as that is `wanted`. Returns what whoever watches should know.
+    /// Begins a test of a new client. A simulated specimen becomes virgin again; a physical one stays unchanged. One
+    /// across another link is connected, and moves before the test for as long as that is `wanted`. Returns remarks for
+    /// the operator.
     ///
     /// # Errors
-    /// Why there is no test.
+    /// Why the test cannot begin.
     pub(crate) fn begin(
         &mut self,
         controller: &Controller,
@@ -205,7 +207,7 @@ impl Host {
         self.begun
     }
 
-    /// Nothing was asked for a while: notices a specimen that has gone. Does not block.
+    /// No request came for a while: notices a specimen that is lost. Does not block.
     ///
     /// # Errors
     /// It has.
@@ -225,7 +227,7 @@ impl Host {
         self.served.warn(remark.event(), &text);
     }
 
-    /// A fault with what the specimen's link has to say.
+    /// A fault with the details of the specimen's link.
     #[must_use]
     pub(crate) fn whole(&self, fault: HostFault) -> String {
         match fault {
@@ -234,8 +236,8 @@ impl Host {
         }
     }
 
-    /// A command has come. `dt` is the test time since the last commit, where it is known; an answer is waited for as long as it is
-    /// `wanted`. Real-time: yes.
+    /// Executes a command. `dt` is the test time since the last commit, where it is known. The host waits for an answer while
+    /// it is `wanted`. Real-time: yes.
     ///
     /// # Errors
     /// A step taken back from a physical specimen, a time that cannot be, a force that is not finite.
@@ -268,7 +270,7 @@ impl Host {
                 self.tally.taken_back = self.tally.taken_back.saturating_add(1);
                 self.served.revert();
             }
-            // What moves may have done so since, and whoever watches it hears that its controller is there.
+            // A moving specimen may have moved since, and its watchdog learns that the controller is alive.
             (Course::Repeat, Nature::Physical)
             | (Course::First | Course::Step | Course::Iteration | Course::NewOrigin, _) => {}
         }
@@ -290,8 +292,8 @@ impl Host {
         }
     }
 
-    /// The client has gone or is refused: a formula forgets what was not committed, what moves holds where it was led last, and
-    /// the log is closed.
+    /// The client has disconnected or is refused. A formula forgets uncommitted steps, a physical specimen holds at its last
+    /// command, and the log is closed.
     pub(crate) fn end(&mut self, cause: Cause, text: &str) {
         self.begun = false;
         if self.nature == Nature::Simulated {

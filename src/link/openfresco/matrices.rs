@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_matrix_by_columns_is_written_row_by_row() {
+    fn columns_are_written_row_by_row() {
         let mut rows = [0.0; 4];
         transpose(2, &[1.0, 2.0, 3.0, 4.0], &mut rows);
         assert_eq!(rows, [1.0, 3.0, 2.0, 4.0]);

@@ -14,9 +14,8 @@
 //! client of dialect A were not run against the real program here, nor was TLS: recorded exchanges and our own two
 //! ends are their tests.
 //!
-//! What these protocols cannot do, whoever speaks them: no sequence numbers, no checksums, no time limits, no
-//! error messages, no way to resume. Our side adds time limits and checks of every size; a lost UDP datagram still
-//! ends the test.
+//! Limits of these protocols: no sequence numbers, no checksums, no time limits, no error messages, no resume. Our side
+//! adds time limits and checks of every size; a lost UDP datagram still ends the test.
 
 mod asking;
 mod below;

@@ -9,10 +9,10 @@ use gusset_wire::openfresco::Sizes;
 /// A warning about a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Remark {
-    /// The client has sent this number of commands without a commit. Iterations of a step count only if no time tells them
-    /// from steps.
+    /// The client has sent this number of commands without a commit. Iterations of a step count only if no time separates
+    /// them from steps.
     NoCommits(u64),
-    /// The client went back to the start of its analysis.
+    /// The client returned to the start of its analysis.
     Reset,
 }
 
@@ -100,7 +100,7 @@ impl Remarks {
         let fresh = tally.commands.saturating_sub(tally.repeats);
         let commands = match (self.sends_time, tally.later_times) {
             (false, _) => fresh,
-            // A time that is always 0 tells steps and iterations apart no better than none.
+            // A time that is always 0 separates steps from iterations no better than no time.
             (true, 0) if fresh >= MANY_COMMANDS => fresh,
             (true, later_times) => later_times,
         };
@@ -112,7 +112,7 @@ impl Remarks {
         is_due.then_some(Remark::NoCommits(commands))
     }
 
-    /// The client went back to the start. Real-time: yes.
+    /// The client returned to the start. Real-time: yes.
     pub(crate) fn reset(&mut self) -> Option<Remark> {
         let is_due = !std::mem::replace(&mut self.has_told_of_reset, true);
         is_due.then_some(Remark::Reset)
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_commits_are_told_once_and_of_a_protocol_that_has_commits() {
+    fn missing_commits_are_reported_once() {
         let mut timeless = remarks(Role::Application, 0);
         assert_eq!(timeless.after(tally(9, 0)), None);
         assert_eq!(timeless.after(tally(10, 0)), Some(Remark::NoCommits(10)));
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn iterations_of_one_step_do_not_count_where_the_client_sends_the_time() {
+    fn iterations_with_a_time_do_not_count() {
         for role in [Role::Application, Role::Actor, Role::Simulink] {
             let mut timed = remarks(role, 1);
             let at = |later_times| Tally {
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_that_repeat_the_one_before_do_not_count() {
+    fn repeated_commands_do_not_count() {
         for time in [0, 1] {
             let held = |repeats| Tally {
                 repeats,
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_computed_specimen_is_said_to_start_anew() {
+    fn only_a_computed_specimen_restarts() {
         for remark in [Remark::NoCommits(10), Remark::Reset] {
             assert!(remark.text(Nature::Simulated).contains("initial state"));
             assert!(!remark.text(Nature::Physical).contains("initial state"));
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_is_told_once() {
+    fn reset_is_reported_once() {
         let mut remarks = remarks(Role::Application, 1);
         assert_eq!(remarks.reset(), Some(Remark::Reset));
         assert_eq!(remarks.reset(), None);

@@ -19,7 +19,7 @@ pub enum Nature {
     /// A formula: a step that is taken back is forgotten, and each client finds it in its virgin state.
     #[default]
     Simulated,
-    /// Something that moves, or a gateway to it: a step that is taken back is refused and the test ends, and a new
-    /// client finds it as the last one left it.
+    /// A physical specimen, or a gateway to one. A step that is taken back is refused and the test ends. A new client
+    /// finds it at the end of the last test.
     Physical,
 }

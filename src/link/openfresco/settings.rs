@@ -11,7 +11,7 @@ use gusset_wire::openfresco::{
 /// How to reach a specimen behind OpenFresco or OpenSees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RemoteSettings {
-    /// What listens there.
+    /// The program that listens there.
     pub peer: Peer,
     /// TCP or UDP.
     pub carrier: Carrier,
@@ -96,20 +96,20 @@ impl RemoteSettings {
 pub struct ServeSettings {
     /// The program it takes the place of.
     pub role: Role,
-    /// From the connection to the sizes, in s: who connects and says nothing must not keep the port.
+    /// From the connection to the sizes, in s: a silent client must not keep the port.
     pub setup_limit_s: f64,
-    /// Silence after which a client counts as gone, in s; none: as long as the connection stands. Over UDP there is
-    /// no connection, so there it should be set.
+    /// Silence after which a client counts as lost, in s; `None`: while the connection lasts. Over UDP there is no
+    /// connection, so it should be set there.
     pub idle_limit_s: Option<f64>,
     /// Order of the signals behind `SimSimulink`; none: a client for which it matters is refused.
     pub signal_order: Option<SignalOrder>,
-    /// Computed specimens over UDP: silence after which a new client of the same machine takes over, in s. A client that was
-    /// killed says no goodbye there.
+    /// Computed specimens over UDP: silence after which a new client of the same machine takes over, in s. A killed client
+    /// sends no goodbye there.
     pub takeover_s: f64,
 }
 
 impl ServeSettings {
-    /// Silence that a UDP client may keep unless told otherwise, in s.
+    /// Default limit for the silence of a UDP client, in s.
     pub const UDP_IDLE_S: f64 = 60.0;
 
     /// The usual limits.

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn forces_and_matrices_are_those_of_the_work_done() {
+    fn forces_and_matrices_follow_the_work() {
         let rows = vec![vec![-1.0, 1.0, 0.0], vec![0.0, 0.6, 0.8]];
         let mut between = Transformation::new(rows).unwrap();
         assert_eq!((between.axes(), between.dofs()), (2, 3));
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_measured_displacement_is_the_nearest_to_the_command_that_the_axes_agree_with() {
+    fn displacement_is_nearest_to_the_command() {
         let mut between = Transformation::new(vec![vec![-1.0, 1.0]]).unwrap();
         // Exactly as commanded, to the last bit.
         let disp = [0.1, 0.3];
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn more_axes_than_degrees_of_freedom_are_served_and_nonsense_is_refused() {
+    fn more_axes_than_dofs_are_served() {
         let mut two = Transformation::new(vec![vec![1.0], vec![1.0]]).unwrap();
         two.measure(&measured(&[0.1, 0.3], &[3.0, 4.0]), &[0.2]);
         assert!((two.disp()[0] - 0.2).abs() < 1e-15);

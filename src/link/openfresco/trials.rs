@@ -1,7 +1,9 @@
-//! The trials of a client in one step: what moves follows the first one, and later ones only as far as its file declares.
+//! The trials of a client in one step: a physical specimen follows the first one, and later ones only within the declared
+//! distance.
 //!
-//! A client iterates if it commands another target before it commits the step. Where no commit has come yet, the same test time tells
-//! an iteration from a step. Limits: a client that never commits and sends no time cannot be recognised; each of its targets is a step.
+//! A client iterates if it commands another target before it commits the step. Where no commit has come yet, an equal test time
+//! separates an iteration from a step. Limits: a client that never commits and sends no time cannot be recognised; each of its
+//! targets is a step.
 
 use super::motion::copy;
 use crate::served::{ROUNDING, TrialFault};
@@ -29,7 +31,7 @@ impl Trials {
         }
     }
 
-    /// Judges a target. `is_open`: a target of this step came before, as far as commits tell; `has_committed`: the client has
+    /// Judges a target. `is_open`: a target of this step came before, by the commits; `has_committed`: the client has
     /// committed a step. Real-time: yes.
     pub(crate) fn judge(
         &mut self,
@@ -90,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_target_of_a_step_is_an_iteration_and_the_same_one_is_not() {
+    fn second_target_of_a_step_is_an_iteration() {
         let mut trials = Trials::new(2, None);
         assert_eq!(judge(&mut trials, 0.0, 0.0, (false, false)), None);
         // The first step after the zeros at the connection.
@@ -99,7 +101,7 @@ mod tests {
         let fault = judge(&mut trials, 1.5, 0.01, (true, false)).unwrap();
         assert_eq!((fault.signal, fault.within), (1, None));
         assert!((fault.distance - 0.0127).abs() < 1e-15);
-        // After a commit; without a time only commits tell.
+        // After a commit; without a time only commits separate steps.
         assert_eq!(judge(&mut trials, 2.0, 0.0, (false, true)), None);
         assert!(judge(&mut trials, 2.1, 0.0, (true, true)).is_some());
         // A client that never commits and sends no time.
@@ -108,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn later_trials_stay_within_the_declared_distance_of_the_first() {
+    fn trials_stay_near_the_first_one() {
         let mut trials = Trials::new(2, Some(0.01));
         assert_eq!(judge(&mut trials, 1.0, 0.01, (false, true)), None);
         assert_eq!(judge(&mut trials, 1.3, 0.01, (true, true)), None);

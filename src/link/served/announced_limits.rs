@@ -1,11 +1,11 @@
-//! The second look: what a controller announced in the handshake, kept by the specimen's end as well.
+//! Second check: the limits that a controller announced in the handshake, kept by the specimen's end as well.
 
 use super::{Controller, Trip, USUAL_TICK_S};
 use crate::announce;
 use gusset_control::port::limits::{AxisLimits, Watch};
 use gusset_quantity::units::AxisUnits;
 
-/// What one controller has announced.
+/// Limits that one controller has announced.
 #[derive(Debug)]
 pub(super) struct AnnouncedLimits {
     limits: Vec<AxisLimits>,
@@ -60,7 +60,7 @@ impl AnnouncedLimits {
         Ok(())
     }
 
-    /// Judges what was measured. Real-time: yes.
+    /// Judges measured values. Real-time: yes.
     pub(crate) fn measured(
         &mut self,
         values: impl Iterator<Item = (f64, f64)> + Clone,
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_beyond_what_was_announced_holds_the_specimen_and_says_so() {
+    fn command_beyond_the_announcement_holds() {
         let way: Vec<(u64, f64)> = (0..=100).map(|k| (k, 0.5 * k as f64)).collect();
         assert_eq!(told(&way[..38]), (None, Status::default()), "18.5 kN");
         let (trip, status) = told(&[(0, 0.4), (1, 0.90001)]);

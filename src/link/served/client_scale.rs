@@ -80,8 +80,8 @@ impl ClientScale {
         }
     }
 
-    /// Writes what the port measured last as the controller counts it, where displacements and forces are finite. Returns the first signal
-    /// where they are not, in the units of the controller or in m and N. Real-time: yes.
+    /// Writes the port's last measurement in the controller's units, where displacements and forces are finite. Returns the first
+    /// signal where they are not, in the units of the controller or in m and N. Real-time: yes.
     ///
     /// # Errors
     /// The actuators cannot have the strokes that were measured.

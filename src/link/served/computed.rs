@@ -11,7 +11,7 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 
-/// How the last test left a specimen that is computed: shared by those who make one and those who ask where it stands.
+/// State of a computed specimen after the last test: shared by its makers and the readers of its position.
 #[derive(Debug, Clone, Default)]
 pub struct Memory {
     left: Arc<Mutex<Option<Left>>>,
@@ -39,6 +39,7 @@ fn put_back(specimen: &mut dyn Specimen, state: &TestState) {
 
 impl Memory {
     /// That of `specimen` after it was moved to `disp`, one displacement per axis in its own units.
+    #[cfg(any(test, feature = "test-doubles"))]
     #[must_use]
     pub(crate) fn of(specimen: &mut dyn Specimen, disp: &[f64]) -> Self {
         let still = vec![0.0; disp.len()];
@@ -54,7 +55,7 @@ impl Memory {
         }
     }
 
-    /// True if a test of this process has armed the specimen: what is remembered is the state in which a test left it.
+    /// True if a test of this process has armed the specimen: the memory holds the state at the end of a test.
     #[must_use]
     pub(crate) fn is_of_a_test(&self) -> bool {
         self.was_armed.load(Ordering::Acquire)
@@ -65,7 +66,7 @@ impl Memory {
         left.clone()
     }
 
-    /// Where it stands; none before the first test.
+    /// Its position; `None` before the first test.
     #[must_use]
     pub(crate) fn disp(&self) -> Option<Vec<f64>> {
         self.recall().map(|left| left.disp)
@@ -79,7 +80,7 @@ pub struct Computed {
     virgin: TestState,
     stands: Vec<f64>,
     memory: Option<Memory>,
-    /// A test finds it as the last one left it.
+    /// A test begins with the state at the end of the last one.
     remembers: bool,
     /// It was driven since the last commit.
     driven: bool,
@@ -117,7 +118,7 @@ impl Computed {
         }
     }
 
-    /// The same as the last test left it, and to be kept as this one leaves it.
+    /// Recalls the state that the last test left, and keeps that of this one.
     #[must_use]
     pub(crate) fn recalling(mut self, memory: Memory) -> Self {
         if let Some(left) = memory.recall() {
@@ -252,16 +253,15 @@ impl Substructure for Computed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_actuator::specimen::Uniaxial;
+    use gusset_actuator::specimen::SpecimenLaw;
     use gusset_numerics::law::LawSpec;
 
     fn spring() -> Box<dyn Specimen> {
         let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 4e5 }").unwrap();
-        Box::new(Uniaxial::new(vec![spec.build().unwrap()]).unwrap())
+        SpecimenLaw::Law(spec).build(1).unwrap()
     }
 
-    /// A test that goes to these places, each of which but the last is accepted, and ends at once; where the law was introduced
-    /// as standing.
+    /// A test that moves to these places, commits all but the last, and ends at once; the position in the law's introduction.
     fn goes_to(law: &mut Computed, places: &[f64]) -> Vec<f64> {
         let introduced = law.connect().unwrap().standing;
         law.arm(0, &introduced, &mut || true).unwrap();
@@ -284,9 +284,9 @@ mod tests {
         introduced
     }
 
-    /// Who only connects leaves no state of a test, and neither does the place in which the first test finds it.
+    /// A client that only connects leaves no state of a test, and neither does the initial position.
     #[test]
-    fn a_memory_is_of_a_test_once_one_has_armed_the_specimen() {
+    fn memory_begins_with_the_first_arming() {
         let memory = Memory::of(spring().as_mut(), &[0.01]);
         let mut law = Computed::new(spring(), true).recalling(memory.clone());
         law.connect().unwrap();
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_remembers_is_where_it_was_driven_last_however_its_test_ended() {
+    fn memory_keeps_the_last_position() {
         // By itself from test to test, or one for each test, as over our own protocol.
         for remembers in [true, false] {
             let memory = Memory::default();
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_remember_is_introduced_where_its_next_test_finds_it() {
+    fn no_memory_starts_where_the_test_does() {
         let mut law = Computed::new(spring(), false);
         goes_to(&mut law, &[0.01, 0.02, 0.03]);
         assert_eq!(goes_to(&mut law, &[]), [0.0]);

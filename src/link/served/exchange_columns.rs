@@ -3,7 +3,9 @@
 use super::Trip;
 use gusset_actuator::geometry::Coordinate;
 use gusset_control::port::{LoadingUnit, ReceivedPort};
-use gusset_quantity::catalog::column::{Each, Kind, Origin, SERVER, SERVER_COMPENSATION};
+use gusset_quantity::catalog::column::{
+    Each, Kind, Origin, SERVER, SERVER_COMPENSATION, SERVER_RAW_DISP, SERVER_RAW_FORCE,
+};
 use gusset_quantity::catalog::phase::Phase;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
@@ -16,7 +18,7 @@ pub(super) struct Exchange<'a> {
     pub state: f64,
     pub command: &'a Command<'a>,
     pub elapsed: f64,
-    /// The port that converts what the controller commands, if its numbers are not those of the axes.
+    /// The port that converts the controller's commands, if its numbers are not those of the axes.
     pub port: Option<&'a ReceivedPort>,
     pub commits: u64,
     pub measured: &'a Measurement,
@@ -26,7 +28,7 @@ pub(super) struct Exchange<'a> {
 }
 
 impl Exchange<'_> {
-    /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
+    /// Values of the column `state`, as in a controller's record: commands that are kept back count as tripped.
     pub(crate) const PROBING: f64 = Phase::Probing.code();
     pub const RUNNING: f64 = Phase::Running.code();
     pub(crate) const RAMPING: f64 = Phase::Ramping.code();
@@ -181,8 +183,8 @@ pub(super) fn columns(
         for kind in kinds(Each::Axis) {
             // A rotation stays one, and a moment too: there is nothing to bring into metres.
             let unit = match kind.unit {
-                "unit of the axis" => units.disp,
-                "unit of force of the axis" => units.force,
+                unit if unit == SERVER_RAW_DISP.unit => units.disp,
+                unit if unit == SERVER_RAW_FORCE.unit => units.force,
                 _ => kind.unit_of(units.disp == "rad"),
             };
             let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);

@@ -1,5 +1,5 @@
-//! The first command to what moves, where the file bounds neither step nor speed nor acceleration of an axis: nothing that
-//! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
+//! First command to a moving specimen whose file bounds neither step nor speed nor acceleration of an axis. No declared
+//! limit says how far a single command may take it, and the controller may assume another position.
 
 use super::{Trip, USUAL_TICK_S};
 use gusset_control::port::ReceivedPort;
@@ -20,11 +20,11 @@ const BEGINS_WITHIN_M: f64 = 1e-3;
 /// The position before the first commands of a session, by which they are judged. Positions are those of the axes, in their units.
 #[derive(Debug, Default)]
 pub(super) struct FirstCommand {
-    /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
+    /// Position of the specimen, until the first command of a controller that announced no start has passed.
     pub stands: Option<Vec<f64>>,
     /// Position of a specimen that moves, for every controller.
     pub leaves: Option<Vec<f64>>,
-    /// For a specimen that moves: the number of the first command of a controller that asked to be armed, and where it said that it will be.
+    /// For a specimen that moves: the number of the first command of a controller that requested arming, and its announced start.
     pub begins: Option<(u64, Vec<f64>)>,
     /// Test time of the first command since it was armed.
     goes_on_from: Option<f64>,
@@ -33,7 +33,7 @@ pub(super) struct FirstCommand {
 }
 
 impl FirstCommand {
-    /// The specimen is armed again: a test may go on from another time.
+    /// The specimen is armed again: a test may continue from another time.
     pub(crate) fn armed(&mut self) {
         (self.goes_on_from, self.runs) = (None, false);
     }
@@ -41,7 +41,7 @@ impl FirstCommand {
     /// Judges a command of the controller that sends the axes of this port to `place`, in their units. Real-time: yes.
     ///
     /// # Errors
-    /// It is not where the controller had asked to begin, or too far from where the specimen stands.
+    /// It is not at the start that the controller announced, or too far from the specimen's position.
     pub(crate) fn judge(
         &self,
         command: &Command<'_>,
@@ -115,8 +115,8 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
     })
 }
 
-/// The first axis whose wiring check would begin at `start` although it was measured at `stands`, in units of the axes: farther than
-/// a first command may go.
+/// The first axis whose wiring check would begin at `start`, farther from the measured position `stands` than a first command may
+/// go, in units of the axes.
 pub(super) fn begins_elsewhere(port: &ReceivedPort, stands: &[f64], start: &[f64]) -> Option<Hit> {
     let bound = |limits: &AxisLimits| {
         let [step, vel] =
@@ -149,7 +149,7 @@ pub(super) fn beyond(port: &ReceivedPort, place: &[f64]) -> Option<Hit> {
     })
 }
 
-/// The first axis that goes too far from where it stands. Displacements in m. Real-time: yes.
+/// The first axis that moves too far from its position. Displacements in m. Real-time: yes.
 fn judge(
     limits: &[AxisLimits],
     stands: impl Iterator<Item = f64>,
@@ -158,7 +158,8 @@ fn judge(
     too_far(limits, stands, disp, farthest)
 }
 
-/// The first axis that goes farther from where it stands than its `bound`; none bounds nothing. Displacements in m. Real-time: yes.
+/// The first axis that moves farther from its position than its `bound`; `None` bounds nothing. Displacements in m. Real-time:
+/// yes.
 fn too_far(
     limits: &[AxisLimits],
     stands: impl Iterator<Item = f64>,
@@ -180,7 +181,7 @@ fn too_far(
     })
 }
 
-/// The first axis (from 0) on which a first command is not where the Arm said. Displacements in m. Real-time: yes.
+/// The first axis (from 0) on which a first command is not at the place of the Arm. Displacements in m. Real-time: yes.
 fn elsewhere(place: impl Iterator<Item = f64>, disp: impl Iterator<Item = f64>) -> Option<usize> {
     place.zip(disp).position(|(place, disp)| {
         let is_there = (disp - place).abs() <= BEGINS_WITHIN_M;
@@ -188,7 +189,7 @@ fn elsewhere(place: impl Iterator<Item = f64>, disp: impl Iterator<Item = f64>) 
     })
 }
 
-/// What is judged so, in words, one per axis that is.
+/// Describes this check, one sentence per axis that it judges.
 pub(crate) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<String> {
     let axes = (1..).zip(limits.iter().zip(units));
     axes.filter_map(|(number, (limits, units))| {
@@ -222,7 +223,7 @@ mod tests {
     use gusset_control::port::limits::Range;
 
     #[test]
-    fn the_note_rounds_the_allowed_distance_in_the_unit_of_the_axis() {
+    fn note_rounds_distance_in_the_axis_unit() {
         let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.05, 0.05]));
         let millimetres = AxisUnits {
             metres: 1e-3,
@@ -234,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn every_axis_is_judged_by_where_it_stands() {
+    fn every_axis_is_judged_from_its_position() {
         let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.1, 0.1]));
         let first = |to: [f64; 2]| {
             let hit = judge(&[limits; 2], [0.0, 0.05].into_iter(), to.into_iter());

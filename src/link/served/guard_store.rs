@@ -1,8 +1,8 @@
 //! The guard of a served specimen between sessions.
 //!
-//! A specimen that moves has one guard for as long as the server's process holds it. The guard keeps the history of commands, and
-//! the speed allowance goes with it. So an Arm, a new session or a new client begins where the last command ended. It is lent to
-//! one session at a time. A computed specimen that does not remember has a new guard for each Arm.
+//! A specimen that moves has one guard for as long as the server's process holds it. The guard keeps the history of commands and
+//! the speed allowance. So an Arm, a new session or a new client begins where the last command ended. It is lent to one session
+//! at a time. A computed specimen that does not remember has a new guard for each Arm.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -39,7 +39,7 @@ impl GuardStore {
         self.guard.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What becomes of one more warning. A new session does not renew the quota.
+    /// Whether one more warning is shown. A new session does not renew the quota.
     pub(super) fn warning(&self, now_ns: u64) -> Allowance {
         let mut quota = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
         quota.take(now_ns)
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_sessions_of_a_specimen_share_one_quota_of_warnings() {
+    fn all_sessions_share_one_warning_quota() {
         let store = GuardStore::default();
         let told = (0..1000).filter(|_| store.clone().warning(5).is_told);
         assert_eq!(told.count(), 100);

@@ -46,7 +46,8 @@ impl Origin {
         }
     }
 
-    /// Number in the record of a command that the specimen knows by `own`, on the way to the target `target` of the controller.
+    /// Number in the record of a command that the specimen knows by `own`, during the path to the target `target` of the
+    /// controller.
     const fn number(self, own: u64, target: u64) -> u64 {
         match self {
             Self::Controller | Self::Own { .. } => own,
@@ -70,7 +71,7 @@ impl Origin {
     }
 }
 
-/// Answers in a row in which a specimen may say that it holds: as many as a controller's loop tolerates at least.
+/// Answers in a row in which a specimen may report a hold: as many as a controller's loop tolerates at least.
 const HOLDING_IN_A_ROW: u64 = 10;
 
 /// A specimen with its guard, and everything that is judged by it.
@@ -137,7 +138,7 @@ impl GuardedSpecimen {
         }
     }
 
-    /// True after a hold on the way to a target, until the next one.
+    /// True after a hold on the path to a target, until the next one.
     pub(crate) const fn rests_on_the_way(&self) -> bool {
         match &self.path {
             Some(path) => path.is_on_the_way,
@@ -169,7 +170,7 @@ impl GuardedSpecimen {
         };
         let lent = lent.ok_or_else(|| TestEnd::failed("another session has the specimen"))?;
         let taken = self.port.set_guard(lent.guard);
-        taken.map_err(|error| TestEnd::failed(&error.to_string()))?;
+        taken.map_err(|error| TestEnd::failed(error.to_string()))?;
         self.allowance = lent.allowance;
         self.port.begin_session(USUAL_TICK_S);
         if let Some(path) = &self.path {
@@ -205,7 +206,7 @@ impl GuardedSpecimen {
         place.map_err(|fault| TestEnd::failed(format_args!("the test cannot begin there: {fault}")))
     }
 
-    /// The controller said that its first command will be here, at this place of the axes.
+    /// The controller announced that its first command will be at this place of the axes.
     pub(crate) fn begins_at(&mut self, sequence: u64, start: &[f64]) {
         self.first.begins = self.identity.moves.then(|| (sequence, start.to_vec()));
     }
@@ -268,9 +269,9 @@ impl GuardedSpecimen {
 // One exchange.
 impl GuardedSpecimen {
     /// One exchange: limits, specimen, limits, record. `elapsed` is the test time since the last commit. The command is in the
-    /// controller's signals; one of ours is in m of the axes' deformations where the controller does not command the axes
-    /// themselves. `into` receives the last measurement, of ours in the units of the axes, with the interlock flag after a trip. False if the answer is owed, and not `wanted` any more.
-    /// Real-time: yes, as far as the link is.
+    /// controller's signals. An own command is in m of the axes' deformations where the controller does not command the axes
+    /// themselves. `into` receives the last measurement (in the units of the axes for an own command), with the interlock flag
+    /// after a trip. False if the answer is missing, and no longer `wanted`. Real-time: yes, as far as the link is.
     ///
     /// # Errors
     /// The specimen holds. The command was not passed on, or is the last one.
@@ -357,8 +358,8 @@ impl GuardedSpecimen {
         }
     }
 
-    /// `answered_ns` stays empty for a command that is not passed on. False if its answer is owed, and not
-    /// `wanted` any more.
+    /// `answered_ns` stays empty for a command that is not passed on. False if its answer is missing, and no longer
+    /// `wanted`.
     fn attempt(
         &mut self,
         command: &Command<'_>,
@@ -399,7 +400,7 @@ impl GuardedSpecimen {
         // A signal that the controller counts may be too large where the number of the axis is not.
         let not_finite = not_finite.or(posed.unwrap_or_default());
         if not_finite.is_some() {
-            // A sensor is at its end. What it read before is the answer.
+            // A sensor is at its end. Its reading before is the answer.
             self.answer.status.0 |= Status::SATURATED.0;
             let (axis, measured) = (not_finite, true);
             return Err(Trip::NotFinite { axis, measured });
@@ -472,7 +473,7 @@ impl GuardedSpecimen {
         scale.aim(&mut self.port, [disp, vel], units);
     }
 
-    /// Sends the command that was judged, and takes its answer; false if that is not `wanted` any more.
+    /// Sends the command that was judged, and takes its answer; false if that is no longer `wanted`.
     fn pass_on(
         &mut self,
         command: &Command<'_>,
@@ -613,7 +614,7 @@ impl GuardedSpecimen {
 
 // Words and notes.
 impl GuardedSpecimen {
-    /// A trip with what its link has to say.
+    /// A trip with the details of its link.
     pub(crate) fn whole(&self, trip: Trip) -> String {
         let mut text = trip.to_string();
         match trip {

@@ -3,7 +3,7 @@
 use super::client_scale::ClientScale;
 use gusset_quantity::units::{AxisUnits, position};
 
-/// What never changes of a served specimen.
+/// Constant properties of a served specimen.
 #[derive(Debug)]
 pub(super) struct Identity {
     pub name: String,
@@ -23,7 +23,7 @@ pub(super) struct Identity {
 }
 
 impl Identity {
-    /// True if a session finds the specimen as the last one left it: the history of its limits and its trip stay, too.
+    /// True if a session continues with the specimen's last state: the history of its limits and its trip stay, too.
     pub(crate) const fn is_lasting(&self) -> bool {
         self.moves || self.remembers
     }

@@ -1,8 +1,8 @@
 //! The latch of a served specimen: a trip, or a motion without a regular end, that lasts until the operator at this end clears it.
 //!
-//! The trip stops its own session for good, and the latch refuses every later one. Of a physical specimen the latch is in the
-//! lasting record of the specimen, so that it outlives a crash and a new start. A computed specimen that
-//! remembers has its latch in memory, as it has its state. A lost link is no trip, but the motion that it ended stays recorded.
+//! The trip stops its own session for good, and the latch refuses every later one. The latch of a physical specimen is in its
+//! lasting record, so that it outlives a crash and a new start. A computed specimen that remembers has its latch in memory,
+//! like its state. A lost link is no trip, but the motion that it ended stays recorded.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ struct Latched {
 }
 
 impl Latched {
-    /// Brings what is kept to the disk.
+    /// Writes the record to the disk.
     fn write(&mut self) -> io::Result<()> {
         let Some(record) = &self.record else {
             return Ok(());
@@ -45,7 +45,7 @@ impl Latched {
         written
     }
 
-    /// Writes again what could not be written before.
+    /// Repeats a write that failed.
     ///
     /// # Errors
     /// It still cannot.
@@ -100,7 +100,7 @@ impl Latch {
         self.latched().kept.clone()
     }
 
-    /// Why no session begins, and what its operator does about it: a trip is latched, a motion has not ended regularly, or the record
+    /// Why no session begins, and the operator's remedy: a trip is latched, a motion has not ended regularly, or the record
     /// cannot be written.
     #[must_use]
     pub fn refusal(&self) -> Option<String> {
@@ -190,7 +190,7 @@ impl Latch {
         self.latched().is_moving
     }
 
-    /// Clears it; what was recorded.
+    /// Clears it; returns the earlier record.
     ///
     /// # Errors
     /// A session moves the specimen, or the file cannot be removed. Nothing changes then.
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_without_meaning_is_a_trip() {
+    fn unreadable_latch_record_is_a_trip() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         latch(folder).set("rig", "interlock", "open");
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_without_a_regular_end_stays() {
+    fn motion_without_an_end_stays_recorded() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         // Last command, whether the end is regular, and whether the place stays.
@@ -309,7 +309,7 @@ mod tests {
             let kept = after.clear().unwrap();
             assert_eq!(kept.place.map(|place| place.left), stays.then_some(last));
         }
-        // Killed: where it was left is unknown.
+        // Killed: its last position is unknown.
         latch(folder).begins(place(1.0)).unwrap();
         assert_eq!(latch(folder).kept().place, Some(place(1.0)));
     }
@@ -329,7 +329,7 @@ mod tests {
         assert!(latch.begins(place(1.0)).is_err());
         std::fs::remove_file(&folder).unwrap();
         std::fs::rename(parent.path().join("away"), &folder).unwrap();
-        // The next look writes what could not be written.
+        // The next look repeats the write that failed.
         assert!(latch.refusal().unwrap().contains("open"));
         let text = std::fs::read_to_string(file_in(&folder)).unwrap();
         assert!(text.contains("interlock"), "{text}");

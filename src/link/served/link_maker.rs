@@ -1,7 +1,7 @@
 //! The links of a gateway: each controller's test has its own connection.
 //!
-//! It is made when the controller arms, and closed when its test is over. So the next test finds a gateway that owes nothing to the
-//! last one, and a specimen that was restarted meanwhile.
+//! It is made when the controller arms, and closed when its test is over. So the next test finds a gateway without unanswered
+//! commands, and a specimen that was restarted meanwhile.
 
 use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Arc, mpsc};
@@ -41,7 +41,7 @@ impl std::fmt::Debug for LinkMaker {
 }
 
 impl LinkMaker {
-    /// Links that `build` makes to a specimen that stands where `whereabouts` tells; an answer is waited for up to `reply_limit_ns`.
+    /// Links that `build` makes to a specimen at the position of `whereabouts`; an answer may take up to `reply_limit_ns`.
     #[must_use]
     pub const fn new(build: LinkBuild, whereabouts: Whereabouts, reply_limit_ns: u64) -> Self {
         Self {
@@ -56,7 +56,7 @@ impl LinkMaker {
         self.reply_limit_ns
     }
 
-    /// A new link, connected, and what the specimen says of itself. Blocks as long as the test is `wanted`.
+    /// A new link, connected, and the introduction of the specimen. Blocks as long as the test is `wanted`.
     ///
     /// # Errors
     /// The specimen cannot take part.
@@ -88,7 +88,7 @@ impl LinkMaker {
         Ok(introduction)
     }
 
-    /// True if somebody says that a computation answers.
+    /// True if the operator declares the specimen a computation.
     pub(super) fn is_of_a_computation(&self) -> bool {
         self.whereabouts.is_of_a_computation()
     }
@@ -117,8 +117,8 @@ impl LinkMaker {
     }
 }
 
-/// Connects a link on a separate thread, because connecting waits. A connection that is not wanted any more is left to its thread:
-/// its far end received no command, and the connection closes when the thread ends.
+/// Connects a link on a separate thread, because connecting waits. An abandoned connection stays with its thread: its far end
+/// received no command, and the connection closes when the thread ends.
 fn connected(
     mut link: Box<dyn Substructure>,
     wanted: &mut Wanted<'_>,

@@ -1,11 +1,12 @@
 //! The specimen of a server of any protocol: computed in this process, or behind another link. With a link the server is a
 //! gateway.
 //!
-//! A [`ServedSpecimen`] is what a server commands. It is a [`gusset_control::port::ReceivedPort`] whose commands are received: the same guard judges
-//! them, and the same exchange sends them, as in the loop. Beside the port stand what only a server needs: the speed allowance, the
-//! limits that the controller announced, the first command, the latch of trips, and the record. Invariants: what a limit refuses is
-//! not passed on. A trip stops its session for good, and the specimen holds at the last command. The limits' history and the trip
-//! belong to the specimen and outlive a session. However a test ends, the specimen receives the goodbye of its protocol.
+//! A server commands a [`ServedSpecimen`]. It is a [`gusset_control::port::ReceivedPort`] whose commands are received: the same
+//! guard judges them, and the same exchange sends them, as in the loop. Beside the port are the parts that only a server needs:
+//! the speed allowance, the limits that the controller announced, the first command, the latch of trips, and the record.
+//! Invariants: a refused command is not passed on. A trip stops its session for good, and the specimen holds at the last command.
+//! The limits' history and the trip belong to the specimen and outlive a session. However a test ends, the specimen receives the
+//! goodbye of its protocol.
 
 mod announced_limits;
 mod client_scale;
@@ -25,6 +26,7 @@ mod recording;
 mod served_specimen;
 mod session_record;
 mod session_summary;
+#[cfg(any(test, feature = "test-doubles"))]
 pub mod simulated_pace;
 mod speed_allowance;
 #[cfg(test)]
@@ -58,14 +60,14 @@ use gusset_wire::handshake::{Limits, Sampling};
 /// From one command to the next in s, until it is known.
 const USUAL_TICK_S: f64 = 0.01;
 
-/// Who commands a specimen, as far as the protocol tells.
+/// The controller of a specimen, as far as the protocol names it.
 #[derive(Debug, Clone)]
 pub struct Controller {
     /// From where.
     pub peer: SocketAddr,
     /// Name of the test; empty if the protocol has none.
     pub test: String,
-    /// The program; empty if the protocol does not say.
+    /// The program; empty if the protocol does not name it.
     pub software: String,
     /// Commands per second: numerator and denominator.
     pub rate: Option<(u64, u64)>,
@@ -75,7 +77,7 @@ pub struct Controller {
     pub sampling: Sampling,
     /// Number of the first command.
     pub first_sequence: u64,
-    /// Where the first command will be, in the units of the axes; empty if the protocol does not say.
+    /// Announced place of the first command, in the units of the axes; empty if the protocol does not announce it.
     pub start: Vec<f64>,
     /// The limits that it keeps, in the units of the axes; empty if the protocol has none.
     pub limits: Vec<Limits>,
@@ -84,7 +86,7 @@ pub struct Controller {
 impl Controller {
     /// A controller of which only the address is known.
     #[must_use]
-    pub const fn unnamed(peer: SocketAddr) -> Self {
+    pub(crate) const fn unnamed(peer: SocketAddr) -> Self {
         Self {
             peer,
             test: String::new(),
@@ -99,7 +101,7 @@ impl Controller {
     }
 }
 
-/// Why a specimen is not commanded any more. It stops its session for good, and later ones as [`Latch`] says.
+/// Why a specimen is no longer commanded. It stops its session for good, and later ones as described in [`Latch`].
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum Trip {
     /// A limit was passed.
@@ -120,7 +122,7 @@ pub enum Trip {
     /// More than the controller had announced that it would ask for, or a force at which it should long have acted.
     #[error("{} ({}, as the controller announced)", .0, .0.quantity.key())]
     Announced(Hit),
-    /// A number that is none.
+    /// A number is NaN or infinite.
     #[error("{}the {} is not a finite number", of_axis(*axis), if *measured { "measurement" } else { "command" })]
     NotFinite {
         /// Axis, from 0, if it is known.
@@ -137,18 +139,18 @@ pub enum Trip {
     /// The client iterates, and the specimen does not follow that trial.
     #[error("{0}")]
     Trial(TrialFault),
-    /// The specimen says that its interlock is open.
+    /// The specimen reports an open interlock.
     #[error("the interlock or emergency stop at the specimen is open")]
     Interlock,
-    /// The specimen says that it cannot be trusted.
+    /// The specimen reports a saturated sensor or actuator.
     #[error("the specimen reports a sensor or actuator at the end of its range")]
     Saturated,
-    /// The specimen goes on saying that its own watchdog holds it, although commands come.
+    /// The specimen keeps reporting that its watchdog holds it, although commands come.
     #[error(
         "the specimen reported in {0} answers in a row that its own watchdog holds it: commands do not move it"
     )]
     Holds(u64),
-    /// The specimen is gone.
+    /// The specimen is lost.
     #[error("the specimen is lost: {0}")]
     Lost(LinkFault),
 }
@@ -311,7 +313,8 @@ impl From<String> for TestEnd {
 /// Largest rounding error of a converted position, in units of an axis. No sensor resolves it.
 pub(crate) const ROUNDING: f64 = 1e-9;
 
-/// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
+/// Called while the server waits for a specimen or moves it before a test: whether that test is still wanted, and why
+/// not.
 pub type Wanted<'a> = dyn FnMut() -> Result<(), TestEnd> + 'a;
 
 /// Positions whose difference is this share of the larger are the same.
@@ -326,7 +329,7 @@ fn apart(one: &[f64], other: &[f64], rounding: f64) -> Option<usize> {
     })
 }
 
-/// Why a test cannot begin at `start`, if the specimen stands elsewhere. `standing` is empty if that is not known.
+/// Why a test cannot begin at `start`, if the specimen is elsewhere. `standing` is empty if that is not known.
 pub(crate) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
     elsewhere_by(standing, start, 0.0)
 }
@@ -341,7 +344,7 @@ fn elsewhere_by(standing: &[f64], start: &[f64], rounding: f64) -> Option<String
     ))
 }
 
-/// Why a test ended, and what its specimen said then, if it did.
+/// Why a test ended, and its specimen's final message, if any.
 pub(crate) fn with_last_words(why: String, said: Option<String>) -> String {
     match said {
         Some(said) => format!("{why}; the specimen said: {said}"),

@@ -1,6 +1,6 @@
-//! Paced exchanges: the specimen is led to a target of the controller by many commands, each with its own answer.
+//! Paced exchanges: many commands, each with its own answer, move the specimen to a target of the controller.
 //!
-//! The first target of a session is reached by the ramp of the port, as the start of a test is: from where the specimen stands, and no
+//! The ramp of the port leads to the first target of a session, as at the start of a test: from the specimen's position, and no
 //! faster than half of the limits of speed. Compensators hold meanwhile. Each later target has a separate path.
 
 use super::Trip;
@@ -15,8 +15,8 @@ use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::substructure::{Command, Measurement};
 
 impl GuardedSpecimen {
-    /// Leads the specimen to a target of the controller, and returns the answer there. If that is not `wanted` any more, the specimen
-    /// comes to rest on the way, and false is returned.
+    /// Moves the specimen to a target of the controller, and returns the answer there. If that is no longer `wanted`, the
+    /// specimen comes to rest on the path, and false is returned.
     pub(crate) fn follow(
         &mut self,
         path: &mut PacedPath,
@@ -69,7 +69,7 @@ impl GuardedSpecimen {
                 vel: &path.vel,
             };
             let share = elapsed * path.share_of_tick();
-            // A stop lets the exchange under way end, within the time limit of its reply, and slows down from there.
+            // A stop lets the present exchange end, within the time limit of its reply, and slows down from there.
             self.exchange_once(origin, &theirs, share, &mut || true, into)?;
             path.count();
             is_owed = true;
@@ -83,7 +83,7 @@ impl GuardedSpecimen {
         Ok(is_wanted)
     }
 
-    /// Everything that is judged of a target before the specimen is led there: its commands are judged one by one.
+    /// Judges a target before the specimen moves: its commands are judged one by one.
     fn judge_target(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
         if let Some(axis) = not_finite(command.disp, command.vel) {
             let (axis, measured) = (Some(axis), false);
@@ -132,7 +132,7 @@ impl GuardedSpecimen {
         Ok(())
     }
 
-    /// Makes the next command of the path, and says what it is; true if the path holds its displacements.
+    /// Makes the next command of the path, and names its origin; true if the path holds its displacements.
     fn prepare(&mut self, path: &mut PacedPath, tick: PathTick) -> (Origin, bool) {
         let period_s = path.pacing.period_s();
         if !path.is_first {

@@ -6,14 +6,14 @@
 //! s(x) = 10 x³ − 15 x⁴ + 6 x⁵,   x = 1/N, 2/N … 1
 //! ```
 //!
-//! Velocity and acceleration vanish at both ends. So a client that is late, pauses or is gone leaves the specimen at rest at its last
-//! target, whenever that happens. The lead of a compensator ends when its history of the motion has passed, which is what settle ticks are
-//! for. The largest speed is 15/8 of the mean, and the largest acceleration 10/√3 of way/time². A stop during a path slows the specimen
-//! down from the next tick on, in the shortest time that the declared accelerations allow. The lead of a compensator multiplies changes of
-//! acceleration: such a specimen slows down along a smooth curve, not linearly, and then settles at rest.
-//! The second half of a path slows down by itself: it is completed if it ends as soon. The path is one of the client's displacements: a
-//! loading unit follows the poses between two targets.
-//! The first target of a session is reached by a ramp of the port. Limits: nothing is predicted.
+//! Velocity and acceleration vanish at both ends. So a client that is late, pauses or disconnects leaves the specimen at rest at
+//! its last target. The lead of a compensator ends when its history of the motion has passed: settle ticks wait for this. The
+//! largest speed is 15/8 of the mean, and the largest acceleration 10/√3 of distance/time². A stop during a path slows the
+//! specimen down from the next tick on, in the shortest time that the declared accelerations allow. The lead of a compensator
+//! multiplies changes of acceleration: such a specimen slows down along a smooth curve, not linearly, and then settles at rest.
+//! The second half of a path slows down by itself: it is completed if it ends as soon. The path is one of the client's
+//! displacements: a loading unit follows the poses between two targets. The first target of a session is reached by a ramp of the
+//! port. Limits: nothing is predicted.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -22,7 +22,7 @@ use gusset_record::rt::os;
 
 /// Largest speed of a path, of the mean speed.
 pub(super) const FASTEST: f64 = 1.875;
-/// Largest acceleration of a path, of way/time²: 10/√3.
+/// Largest acceleration of a path, in distance/time²: 10/√3.
 pub(super) const HARDEST: f64 = 5.773_502_691_896_258;
 /// Least slowing after a stop in s where an axis declares no limit of acceleration or a compensator leads: the usual hold ramp.
 const SLOWING_S: f64 = 0.25;
@@ -57,7 +57,7 @@ pub struct Pacing {
     pub settle_ticks: u32,
     /// From one command to the next, in ns.
     pub period_ns: u64,
-    /// The clock that says when they leave.
+    /// The clock that releases them.
     pub clock: PaceClock,
 }
 
@@ -88,7 +88,7 @@ pub(super) struct PathTick {
     pub share: f64,
     /// Pace of the motion: less than 1 while it slows down.
     pub pace: f64,
-    /// The ticks of the path and at the target that are gone with this one, over all of them.
+    /// The elapsed ticks of the path and at the target, this one included, over all of them.
     pub gone: f64,
 }
 
@@ -108,7 +108,7 @@ enum Course {
     Full,
     /// It slows down in a number of ticks, and then rests.
     Slows {
-        /// Share of the time that is gone.
+        /// Elapsed share of the time.
         share: f64,
         /// Ticks of the slowing, and those to come.
         ticks: u32,
@@ -153,7 +153,7 @@ pub(super) struct PacedPath {
     edge_ns: u64,
 }
 
-/// Share of the way, and its slope, at a share of the time.
+/// Share of the distance, and its slope, at a share of the time.
 fn shape(x: f64) -> (f64, f64) {
     // Rounding leads not beyond the target.
     let share = (x * x * x * (10.0 + x * (6.0 * x - 15.0))).min(1.0);
@@ -264,8 +264,8 @@ impl PacedPath {
         period * f64::from(self.ticks)
     }
 
-    /// The specimen is to come to rest as soon as it smoothly can: it slows down from the next tick on, and stays for `rest` ticks then.
-    /// A path that has not begun does not begin. Real-time: yes.
+    /// Stops the specimen as soon as it smoothly can: it slows down from the next tick on, and stays for `rest` ticks then. A
+    /// path that has not begun does not begin. Real-time: yes.
     pub(crate) fn stop(&mut self, rest: u32) {
         if self.course != Course::Full {
             return;
@@ -431,7 +431,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The commands of one path from here to `target`; told to stop after `stop` of them, if it is.
+    /// The commands of one path from here to `target`; stopped after `stop` of them, if given.
     fn go(path: &mut PacedPath, target: f64, stop: Option<u32>) -> Vec<[f64; 2]> {
         path.aim(&[target]);
         let mut made = Vec::new();
@@ -475,7 +475,7 @@ mod tests {
                 places.extend([target; 3]);
                 from = target;
             }
-            // The largest acceleration is 10/√3 of way/time², and the way at most 2.
+            // The largest acceleration is 10/√3 of distance/time², and the distance at most 2.
             let bound = 20.0 / (f64::sqrt(3.0) * f64::from(ticks) * f64::from(ticks));
             for window in places.windows(3) {
                 let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
@@ -483,9 +483,10 @@ mod tests {
             }
         }
 
-        /// A stop on the way where no acceleration is declared: at rest within half of the time of the path, or 0.25 s.
+        /// A stop on a path without declared acceleration limits: at rest within half of the time of the path, or 0.25
+        /// s.
         #[test]
-        fn a_stop_on_the_way_slows_down(ticks in 4u32..1000, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
+        fn stop_on_a_path_slows_down(ticks in 4u32..1000, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
             let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE };
             let mut path = PacedPath::new(pacing, 1, 1);
             let stop = (share * f64::from(ticks)) as u32;
@@ -504,7 +505,7 @@ mod tests {
             let n = f64::from(ticks);
             // Half of the time at half pace is a quarter: s(3/4) is 0.9.
             prop_assert!(f64::from(stop) >= 0.5 * n || last < 0.9, "{stop} {last}");
-            // The slowing in half of the time, and what the path adds: less than its own largest acceleration.
+            // The slowing in half of the time, and the part of the path: less than its own largest acceleration.
             let bound = HARDEST.max(1.875 * n / f64::from((ticks / 2).min(250))) + HARDEST;
             for window in places.windows(3) {
                 let bend = (window[2] - 2.0 * window[1] + window[0]).abs();
@@ -515,7 +516,7 @@ mod tests {
 
         /// A stop begins in the next tick, takes the time that a declared acceleration needs, and keeps it.
         #[test]
-        fn a_stop_takes_the_time_of_its_limit(
+        fn stop_takes_the_time_of_its_limit(
             ticks in 40u32..400,
             longer in 1.0..50.0f64,
             is_first in proptest::bool::ANY,
@@ -542,7 +543,7 @@ mod tests {
             }
             let all = f64::from(path.ticks);
             let at = stop as usize + 1;
-            // The next tick is slower than this one, unless the limit is hardly more than what the path itself needs to gain speed.
+            // The next tick is slower than this one, unless the limit hardly exceeds the path's own need to gain speed.
             let steps = [places[at] - places[at - 1], places[at + 1] - places[at]];
             prop_assert!(steps[1] < steps[0] || margin < 3.0, "{steps:?}");
             places.extend([places[places.len() - 1]; 2]);

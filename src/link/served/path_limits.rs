@@ -16,7 +16,7 @@ fn distances<'a>(
     port.guard().declared().iter().zip(distances)
 }
 
-/// The acceleration in 1/s² of a motion over a distance of 1 that the axes allow on their way between these places. Real-time: yes.
+/// The acceleration in 1/s² of a motion over a distance of 1 that the axes allow between these places. Real-time: yes.
 pub(super) fn allowed_accel(port: &ReceivedPort, ends: [&[f64]; 2]) -> AllowedAccel {
     let axes = distances(port, ends).filter(|(_, distance)| *distance > 0.0);
     let mut allowed = AllowedAccel {

@@ -17,7 +17,7 @@ use gusset_record::utc::rfc3339;
 
 const WHILE: &str = "while its direction was tried";
 
-/// A specimen on its way to a controller's first command.
+/// Prepares a specimen for a controller's first command.
 pub(super) struct Readiness<'a> {
     served: &'a mut GuardedSpecimen,
     links: Option<&'a LinkMaker>,
@@ -40,10 +40,10 @@ impl<'a> Readiness<'a> {
         }
     }
 
-    /// Connects the specimen, checks its wiring if that is to be checked, and arms it. Blocks as long as the test is `wanted`.
+    /// Connects the specimen, checks its wiring if required, and arms it. Blocks as long as the test is `wanted`.
     ///
     /// # Errors
-    /// Why there is no test.
+    /// Why the test cannot begin.
     pub(crate) fn reach(mut self, wanted: &mut Wanted<'_>) -> Result<Vec<String>, TestEnd> {
         self.told.extend(self.served.recording.place());
         let introduction = self.connect(wanted)?;
@@ -82,7 +82,7 @@ impl<'a> Readiness<'a> {
         Ok(self.told)
     }
 
-    /// The link of this test, and what the specimen says of itself.
+    /// The link of this test, and the introduction of the specimen.
     fn connect(&mut self, wanted: &mut Wanted<'_>) -> Result<Introduction, TestEnd> {
         let rate = self.controller.rate.filter(|(commands, _)| *commands > 0);
         let every = rate.map_or(0.0, |(commands, seconds)| seconds as f64 / commands as f64);
@@ -127,7 +127,7 @@ impl<'a> Readiness<'a> {
             let text = format!("the link has {found} axes, the specimen {axes}");
             return Err(text.into());
         }
-        // From here on the specimen hears how the test ends.
+        // From here on the specimen learns how the test ends.
         let before = self.served.port.swap_partner(link);
         before.map_err(|error| error.to_string())?;
         links.located(introduction)
@@ -216,8 +216,8 @@ impl<'a> Readiness<'a> {
         }
     }
 
-    /// Where the first command leads away from: where the controller says that it will be, else where the specimen says
-    /// that it is. A computed specimen that does not report its position is assumed at zero.
+    /// Start of the first command: the announced place, else the reported position of the specimen. A computed specimen
+    /// that does not report its position is assumed at zero.
     ///
     /// # Errors
     /// The actuators of a loading unit cannot have this position.
@@ -236,7 +236,7 @@ impl<'a> Readiness<'a> {
     /// A wiring check begins at `start`: where the specimen was measured, no farther away than a first command may go.
     ///
     /// # Errors
-    /// The controller says that the specimen is elsewhere.
+    /// The controller expects the specimen elsewhere.
     fn judge_start(&self, introduction: &Introduction, start: &[f64]) -> Result<(), TestEnd> {
         let Introduction {
             measured, standing, ..
@@ -259,7 +259,7 @@ impl<'a> Readiness<'a> {
         Err(TestEnd::failed(text))
     }
 
-    /// Records where a specimen that moves stands before its first motion.
+    /// Records the position of a specimen before its first motion.
     ///
     /// # Errors
     /// It cannot be recorded.
@@ -285,8 +285,8 @@ impl<'a> Readiness<'a> {
         self.served.latch.begins(place).map_err(TestEnd::failed)
     }
 
-    /// A small motion shows which way round each axis is wired. An unwanted test ends the motion, which goes back to its start; the
-    /// message gives the position if it does not reach it.
+    /// A small motion shows the sign of each axis. An unwanted test ends the motion, which returns to its start; the message
+    /// gives the position if it does not reach it.
     fn check_wiring(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<(), TestEnd> {
         let checked = self.move_a_little(start, wanted);
         let rounding = self.rounding();
@@ -321,7 +321,7 @@ impl<'a> Readiness<'a> {
         let mut unwanted = None;
         let mut asks = || wanted().inspect_err(|over| unwanted = Some(over.clone()));
         if let Err(end) = self.follow(&mut probe, &mut sequence, &mut asks) {
-            // Only a specimen that still answers, and has not tripped, goes back.
+            // Only a specimen that still answers, and has not tripped, returns.
             if unwanted.is_none() || self.served.tripped().is_some() {
                 return Err(end);
             }
@@ -331,7 +331,7 @@ impl<'a> Readiness<'a> {
         self.verdict(&probe)
     }
 
-    /// Commands the motion of the check, or its way back, to its end.
+    /// Commands the motion of the check, or its return, to its end.
     fn follow(
         &mut self,
         probe: &mut Probe,
@@ -363,7 +363,7 @@ impl<'a> Readiness<'a> {
         Ok(())
     }
 
-    /// Retraces a check whose test is not wanted any more.
+    /// Retraces a check whose test is no longer wanted.
     fn go_back(&mut self, probe: &mut Probe, sequence: &mut u64, wanted: &mut Wanted<'_>) {
         if !self.served.port.turn_back(probe) {
             return;
@@ -417,8 +417,8 @@ impl<'a> Readiness<'a> {
         ))
     }
 
-    /// The force that one command at the very place where it stands is answered with: nothing moves. Who does not say where the
-    /// first command will be may ask before it. An unmeasured force is not an answer.
+    /// The force at one command at the present position: nothing moves. A controller that does not announce its first command
+    /// may request it before that. An unmeasured force is not an answer.
     fn feel(
         &mut self,
         stands: &[f64],
@@ -446,8 +446,8 @@ impl<'a> Readiness<'a> {
         Ok(Some(measured.force))
     }
 
-    /// One own exchange before the test, with the seconds that its motion takes. `awaits_answer`: a test that is not wanted any more
-    /// ends after the answer, so that the specimen can go back.
+    /// One own exchange before the test, with the seconds that its motion takes. `awaits_answer`: a test that is no longer wanted
+    /// ends after the answer, so that the specimen can return.
     fn send_one(
         &mut self,
         when: &str,
@@ -495,7 +495,7 @@ impl<'a> Readiness<'a> {
         self.served.first.leaves = moves.then(|| stands.to_vec());
     }
 
-    /// What can be answered before the first command.
+    /// Answers that are possible before the first command.
     fn take_rest(
         &mut self,
         introduction: &Introduction,
@@ -533,7 +533,7 @@ impl<'a> Readiness<'a> {
         Ok(())
     }
 
-    /// The trip of a force at rest that is no number.
+    /// The trip of a force at rest that is NaN or infinite.
     fn is_no_number(served: &mut GuardedSpecimen, axis: Option<usize>, of: &str) -> TestEnd {
         let measured = true;
         served.trip(Trip::NotFinite { axis, measured });

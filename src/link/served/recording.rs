@@ -54,7 +54,7 @@ impl Recording {
         Ok(())
     }
 
-    /// The reason of the user for what the wiring check found.
+    /// The user's reason to accept a wiring fault.
     pub(crate) fn accept_wiring(&mut self, reason: &str) {
         if let Some(record) = &mut self.open {
             record.accept_wiring(reason);
@@ -67,7 +67,7 @@ impl Recording {
         Some(format!("recording into {}", record.path().display()))
     }
 
-    /// The present, if something is recorded: only the record wants to know the time. Real-time: yes.
+    /// The present time, if something is recorded: only the record needs it. Real-time: yes.
     pub(crate) fn now_ns(&self) -> u64 {
         self.open.as_ref().map_or(0, |_| os::monotonic_ns())
     }

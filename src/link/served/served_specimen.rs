@@ -25,7 +25,7 @@ use gusset_quantity::units::AxisUnits;
 /// How far a controller's test has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Stage {
-    /// There is no test.
+    /// The test is closed.
     #[default]
     Closed,
     /// A test is open, and the specimen has not received the goodbye.
@@ -318,7 +318,7 @@ impl ServedSpecimen {
     /// operator of the server. May block and move the specimen for its check, for as long as the test is `wanted`.
     ///
     /// # Errors
-    /// Why there is no test. A specimen that was reached is informed and holds where it is.
+    /// Why the test cannot begin. A specimen that was reached is informed and holds where it is.
     pub fn begin(
         &mut self,
         controller: &Controller,
@@ -365,11 +365,11 @@ impl ServedSpecimen {
         recording.open((identity, port), controller, pace_hz)
     }
 
-    /// The controller begins again after commands that only checked the wiring: a computed specimen forgets them. May block, for as
-    /// long as that is `wanted`.
+    /// The controller begins again after commands that only checked the wiring: a computed specimen forgets them. May block, for
+    /// as long as that is `wanted`.
     ///
     /// # Errors
-    /// The specimen is not ready, or gone, or need not be ready.
+    /// The specimen is not ready, lost, or no longer needed.
     pub(crate) fn begin_again(
         &mut self,
         sequence: u64,
@@ -393,7 +393,13 @@ impl ServedSpecimen {
     }
 
     /// The present wall time, by a clock other than the machine's. Real-time: yes.
-    pub const fn now_is(&mut self, now: Nanos) {
+    pub(crate) const fn now_is(&mut self, now: Nanos) {
+        self.guarded.now_is(now);
+    }
+
+    /// The present wall time of a double of the machine's clock.
+    #[cfg(feature = "test-doubles")]
+    pub const fn simulated_now_is(&mut self, now: Nanos) {
         self.guarded.now_is(now);
     }
 }
@@ -401,8 +407,8 @@ impl ServedSpecimen {
 // Commands.
 impl ServedSpecimen {
     /// One exchange of the controller: limits, specimen, limits, record. `elapsed` is the test time since the last commit. `into`
-    /// receives the last measurement, with the interlock flag after a trip. False if the answer is owed, and not `wanted`
-    /// any more. Real-time: yes, as far as the link is.
+    /// receives the last measurement, with the interlock flag after a trip. False if the answer is missing, and no longer
+    /// `wanted`. Real-time: yes, as far as the link is.
     ///
     /// # Errors
     /// The specimen holds. The command was not passed on, or is the last one.
@@ -417,7 +423,7 @@ impl ServedSpecimen {
             .exchange_as(Origin::Controller, command, elapsed, wanted, into)
     }
 
-    /// The controller asks for what the specimen does not do: it holds from here on.
+    /// The controller makes an impossible request: the specimen holds from here on.
     pub(crate) fn trip(&mut self, trip: Trip) {
         if self.guarded.tripped().is_none() {
             self.guarded.trip(trip);
@@ -429,12 +435,12 @@ impl ServedSpecimen {
         self.guarded.commit();
     }
 
-    /// A computed specimen forgets what was not committed.
+    /// A computed specimen forgets uncommitted steps.
     pub(crate) fn revert(&mut self) {
         self.guarded.port.exchange_mut().revert();
     }
 
-    /// Nothing to command for now: notices a specimen that has gone. Does not block.
+    /// No command for now: notices a lost specimen. Does not block.
     ///
     /// # Errors
     /// It has.
@@ -455,7 +461,7 @@ impl ServedSpecimen {
         let _ = self.guarded.port.pause();
     }
 
-    /// Its controller ends its test here: it stops, and what comes next comes from rest.
+    /// Its controller ends its test here: it stops, and the next motion starts from rest.
     pub(crate) fn halt(&mut self) {
         self.guarded.has_come_to_rest();
         self.guarded.port.exchange_mut().halt();
@@ -475,7 +481,7 @@ impl ServedSpecimen {
         self.guarded.note(event, text);
     }
 
-    /// What came of the controller: commands, those that never arrived, and frames that failed a check.
+    /// Counts for the controller: commands, those that never arrived, and frames that failed a check.
     pub(crate) fn counted(&mut self, commands: u64, missed: u32, corrupt: u64) {
         let text = format!("{commands} commands, {missed} missed, {corrupt} frames corrupt");
         self.note(Remark::Counts, &text);
@@ -538,7 +544,7 @@ impl ServedSpecimen {
         if self.stage == Stage::Closed {
             return;
         }
-        // A trip is why it ended, whatever else was said about it, and who says it again says nothing else.
+        // A trip is the reason of the end, whatever other reasons there are; repeating it adds nothing.
         let why = self.guarded.tripped().map(|trip| match trip {
             Trip::Lost(_) => self.guarded.whole(trip),
             _ => trip.to_string(),

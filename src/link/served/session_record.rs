@@ -28,16 +28,16 @@ use gusset_record::{
     RunFolder, TripValue, WhenFull, Writer, WriterSettings, ring,
 };
 
-/// Where and what a server records.
+/// Settings of a server's record.
 #[derive(Debug, Clone)]
 pub struct RecordSettings {
-    /// Folder in which each controller's test gets one of its own: `test-0001`, `test-0002`, …
+    /// Folder of all tests; each gets a subfolder: `test-0001`, `test-0002`, …
     pub root: PathBuf,
     /// The file that is served, byte for byte.
     pub file: Vec<u8>,
     /// The complete configuration.
     pub resolved: String,
-    /// What was read besides: its name, and its bytes.
+    /// Other files that were read: name and bytes.
     pub inputs: Vec<(PathBuf, Vec<u8>)>,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
@@ -51,7 +51,7 @@ pub struct RecordSettings {
     pub ended: Option<Sender<Option<PathBuf>>>,
 }
 
-/// Exchanges per second that the queue is made for where the protocol does not say.
+/// Exchanges per second that the queue is made for where the protocol does not announce a rate.
 const USUAL_RATE_HZ: f64 = 1000.0;
 /// Highest number of a folder.
 const MOST_FOLDERS: u32 = 999_999;
@@ -66,11 +66,11 @@ pub(super) struct SessionRecord {
     row: Vec<f64>,
     timing: Timing,
     counted: Counted,
-    /// What the summary warns of.
+    /// Warnings of the summary.
     warnings: Vec<String>,
     /// Accepted findings: key and reason.
     accepted: BTreeMap<String, String>,
-    /// Where the newest exchange stands.
+    /// Position of the newest exchange.
     position: Position,
     began_ns: u64,
     required: bool,
@@ -200,18 +200,18 @@ impl SessionRecord {
             .note(note.made_at(self.position, os::monotonic_ns()));
     }
 
-    /// Something that whoever reads the summary must know.
+    /// Adds a warning to the summary.
     pub(crate) fn warn(&mut self, event: Remark, text: &str) {
         self.note(Event::said(event, text).into());
         self.warnings.push(text.to_owned());
     }
 
-    /// True if the summary says so already.
+    /// True if the summary already contains this warning.
     pub(crate) fn has_warned(&self, text: &str) -> bool {
         self.warnings.iter().any(|warning| warning == text)
     }
 
-    /// The reason of the user for what the wiring check found.
+    /// The user's reason to accept a wiring fault.
     pub(crate) fn accept_wiring(&mut self, reason: &str) {
         let key = "accept_wiring".to_owned();
         self.accepted.insert(key, reason.to_owned());
@@ -279,7 +279,7 @@ impl SessionRecord {
         let _ = self.recorder.row(&self.row);
     }
 
-    /// Writes everything down. What cannot be written is told in the program's log.
+    /// Writes the record. The program's log reports a file that cannot be written.
     pub(crate) fn close(self, cause: Cause, text: &str, stats: &LinkStats, commits: u64) {
         let severity = match cause.status() {
             Ended::Completed | Ended::Interrupted => Severity::Info,
@@ -334,7 +334,7 @@ impl SessionRecord {
             tracing::error!("{} ROWS ARE LOST", recorded.rows_lost());
         }
         if let Some(ended) = ended {
-            // Who wrote reports has gone; the record is whole.
+            // The receiver of reports has closed; the record is whole.
             let _ = ended.send(Some(folder.path().to_owned()));
         }
     }
@@ -374,7 +374,7 @@ fn path_of(root: &Path, number: u32) -> PathBuf {
     root.join(format!("test-{number:04}"))
 }
 
-/// True of a folder that was made within [`NEW_S`]. What was added to it later does not make it new.
+/// True for a folder that was made within [`NEW_S`]. Later additions do not make it new.
 fn is_new(folder: &Path) -> bool {
     let Ok(found) = folder.metadata() else {
         return false;
@@ -392,7 +392,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tests_that_follow_each_other_all_the_time_are_refused_their_folders() {
+    fn rapid_tests_are_refused_folders() {
         let root = tempfile::tempdir().unwrap();
         for number in 1..=MOST_NEW {
             let made = next_folder(root.path()).unwrap();

@@ -1,4 +1,4 @@
-//! `summary.json` of a controller's test, with the keys that every run has; what a server does not know is empty.
+//! `summary.json` of a controller's test, with the keys of every run; a value that a server does not know is empty.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use gusset_record::rt::wall::Wall;
 use gusset_record::summary::{ClockKind, InputFile, LinkCounts, Peak};
 use gusset_record::{MissClasses, Recorded, Summary};
 
-/// What is counted while a test runs.
+/// Counters of a running test.
 pub(super) struct Counted {
     pub exchanges: u64,
     pub passed_on: u64,

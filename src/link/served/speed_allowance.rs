@@ -1,16 +1,16 @@
 //! The speed allowance of a specimen: the time that each command has for its motion, which its speed is judged by.
 //!
-//! For a specimen that moves, this is wall time, whatever test time the client says. The allowance is the specimen's: it
-//! fills with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm and a
-//! new session fill nothing, and a silence or a hold fills no more than the burst. The burst is [`BURST_S`], or two periods of the announced rate where
-//! that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more than
-//! v·(T + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its
+//! For a specimen that moves, this is wall time, whatever test time the client sends. The allowance is the specimen's: it fills
+//! with the time that passes, up to the burst, and each command that moves the specimen uses its share. An Arm and a new session
+//! fill nothing, and a silence or a hold fills no more than the burst. The burst is [`BURST_S`], or two periods of the announced
+//! rate where that is longer, and [`MOST_S`] at most. So with a velocity limit v no commands move the specimen by more
+//! than v·(T + burst) in T seconds. The client does not choose the burst: a single command has at most [`MOST_S`] for its
 //! motion, however seldom commands come. The limits that the client announced are judged by its own period instead.
 //!
-//! A client that announced its rate has one period for each command, lost ones included, as far as the allowance goes.
-//! Before its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall
-//! time since its last command (0.01 s at least) and the test time that it says. Haste does not hurt a formula: it has at least one
-//! announced period, or the test time that was said.
+//! A client that announced its rate has one period for each command, lost ones included, as far as the allowance lasts. Before
+//! its first command the allowance holds [`BURST_S`] at most. A client without a rate has the shorter of the wall time since its
+//! last command (0.01 s at least) and the test time that it sends. A formula needs no such protection: it has at least one
+//! announced period, or the test time of the client.
 
 use super::USUAL_TICK_S;
 use gusset_quantity::time::Nanos;
@@ -27,7 +27,7 @@ const SHORTEST_S: f64 = 1e-9;
 pub(super) struct Request {
     /// Its number.
     pub sequence: u64,
-    /// Test time in s since the last commit, as the client says.
+    /// Test time in s since the last commit, as the client sent it.
     pub elapsed: f64,
     /// It repeats the last command.
     pub stays: bool,
@@ -57,7 +57,7 @@ impl Times {
 pub(super) struct SpeedAllowance {
     /// Wall time from one command to the next, if it was announced.
     period_s: Option<f64>,
-    /// What is commanded moves.
+    /// True if a command moves the specimen.
     moves: bool,
     /// The command that is due.
     next: u64,
@@ -109,7 +109,7 @@ impl SpeedAllowance {
         (self.next, self.waits) = (first, true);
     }
 
-    /// Commands may come from now on. What has passed before is worth a burst. Real-time: yes.
+    /// Commands may come from now on. The time before counts as a burst. Real-time: yes.
     pub(crate) fn starts(&mut self, now: Nanos) {
         if std::mem::take(&mut self.waits) {
             let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
@@ -139,8 +139,8 @@ impl SpeedAllowance {
         })
     }
 
-    /// True if no command came for longer than two periods, so that the specimen has come to rest. After an Arm that holds for
-    /// every specimen, else for one that moves: a formula, or a client without a rate, may take its time from step to step.
+    /// True if no command came for longer than two periods, so that the specimen has come to rest. After an Arm this applies
+    /// to every specimen, else only to one that moves: a formula, or a client without a rate, may pause between steps.
     /// Real-time: yes.
     pub(crate) fn has_rested(&self, now: Nanos) -> bool {
         let silent = |last: Nanos| now.since(last) as f64 * 1e-9 > self.two_periods();
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_at_its_rate_has_its_period_however_unevenly_its_frames_arrive() {
+    fn uneven_frames_keep_their_period() {
         let mut chance = 1_u32;
         let mut arrived: f64 = 0.0;
         let commands: Vec<_> = (0..5000)
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn who_runs_ahead_of_the_wall_has_the_burst_and_then_the_wall() {
+    fn fast_client_gets_the_burst_then_the_wall() {
         let commands = || (0..1000).map(|k| (k, 1e3, 0.1 * k as f64));
         let found = times(allowed(Some((1000, 1)), true), commands());
         assert_eq!(found[..20], [PERIOD; 20]);
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_rate_begins_with_the_burst_and_has_a_tenth_of_a_second_for_each_command() {
+    fn slow_rate_starts_with_the_burst() {
         let slow = || {
             let mut one = allowed(Some((1, 10)), true);
             one.begin(0);
@@ -298,7 +298,7 @@ mod tests {
             assert!(is(found.announced, 10.0), "{found:?}");
             assert!(one.says_cut().is_some());
         }
-        // The first is lost, or left out: as much as has passed, up to the burst.
+        // The first is lost, or omitted: the elapsed time, up to the burst.
         for (at_ns, own, announced) in [
             (0, BURST_S, BURST_S),
             (50_000_000, 0.07, 0.07),
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn no_client_has_more_than_a_tenth_of_a_second_for_one_command() {
+    fn one_command_gets_a_tenth_of_a_second() {
         for rate in [Some((1, 4)), Some((2, 1)), Some((1000, 1)), None] {
             let mut one = allowed(rate, true);
             let commands = (0..20).map(|k| (100_000 * k, 1e3, 1e4 * k as f64));
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_commands_give_time_as_far_as_it_has_passed() {
+    fn lost_commands_earn_elapsed_time() {
         let mut one = allowed(Some((1000, 1)), false);
         one.starts(Nanos(0));
         let commands = [
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_silence_the_burst_is_all_that_a_single_command_has() {
+    fn silence_leaves_only_the_burst() {
         for (rate, period, burst) in [((1000, 1), PERIOD, BURST_S), ((10, 1), 0.1, MOST_S)] {
             let mut one = allowed(Some(rate), true);
             let last = (10.0 / period) as u64;
@@ -359,7 +359,7 @@ mod tests {
             let found = times_of(&mut one, commands);
             let sum = found[1] + found[2];
             assert!(found[1] <= burst && sum < burst + 2e-6, "{found:?}");
-            // One period where the numbers go on, as after a hold.
+            // One period where the numbers continue, as after a hold.
             let found = times_of(
                 &mut one,
                 [(last + 2, 0.0, 2e4), (last + 3, 0.0, 2e4 + 1e3 * period)],
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn a_specimen_rests_after_a_silence_and_a_formula_only_before_an_arm() {
+    fn specimen_rests_after_a_silence() {
         for (rate, moves, in_session) in [
             (Some((1000, 1)), true, true),
             (Some((1000, 1)), false, false),
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn neither_an_arm_nor_a_new_client_renews_the_allowance() {
+    fn arm_does_not_renew_the_allowance() {
         for rates in [[Some((1000, 1)); 2], [None; 2], [Some((1000, 1)), None]] {
             let mut one = allowed(rates[0], true);
             let mut sum = 0.0;
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_rate_the_shorter_of_test_time_and_wall_time_holds() {
+    fn without_a_rate_the_shorter_time_holds() {
         let fast = (0..1000).map(|k| (k, 0.02, 0.1 * k as f64));
         let found = times(allowed(None, true), fast);
         assert!(found[10..].iter().all(|time| (time - 1e-4).abs() < 1e-9));

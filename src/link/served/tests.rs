@@ -1,4 +1,4 @@
-//! A served before a specimen across a link: where it stands, what it is found to resist there, and what it says of itself.
+//! A server before a specimen across a link: its position, its force there, and its introduction.
 
 use std::sync::{Arc, Mutex};
 
@@ -19,7 +19,7 @@ use gusset_record::lasting::{LastingRecord, SpecimenKey};
 
 const K: f64 = 8000.0;
 
-/// A spring that says where it stands or does not, and from its command with this number on what.
+/// A spring that may report its position, and may report a status from the command with this number on.
 #[derive(Clone, Default)]
 struct Spring {
     tells: Vec<f64>,
@@ -130,7 +130,7 @@ fn goes_to(served: &mut ServedSpecimen, sequence: u64, disp: f64) -> Result<f64,
 }
 
 #[test]
-fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
+fn unknown_place_is_refused_before_commands() {
     let spring = Spring::default();
     let probe = check(1e-3, Pace::of(0.01, 0.001));
     let mut refused = served(&spring, &Whereabouts::default()).checked(probe, false);
@@ -140,7 +140,7 @@ fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
     }
     assert!(spring.told.lock().unwrap().is_empty());
     assert_eq!(*spring.goodbyes.lock().unwrap(), [Retirement::Tripped]);
-    // A computation is believed at zero, whoever says that it is one.
+    // A computation counts as at zero, even if only the operator declares it one.
     let computed = Whereabouts::default().of_a_computation();
     assert_eq!(begin(&mut served(&spring, &computed)).err(), None);
     let simulated = Spring {
@@ -153,7 +153,7 @@ fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
 }
 
 #[test]
-fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where_it_was_led() {
+fn place_comes_from_the_file_then_commands() {
     let spring = Spring::default();
     let whereabouts = Whereabouts::said(vec![0.004]);
     let mut one = served(&spring, &whereabouts);
@@ -173,7 +173,7 @@ fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where
 }
 
 #[test]
-fn a_command_that_never_left_does_not_tell_where_the_specimen_stands() {
+fn unsent_command_does_not_set_the_place() {
     // The first command on the link asks for the force at rest.
     for (loses, stands) in [(2, 0.0045), (1, 0.004)] {
         let spring = Spring {
@@ -192,7 +192,7 @@ fn a_command_that_never_left_does_not_tell_where_the_specimen_stands() {
 }
 
 #[test]
-fn an_answer_that_the_link_refuses_changes_nothing_that_was_measured() {
+fn refused_answer_changes_no_measurement() {
     let spring = Spring {
         tells: vec![0.004],
         refuses: Some(0),
@@ -217,7 +217,7 @@ fn latched(served: &ServedSpecimen) -> Option<String> {
 }
 
 #[test]
-fn a_number_too_large_to_convert_is_latched() {
+fn too_large_number_is_latched() {
     for (stiffness, trips) in [
         (K, false),
         (f64::NAN, true),
@@ -264,7 +264,7 @@ fn a_lost_link_is_not_latched() {
 }
 
 #[test]
-fn what_is_asked_before_the_first_command_was_measured() {
+fn first_request_returns_a_measurement() {
     let spring = Spring {
         tells: vec![0.004],
         ..Spring::default()
@@ -277,9 +277,9 @@ fn what_is_asked_before_the_first_command_was_measured() {
     assert_eq!(goes_to(&mut served, 0, 0.0045), Ok(K * 0.0045));
 }
 
-/// Half a metre from where its controller believes it.
+/// Half a metre from where its controller expects it.
 #[test]
-fn the_first_command_is_a_step_from_where_the_specimen_was_measured() {
+fn first_command_steps_from_the_measurement() {
     let spring = Spring {
         tells: vec![0.5],
         measured: true,
@@ -301,7 +301,7 @@ fn the_first_command_is_a_step_from_where_the_specimen_was_measured() {
 
 /// A controller with another position of the specimen does not lead it there by the wiring check.
 #[test]
-fn a_check_begins_where_it_was_measured() {
+fn check_begins_at_the_measured_position() {
     for (limit, start, begins) in [
         ("", 9e-4, true),
         ("", 1.1e-3, false),
@@ -332,7 +332,7 @@ fn a_check_begins_where_it_was_measured() {
     }
 }
 
-/// At which of twenty commands of a test, from 0, it trips that this status was said from the fifth on.
+/// At which of twenty commands of a test, from 0, it trips if this status is reported from the fifth on.
 fn says(status: Status) -> Option<(usize, Trip)> {
     // Its first command is ours.
     let spring = Spring {
@@ -354,8 +354,7 @@ fn says(status: Status) -> Option<(usize, Trip)> {
 }
 
 #[test]
-fn a_specimen_that_goes_on_holding_by_itself_ends_the_test_and_one_that_held_between_commands_does_not()
- {
+fn lasting_hold_of_the_specimen_ends_a_test() {
     assert_eq!(says(Status::HOLDING), Some((14, Trip::Holds(11))));
     // Each command of a slow client finds it holding, and moves it.
     assert_eq!(says(Status(Status::HOLDING.0 | Status::HELD.0)), None);
@@ -363,13 +362,13 @@ fn a_specimen_that_goes_on_holding_by_itself_ends_the_test_and_one_that_held_bet
 }
 
 #[test]
-fn a_specimen_that_says_once_that_its_interlock_is_open_or_a_sensor_at_its_end_ends_the_test() {
+fn one_interlock_report_ends_the_test() {
     assert_eq!(says(Status::SATURATED), Some((4, Trip::Saturated)));
     assert_eq!(says(Status::INTERLOCK), Some((4, Trip::Interlock)));
 }
 
-/// A client that is gone after this number of questions, in the middle of a wiring check from 4 mm; `at_once`: the server is stopped
-/// for the second time. Returns the commands, and the end.
+/// A client that disconnects after this number of questions, in the middle of a wiring check from 4 mm; `at_once`: the server is
+/// stopped for the second time. Returns the commands, and the end.
 fn leaves_the_check(asked: usize, at_once: bool, stands: f64) -> (Vec<f64>, Option<TestEnd>) {
     let spring = Spring {
         tells: vec![stands],
@@ -393,7 +392,7 @@ fn leaves_the_check(asked: usize, at_once: bool, stands: f64) -> (Vec<f64>, Opti
 }
 
 #[test]
-fn a_check_that_is_not_wanted_goes_back() {
+fn unneeded_check_moves_back() {
     const STANDS: f64 = 0.004;
     let (whole, ended) = leaves_the_check(usize::MAX, false, STANDS);
     assert_eq!(ended, None);
@@ -414,7 +413,7 @@ fn a_check_that_is_not_wanted_goes_back() {
 }
 
 #[test]
-fn a_check_that_is_stopped_twice_rests() {
+fn check_stopped_twice_rests() {
     let (whole, _) = leaves_the_check(usize::MAX, false, 0.004);
     let top = whole.iter().position(|at| *at > 0.0049).unwrap();
     let (told, over) = leaves_the_check(top + 4, true, 0.004);
@@ -425,9 +424,9 @@ fn a_check_that_is_stopped_twice_rests() {
     assert!(text.contains(&words), "{text}");
 }
 
-/// Each client leaves at another place of the check, and the next one finds the specimen where the last one left it.
+/// Each client disconnects at another place of the check, and the next one finds the specimen at the same position.
 #[test]
-fn clients_that_leave_do_not_walk_a_specimen() {
+fn leaving_clients_do_not_walk_a_specimen() {
     let mut stands = 0.0;
     for session in 0..27 {
         let (told, over) = leaves_the_check(20 + session, false, stands);
@@ -529,7 +528,7 @@ struct Standing {
     disp: f64,
     /// The displacement sensor reads this instead of the command.
     reads: Option<f64>,
-    /// Its end says that it measures displacement.
+    /// Its end reports that it measures displacement.
     measures: bool,
 }
 
@@ -574,7 +573,7 @@ impl ServedSpecimen {
 const SLOW: &str = "command_vel_m_per_s = { trip = 0.1 }";
 
 #[test]
-fn neither_an_arm_nor_a_new_session_renews_the_speed_allowance() {
+fn new_session_keeps_the_speed_allowance() {
     for rate in [Some((100, 1)), None] {
         for again in [Led::arms, Led::connects] {
             let mut led = Led::at(SLOW, rate);
@@ -588,7 +587,7 @@ fn neither_an_arm_nor_a_new_session_renews_the_speed_allowance() {
                 trip
             });
             assert_eq!(trips, Some(Limit::CommandVel), "{rate:?}");
-            // The burst, and what has passed.
+            // The burst, and the elapsed time.
             assert!(led.disp <= 0.1 * (0.02 + 0.2), "{rate:?}: {}", led.disp);
             assert!(led.disp < 0.004, "{rate:?}: {}", led.disp);
         }
@@ -596,7 +595,7 @@ fn neither_an_arm_nor_a_new_session_renews_the_speed_allowance() {
 }
 
 #[test]
-fn a_command_after_a_silence_has_the_burst_and_no_more() {
+fn silence_leaves_a_command_the_burst() {
     for (step, trip) in [(1.99e-3, None), (2.1e-3, Some(Limit::CommandVel))] {
         let mut led = Led::at(SLOW, Some((1000, 1)));
         assert_eq!(led.goes(0.0), None);
@@ -608,7 +607,7 @@ fn a_command_after_a_silence_has_the_burst_and_no_more() {
 }
 
 #[test]
-fn a_slow_client_moves_a_specimen_by_a_tenth_of_a_second_in_each_command() {
+fn slow_client_moves_a_tenth_of_a_second() {
     for rate in [Some((1, 4)), Some((1, 1))] {
         for (step, trip) in [(9.9e-3, None), (10.1e-3, Some(Limit::CommandVel))] {
             let mut led = Led::at(SLOW, rate);
@@ -626,7 +625,7 @@ fn a_slow_client_moves_a_specimen_by_a_tenth_of_a_second_in_each_command() {
 }
 
 #[test]
-fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
+fn arm_in_motion_shows_the_speed_change() {
     for (again, silence, trip) in [
         (false, 0.001, true),
         (true, 0.001, true),
@@ -650,7 +649,7 @@ fn an_arm_in_motion_does_not_hide_the_change_of_speed() {
 }
 
 #[test]
-fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() {
+fn check_motion_uses_its_own_time() {
     for (rate, own_s, trips) in [
         // 1 mm in 4 commands of 10 ms is 0.025 m/s; in 1 ms it would be 0.25 m/s.
         ((1000, 1), 0.01, false),
@@ -679,7 +678,7 @@ fn our_own_small_motion_is_judged_by_its_own_time_and_not_by_the_last_clients() 
 }
 
 #[test]
-fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
+fn impossible_displacement_always_trips() {
     for (reads, trips) in [(999.0, false), (-1001.0, true), (1e308, true)] {
         let mut led = Led::at("", Some((1000, 1)));
         assert_eq!(led.goes(0.0), None);
@@ -695,7 +694,7 @@ fn a_measured_displacement_that_cannot_be_trips_without_any_limit() {
 }
 
 #[test]
-fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none() {
+fn trip_lasts_lost_link_does_not() {
     let mut led = Led::at("command_step_m = { trip = 0.001 }", Some((1000, 1)));
     assert_eq!(led.goes(0.0), None);
     assert_eq!(led.goes(0.002), Some(Limit::CommandStep));
@@ -716,9 +715,9 @@ fn a_trip_is_the_specimens_until_its_operator_clears_it_and_a_lost_link_is_none(
     assert_eq!(led.goes(0.0), None);
 }
 
-/// A specimen whose end does not say that it measures displacement is not armed behind a limit of that.
+/// A specimen that does not report a measured displacement is not armed behind a limit of it.
 #[test]
-fn a_limit_that_needs_a_measured_displacement_is_not_kept_by_the_command() {
+fn missing_displacement_skips_its_limit() {
     let begun = |limits: &str| {
         let limits: LimitsSpec = toml::from_str(limits).unwrap();
         let spring = Spring::default();
@@ -737,7 +736,7 @@ fn a_limit_that_needs_a_measured_displacement_is_not_kept_by_the_command() {
     assert!(begun("force_step_n = { trip = 1 }").is_ok());
 }
 
-/// Two springs of 10 N/m; from the command with this number on the load cell of the second says no number.
+/// Two springs of 10 N/m; from the command with this number on the load cell of the second gives NaN.
 #[derive(Debug)]
 struct Broken {
     from: u64,
@@ -780,7 +779,7 @@ impl Substructure for Broken {
 }
 
 #[test]
-fn a_sensor_without_a_number_is_answered_with_what_it_read_last_and_marked() {
+fn sensor_without_a_number_is_marked() {
     let units = vec![AxisUnits::SI; 2];
     let mut served = ServedSpecimen::new(
         "rig".into(),
@@ -857,10 +856,10 @@ fn goes_on(from: f64, vel: f64, steps: &[f64]) -> Option<u64> {
 }
 
 #[test]
-fn the_first_step_of_a_test_that_goes_on_is_judged_by_its_announced_speed_and_no_other_is() {
+fn resumed_first_step_uses_announced_speed() {
     let steady = [0.1; 5];
     assert_eq!(goes_on(2.0, 10.0, &steady), None);
-    // It begins, or comes faster than it says, or changes its speed later.
+    // It begins, or comes faster than announced, or changes its speed later.
     assert_eq!(goes_on(0.0, 10.0, &steady), Some(3));
     assert_eq!(goes_on(2.0, 0.0, &steady), Some(3));
     assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.1, 0.0]), Some(5));
@@ -872,7 +871,7 @@ fn the_first_step_of_a_test_that_goes_on_is_judged_by_its_announced_speed_and_no
 /// After each of 50 sessions with random endings the specimen is where the session began, the session had a regular end, or the next
 /// session is refused before it commands anything.
 #[test]
-fn no_ending_leaves_a_specimen_unseen() {
+fn irregular_end_refuses_the_next_session() {
     let folder = tempfile::tempdir().unwrap();
     let key = SpecimenKey::of_link("gusset", "127.0.0.1:4823").unwrap();
     let record = LastingRecord::hold(folder.path(), &key).unwrap();

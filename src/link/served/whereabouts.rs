@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::elsewhere;
 use gusset_quantity::substructure::Introduction;
 
-/// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
-/// who ask.
+/// Position of a specimen across a link, as known from its last tests: shared by the makers of its connections and the
+/// readers of the position.
 #[derive(Debug, Clone, Default)]
 pub struct Whereabouts(Arc<Mutex<Known>>);
 
@@ -17,14 +17,15 @@ pub struct Whereabouts(Arc<Mutex<Known>>);
 struct Known {
     /// Empty if it is not known.
     place: Vec<f64>,
-    /// Where the last test found it, and where it left it.
+    /// Its position at the start of the last test, and at its end.
     found: Vec<f64>,
     left: Vec<f64>,
-    /// Whether the specimen stays at its last position: a computed one may begin again in each test. None until it is known.
+    /// Whether the specimen stays at its last position: a computed one may begin again in each test. `None` until it is
+    /// known.
     stays: Option<bool>,
     /// Position before the first test from the file, for a specimen that does not report its position; empty without one.
     said: Vec<f64>,
-    /// Somebody says that it is a computation: nothing there can break.
+    /// The operator declares it a computation: nothing there can break.
     computed: bool,
 }
 
@@ -129,7 +130,7 @@ fn distance(one: &[f64], other: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Tests that find the specimen here and leave it there; the known position before each test, and at the end.
+    /// Tests with the specimen's position at their start and end; the known position before each test, and at the end.
     fn believed(simulated: bool, tests: &[(f64, f64)]) -> Vec<Vec<f64>> {
         let whereabouts = Whereabouts::default();
         let mut believed = vec![whereabouts.place()];
@@ -146,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_tell_is_where_somebody_says_and_then_where_it_was_told_to_go() {
+    fn place_is_declared_then_commanded() {
         let whereabouts = Whereabouts::said(vec![0.01]);
         assert_eq!(whereabouts.place(), [0.01]);
         let mut found = Vec::new();
@@ -185,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_stays_where_it_was_left_and_a_formula_where_it_is_found_anew() {
+    fn formula_restarts_physical_specimen_stays() {
         let rig = believed(false, &[(0.01, 0.04), (0.04, -0.02)]);
         assert_eq!(rig, [vec![], vec![0.04], vec![-0.02]]);
         let formula = believed(true, &[(0.0, 0.04), (0.0, -0.02)]);

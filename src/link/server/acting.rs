@@ -1,5 +1,5 @@
-//! A rig for tests of what a client does while the specimen is on its way: it acts for the client when a command reaches it. So nothing
-//! depends on the time that passes.
+//! A rig for tests of a client that acts during the specimen's path to a target: it acts for the client when a command reaches
+//! the specimen. So nothing depends on the time that passes.
 
 use std::sync::{Arc, Mutex};
 
@@ -23,7 +23,7 @@ pub(super) const PACING: Pacing = Pacing {
 
 type Act = Box<dyn FnOnce() + Send>;
 
-/// A rig that is at its command at once. It notes displacements, and does something at one of them.
+/// A rig that follows its command at once. It notes displacements, and acts at one of them.
 #[derive(Clone, Default)]
 pub(super) struct Acting {
     pub told: Arc<Mutex<Vec<f64>>>,

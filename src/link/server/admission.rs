@@ -1,8 +1,8 @@
 //! The admission of waiting clients: how many may wait, and which one gives way to a newcomer.
 //!
 //! A client waits from its first byte until its handshake is complete. A handshake proves nothing, because it may be a copy
-//! of another one. So the number of waiting clients is limited, in all and for each address.
-//! One machine cannot keep out the others: the client that gives way is of the address with the most waiting clients.
+//! of another one. So the number of waiting clients is limited, in all and for each address. One machine cannot keep out
+//! the others: a client of the address with the most waiting clients gives way.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -19,8 +19,8 @@ pub(super) struct Candidate {
     pub has_spoken: bool,
 }
 
-/// The place of the client that gives way to a newcomer, if one must. `all` is in order of arrival. The oldest client that has
-/// said nothing gives way first.
+/// The place of the client that gives way to a newcomer, if one must. `all` is in order of arrival. The oldest silent client
+/// gives way first.
 pub(super) fn gives_way(all: &[Candidate], newcomer: IpAddr) -> Option<usize> {
     let waiting = |ip: IpAddr| all.iter().filter(|other| other.peer.ip() == ip).count();
     let crowd = if waiting(newcomer) >= MOST_OF_ONE {
@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_silent_client_of_the_most_frequent_address_gives_way() {
+    fn oldest_silent_client_gives_way() {
         let newcomer = IpAddr::from([10, 0, 0, 9]);
         let few = waiting(&[(9, false); 15]);
         assert_eq!(gives_way(&few, newcomer), None);

@@ -15,8 +15,8 @@ pub(super) struct WaitingCommand {
     pub dt: f64,
 }
 
-/// Commands that a client of paced targets may have sent after the last answer: the one under way, and one more, because a client in
-/// real time does not wait for a late answer.
+/// Commands that a client of paced targets may have sent after the last answer: the present one, and one more, because a client
+/// in real time does not wait for a late answer.
 const MOST_UNANSWERED: u32 = 2;
 
 /// The newest waiting command.
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_between_two_commands_precedes_the_newer_one() {
+    fn stop_precedes_the_newer_command() {
         let mut backlog = Backlog::default();
         backlog.put(command(1));
         backlog.follow(Cause::Tripped);

@@ -48,7 +48,7 @@ impl Channel {
     }
 }
 
-/// The client said goodbye, with the code of its cause and a text that may be empty.
+/// The client sent a goodbye, with the code of its cause and a text that may be empty.
 pub(super) fn said_goodbye(cause: u32, text: &str) -> TestEnd {
     let cause = native::Cause::from_code(cause).ok();
     let why = match cause {

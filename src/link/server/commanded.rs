@@ -4,7 +4,7 @@ use gusset_quantity::substructure::{Command, Measurement, Status};
 use gusset_wire::WireError;
 use gusset_wire::native::CommandFrame;
 
-/// Test time may pass this many times as fast as the announced rate says that wall time does.
+/// Test time may pass this many times as fast as wall time, by the announced rate.
 const FASTEST: f64 = 1000.0;
 
 /// The effect of a command.

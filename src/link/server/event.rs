@@ -23,7 +23,7 @@ pub enum ServerEvent {
     },
     /// A client of OpenFresco's protocols named the sizes of its vectors: its test may begin.
     Sizes(SocketAddr, Sizes),
-    /// The server refused a client, and told it the reason if the protocol can.
+    /// The server refused a client, and sent it the reason if the protocol can.
     Refused {
         /// Address of the client.
         peer: SocketAddr,

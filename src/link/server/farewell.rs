@@ -66,7 +66,7 @@ mod tests {
     use gusset_wire::native::{Cause, Encoder, Notice};
 
     #[test]
-    fn a_retire_of_that_session_is_answered_again_for_a_while_and_nothing_else_is() {
+    fn repeated_retire_is_answered_for_a_while() {
         let cause = Cause::Orderly;
         let notice = Notice { sequence: 7, cause };
         let frame = |side: Side, session: u64| {

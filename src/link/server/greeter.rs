@@ -1,4 +1,5 @@
-//! How a server greets: it makes the handshakes of its protocol, and says what others may do while a client is served.
+//! How a server greets: it makes the handshakes of its protocol, and decides what others may do while a client is
+//! served.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,7 +11,7 @@ use crate::inbox::Inbox;
 use crate::openfresco::{Codec, Nature, ServeSettings};
 use gusset_wire::openfresco::Carrier;
 
-/// What happens to other clients while one is served.
+/// Treatment of other clients while one is served.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Others {
     /// Each gets an answer of the protocol.
@@ -88,7 +89,7 @@ impl Greeter {
 
     fn judge(&self, datagram: &[u8], rule: fn(OpenFrescoHandshake, &[u8]) -> bool) -> bool {
         match self {
-            // The handshake itself reports what it does not understand.
+            // The handshake itself reports messages that it does not understand.
             Self::Native { .. } => true,
             Self::OpenFresco {
                 settings,

@@ -1,8 +1,8 @@
 //! The handshake of a waiting client, whatever protocol it speaks.
 //!
-//! A handshake takes bytes and gives replies. It has no socket and no clock, and no specimen hears of it.
-//! It ends with an [`Opening`], which the data thread turns into a session, or with a [`Failure`].
-//! Each phase of a handshake has a time limit, which the caller keeps.
+//! A handshake takes bytes and gives replies. It has no socket and no clock, and sends nothing to the specimen. It ends
+//! with an [`Opening`], which the data thread turns into a session, or with a [`Failure`]. Each phase of a handshake
+//! has a time limit, which the caller keeps.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -94,7 +94,7 @@ impl Handshake {
         }
     }
 
-    /// The client has left.
+    /// The client has disconnected.
     pub(crate) const fn left(&self) -> Failure {
         match self {
             Self::Native(_) => Failure::Left,

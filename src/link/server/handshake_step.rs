@@ -17,13 +17,13 @@ pub(super) enum Step {
 
 /// Why a handshake ended without a test.
 pub(super) enum Failure {
-    /// The client left by itself.
+    /// The client disconnected.
     Left,
     /// The server refuses a native client, with these last bytes.
     Refused { text: String, frame: Vec<u8> },
     /// The server refuses a native client for bytes or a silence that Gusset does not cause.
     Malformed { text: String, frame: Vec<u8> },
-    /// The client of OpenFresco's protocols has left or is refused.
+    /// The client of OpenFresco's protocols has disconnected or is refused.
     Ended(End),
 }
 

@@ -17,7 +17,7 @@ use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Capabilities};
 
-/// A specimen to be hosted, and how to make it anew for each test.
+/// A hosted specimen, and how to make a new one for each test.
 pub struct Host {
     pub(super) name: String,
     pub(super) axes: Vec<Axis>,
@@ -51,7 +51,7 @@ struct GatewaySettings {
 pub type PortBuild =
     Arc<dyn Fn(Box<dyn Substructure>) -> Result<ReceivedPort, String> + Send + Sync>;
 
-/// How a gateway converts what its controllers command to the axes of the specimen.
+/// How a gateway converts its controllers' commands to the axes of the specimen.
 #[derive(Clone)]
 pub struct Conversion {
     /// Makes the port that converts.
@@ -75,7 +75,7 @@ impl Conversion {
     }
 }
 
-/// Makes a specimen in its virgin state, or says why not.
+/// Makes a specimen in its virgin state, or returns why not.
 pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync>;
 
 enum Behind {
@@ -96,7 +96,7 @@ impl Host {
     /// `build` makes the specimen in the units of `axes`, with as many axes.
     ///
     /// # Errors
-    /// What `build` says, or another number of axes.
+    /// Errors of `build`, or another number of axes.
     pub fn new(name: String, axes: Vec<Axis>, build: Build) -> Result<Self, String> {
         let n = axes.len();
         let specimen = build()?;
@@ -134,8 +134,8 @@ impl Host {
         }
     }
 
-    /// A gateway: `build` makes the link to the specimen, whose stiffness is believed to be `stiffness`, n × n by columns
-    /// in the units of `axes`; an answer is waited for up to `reply_limit_ns`.
+    /// A gateway: `build` makes the link to the specimen. `stiffness` is the estimate, n × n by columns in the units of
+    /// `axes`. An answer may take up to `reply_limit_ns`.
     #[must_use]
     pub fn gateway(
         name: String,
@@ -150,7 +150,7 @@ impl Host {
         Self::of(name, axes, [stiffness, mass], behind, check)
     }
 
-    /// Of a gateway whose specimen cannot tell where it stands: where that is before the first test, in the units of the axes.
+    /// For a gateway whose specimen cannot report its position: the position before the first test, in the units of the axes.
     #[must_use]
     pub fn said_to_stand_at(mut self, place: Vec<f64>) -> Self {
         if let Behind::Link(.., whereabouts) = &mut self.behind {
@@ -159,7 +159,8 @@ impl Host {
         self
     }
 
-    /// The specimen behind this gateway answers with forces only. The handshake says that no displacement is measured.
+    /// The specimen behind this gateway answers with forces only. The handshake announces that no displacement is
+    /// measured.
     #[must_use]
     pub const fn without_measured_disp(mut self) -> Self {
         self.gateway.lacks_disp = true;
@@ -181,7 +182,7 @@ impl Host {
         self
     }
 
-    /// Of a gateway to a computation, as somebody says: where nobody knows its place, it is believed at zero.
+    /// Declares that the gateway leads to a computation: its position counts as zero where no measurement gives it.
     #[must_use]
     pub fn computed(mut self) -> Self {
         if let Behind::Link(.., whereabouts) = &mut self.behind {
@@ -236,23 +237,26 @@ impl Host {
 
     /// Shares the limits' history and the latch with `other`, which serves the same specimen.
     #[must_use]
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn guarded_as(mut self, other: &Self) -> Self {
         (self.guard, self.latch) = (other.guard.clone(), other.latch.clone());
         self
     }
 
-    /// A formula stays as the last test left it, as a real specimen does. Else each test finds it as new.
+    /// A formula keeps its state from test to test, as a real specimen does. Otherwise each test finds it as new.
     #[must_use]
     pub fn remembering(mut self) -> Self {
         self.memory = Some(Memory::default());
         self
     }
 
-    /// The same, and the first test finds it at `disp`, one displacement per axis in the units of the axes, where it was moved
-    /// from its virgin state.
+    /// Like `new`, but the first test finds the specimen at `disp`, moved from its virgin state: one displacement per axis in
+    /// their units.
     ///
     /// # Errors
-    /// What its maker says, another number of displacements, or a specimen behind a link: where that stands it says itself.
+    /// Errors of its maker, another number of displacements, or a specimen behind a link, which reports its position
+    /// itself.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn standing_at(mut self, disp: &[f64]) -> Result<Self, String> {
         let Behind::Law(build) = &self.behind else {
             return Err("the specimen is behind a link, and stands where it stands".to_owned());
@@ -265,7 +269,7 @@ impl Host {
         Ok(self)
     }
 
-    /// True if a formula stays as the last test left it.
+    /// True if a formula keeps its state from test to test.
     #[must_use]
     pub const fn remembers(&self) -> bool {
         self.memory.is_some()
@@ -277,8 +281,8 @@ impl Host {
         !self.is_gateway() && !self.remembers()
     }
 
-    /// Where the specimen stands; empty if that is not known before a controller arms it: a gateway learns it with its first
-    /// test, and with its next whether what may be a computation stays where that left it.
+    /// The specimen's position; empty if it is not known before a controller arms it. A gateway learns it with its first
+    /// test. The second test shows whether a possible computation keeps its position.
     #[must_use]
     pub fn standing(&self) -> Vec<f64> {
         match &self.behind {
@@ -349,7 +353,7 @@ impl Host {
     }
 
     pub(super) fn capabilities(&self) -> Capabilities {
-        // A gateway passes on what its specimen measures, and warns itself of one that may not.
+        // A gateway passes on its specimen's measurements, and itself warns of a missing one.
         let kind = match self.behind {
             // In its first test a process finds the specimen as new: it holds no state of an interrupted test.
             Behind::Law(_) if self.memory.as_ref().is_some_and(Memory::is_of_a_test) => {
@@ -367,11 +371,11 @@ impl Host {
         }
     }
 
-    /// The specimen in its virgin state, or across a link that is not connected. `remembers`: a test finds what is computed as the
-    /// last one left it.
+    /// The specimen in its virgin state, or across a link that is not connected. `remembers`: a computed specimen keeps its state
+    /// from test to test.
     ///
     /// # Errors
-    /// What its maker says.
+    /// Errors of its maker.
     pub fn specimen(&self, remembers: bool) -> Result<ServedSpecimen, String> {
         let (name, units) = (self.name.clone(), self.units.clone());
         let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());

@@ -204,7 +204,7 @@ pub(super) fn pause(time: Duration) {
     let _ = rustix::event::poll(&mut [], Some(&timespec(time)));
 }
 
-/// A non-blocking call that finds nothing is no error; neither is a peer that has already left.
+/// A non-blocking call that finds nothing is no error; neither is a peer that has already disconnected.
 fn present<T>(result: io::Result<T>) -> io::Result<Option<T>> {
     use io::ErrorKind::{
         ConnectionAborted, ConnectionRefused, ConnectionReset, Interrupted, WouldBlock,

@@ -111,7 +111,7 @@ pub enum ServeError {
     Open {
         /// The address.
         address: SocketAddr,
-        /// The ways to prove who commands.
+        /// The possible proofs of the commanding client's identity.
         remedy: &'static str,
     },
     /// TLS has no certificate.
@@ -348,7 +348,7 @@ impl RunningServer {
         self.watch_twice(stop, &|| false, tell);
     }
 
-    /// Reports events until `stop` returns true, and ends the server. A wiring check goes back to its start meanwhile, unless
+    /// Reports events until `stop` returns true, and ends the server. A wiring check returns to its start meanwhile, unless
     /// `at_once` returns true.
     ///
     /// # Panics
@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_of_the_data_thread_ends_the_server_with_that_panic() {
+    fn data_thread_panic_ends_the_server() {
         let units = vec![AxisUnits::SI];
         let served = ServedSpecimen::new(
             "broken".into(),

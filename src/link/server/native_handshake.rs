@@ -1,7 +1,7 @@
 //! The handshake of the native protocol: a Hello that is welcomed, then an Arm.
 //!
-//! Over a stream the first malformed byte ends the handshake. A datagram may come from anybody with a forged address, so
-//! a malformed one is reported and dropped.
+//! Over a stream the first malformed byte ends the handshake. Any sender may forge a datagram's address, so a malformed
+//! one is reported and dropped.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -40,12 +40,12 @@ pub(super) struct Offer {
     pub key: Option<PreSharedKey>,
 }
 
-/// What carries the bytes of a handshake.
+/// Medium of the bytes of a handshake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Medium {
     Stream,
     Datagrams,
-    /// A wire of simulated time, which may lose what it carries.
+    /// A wire of simulated time, which may lose frames.
     Simulated,
 }
 
@@ -131,7 +131,7 @@ impl NativeHandshake {
             while let Some(place) = self.inbox.next().map_err(malformed)? {
                 let frame = self.inbox.frame(place).to_vec();
                 if self.frame(&frame, peer, shared, replies)? == Step::Complete {
-                    // What follows belongs to the session.
+                    // The bytes after it belong to the session.
                     self.inbox.add(rest);
                     return Ok(Step::Complete);
                 }
@@ -263,7 +263,7 @@ pub(super) struct Greeted {
     pub sampling: Sampling,
     /// The limits that the client announced, per axis.
     pub limits: Vec<Limits>,
-    /// Where the specimen stands, as the welcome says; empty if that is not known.
+    /// Position of the specimen, as in the welcome; empty if it is not known.
     standing: Vec<f64>,
     pub watchdog_ns: u64,
     pub period_ns: u64,

@@ -1,4 +1,4 @@
-//! The opening of a native session: the specimen gets ready, and then the client hears that it is armed.
+//! The opening of a native session: the specimen gets ready, and then the client learns that it is armed.
 //!
 //! A client that leaves meanwhile, or a stop request, ends the opening.
 
@@ -18,8 +18,8 @@ use gusset_record::rt::throttle::Throttle;
 use gusset_wire::handshake::{self, Control};
 use gusset_wire::native::Frame;
 
-/// Over UDP a client repeats its Arm until it is answered. A client that is silent for this time, and for the time of its watchdog,
-/// is gone: many repetitions would have been lost in a row.
+/// Over UDP a client repeats its Arm until it is answered. A client that is silent for this time, and for the time of its
+/// watchdog, is lost: many repetitions would have been lost in a row.
 const SILENT_NS: u64 = 2_000_000_000;
 
 /// The processor and the busy loop of the data thread.
@@ -163,7 +163,7 @@ fn is_wanted(
             Err(_) => {}
         }
     }
-    // Where no connection shows that a client is gone, its silence does.
+    // Without a connection only its silence shows that a client is lost.
     let silent_ns = channel.now().since(*heard_at);
     if is_stream || silent_ns < SILENT_NS.max(greeted.watchdog_ns) {
         return Ok(());

@@ -67,7 +67,7 @@ enum Message {
     Nothing,
 }
 
-/// What reads the frames of a client.
+/// Reader of a client's frames.
 struct Reader<'a> {
     codec: &'a mut NativeCodec,
     silence: &'a mut Silence,
@@ -79,8 +79,8 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Reads one frame. Nothing of a command is read before its test time is checked, because the command that waits goes where
-    /// the next vectors say.
+    /// Reads one frame. Nothing of a command is read before its test time is checked, because its vectors replace those of the
+    /// waiting command.
     fn read(&mut self, place: std::ops::Range<usize>, now: Nanos) -> Result<Message, WireError> {
         let received = self.codec.open(place)?;
         self.silence.heard(now);
@@ -205,7 +205,7 @@ impl NativeConversation {
     ) -> Result<(), TestEnd> {
         match effect {
             Effect::Overtaken => Ok(()),
-            // Its answer is on its way.
+            // Its answer will follow.
             Effect::Repeated if !self.backlog.is_empty() => Ok(()),
             Effect::Repeated => self.answer(now, channel),
             Effect::New if self.served.is_remote() => {
@@ -272,7 +272,7 @@ impl NativeConversation {
         }
     }
 
-    /// The client stops here, and its shutdown begins. Repeated, it says nothing new.
+    /// The client stops here, and its shutdown begins. A repetition has no effect.
     fn halt(&mut self) {
         self.silence.pause();
         let sequence = self.commanded.sequence;
@@ -398,7 +398,7 @@ impl NativeConversation {
         }
     }
 
-    /// Takes what comes from the client until a time; false if nothing comes. Real-time: yes.
+    /// Takes bytes of the client until a time; false if nothing comes. Real-time: yes.
     fn receive(&mut self, channel: &mut Channel, until: Nanos) -> Result<bool, TestEnd> {
         match channel.link.recv(self.codec.space(), until) {
             Ok(Some(count)) => {

@@ -111,7 +111,7 @@ impl OpenFrescoHandshake {
                 Request::InitLine => shared.tell(ServerEvent::InitLine),
                 Request::Unknown(code) => shared.tell(ServerEvent::UnknownAction(code)),
                 Request::Goodbye => return Err(Failure::Ended(End::Finished)),
-                // The codec lets none of the others pass before the sizes.
+                // The codec passes no other message before the sizes.
                 Request::More
                 | Request::Command(_)
                 | Request::Commit

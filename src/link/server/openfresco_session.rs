@@ -1,9 +1,8 @@
 //! The session of one client of OpenFresco's protocols, from its sizes to its end.
 //!
-//! A client that has gone leaves a computed specimen at its last committed state, and one that moves where it is.
-//! After the stop request no message is carried out any more.
-//! Each message is answered by one write, with acknowledgements that are not delayed.
-//! An exchange allocates nothing after the sizes, except that TLS encrypts.
+//! When a client disconnects, a computed specimen stays at its last committed state, and a physical one where it is.
+//! After the stop request no message is carried out any more. Each message is answered by one write, with
+//! acknowledgements that are not delayed. An exchange allocates nothing after the sizes, except that TLS encrypts.
 
 use super::ServerEvent;
 use super::channel::Channel;
@@ -47,30 +46,31 @@ pub(super) struct OpenFrescoConversation<'a> {
     look_ns: u64,
 }
 
-/// Bytes of a stream that came while the specimen was on its way to a target.
+/// Bytes of a stream that came during the specimen's path to a target.
 struct Ahead {
     buffer: Vec<u8>,
     received: usize,
 }
 
-/// Why a specimen comes to rest on its way to a target.
+/// Why a specimen comes to rest on its path to a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Interruption {
-    /// The client is gone, or does not wait for answers.
+    /// The client is lost, or does not wait for answers.
     Ended(End),
     /// The goodbye of the client has come.
     Goodbye,
 }
 
-/// Targets that may wait behind the one under way. AlphaOS sends two at the end of a step and one of the next step without a request.
+/// Targets that may wait behind the present one. AlphaOS sends two at the end of a step and one of the next step without a
+/// request.
 const MOST_WAITING: usize = 3;
 
 impl Ahead {
-    /// Keeps what has come on a stream, as far as there is room for it. `rest` came with the target, and each message has `length`
-    /// bytes. Real-time: yes.
+    /// Keeps the bytes of a stream, as far as there is room. `rest` came with the target, and each message has `length` bytes.
+    /// Real-time: yes.
     ///
     /// # Errors
-    /// The specimen is to come to rest.
+    /// Why the specimen must come to rest.
     fn look(
         &mut self,
         link: &mut ClientLink,
@@ -174,8 +174,8 @@ pub(super) fn attend(
 }
 
 impl OpenFrescoConversation<'_> {
-    /// Gets the specimen ready. What the client sends meanwhile is kept until then. A peer that only connects must not make a
-    /// specimen move, so this happens after the sizes.
+    /// Gets the specimen ready. Messages of the client are kept meanwhile. A peer that only connects must not make a specimen
+    /// move, so this happens after the sizes.
     fn begin(&mut self, sizes: Sizes, channel: &mut Channel, shared: &Shared) -> Result<(), End> {
         let peer = channel.peer;
         shared.tell(ServerEvent::Sizes(peer, sizes));
@@ -231,7 +231,7 @@ impl OpenFrescoConversation<'_> {
             rest = rest.get(used..).unwrap_or_default();
             let mut interruption = None;
             let length = self.codec.message_len();
-            // Nothing shows that a client of datagrams has gone.
+            // Nothing shows that a client of datagrams is lost.
             let looks = self.is_stream && self.host.is_paced();
             let moves = self.is_stream && self.host.nature() == Nature::Physical;
             let (link, ahead) = (&mut channel.link, &mut self.ahead);
@@ -280,14 +280,14 @@ impl OpenFrescoConversation<'_> {
         Ok(())
     }
 
-    /// The client said goodbye while the specimen was on its way, which rests now. `rest` and what was read ahead are passed over up to
-    /// the goodbye, which may have an answer.
+    /// The client sent a goodbye during the specimen's path, which rests now. `rest` and the bytes read ahead are passed over up
+    /// to the goodbye, which may have an answer.
     fn leave(&mut self, rest: &[u8], channel: &mut Channel) -> End {
         let came = self.ahead.buffer.get(..self.ahead.received);
         for mut bytes in [rest, came.unwrap_or_default()] {
             while let Ok((used @ 1.., request)) = self.codec.feed(bytes) {
                 if request == Request::Goodbye {
-                    // A client that does not take the answer is gone all the same.
+                    // A client that does not take the answer is lost all the same.
                     let _ = send(&mut channel.link, self.codec.goodbye(), usize::MAX);
                     return End::Finished;
                 }
@@ -377,7 +377,7 @@ impl Conversation for OpenFrescoConversation<'_> {
             end => end.to_string(),
         };
         self.host.end(end.cause(), &whole);
-        // The link to the specimen may have more to say than the fault itself.
+        // The link to the specimen may know more than the fault itself.
         if !end.to_string().contains(&whole) {
             shared.tell(ServerEvent::Told { text: whole });
         }
@@ -435,7 +435,7 @@ fn send(link: &mut ClientLink, reply: &[u8], piece: usize) -> Result<(), End> {
     Ok(())
 }
 
-/// Keeps what a client sends before its specimen is ready, as far as there is room for it.
+/// Keeps messages that a client sends before its specimen is ready, as far as there is room.
 fn receive_early(
     link: &mut ClientLink,
     buffer: &mut [u8],

@@ -38,7 +38,7 @@ const MOST_ARRIVALS: u32 = 64;
 /// Size of the largest UDP datagram.
 const LARGEST_DATAGRAM: usize = 65_536;
 
-/// A client whose handshake is complete, on its way to the data thread.
+/// A client whose handshake is complete, sent to the data thread.
 pub(super) struct Client {
     pub channel: Channel,
     pub opening: Opening,
@@ -92,7 +92,7 @@ impl Reception {
         }
     }
 
-    /// One turn: what has arrived, then each waiting client.
+    /// One turn: received bytes, then each waiting client.
     fn receive(&mut self) {
         let fds = self.waiting.iter().filter_map(WaitingClient::fd);
         self.listener.wait(fds, LOOK);
@@ -116,7 +116,7 @@ impl Reception {
         self.attend_waiting();
     }
 
-    /// True once a client is served whose protocol has no answer for others.
+    /// True while a client is served whose protocol has no answer for others.
     fn is_closed_to_others(&self) -> bool {
         self.greeter.others() != Others::AreAnswered && self.shared.occupancy() != Occupancy::Free
     }
@@ -152,7 +152,7 @@ impl Reception {
         }
         match self.listener.open(stream) {
             Ok(opened) => self.enter(peer, opened.into()),
-            // The peer has already left.
+            // The peer has already disconnected.
             Err(_) => self.greeter.handshake().left().report(peer, &self.shared),
         }
     }
@@ -243,7 +243,7 @@ impl Reception {
         }
         let channel = Channel { link, peer };
         let client = Client { channel, opening };
-        // The reservation makes room in the queue certain; a data thread that is gone ends the server.
+        // The reservation makes room in the queue certain; a lost data thread ends the server.
         if self.clients.try_send(client).is_err() {
             self.shared.release();
         }
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_datagram_that_opens_a_test_makes_a_peer_the_successor() {
+    fn only_an_opening_datagram_makes_a_peer() {
         let (mut reception, _events) = reception();
         let peer = PEER.into();
         assert!(!reception.keep(&[7; 16], peer));
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn the_datagrams_kept_for_one_peer_are_limited() {
+    fn datagrams_of_one_peer_are_limited() {
         for is_served in [false, true] {
             let (mut reception, _events) = reception();
             for k in 0..200 {
@@ -440,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn waiting_clients_of_one_address_are_limited() {
+    fn waiting_clients_are_limited() {
         let (mut reception, events) = reception();
         for port in 1..=40 {
             reception.take_datagram(b"a", (PEER.0, port).into());

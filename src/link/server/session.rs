@@ -1,17 +1,16 @@
 //! A session: one client and the specimen that it commands.
 //!
-//! Every session takes the same course, whatever protocol its client speaks, on real and on simulated time.
-//! It does what is due, waits for bytes, and ends for the client, for a fault or for the stop request.
-//! A [`Conversation`] supplies the difference: its codec turns bytes into requests, and it obeys them at the specimen.
-//! The specimen stays reserved until the records of the test are closed.
-//! Then the server is free for the next client.
+//! Every session takes the same course, whatever protocol its client speaks, on real and on simulated time. It does its
+//! due work, waits for bytes, and ends for the client, for a fault or for the stop request. A [`Conversation`] supplies
+//! the difference: its codec turns bytes into requests, and it obeys them at the specimen. The specimen stays reserved
+//! until the records of the test are closed. Then the server is free for the next client.
 
 use super::channel::Channel;
 use super::connection::ClientLink;
 use super::shared::Shared;
 use gusset_quantity::time::Nanos;
 
-/// What one protocol does in a session.
+/// The part of one protocol in a session.
 pub(super) trait Conversation {
     /// Why a session ends.
     type End;

@@ -86,7 +86,7 @@ impl Shared {
         is_free
     }
 
-    /// The client has left; its records are still open.
+    /// The client has disconnected; its records are still open.
     pub(super) fn close(&self) {
         *lock(&self.occupancy) = Occupancy::Closing;
     }
@@ -142,7 +142,7 @@ impl Shared {
         let Some(Allowance { is_told, notice }) = allowance else {
             return;
         };
-        // The receiver is gone only when the server ends.
+        // The receiver is closed only when the server ends.
         if is_told {
             let _ = self.events.send(event);
         }

@@ -1,10 +1,10 @@
-//! The silence of a client: the watchdog on its commands, and the time after which it counts as gone.
+//! The silence of a client: the watchdog on its commands, and the time after which it counts as lost.
 //!
 //! The watchdog holds the specimen when no message has come for its time. In a hold of the operator no command need come.
 
 use gusset_quantity::time::Nanos;
 
-/// A client that sends no message for this time is gone.
+/// A client that sends no message for this time is lost.
 const GONE_NS: u64 = 30_000_000_000;
 
 /// The action that silence requires.
@@ -66,7 +66,7 @@ impl Silence {
         now.since(self.heard_at)
     }
 
-    /// True if the client counts as gone. Real-time: yes.
+    /// True if the client counts as lost. Real-time: yes.
     pub(crate) fn is_final(&self, now: Nanos) -> bool {
         self.lasts_ns(now) >= GONE_NS.max(self.limit_ns.saturating_mul(10))
     }
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_watchdog_holds_once_and_beats_until_a_command_comes() {
+    fn watchdog_holds_once_and_sends_heartbeats() {
         let mut silence = Silence::new(100, Nanos(0));
         assert_eq!(silence.due(Nanos(99)), Due::Nothing);
         assert_eq!(silence.due(Nanos(100)), Due::Hold);

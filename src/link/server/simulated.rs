@@ -1,9 +1,8 @@
 //! A server behind a simulated wire of a constant delay, with the client's end of that wire.
 //!
 //! The handshake and the session are the same as behind a socket. While the client waits for a reply, time passes and the
-//! server does what is due.
-//! Everything happens on one thread in the order of simulated time, so a test with the same faults is the same bit for bit.
-//! Faults are played by the host ([`Host::faulty`]), not by this wire.
+//! server does its due work. Everything happens on one thread in the order of simulated time, so a test with the same
+//! faults is the same bit for bit. The host plays faults ([`Host::faulty`]), not this wire.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -81,30 +80,22 @@ const MOST_IDLE_TURNS: u32 = 10_000;
 
 impl Simulated {
     /// A server of `host` behind a wire whose frames take `delay_ns` in each direction. A `stream` shows that the server has closed
-    /// it; datagrams do not. A wait of the client lets time pass on `clock`.
+    /// it; datagrams do not. A wait of the client lets time pass on `clock`. `tap` records what the client sends and the events of
+    /// the server.
     #[must_use]
-    pub fn new(host: Host, clock: SimClock, delay_ns: u64, stream: bool) -> Self {
+    pub fn new(host: Host, clock: SimClock, delay_ns: u64, stream: bool, tap: Option<Tap>) -> Self {
         // The events are dropped, unless the wire is tapped.
-        let (events, _) = unbounded();
+        let (events_in, events) = unbounded();
         let end = WireEnd::new(clock.now(), delay_ns);
         let offer = Arc::new(Offer { host, key: None });
         Self {
             clock,
             stream,
-            shared: Shared::new(events),
+            shared: Shared::new(events_in),
             server: SimulatedServer::waiting(Arc::clone(&offer), end, stream),
             offer,
-            tapped: None,
+            tapped: tap.map(|tap| Tapping { tap, events }),
         }
-    }
-
-    /// Records what the client sends and the events of the server.
-    #[must_use]
-    pub fn tapped(mut self, tap: Tap) -> Self {
-        let (events_in, events) = unbounded();
-        self.shared = Shared::new(events_in);
-        self.tapped = Some(Tapping { tap, events });
-        self
     }
 
     fn end(&mut self) -> Option<&mut WireEnd> {
@@ -116,7 +107,7 @@ impl Simulated {
         self.end().and_then(|end| end.next_at())
     }
 
-    /// Lets the server run until `limit`, or until something is on its way to the client.
+    /// Lets the server run until `limit`, or until a message leaves for the client.
     fn run(&mut self, limit: Nanos) {
         let mut idle_turns = 0;
         while let Some(end) = self.server.end()
@@ -206,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn every_event_that_a_client_can_repeat_has_a_quota() {
+    fn each_repeatable_event_has_a_quota() {
         let sequence = 1;
         for event in [
             ServerEvent::Tripped {
@@ -220,13 +211,13 @@ mod tests {
             ServerEvent::Resumed { sequence },
         ] {
             let tap = Tap::default();
-            let mut end = Simulated::new(host(), SimClock::new(), 0, true).tapped(tap);
+            let mut end = Simulated::new(host(), SimClock::new(), 0, true, Some(tap));
             for _ in 0..1000 {
                 end.shared.tell(event.clone());
             }
             let tapping = end.tapped.as_mut().unwrap();
             let told = std::iter::from_fn(|| tapping.events.try_recv().ok());
-            // The last one says that further events are not reported.
+            // The last one announces that further events are not reported.
             assert_eq!(told.count(), 101, "{event:?}");
         }
     }

@@ -96,7 +96,7 @@ impl WaitingClient {
         true
     }
 
-    /// Reads what has arrived, without waiting, and answers it.
+    /// Reads the received bytes, without waiting, and answers them.
     pub(crate) fn attend(
         &mut self,
         listener: &Listener,

@@ -47,7 +47,7 @@ impl WireEnd {
         self.limit = limit;
     }
 
-    /// Drops every frame that has come or is on its way here, up to `limit`.
+    /// Drops every frame that has arrived or is in transit to here, up to `limit`.
     pub(crate) fn drop_what_comes(&mut self, limit: Nanos) {
         self.incoming = Queue::default();
         self.now = self.now.max(limit);

@@ -1,4 +1,4 @@
-//! Two UDP sockets on one port: one that hears everybody, and one that hears a single peer.
+//! Two UDP sockets on one port: one for all peers, and one for a single peer.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -6,7 +6,8 @@ use std::os::fd::AsFd;
 
 use rustix::net::{AddressFamily, SocketFlags, SocketType, sockopt};
 
-/// A socket on the port `local` of `door` that hears only `peer`; from now on the door hears only the others.
+/// A socket on the port `local` of `door` that receives only from `peer`; from now on `door` receives only from the
+/// others.
 ///
 /// # Errors
 /// The system refuses.
@@ -37,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_port_has_one_door_and_each_peer_its_own_socket() {
+    fn each_peer_has_a_separate_socket() {
         let door = UdpSocket::bind("127.0.0.1:0").unwrap();
         let local = door.local_addr().unwrap();
         let (friend, other) = (

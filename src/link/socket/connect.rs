@@ -31,7 +31,7 @@ pub enum ConnectError {
         /// The system's word.
         reason: String,
     },
-    /// Nobody listens there.
+    /// No program listens at the address.
     #[error(
         "{address} refused the connection: nothing listens on that port; is the specimen's end running?"
     )]
@@ -39,7 +39,7 @@ pub enum ConnectError {
         /// Where to.
         address: String,
     },
-    /// No way to the machine.
+    /// The machine cannot be reached.
     #[error(
         "{address} is unreachable: {reason}; is the address right, the cable in, and a route there?"
     )]
@@ -78,14 +78,14 @@ pub enum ConnectError {
     Socket {
         /// Where to.
         address: String,
-        /// What failed.
+        /// The call that failed.
         what: &'static str,
         /// The system's word.
         reason: String,
     },
 }
 
-/// What to do about it.
+/// Remedy.
 const fn advice(fault: TlsFault) -> &'static str {
     match fault {
         TlsFault::NotTls => {
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_machine_is_named_in_every_form_without_a_port() {
+    fn machine_is_named_without_its_port() {
         let one = |host: &str| resolve_host(host).map(|all| all[0]);
         assert_eq!(one("192.0.2.7"), Ok("192.0.2.7".parse().unwrap()));
         assert_eq!(one("2001:db8::7"), Ok("2001:db8::7".parse().unwrap()));

@@ -1,9 +1,9 @@
 //! TCP and UDP on plain non-blocking sockets, with a wait that ends at a deadline.
 //!
 //! Invariants: after the set-up nothing here allocates, locks or blocks; a wait never lasts past its deadline on
-//! CLOCK_MONOTONIC by more than the kernel's wake-up; a peer that closed is seen by the next call. What is not here:
-//! bytes and their meaning, and what to do about a fault. Resolving a host's name happens before the test and has no
-//! time limit of ours: it is the system's resolver that waits.
+//! CLOCK_MONOTONIC by more than the kernel's wake-up; the next call notices a peer that closed. Not here: bytes and
+//! their meaning, and reactions to a fault. Resolving a host's name happens before the test and has no time limit of
+//! ours: it is the system's resolver that waits.
 
 mod beside;
 mod connect;
@@ -28,7 +28,7 @@ use gusset_record::rt::os;
 /// Largest remainder of frames that a transport keeps while the system takes no bytes.
 const KEPT: usize = 96 * 1024;
 
-/// A deadline that has always passed: what is here is taken, nothing is waited for.
+/// A deadline that has always passed: bytes that have arrived are taken, without waiting.
 pub(crate) const LOOK: Nanos = Nanos(0);
 
 /// How a wait for bytes spends its time.
@@ -44,7 +44,7 @@ pub struct Wait {
 
 impl Wait {
     /// Never sleeps. A thread under SCHED_FIFO that does this for whole periods meets the kernel's throttling.
-    pub const SPIN: Wait = Wait {
+    pub(crate) const SPIN: Wait = Wait {
         spin_first_ns: u64::MAX,
         spin_last_ns: 0,
     };
@@ -82,12 +82,12 @@ pub(crate) fn listen_advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// What is asked of a socket.
+/// Options of a socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SocketOptions {
     /// How a wait spends its time.
     pub wait: Wait,
-    /// TCP_QUICKACK before a wait while an acknowledgement is owed: without it two ends that both wait lose 40 ms to
+    /// TCP_QUICKACK before a wait while an acknowledgement is pending: without it two ends that both wait lose 40 ms to
     /// delayed acknowledgements.
     pub quick_ack: bool,
     /// SO_BUSY_POLL in µs: the kernel polls the network card while a read waits. A refusal is no error.
@@ -167,7 +167,7 @@ pub(crate) fn verdict(error: &io::Error) -> Verdict {
         io::ErrorKind::Interrupted => Verdict::Again,
         io::ErrorKind::WouldBlock => Verdict::NotNow,
         io::ErrorKind::TimedOut => Verdict::Lost(LinkFault::Timeout),
-        // No buffers left is a full buffer, too.
+        // A lack of buffers counts as a full buffer, too.
         _ if error.raw_os_error() == Some(os::Errno::NOBUFS.raw_os_error()) => Verdict::NotNow,
         _ => Verdict::Lost(LinkFault::Closed),
     }
@@ -228,7 +228,7 @@ impl Pause {
     }
 }
 
-/// True if the other end of a stream has closed its side. What it sent before may still be unread. Real-time: yes.
+/// True if the other end of a stream has closed its side. Earlier bytes may still be unread. Real-time: yes.
 pub(crate) fn has_hung_up(fd: BorrowedFd<'_>) -> bool {
     let gone = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
     let mut polled = [PollFd::from_borrowed_fd(fd, PollFlags::RDHUP)];
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_go_both_ways_under_every_kind_of_wait() {
+    fn bytes_pass_under_every_kind_of_wait() {
         for wait in [Wait::SPIN, Wait::SLEEP, Wait::default()] {
             let options = SocketOptions {
                 wait,
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wait_without_bytes_ends_at_its_deadline_and_not_before() {
+    fn wait_without_bytes_ends_at_its_deadline() {
         let (mut ours, _theirs) = tcp_pair(SocketOptions::default());
         let deadline = later(2_000_000);
         assert_eq!(ours.recv(&mut [0; 8], deadline), Ok(None));
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peer_that_does_not_read_is_backpressure_and_what_was_kept_arrives_whole() {
+    fn slow_reader_gets_every_kept_byte() {
         let (mut ours, mut theirs) = tcp_pair(SocketOptions::default());
         let frame: Vec<u8> = (0..60_000_u32).map(|i| i as u8).collect();
         let mut sent = 0;
@@ -332,9 +332,9 @@ mod tests {
     }
 
     /// A peer with Nagle's algorithm sends its second small message when the first is acknowledged. A kernel that has
-    /// seen us answer would put that off by 40 ms; a loaded machine may be as slow now and then, but not always.
+    /// seen us answer would delay that by 40 ms; a loaded machine may be as slow now and then, but not always.
     #[test]
-    fn a_peer_with_nagles_algorithm_is_not_kept_waiting_for_an_acknowledgement() {
+    fn nagle_peer_gets_acknowledgements_at_once() {
         let (mut ours, mut theirs) = tcp_pair(SocketOptions::default());
         theirs.set_nodelay(false).unwrap();
         let mut buffer = [0; 64];
@@ -347,7 +347,7 @@ mod tests {
             while found < 14 {
                 found += ours.recv(&mut buffer, later(5 * SECOND)).unwrap().unwrap();
             }
-            // A fresh connection acknowledges its first 16 segments at once, whatever is asked.
+            // A new connection acknowledges its first 16 segments at once, whatever its options.
             if round >= 20 {
                 fastest = fastest.min(os::monotonic_ns() - begun);
             }
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_and_a_name_without_meaning_say_so_with_the_address() {
+    fn refusal_and_bad_name_show_the_address() {
         let port = {
             let listener = TcpListener::bind("127.0.0.1:0").unwrap();
             listener.local_addr().unwrap().port()
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn datagrams_keep_their_borders_and_empty_ones_are_passed_over() {
+    fn datagrams_keep_their_borders() {
         let far = UdpSocket::bind("127.0.0.1:0").unwrap();
         let address = far.local_addr().unwrap().to_string();
         let mut ours = UdpTransport::connect(&address, SocketOptions::default()).unwrap();
@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn a_udp_port_where_nobody_listens_is_seen_as_closed() {
+    fn unused_udp_port_is_seen_as_closed() {
         let port = {
             let gone = UdpSocket::bind("127.0.0.1:0").unwrap();
             gone.local_addr().unwrap().port()
@@ -413,7 +413,7 @@ mod tests {
 
     /// A program that opens its port after the first word is as good as one that had it open before.
     #[test]
-    fn a_udp_peer_that_comes_after_a_refusal_is_there() {
+    fn udp_peer_after_a_refusal_is_found() {
         let gone = UdpSocket::bind("127.0.0.1:0").unwrap();
         let address = gone.local_addr().unwrap();
         drop(gone);
@@ -435,7 +435,7 @@ mod tests {
 
     /// An attacker can forge an ICMP message, but no signed frame.
     #[test]
-    fn what_the_network_says_of_signed_datagrams_is_counted_and_ends_nothing() {
+    fn errors_of_signed_datagrams_are_counted() {
         let gone = UdpSocket::bind("127.0.0.1:0").unwrap();
         let address = gone.local_addr().unwrap();
         drop(gone);
@@ -455,9 +455,10 @@ mod tests {
         assert_eq!(ours.recv(&mut buffer, later(5 * SECOND)), Ok(Some(2)));
     }
 
-    /// Whoever wakes up late answers what has waited, and hears that nobody is there any more; but behind it lie the last words.
+    /// A peer that is gone refuses the port while its last datagrams still wait here. They are read before the link counts as
+    /// closed.
     #[test]
-    fn what_a_udp_peer_said_before_it_left_is_read_before_it_counts_as_gone() {
+    fn last_datagrams_are_read_before_the_loss() {
         let far = UdpSocket::bind("127.0.0.1:0").unwrap();
         let address = far.local_addr().unwrap().to_string();
         let mut ours = UdpTransport::connect(&address, SocketOptions::default()).unwrap();

@@ -62,7 +62,7 @@ impl TcpTransport {
     /// Takes over a connection: of a listener, for instance.
     ///
     /// # Errors
-    /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it is gone already.
+    /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it is already closed.
     pub fn from_stream(stream: TcpStream, options: SocketOptions) -> Result<Self, ConnectError> {
         let peer = stream
             .peer_addr()
@@ -80,7 +80,7 @@ impl TcpTransport {
             peer,
             options,
             kept: Kept::new(),
-            // Somebody else may have read from it before.
+            // Another reader may have read from it before.
             owes_ack: true,
         })
     }
@@ -100,21 +100,21 @@ impl TcpTransport {
         self.stream.as_fd()
     }
 
-    /// Closes the writing half, and reads what has arrived: unread data would turn the close into a reset.
+    /// Closes the writing half, and reads the received bytes: unread data would turn the close into a reset.
     pub(crate) fn close_gently(&mut self) {
         let _ = self.flush();
         let _ = self.stream.shutdown(Shutdown::Write);
         discard(&self.stream);
     }
 
-    /// The bare socket, its peer and what was asked of it, for another transport over it.
+    /// The bare socket, its peer and its options, for another transport over it.
     pub(crate) fn into_parts(self) -> (TcpStream, SocketAddr, SocketOptions) {
         (self.stream, self.peer, self.options)
     }
 
     fn acknowledge(&mut self) {
         if std::mem::take(&mut self.owes_ack) && self.options.quick_ack {
-            // Where the kernel has it not, acknowledgements are merely slower.
+            // If the kernel does not support it, acknowledgements are merely slower.
             let _ = sockopt::set_tcp_quickack(&self.stream, true);
         }
     }
@@ -125,7 +125,7 @@ impl TcpTransport {
     }
 }
 
-/// Reads and drops what has arrived on a non-blocking connection. Bounded: a peer that floods gets the reset.
+/// Reads and drops received bytes on a non-blocking connection. Bounded: a peer that floods gets the reset.
 pub(crate) fn discard(mut stream: &TcpStream) {
     let mut waste = [0; 4096];
     for _ in 0..64 {

@@ -26,8 +26,8 @@ pub struct UdpTransport {
 /// ICMP errors: the network reports a datagram that did not arrive.
 #[derive(Debug, Default)]
 struct Returns {
-    /// A datagram of ours has come back, and that is not told yet. Told once, like the system does: a later datagram
-    /// may find somebody.
+    /// A datagram of ours has come back, and that is not reported yet. Reported once, as by the system: a later
+    /// datagram may find a listener.
     is_refused: bool,
     /// The frames are signed, and ICMP errors are not: those are counted only.
     signed: bool,
@@ -63,8 +63,8 @@ impl Returns {
 const MOST_RETURNS: u32 = 4;
 
 impl UdpTransport {
-    /// Binds a port of the system's choice and aims it at "host:port" (the first address behind the name). Nothing
-    /// is sent: whether somebody is there shows with the first answer.
+    /// Binds a port of the system's choice and aims it at "host:port" (the first address behind the name). Nothing is
+    /// sent: the first answer shows whether a program listens.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -163,7 +163,7 @@ impl Transport for UdpTransport {
         for _ in 0..MOST_RETURNS {
             match self.socket.send(frame) {
                 Ok(_) => return Ok(()),
-                // The word is of an earlier datagram; what the peer sent before it left is read first.
+                // The refusal belongs to an earlier datagram; datagrams that the peer sent before are read first.
                 Err(error) if self.returns.takes(&error) => {}
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
@@ -203,7 +203,7 @@ impl Transport for UdpTransport {
                 }
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
-                    // Its last words may have waited behind the refusal: it is gone when they are read.
+                    // Its goodbye may have waited behind the refusal: it is gone when that is read.
                     Verdict::NotNow if std::mem::take(&mut self.returns.is_refused) => {
                         return Err(LinkFault::Closed);
                     }

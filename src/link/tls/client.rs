@@ -21,7 +21,7 @@ use crate::tls_fault::TlsFault;
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os;
 
-/// Who we are, whom we trust and what the far end must be called.
+/// Our certificate, the trusted authorities and the required name of the far end.
 #[derive(Clone)]
 pub struct TlsClient {
     config: Arc<ClientConfig>,
@@ -44,8 +44,8 @@ impl PartialEq for TlsClient {
 }
 
 impl TlsClient {
-    /// Reads the files. With `check_name` the far end's certificate must be for `name`, or for the host in its address if
-    /// there is none; without it any certificate of the authority will do, as OpenFresco's programs have it.
+    /// Reads the files. With `check_name` the far end's certificate must be for `name`, or else for the host in its
+    /// address. Without it any certificate of the authority is accepted, as in OpenFresco's programs.
     ///
     /// # Errors
     /// The file that is wrong, by the key that names it; `server_name` if that is no name.
@@ -202,7 +202,7 @@ mod tests {
     use super::host;
 
     #[test]
-    fn the_host_of_an_address_is_what_stands_before_its_port() {
+    fn host_is_the_part_before_the_port() {
         assert_eq!(host("rig.lab:4823"), "rig.lab");
         assert_eq!(host("[::1]:4823"), "::1");
         assert_eq!(host("127.0.0.1:1"), "127.0.0.1");

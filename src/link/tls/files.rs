@@ -35,7 +35,7 @@ pub enum End {
 pub struct FileError {
     /// The key in the table of TLS.
     pub key: &'static str,
-    /// The file and what is wrong with it.
+    /// The file and its fault.
     pub text: String,
 }
 
@@ -71,8 +71,8 @@ impl TlsFiles {
         Self::locate(given.map(Option::as_deref), End::Server, folder)
     }
 
-    /// Certificate, key and authorities as `given`, relative to `folder`. Those that are not given have OpenFresco's names,
-    /// in `folder` or, if none of them is there, in the working directory.
+    /// Certificate, key and authorities as `given`, relative to `folder`. Missing names are those of OpenFresco, in
+    /// `folder` or, if none of them is there, in the working directory.
     #[must_use]
     pub(crate) fn locate(given: [Option<&str>; 3], end: End, folder: &Path) -> Self {
         let usual = match end {
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_that_are_not_given_are_those_of_openfresco_beside_the_file() {
+    fn default_names_are_those_of_openfresco() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let files = TlsFiles::of_server(&ServeTlsSpec::default(), folder);
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_missing_empty_or_another_is_named_with_its_key() {
+    fn unusable_file_is_named_with_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let files = TlsFiles::of_client(&TlsSpec::default(), folder);

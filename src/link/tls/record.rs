@@ -1,4 +1,4 @@
-//! Where in the TLS records the bytes stand that came: the only thing that must be known of a record without its key.
+//! Position of the received bytes within the TLS records: all that must be known of a record without its key.
 //!
 //! A record is a header of five bytes, the last two its length in network order, and the body (RFC 8446, 5.1).
 
@@ -58,12 +58,12 @@ impl Records {
         }
     }
 
-    /// The same, and when the record began, ns.
+    /// Sequence of the waiting record, and when the record began, ns.
     pub(super) fn waiting(&self) -> Option<(u32, u32, u64)> {
         self.unfinished().map(|(got, of)| (got, of, self.since))
     }
 
-    /// False if the very first byte was none of TLS.
+    /// False if the very first byte was not TLS.
     pub(super) fn is_tls(&self) -> bool {
         self.first.is_none_or(|first| KINDS.contains(&first))
     }
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stream_cut_anywhere_is_known_to_be_inside_or_between_records() {
+    fn cut_stream_knows_its_record_borders() {
         // Records of 0, 1 and 300 bytes.
         let mut stream = Vec::new();
         let mut ends = vec![0];
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn the_length_of_a_record_is_known_from_its_head_on() {
+    fn record_length_is_known_from_its_head() {
         let mut records = Records::default();
         records.follow(&[23, 3, 3, 1], 5);
         assert_eq!(records.waiting(), Some((4, 5, 5)));

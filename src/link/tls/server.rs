@@ -1,4 +1,4 @@
-//! The specimen's end of a TLS session: who may come in.
+//! The specimen's end of a TLS session: which clients may connect.
 
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use super::provider;
 use super::stream::TlsStream;
 use crate::socket::{ConnectError, SocketOptions, TcpTransport};
 
-/// Who we are, and whose certificates we accept.
+/// Our certificate, and the accepted ones.
 #[derive(Clone)]
 pub struct TlsServer {
     config: Arc<ServerConfig>,
@@ -58,7 +58,7 @@ impl TlsServer {
         })
     }
 
-    /// True if nobody comes in without a certificate.
+    /// True if every client needs a certificate.
     #[must_use]
     pub(crate) const fn requires_certificate(&self) -> bool {
         self.required
@@ -71,7 +71,7 @@ impl TlsServer {
     /// A session on a connection that was accepted; its handshake is still to come ([`TlsStream::handshake`]).
     ///
     /// # Errors
-    /// [`ConnectError`]: the connection is gone already.
+    /// [`ConnectError`]: the connection is already closed.
     pub fn accept(
         &self,
         stream: TcpStream,

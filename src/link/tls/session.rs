@@ -1,6 +1,6 @@
-//! One TLS session over any socket that does not block: what came goes in, what is due goes out.
+//! One TLS session over any socket that does not block: received bytes enter, due bytes leave.
 //!
-//! Invariant: nothing here waits. Bytes that came before a failure are given out before the failure is told.
+//! Invariant: nothing here waits. Bytes that came before a failure are delivered before the failure is reported.
 
 use std::io::{self, Read, Write};
 
@@ -15,11 +15,11 @@ use gusset_record::rt::os;
 pub(super) struct Session {
     tls: Connection,
     records: Records,
-    /// What goes beyond the fault, in words.
+    /// Details of the fault, in words.
     detail: Option<String>,
 }
 
-/// Follows what is read.
+/// Follows the bytes that are read.
 struct Followed<'a, S> {
     socket: &'a mut S,
     records: &'a mut Records,
@@ -69,7 +69,7 @@ impl Session {
             .map_err(|_| TlsFault::Lost)
     }
 
-    /// What was decrypted; `None` if nothing waits. Call it until then before the next [`Session::pull`].
+    /// Decrypted bytes; `None` if nothing waits. Call it until then before the next [`Session::pull`].
     pub(super) fn take(&mut self, buffer: &mut [u8]) -> Result<Option<usize>, TlsFault> {
         match self.tls.reader().read(buffer) {
             Ok(0) if buffer.is_empty() => Ok(None),
@@ -80,7 +80,7 @@ impl Session {
         }
     }
 
-    /// Reads what the socket has; false if it had nothing.
+    /// Reads the bytes of the socket; false if it had none.
     pub(super) fn pull<S: Read + Write>(&mut self, socket: &mut S) -> Result<bool, TlsFault> {
         let mut followed = Followed {
             socket,
@@ -91,7 +91,7 @@ impl Session {
             Ok(_) => match self.tls.process_new_packets() {
                 Ok(_) => Ok(true),
                 Err(error) => {
-                    // The peer is told why, if it still listens.
+                    // The peer learns the reason, if it still listens.
                     let _ = self.write(socket);
                     Err(self.fail(&error))
                 }
@@ -103,12 +103,12 @@ impl Session {
         }
     }
 
-    /// Writes what is due, as far as the socket takes it.
+    /// Writes due bytes, as far as the socket takes them.
     pub(super) fn push<S: Read + Write>(&mut self, socket: &mut S) -> Result<(), TlsFault> {
         let Err(lost) = self.write(socket) else {
             return Ok(());
         };
-        // A peer that turns us away says so and closes: its last word tells more than the broken pipe.
+        // A peer that rejects us sends an alert and closes: its alert explains more than the broken pipe.
         match self.pull(socket) {
             Err(fault) if fault.is_telling() => Err(fault),
             _ => Err(lost),

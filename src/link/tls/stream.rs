@@ -84,7 +84,7 @@ impl TlsStream {
         self.stream.as_fd()
     }
 
-    /// Goes on with the handshake until `until`; true when it is done.
+    /// Continues the handshake until `until`; true when it is done.
     ///
     /// # Errors
     /// Why there will be no session.
@@ -139,7 +139,7 @@ impl TlsStream {
         }
     }
 
-    /// More about the failure of the session, if the TLS library says it.
+    /// Details of the failure of the session, if the TLS library gives them.
     pub(crate) fn detail(&self) -> Option<&str> {
         self.session.detail()
     }
@@ -161,7 +161,7 @@ impl TlsStream {
 
     fn quick_ack(&self) {
         if self.options.quick_ack {
-            // Where the kernel has it not, acknowledgements are merely slower.
+            // If the kernel does not support it, acknowledgements are merely slower.
             let _ = sockopt::set_tcp_quickack(&self.stream, true);
         }
     }

@@ -1,12 +1,12 @@
-//! TLS on a thread of its own, as a transport of the loop.
+//! TLS on a separate thread, as a transport of the loop.
 //!
 //! The loop's thread writes into one ring and reads from another; the helper thread encrypts, decrypts and owns the socket.
 //! On the loop's thread nothing is allocated, locked or formatted, a send is a copy and one write to an event
 //! counter, and a wait ends at its deadline as over plain TCP: a busy loop on the ring first, then poll(2) on an
 //! event counter. The helper thread does allocate: the exception that the documentation names.
 //!
-//! Invariants: bytes come out in order and before the fault that ended them; the helper sleeps 100 ms at most; it ends when the
-//! transport is dropped or lost, by whatever way, after at most half a second for the last words, and is joined.
+//! Invariants: bytes come out in order and before the fault that ended them. The helper sleeps 100 ms at most. It ends when the
+//! transport is dropped or lost, after at most half a second for the goodbye, and is joined.
 
 use std::io;
 use std::net::SocketAddr;
@@ -34,10 +34,10 @@ const CHUNK: usize = 16 * 1024;
 const LOOK_NS: u64 = 100_000_000;
 /// While the loop takes nothing, the helper looks for room this often.
 const ROOM_NS: u64 = 1_000_000;
-/// For the last words.
+/// Time limit for the goodbye.
 const FAREWELL_NS: u64 = 500_000_000;
 
-/// What both threads see.
+/// State shared by both threads.
 #[derive(Debug)]
 struct Shared {
     /// Readable: the helper has something to do.
@@ -63,7 +63,7 @@ pub struct TlsTransport {
 }
 
 impl TlsTransport {
-    /// Hands a session over to a helper thread of its own. `largest`: bytes of the longest message that is sent at once.
+    /// Hands a session over to a separate helper thread. `largest`: bytes of the longest message that is sent at once.
     ///
     /// # Errors
     /// The system gives no thread or no event counter.
@@ -124,10 +124,10 @@ fn hush(counter: &OwnedFd) {
 }
 
 impl Transport for TlsTransport {
-    /// Backpressure: what was sent before fills the ring, because the peer does not read. Real-time: yes.
+    /// Backpressure: earlier bytes fill the ring, because the peer does not read. Real-time: yes.
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         if let Some(fault) = self.shared.fault.get() {
-            // The peer's last words, a goodbye for instance, are heard first; plain TCP takes such a frame, too.
+            // The peer's final message, such as a goodbye, is read first; plain TCP accepts such a frame, too.
             if !self.back.is_empty() {
                 return Ok(());
             }
@@ -177,7 +177,7 @@ impl Drop for TlsTransport {
         self.shared.closing.store(true, Ordering::Release);
         ring_bell(&self.shared.to_helper);
         if let Some(thread) = self.thread.take() {
-            // It looks at the flag ten times a second at least, and has half a second for the last words.
+            // It looks at the flag ten times a second at least, and has half a second for the goodbye.
             let _ = thread.join();
         }
     }
@@ -192,7 +192,7 @@ struct Helper {
     buffer: Vec<u8>,
 }
 
-/// What stands between two looks.
+/// State between two polls.
 struct Round {
     moved: bool,
     room: bool,
@@ -200,18 +200,18 @@ struct Round {
 
 impl Helper {
     fn run(mut self) {
-        // Signals are for whoever asked for them.
+        // Signals are for the threads that handle them.
         let _ = os::block_signals();
         let fault = self.carry();
         let _ = self.shared.fault.set(fault);
         ring_bell(&self.shared.to_loop);
     }
 
-    /// Carries bytes until the end, and says which.
+    /// Carries bytes until the end, and returns its cause.
     fn carry(&mut self) -> TlsFault {
         let mut farewell: Option<u64> = None;
         loop {
-            // Before the ring is looked at: what is sent before the transport is dropped still leaves.
+            // Read before the ring: bytes sent before the transport is dropped still leave.
             let closing =
                 self.shared.closing.load(Ordering::Acquire) || self.commands.is_abandoned();
             let round = match self.round() {
@@ -236,10 +236,10 @@ impl Helper {
         }
     }
 
-    /// What can be done without waiting.
+    /// Does the work that needs no wait.
     fn round(&mut self) -> Result<Round, TlsFault> {
         let mut moved = false;
-        // What the socket does not take stays in the ring, where the loop sees that it fills.
+        // Bytes that the socket does not take stay in the ring, where the loop sees that it fills.
         if !self.stream.session.wants_write() {
             let count = self.commands.slots();
             if let Ok(chunk) = self.commands.read_chunk(count)
@@ -269,7 +269,7 @@ impl Helper {
         })
     }
 
-    /// Gives the loop what was decrypted; false if nothing was.
+    /// Gives the loop decrypted bytes; false without any.
     fn give(&mut self, room: usize) -> Result<bool, TlsFault> {
         let buffer = self.buffer.get_mut(..room).unwrap_or_default();
         let Some(count) = self.stream.take(buffer)? else {
@@ -282,7 +282,7 @@ impl Helper {
         Ok(true)
     }
 
-    /// What the peer said before the connection broke under a write still counts.
+    /// Messages that the peer sent before the connection broke under a write still count.
     fn last_words(&mut self, fault: TlsFault) -> TlsFault {
         loop {
             let room = self.answers.slots().min(self.buffer.len());

@@ -1,8 +1,8 @@
 //! The motion that a specimen is driven with, and how far it may go.
 //!
 //! Rest, motion, rest. Every motion is proportional to its amplitude, so that a limit of displacement, velocity or
-//! acceleration is a limit of the amplitude: velocity and acceleration are differences of the commands as they leave,
-//! which is what the loop's own limits judge.
+//! acceleration is a limit of the amplitude: velocity and acceleration are differences of the commands sent, like the
+//! values that the loop's own limits check.
 
 use serde::Serialize;
 use thiserror::Error;
@@ -29,7 +29,7 @@ pub enum Shape {
 /// A motion that cannot be.
 #[derive(Debug, Error)]
 pub enum CourseError {
-    /// The band is none.
+    /// The band is empty.
     #[error(
         "the band goes from {from_hz} Hz to {to_hz} Hz, but must begin above 0 and end above its beginning"
     )]
@@ -51,10 +51,10 @@ pub enum CourseError {
         /// Half of them.
         largest: f64,
     },
-    /// No length at all.
+    /// The duration is not positive.
     #[error("the duration is {found} s, but must be finite and greater than 0")]
     Duration {
-        /// What was asked for.
+        /// The requested duration.
         found: f64,
     },
     /// Too short for its band.
@@ -62,7 +62,7 @@ pub enum CourseError {
         "{duration_s} s is too short for a band from {from_hz} Hz to {to_hz} Hz: at least {shortest:.3} s are needed"
     )]
     TooShort {
-        /// Duration that was asked for.
+        /// Duration requested.
         duration_s: f64,
         /// Lower edge.
         from_hz: f64,
@@ -76,7 +76,7 @@ pub enum CourseError {
     Motion(#[from] MotionError),
 }
 
-/// What a motion asks of an actuator, per metre of its amplitude.
+/// Velocity and acceleration that a motion demands of an actuator, per metre of its amplitude.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Demand {
     /// Greatest velocity in 1/s.
@@ -92,7 +92,7 @@ pub struct Course {
     band: Band,
     duration: f64,
     seed: u64,
-    /// Of the signal's own amplitude, per metre of the largest displacement.
+    /// The signal's own amplitude, per metre of the largest displacement.
     own: f64,
     demand: Demand,
 }
@@ -175,7 +175,7 @@ impl Course {
         Ok(course)
     }
 
-    /// What it asks of an actuator.
+    /// Demand on an actuator.
     #[must_use]
     pub const fn demand(&self) -> Demand {
         self.demand

@@ -1,8 +1,8 @@
 //! Nonlinear least squares of the models on the lines of the band (Levenberg–Marquardt), weighted by the noise of each line.
 //!
-//! The command is known, the noise of the lines is independent: the sum of squares is the likelihood, and the inverse of its
-//! curvature times the mean square of what is left over the covariance. A model that does not fit leaves more over, and its
-//! standard errors grow with it. Models are compared by Schwarz's criterion.
+//! The command is known and the noise of the lines is independent, so the sum of squares is the likelihood. The covariance
+//! is the inverse of its curvature times the mean square of the residuals. A model that does not fit has larger residuals,
+//! and its standard errors grow with them. Schwarz's criterion compares the models.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -19,7 +19,7 @@ const ARRIVED: f64 = 1e-13;
 const STEP: f64 = 1e-6;
 /// Mean square per line, in parts of its noise, up to which a fit leaves nothing but noise.
 const NOISE: f64 = 1.3;
-/// Part of the measured power below which what is left over says nothing: models that leave less are equally right.
+/// Part of the measured power below which residuals are roundoff: models with smaller ones are equally right.
 const EXACT: f64 = 1e-14;
 /// A negative delay of a delayed lag is no delay.
 const LEAST_DELAY: f64 = 0.0;
@@ -27,11 +27,11 @@ const LEAST_DELAY: f64 = 0.0;
 /// One fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fit {
-    /// Which.
+    /// The model.
     pub model: Model,
     /// Its parameters, in the order of [`Model::parameters`].
     pub parameters: Vec<Found>,
-    /// Root mean square of what is left over, as a share of what is measured in the band.
+    /// Root mean square of the residuals, as a share of the measured signal in the band.
     pub residual: f64,
     /// Schwarz's criterion: the smallest is the best model.
     pub criterion: f64,
@@ -111,7 +111,7 @@ pub(super) fn fit_all(
                 if best.as_ref().is_none_or(|(_, least)| cost < *least) {
                     best = Some((inner, cost));
                 }
-                // Nothing but noise is left over: no other start finds less.
+                // The residual is nothing but noise: no other start finds less.
                 if cost < NOISE * lines.omega.len() as f64 {
                     break;
                 }
@@ -163,8 +163,8 @@ fn outer(parameters: &[Parameter], inner: &[f64]) -> Vec<f64> {
 }
 
 impl Data<'_> {
-    /// What is left over on each line, over its noise.
-    fn left(&self, model: Model, inner: &[f64]) -> Vec<C64> {
+    /// Residual on each line, over its noise.
+    fn residuals(&self, model: Model, inner: &[f64]) -> Vec<C64> {
         let values = outer(model.parameters(), inner);
         let Lines {
             omega,
@@ -178,7 +178,7 @@ impl Data<'_> {
             .collect()
     }
 
-    /// Derivatives of what is left over, one column per parameter.
+    /// Derivatives of the residuals, one column per parameter.
     fn slopes(&self, model: Model, inner: &[f64]) -> Vec<Vec<C64>> {
         let sizes = model.parameters().iter().zip(inner);
         let columns = sizes.enumerate().map(|(index, (parameter, value))| {
@@ -192,7 +192,7 @@ impl Data<'_> {
             let moved = |by: f64| {
                 let mut inner = inner.to_vec();
                 inner[index] += by;
-                self.left(model, &inner)
+                self.residuals(model, &inner)
             };
             let (up, down) = (moved(step), moved(-step));
             let pairs = up.iter().zip(&down);
@@ -208,11 +208,11 @@ impl Data<'_> {
         let mut inner: Vec<f64> = pairs
             .map(|(p, v)| if p.positive { libm::log(*v) } else { *v })
             .collect();
-        let mut left = self.left(model, &inner);
-        let mut cost = sum(&left);
+        let mut residuals = self.residuals(model, &inner);
+        let mut cost = sum(&residuals);
         let mut damping = 1e-3;
         for _ in 0..ITERATIONS {
-            let (curvature, slope) = normal(&self.slopes(model, &inner), &left);
+            let (curvature, slope) = normal(&self.slopes(model, &inner), &residuals);
             let mut arrived = false;
             let mut moved = false;
             for _ in 0..30 {
@@ -225,11 +225,11 @@ impl Data<'_> {
                     continue;
                 };
                 let next: Vec<f64> = inner.iter().zip(step.iter()).map(|(v, s)| v - s).collect();
-                let next_left = self.left(model, &next);
-                let next_cost = sum(&next_left);
+                let next_residuals = self.residuals(model, &next);
+                let next_cost = sum(&next_residuals);
                 if next_cost <= cost {
                     arrived = cost - next_cost <= ARRIVED * cost;
-                    (inner, left, cost) = (next, next_left, next_cost);
+                    (inner, residuals, cost) = (next, next_residuals, next_cost);
                     damping = (damping * 0.2).max(1e-12);
                     moved = true;
                     break;
@@ -266,8 +266,8 @@ impl Data<'_> {
                 }
             })
             .collect();
-        // What is less certain than its own size is not determined, and what is faster than the ticks is not seen: another
-        // model says the same with less.
+        // A parameter with an uncertainty above its own size is not determined, and a motion faster than the ticks is not
+        // visible. Another model gives the same result with fewer parameters.
         let of_all = parameters.iter().zip(&found);
         let sound = of_all.fold(true, |sound, (parameter, f)| {
             let is_known = !parameter.positive || f.std < f.value;
@@ -282,7 +282,7 @@ impl Data<'_> {
         }
         let pairs = self.lines.measured.iter().zip(self.deviations);
         let power: f64 = pairs.map(|(y, d)| y.norm_sqr() / (d * d)).sum();
-        let plain = self.left(model, inner);
+        let plain = self.residuals(model, inner);
         let plain: f64 = plain
             .iter()
             .zip(self.deviations)
@@ -301,18 +301,18 @@ impl Data<'_> {
     }
 }
 
-fn sum(left: &[C64]) -> f64 {
-    left.iter().map(C64::norm_sqr).sum()
+fn sum(residuals: &[C64]) -> f64 {
+    residuals.iter().map(C64::norm_sqr).sum()
 }
 
 /// JᵀJ and Jᵀr of complex columns, real and imaginary parts taken for themselves.
-fn normal(slopes: &[Vec<C64>], left: &[C64]) -> (DMatrix<f64>, DVector<f64>) {
+fn normal(slopes: &[Vec<C64>], residuals: &[C64]) -> (DMatrix<f64>, DVector<f64>) {
     let product = |a: &[C64], b: &[C64]| -> f64 {
         let pairs = a.iter().zip(b);
         pairs.map(|(a, b)| a.re * b.re + a.im * b.im).sum()
     };
     let p = slopes.len();
     let curvature = DMatrix::from_fn(p, p, |i, j| product(&slopes[i], &slopes[j]));
-    let slope = DVector::from_fn(p, |i, _| product(&slopes[i], left));
+    let slope = DVector::from_fn(p, |i, _| product(&slopes[i], residuals));
     (curvature, slope)
 }

@@ -1,8 +1,8 @@
 //! Gain and delay over frequency.
 //!
-//! A bin is some neighbouring lines. In it the response, once the coarse delay is taken out, is a straight line over
-//! frequency by least squares: the value at its middle, and what is left over, which is noise and gives the coherence. A
-//! delay is the unwrapped phase over ω; the coarse delay decides how often the phase went round.
+//! A bin is a group of neighbouring lines. In it the response, once the coarse delay is taken out, is a straight line
+//! over frequency by least squares. The line gives the value at the middle of the bin; its residual is noise and gives
+//! the coherence. A delay is the unwrapped phase over ω; the coarse delay decides how many turns the phase has made.
 
 use rustfft::FftPlanner;
 use serde::Serialize;
@@ -15,10 +15,10 @@ const LINES: usize = 8;
 const BINS: usize = 48;
 /// Bins on either side that the noise of one is averaged over.
 const NEIGHBOURS: usize = 3;
-/// Longest lead and lag that are looked for, in s.
+/// Longest lead and lag in the search, in s.
 const LEAD_S: f64 = 0.1;
 const LAG_S: f64 = 1.0;
-/// Noise of a line never counts as less than this part of what is measured: roundoff is no proof.
+/// Noise of a line never counts as less than this part of the measured signal: roundoff is no proof.
 const ROUNDOFF: f64 = 1e-12;
 
 /// The response at one frequency.
@@ -36,7 +36,7 @@ pub struct Point {
     pub delay_std_s: f64,
     /// Share of the measured power that the command explains, from 0 to 1.
     pub coherence: f64,
-    /// Whether the coherence is high enough to go by.
+    /// Whether the coherence is high enough to use the point.
     pub trusted: bool,
 }
 
@@ -48,9 +48,9 @@ pub(super) struct Bin {
     pub value: C64,
     /// Variance of its real part.
     variance: f64,
-    /// Mean square of what is left over, per line.
+    /// Mean square of the residual, per line.
     noise: f64,
-    /// Mean square of what is measured.
+    /// Mean square of the measured signal.
     power: f64,
     coherence: f64,
 }
@@ -111,7 +111,7 @@ fn in_bin(lines: &Lines, lead: &[C64], range: std::ops::Range<usize>) -> Option<
     let command = lines.command.get(range.clone())?;
     let measured = lines.measured.get(range.clone())?;
     let lead = lead.get(range.clone())?;
-    // The middle of what was excited, so that value and slope do not lean on each other.
+    // Power-weighted mean frequency of the command, so that value and slope are uncorrelated.
     let weights: f64 = command.iter().map(C64::norm_sqr).sum();
     let moment: f64 = command
         .iter()
@@ -175,7 +175,7 @@ pub(super) fn points(bins: &[Bin], coarse: f64) -> Vec<Point> {
             let raw = libm::atan2(bin.value.im, bin.value.re);
             let turns = ((before - raw) / (2.0 * PI)).round();
             let phase = raw + 2.0 * PI * turns;
-            // What is noise must not carry the phase of the rest round.
+            // A noisy bin must not add a turn to the phase of the others.
             if trusted {
                 before = phase;
             }

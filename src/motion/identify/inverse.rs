@@ -14,7 +14,7 @@ use super::lines::C64;
 pub struct Inverse {
     /// a₀, a₁ in s, a₂ in s², as `model_inverse` and the start of `ats` take them; none is negative.
     pub coefficients: Vec<f64>,
-    /// Root mean square of |1 − chain| that is left over in the band.
+    /// Root mean square of |1 − chain| that remains in the band.
     pub residual: f64,
 }
 

@@ -8,14 +8,14 @@ use super::{Band, IdentifyError, Record};
 /// A complex number.
 pub(super) type C64 = Complex<f64>;
 
-/// Fewest lines that say something.
+/// Fewest lines for a fit.
 const FEWEST: usize = 24;
 /// Share of the commanded power that is not measured but computed.
 const ROUNDOFF: f64 = 1e-20;
 /// A drift between the two rests counts beyond this many standard errors.
 const DRIFT: f64 = 4.0;
 
-/// The lines of the band, and all others for what lies outside of it.
+/// The lines of the band, and all others for the response outside of it.
 pub(super) struct Lines {
     pub dt: f64,
     /// Samples of the record.

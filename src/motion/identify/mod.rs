@@ -1,4 +1,4 @@
-//! What a specimen and its actuator are, from one recorded motion: numbers in, numbers out.
+//! Identification of a specimen and its actuator from one recorded motion: numbers in, numbers out.
 //!
 //! A [`Record`] begins and ends at rest, so that the ratio of two whole transforms is the frequency response without any
 //! window: noise that is white in time stays white and independent from line to line, and standard errors mean what
@@ -74,7 +74,7 @@ pub struct Estimate {
     pub std: f64,
 }
 
-/// Root mean square of what is measured while nothing moves.
+/// Root mean square of the measured signals while nothing moves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Noise {
     /// Displacement, m.
@@ -85,10 +85,10 @@ pub struct Noise {
     pub samples: usize,
 }
 
-/// Why nothing can be said of an axis.
+/// Reason why the identification of an axis failed.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum IdentifyError {
-    /// Columns of different lengths, or an interval that is none.
+    /// Columns of different lengths, or an interval that is not positive.
     #[error("the record is no record: {samples} samples, interval {dt} s")]
     NoRecord {
         /// Samples that all columns have.
@@ -114,14 +114,14 @@ pub enum IdentifyError {
     /// A number that is not finite.
     #[error("sample {index} of the {column} is {found}")]
     NotFinite {
-        /// Which column.
+        /// The column.
         column: &'static str,
-        /// Which sample, from 1.
+        /// The sample, from 1.
         index: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
-    /// The command stood still.
+    /// The command did not move.
     #[error("the command did not move")]
     Still,
     /// The measured displacement has nothing to do with the command.
@@ -173,7 +173,7 @@ pub struct Identification {
     pub inverse: Option<Inverse>,
     /// What resists.
     pub specimen: Option<SpecimenFit>,
-    /// What is measured at rest.
+    /// Measured signals at rest.
     pub noise: Noise,
 }
 
@@ -229,8 +229,8 @@ pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, Ident
     })
 }
 
-/// What another axis, which is held, feels of the motion of this one: `record` is that of the axis that moves, with the force
-/// of the held one in place of its own, and `found` what the former is. None if there is nothing beyond noise.
+/// Force of another, held axis due to the motion of this one. `record` is that of the moving axis, with the force of the held
+/// one instead, and `found` is the identification of the moving axis. `None` if there is nothing beyond noise.
 ///
 /// # Errors
 /// [`IdentifyError`], as for the axis that moves.

@@ -1,11 +1,11 @@
-//! Models of an actuator, as `gusset_actuator::transfer` samples them: a command that ramps from tick to tick, and of it what the
-//! actuator has made at each tick. What is fitted here and put into `transfer` gives the same response.
+//! Models of an actuator, as `gusset_actuator::transfer` samples them: a command that ramps from tick to tick, and the actuator's
+//! response at each tick. Parameters fitted here give the same response in `transfer`.
 
 use serde::Serialize;
 
 use super::lines::C64;
 
-/// What an actuator may be.
+/// Model of an actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {

@@ -1,11 +1,11 @@
 //! Stiffness, damping and moving mass: force against measured displacement.
 //!
-//! f = k x + c ẋ (+ m ẍ), on the lines of the band. Both sides carry noise; least squares of one on the other would lean
-//! towards zero. So the displacement that the actuator's model makes of the command, which knows no noise, serves as the
-//! instrument (two-stage least squares). What the line does not explain of the whole record stays beside it: of a specimen
-//! that yields, k is a secant.
+//! f = k x + c ẋ (+ m ẍ), on the lines of the band. Both sides carry noise; least squares of one on the other would be
+//! biased towards zero. So the actuator model's response to the command, which has no noise, serves as the instrument
+//! (two-stage least squares). The unexplained share of the whole record is given beside it: for a specimen that yields, k
+//! is a secant.
 //!
-//! What the other axes feel while they are held is found in the same way, without a mass and of either sign.
+//! The coupling to the other, held axes is found in the same way, without a mass and of either sign.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -14,27 +14,27 @@ use super::fit::Fit;
 use super::lines::{C64, Lines};
 use super::{Estimate, IdentifyError};
 
-/// Part of the force's power below which what is left over says nothing.
+/// Part of the force's power below which residuals are roundoff.
 const EXACT: f64 = 1e-14;
 /// A mass counts beyond this many standard errors.
 const CERTAIN: f64 = 3.0;
-/// Share of the force's power that is left over when there is nothing but noise.
+/// Share of the force's power that remains unexplained when there is nothing but noise.
 const NOISE: f64 = 0.95;
-/// Share of a stiffness that is none.
+/// Share of a stiffness that counts as zero.
 const NEGLIGIBLE: f64 = 1e-6;
 
-/// What resists the actuator.
+/// Resistance to the actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SpecimenFit {
     /// k in N/m at the specimen's scale.
     pub stiffness: Estimate,
     /// c in N s/m.
     pub damping: Estimate,
-    /// m in kg that the load cell feels, where there is one to be seen.
+    /// m in kg that the load cell feels, if it is detectable.
     pub mass: Option<Estimate>,
     /// Root mean square of the force over the whole record that this does not explain, as a share of all.
     pub residual: f64,
-    /// The same for the noise at rest alone: what a linear specimen leaves over.
+    /// The residual due to the noise at rest alone: that of a linear specimen.
     pub floor: f64,
     /// Correlation of force and explained force in the band.
     pub lines: usize,
@@ -48,7 +48,7 @@ impl SpecimenFit {
     }
 }
 
-/// What an axis that is held feels of the one that moves.
+/// Force on a held axis per motion of the one that moves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Felt {
     /// N per m of the axis that moves, at the specimen's scale.
@@ -69,7 +69,7 @@ impl Estimate {
 pub(super) fn felt(lines: &Lines, actuator: Option<&Fit>) -> Option<Felt> {
     let power: f64 = lines.force.iter().map(C64::norm_sqr).sum();
     let found = solve(lines, &expected(lines, actuator), 2)?;
-    let is_felt = found.left <= NOISE * power && power > 0.0;
+    let is_felt = found.unexplained <= NOISE * power && power > 0.0;
     let (&[stiffness, damping], &[of_stiffness, of_damping]) =
         (found.values.as_slice(), found.errors.as_slice())
     else {
@@ -87,7 +87,7 @@ pub(super) fn felt(lines: &Lines, actuator: Option<&Fit>) -> Option<Felt> {
     })
 }
 
-/// What the actuator makes of the command, on the lines of the band; without a model of it the command itself.
+/// The actuator's response to the command, on the lines of the band; without a model of it the command itself.
 fn expected(lines: &Lines, actuator: Option<&Fit>) -> Vec<C64> {
     let pairs = lines.omega.iter().zip(&lines.command);
     match actuator.map(|fit| (fit.model, fit.values())) {
@@ -116,14 +116,14 @@ pub(super) fn fit(
         return Ok(None);
     };
     // A load cell that reads nothing but noise knows no specimen.
-    let is_felt = plain.left <= NOISE * power && power > 0.0;
+    let is_felt = plain.unexplained <= NOISE * power && power > 0.0;
     if !is_felt {
         return Ok(None);
     }
     let count = 2.0 * lines.omega.len() as f64;
     let criterion = |solution: &Solution| {
-        let left = (solution.left / power).max(EXACT);
-        count * libm::log(left) + solution.values.len() as f64 * libm::log(count)
+        let unexplained = (solution.unexplained / power).max(EXACT);
+        count * libm::log(unexplained) + solution.values.len() as f64 * libm::log(count)
     };
     let with_mass = solve(lines, &expected, 3).filter(|solution| {
         let [_, _, mass] = solution.values[..] else {
@@ -148,11 +148,11 @@ pub(super) fn fit(
         });
     }
     // Over the whole record: what a specimen that yields does outside of the band counts, too.
-    let (mut left, mut all) = (0.0, 0.0);
+    let (mut unexplained, mut all) = (0.0, 0.0);
     for (index, (u, f)) in lines.all_command.iter().zip(&lines.all_force).enumerate() {
         let omega = lines.omega_of(index);
         let explained = resist(&best.values, omega) * response(omega) * u;
-        left += (f - explained).norm_sqr();
+        unexplained += (f - explained).norm_sqr();
         all += f.norm_sqr();
     }
     let samples = lines.samples as f64;
@@ -162,7 +162,7 @@ pub(super) fn fit(
         stiffness,
         damping,
         mass: estimate(2),
-        residual: (left / all).sqrt(),
+        residual: (unexplained / all).sqrt(),
         floor: (noise / all).sqrt().min(1.0),
         lines: lines.omega.len(),
     }))
@@ -180,8 +180,8 @@ fn resist(values: &[f64], omega: f64) -> C64 {
 struct Solution {
     values: Vec<f64>,
     errors: Vec<f64>,
-    /// Sum of squares that is left over in the band.
-    left: f64,
+    /// Sum of the squared residuals in the band.
+    unexplained: f64,
 }
 
 fn solve(lines: &Lines, expected: &[C64], count: usize) -> Option<Solution> {
@@ -210,7 +210,7 @@ fn solve(lines: &Lines, expected: &[C64], count: usize) -> Option<Solution> {
             .sum::<f64>()
     });
     let solution = cross.lu().solve(&right)?;
-    let left: f64 = each()
+    let unexplained: f64 = each()
         .zip(&lines.force)
         .map(|(((w, _), y), f)| {
             let explained: C64 = (0..count).map(|j| column(y, *w, j) * solution[j]).sum();
@@ -218,7 +218,7 @@ fn solve(lines: &Lines, expected: &[C64], count: usize) -> Option<Solution> {
         })
         .sum();
     let freedom = 2.0 * lines.omega.len() as f64 - count as f64;
-    let covariance = own.try_inverse()? * (left / freedom);
+    let covariance = own.try_inverse()? * (unexplained / freedom);
     let scale = |j: usize| (0..j).fold(1.0, |value, _| value / middle);
     let values: Vec<f64> = (0..count).map(|j| solution[j] * scale(j)).collect();
     let errors: Vec<f64> = (0..count)
@@ -228,6 +228,6 @@ fn solve(lines: &Lines, expected: &[C64], count: usize) -> Option<Solution> {
     sound.then_some(Solution {
         values,
         errors,
-        left,
+        unexplained,
     })
 }

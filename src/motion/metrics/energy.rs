@@ -1,9 +1,8 @@
 //! The energy balance of a structure and its specimens, step by step, from recorded displacements and forces.
 //!
 //! With x of three steps, the work of a force r in the middle one is `½ (x[i+1] − x[i−1])ᵀ r[i]`: the sum in which the
-//! equation of motion of the integrator closes. Kinetic energy is taken of the velocity (x[i+1] − x[i−1])/(2Δt) and of M
-//! alone, so that what is left over is of order Δt²: a picture. The exact audit is the program's own (column
-//! `step_audit`).
+//! equation of motion of the integrator closes. Kinetic energy uses the velocity (x[i+1] − x[i−1])/(2Δt) and M alone, so
+//! the remainder is of order Δt²: an approximation for plots. The exact audit is the column `step_audit`.
 
 use super::falsified::Scale;
 
@@ -39,7 +38,7 @@ pub struct Energies {
 }
 
 impl Energies {
-    /// What the sum leaves over.
+    /// Energy that the sum leaves unexplained.
     #[must_use]
     pub fn remainder(&self) -> f64 {
         self.input - self.kinetic - self.damping - self.springs - self.specimens
@@ -89,7 +88,7 @@ impl std::fmt::Debug for Balance<'_> {
 }
 
 impl<'a> Balance<'a> {
-    /// Of `model`, with steps of `dt` s and `axes` axes of specimens.
+    /// The balance of `model`, with steps of `dt` s and `axes` axes of specimens.
     #[must_use]
     pub fn new(model: &'a mut dyn Model, dt: f64, axes: usize) -> Self {
         let n = model.dofs();
@@ -196,7 +195,7 @@ impl<'a> Balance<'a> {
         if self.begun {
             self.so_far = self.so_far.plus(&self.pending).plus(&now);
         } else {
-            // The first step that is seen is where the count begins.
+            // The count begins at the first step received.
             self.begun = true;
             self.so_far.input = if kinetic.is_finite() { kinetic } else { 0.0 };
         }
@@ -261,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_in_is_found_again_in_the_parts() {
+    fn input_energy_equals_the_parts() {
         let mut model = Oscillator {
             mass: 50.0,
             damping: 40.0,
@@ -293,13 +292,13 @@ mod tests {
             .fold(0.0, |most: f64, row| most.max(row.0.abs()));
         let scale = balance.scale();
         assert!((scale.strain_energy_j / (2.5e3 * most * most) - 1.0).abs() < 1e-12);
-        // Input starts at nothing here, and what is left over of it is what the damping took and what still moves.
+        // Input starts at zero here. It went into the damping and into the energy still stored or in motion.
         let input = last.damping + last.kinetic + last.springs + last.specimens;
         assert!(scale.input_energy_j >= last.input && last.input > 0.99 * input);
     }
 
     #[test]
-    fn a_force_that_is_booked_too_small_opens_the_balance() {
+    fn missing_force_opens_the_balance() {
         let mut model = Oscillator {
             mass: 50.0,
             damping: 40.0,

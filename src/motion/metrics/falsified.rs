@@ -1,9 +1,9 @@
-//! What late specimens falsify of a test as a whole: the damping of its modes, and its energy.
+//! Errors that late specimens introduce into a test as a whole: in the damping of its modes, and in its energy.
 //!
-//! A delay τ of one axis acts beside the specimen as the damping −k τ (Horiuchi et al. 1999), and on a mode with the
-//! mass-normalised shape φ as Δζ ≈ −k φ² τ/(2 ω), φ taken at the axis; the sum over all axes is what the test falsified. It is
-//! the first order of the complex modes of the delayed system, nothing else: of a delay that is no small part of a period
-//! it tells the size only. Axes that stiffen each other count with both. Delays are those of a whole test.
+//! A delay τ of one axis acts beside the specimen as the damping −k τ (Horiuchi et al. 1999). On a mode with the
+//! mass-normalised shape φ it acts as Δζ ≈ −k φ² τ/(2 ω), φ taken at the axis; the damping error of the test is the sum over
+//! all axes. It is the first order of the complex modes of the delayed system: for a delay that is a large part of a period it
+//! gives only the order of magnitude. Axes that stiffen each other count with both. Delays are those of a whole test.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,21 +20,21 @@ pub struct Mode {
     pub per_second: Vec<Vec<f64>>,
 }
 
-/// What the delays of a test added to the damping of one mode.
+/// Damping that the delays of a test added to one mode.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FalseDamping {
     /// Natural frequency, Hz.
     pub frequency_hz: f64,
-    /// Damping ratio as it should be.
+    /// Damping ratio without delays.
     pub damping_ratio: f64,
     /// Δζ; negative where the test was damped too little.
     pub damping_error: Judged,
 }
 
 impl Mode {
-    /// Δζ of `delays`: specimen and axis (both from 1) and the delay in s. The floor is that of all delays together, each with
-    /// noise of its own; none where one of them has none. None where no axis has a delay. An axis that is not listed counts as
-    /// on time.
+    /// Δζ of `delays`: specimen and axis (both from 1) and the delay in s. The floor is that of all delays together, with
+    /// independent noise; `None` where one of them has no floor. The result is `None` where no axis has a delay. An axis that
+    /// is not listed counts as on time.
     #[must_use]
     pub fn falsified(&self, delays: &[(u32, u32, Judged)]) -> Option<FalseDamping> {
         let weight = |specimen: u32, axis: u32| {
@@ -61,7 +61,7 @@ impl Mode {
     }
 }
 
-/// What energies of a test are measured by, J.
+/// Reference energies of a test, J.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
 pub struct Scale {
     /// Largest energy that went in up to any step: work of the loads and of the ground, and the kinetic energy at the beginning.
@@ -90,7 +90,7 @@ impl Scale {
     }
 }
 
-/// The energy errors of all axes together; each has noise of its own. None of none.
+/// The energy errors of all axes together, with independent noise. `None` without errors.
 #[must_use]
 pub fn together(errors: &[Judged]) -> Option<Judged> {
     let squares = errors.iter().map(|error| Some(error.floor? * error.floor?));
@@ -99,7 +99,7 @@ pub fn together(errors: &[Judged]) -> Option<Judged> {
     (!errors.is_empty()).then(|| Judged::scattered(value, floor, 0.0))
 }
 
-/// The smallest margin of an axis to its critical delay, as it was estimated while the test ran.
+/// The smallest margin of an axis to its critical delay, estimated while the test ran.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Margin {
     /// Name of the specimen.
@@ -115,14 +115,14 @@ pub struct Margin {
     pub floor_s: Option<f64>,
 }
 
-/// All that was falsified of a test with a structure.
+/// Errors that delays introduced into a test with a structure.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct Falsified {
     /// Energy errors of all axes together.
     pub energy_error_j: Option<Judged>,
-    /// The same over [`Scale::sum`]; null without an energy balance.
+    /// The energy error over [`Scale::sum`]; null without an energy balance.
     pub energy_error_share: Option<Judged>,
-    /// What it is measured by; null without an energy balance.
+    /// Reference energies; null without an energy balance.
     pub energy_scale: Option<Scale>,
     /// Damping of each mode; empty where the modes are not known.
     pub modes: Vec<FalseDamping>,
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn delays_of_several_axes_add_up_and_their_noise_adds_in_squares() {
+    fn delays_add_and_noise_adds_in_squares() {
         let mode = Mode {
             frequency_hz: 2.0,
             damping_ratio: 0.02,
@@ -151,14 +151,14 @@ mod tests {
             (1, 1, judged(1e-3, Some(1e-5))),
             (1, 2, judged(2e-3, Some(0.0))),
             (2, 1, judged(-2e-3, Some(1e-5))),
-            // Of no such axis.
+            // An axis that does not exist.
             (3, 1, judged(1.0, None)),
         ];
         let found = mode.falsified(&delays).unwrap().damping_error;
         assert!((found.value - (-3e-3 + 1e-3 + 8e-3)).abs() < 1e-15);
         assert!((found.floor.unwrap() - 5e-5).abs() < 1e-15);
         assert_eq!(found.corrected, Some(found.value));
-        // Within twice its scatter it is not seen.
+        // Within twice its scatter it counts as zero.
         let small = [(2, 1, judged(1.9e-5, Some(1e-5)))];
         let found = mode.falsified(&small).unwrap().damping_error;
         assert_eq!(found.corrected, Some(0.0));
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn energies_are_measured_by_input_and_strain_together_and_by_nothing_where_there_is_neither() {
+    fn energy_error_is_scaled_by_both_energies() {
         let scale = Scale {
             input_energy_j: 6.0,
             strain_energy_j: 2.0,

@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Scatters that a number must exceed to count as seen.
+/// Scatters that a number must exceed to count as different from zero.
 const SEEN: f64 = 2.0;
 
 /// A number, what noise alone would make of it, and what is left without the noise; null where no noise was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
-    /// As it comes out of the samples.
+    /// Value computed from the samples.
     pub value: f64,
     /// Noise floor.
     pub floor: Option<f64>,

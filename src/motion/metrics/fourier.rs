@@ -1,8 +1,8 @@
 //! Spectra of whole records: Fourier amplitudes, and the frequency evaluation index of two of them.
 //!
-//! The transform is taken over all of a record at once, without a window: a test begins and ends at rest, or says so in
-//! its spectrum. A length with large prime factors is cut by a few samples, so that the transform stays fast. Missing
-//! samples are held at the last value.
+//! The transform is taken over all of a record at once, without a window: a test begins and ends at rest, or its
+//! spectrum shows the jump. A length with large prime factors is cut by a few samples, so that the transform stays
+//! fast. Missing samples are held at the last value.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
@@ -31,7 +31,8 @@ fn quick_length(most: usize) -> usize {
 }
 
 impl Spectrum {
-    /// Of `values` sampled every `dt` s, their mean taken off; none of fewer than eight samples or without a finite one.
+    /// Transform of `values` sampled every `dt` s, without their mean. `None` with fewer than eight samples or without a
+    /// finite one.
     #[must_use]
     pub fn of(values: &[f64], dt: f64) -> Option<Self> {
         let length = quick_length(values.len());
@@ -133,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_cut_to_the_next_that_is_quick() {
+    fn lengths_are_cut_to_a_fast_length() {
         assert_eq!(quick_length(1), 1);
         assert_eq!(quick_length(1021), 1008);
         assert_eq!(quick_length(8192), 8192);
@@ -141,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_of_amplitude_a_over_t_seconds_has_the_line_half_a_t() {
+    fn sine_line_has_half_amplitude_times_time() {
         // Over whole cycles |Σ a sin| = a n/2, so |Y| dt = a T / 2; every other line is roundoff.
         let (dt, a) = (1.0 / 512.0, 0.03);
         let wave = sampled(4096, dt, |t| 5.0 + a * libm::sin(TAU * 4.0 * t));
@@ -159,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn the_index_of_a_gain_and_a_delay_is_that_gain_and_delay() {
+    fn index_finds_gain_and_delay() {
         // Gain 0.95, delay 3.1 ms, 2 Hz.
         let dt = 1.0 / 1024.0;
         let omega = TAU * 2.0;
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_index_of_a_band_has_the_delay_of_all_of_it() {
+    fn index_of_a_band_has_the_whole_delay() {
         // Eight sines on lines of the transform, all delayed by 5 ms: each has the phase −ω τ. The mean phasor has the mean
         // phase up to third order in the spread of ωτ (below 0.1 rad): 1e-4 of τ.
         let dt = 1.0 / 1024.0;
@@ -194,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_move_or_is_not_there_has_no_spectrum_and_no_index() {
+    fn no_motion_has_no_spectrum_and_no_index() {
         assert_eq!(Spectrum::of(&[], 0.1), None);
         assert_eq!(Spectrum::of(&[f64::NAN; 64], 0.1), None);
         assert_eq!(Spectrum::of(&[1.0; 64], 0.0), None);

@@ -72,7 +72,7 @@ mod tests {
     use std::f64::consts::{PI, TAU};
 
     #[test]
-    fn arias_and_duration_of_a_sine_are_those_of_a_uniform_square() {
+    fn sine_has_uniform_arias_and_duration() {
         // ∫ a² sin² over whole cycles = a² T/2, growing evenly: 5 … 95 % are 90 % of T up to a quarter cycle's ripple. The
         // chord loses (ω dt)²/6·… < 1e-4 at 200 samples a cycle.
         let (a, dt, n) = (2.0, 1.0 / 200.0, 200 * 40);
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn intensities_of_a_rectangle_and_of_a_line_through_zero_are_exact() {
+    fn simple_shapes_have_exact_intensities() {
         // 2 m/s² for 10 s: ∫a² = 40, ∫|a| = 20, 5 to 95 % in 9 s.
         let found = intensity(&[2.0; 101], 0.1).unwrap();
         assert!((found.arias - PI / (2.0 * GRAVITY) * 40.0).abs() < 1e-12);

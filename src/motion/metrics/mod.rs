@@ -1,4 +1,5 @@
-//! Numbers read off recorded histories: what a structure did, how well a specimen followed, what shook the ground.
+//! Numbers computed from recorded histories: response of a structure, tracking of a specimen, intensity of the ground
+//! motion.
 //!
 //! Pure functions: slices in, numbers out. A longer slice is cut to the shorter; a NaN is a missing sample and takes no
 //! part. Where a number does not exist (no data, no motion) the answer is `None` and never a NaN. Nothing here knows of
@@ -13,7 +14,7 @@
 //! | [`fourier`] | amplitude spectra; the frequency evaluation index |
 //! | [`ground`] | Arias intensity, significant duration, cumulative absolute velocity |
 //! | [`spectrum`] | response spectra (Nigam and Jennings) |
-//! | [`falsified`] | the damping and the energy that late specimens falsify of a test as a whole |
+//! | [`falsified`] | errors in damping and energy that late specimens introduce into a test as a whole |
 //! | [`energy`] | the energy balance of a structure and its specimens, step by step |
 
 pub mod energy;
@@ -28,8 +29,6 @@ pub mod tracking;
 pub mod windows;
 
 pub use floor::Judged;
-pub use response::{
-    Denominator, Peak, absorbed_energy, bridged, lag, largest_error, nrmse, peak, residual,
-};
+pub use response::{Denominator, Peak, absorbed_energy, bridged, lag, nrmse, peak, residual};
 pub use specimen::{Estimate, Identified, delayed, identify, loading};
 pub use tracking::{Noise, Tracking};

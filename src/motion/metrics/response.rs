@@ -60,12 +60,11 @@ pub fn absorbed_energy(disp: &[f64], force: &[f64]) -> Option<f64> {
 
 /// Delay of `measured` behind `command` in samples, with a fraction.
 ///
-/// Positive means that the measured displacement comes later: measured(t) ≈ command(t − lag·dt). The place of the
-/// largest correlation coefficient over whole lags −`most` … `most` (at most a quarter of the data) is where the command, moved by
-/// a fraction of a sample too, is fitted to the measured displacement with a gain and an offset: of a signal that is well below half
-/// the sampling rate it is the delay itself, however much of a cycle the data holds. Exactly 0 of what does not differ. None without
-/// motion, or when the largest correlation lies at the end of the range, where it says nothing; nor of a straight ramp, of which
-/// every lag is as good as any other.
+/// Positive means that the measured displacement comes later: measured(t) ≈ command(t − lag·dt). The search takes the largest
+/// correlation coefficient over whole lags −`most` … `most` (at most a quarter of the data). There it fits the command, moved by a
+/// fraction of a sample too, to the measured displacement with a gain and an offset. For a signal well below half the sampling rate
+/// the result is the delay itself, however much of a cycle the data holds. Exactly 0 if the two do not differ. `None` without
+/// motion, for a straight ramp (every lag fits equally well), or when the largest correlation lies at the end of the range.
 #[must_use]
 pub fn lag(command: &[f64], measured: &[f64], most: usize) -> Option<f64> {
     let n = command.len().min(measured.len());
@@ -115,12 +114,12 @@ const ALIKE: f64 = 1e-10;
 
 /// Points through which a command is drawn between its samples.
 const POINTS: usize = 8;
-/// Improvements at most, and the size of one that is none.
+/// Most improvements, and the size of one that counts as zero.
 const ROUNDS: usize = 12;
 const SETTLED: f64 = 1e-10;
 
 /// How much more than `whole` samples `measured` is behind `command`, by least squares of measured = gain·command + offset, with
-/// the command moved. None where the command's shape says nothing of time, or the fit leaves the neighbourhood.
+/// the command moved. `None` where the command's shape does not determine the time, or the fit leaves the neighbourhood.
 fn fraction(command: &[f64], measured: &[f64], whole: isize) -> Option<f64> {
     let half = (POINTS / 2) as isize;
     // The stencil reaches from one sample more than half before to half behind, derivatives one more.
@@ -174,7 +173,7 @@ fn fraction(command: &[f64], measured: &[f64], whole: isize) -> Option<f64> {
             break;
         }
     }
-    // What is left is roundoff.
+    // The remainder is roundoff.
     Some(if fraction.abs() < SETTLED {
         0.0
     } else {
@@ -205,8 +204,8 @@ fn filled(values: &[f64]) -> Option<Vec<f64>> {
     Some(out.collect())
 }
 
-/// `measured` with what is missing of it put as far off `command` as a straight line from the sample before to the one behind is:
-/// for what needs samples at even times. As it is where nothing is missing, or everything.
+/// Fills the gaps of `measured` for methods that need evenly spaced samples: the error to `command` is interpolated linearly from
+/// the sample before the gap to the one behind. Unchanged where nothing is missing, or everything.
 #[must_use]
 pub fn bridged<'a>(command: &[f64], measured: &'a [f64]) -> Cow<'a, [f64]> {
     if measured.iter().all(|m| m.is_finite()) {
@@ -239,7 +238,7 @@ pub fn bridged<'a>(command: &[f64], measured: &'a [f64]) -> Cow<'a, [f64]> {
     Cow::Owned(out)
 }
 
-/// What the root mean square of the error is divided by.
+/// Divisor of the root mean square of the error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Denominator {
     /// Root mean square of the command: √(Σ(m−c)² / Σc²).
@@ -274,17 +273,6 @@ pub fn nrmse(command: &[f64], measured: &[f64], by: Denominator) -> Option<f64> 
     (denominator > 0.0 && ratio.is_finite()).then_some(ratio)
 }
 
-/// Largest |`measured` − `command`|.
-#[must_use]
-pub fn largest_error(command: &[f64], measured: &[f64]) -> Option<f64> {
-    let errors = command
-        .iter()
-        .zip(measured)
-        .map(|(c, m)| (m - c).abs())
-        .filter(|e| e.is_finite());
-    errors.fold(None, |worst, e| Some(worst.map_or(e, |w: f64| w.max(e))))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -298,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_bridged_by_the_error_on_both_sides_of_it() {
+    fn gap_is_bridged_by_errors_on_both_sides() {
         let nan = f64::NAN;
         let command = [0.0, 1.0, 4.0, 9.0, 4.0, 1.0, 0.0];
         let measured = [nan, 1.0, 4.0, nan, nan, 1.75, nan];
@@ -317,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_fractional_delay_of_a_sine_comes_back_with_the_sign_of_lag() {
+    fn sine_delay_is_found_with_its_sign() {
         // A line through eight points of a sine of ω rad a sample is off by ω⁸/70/2⁸ at most: roundoff at ω = 0.031, 5e-8 at 0.4.
         for (omega, bound) in [(TAU * 5.0, 1e-9), (TAU * 65.0, 1e-6)] {
             for delay in [0.0, 0.3, 1.5, 7.5, 12.25, -4.4] {
@@ -334,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_differ_has_no_lag_at_all() {
+    fn equal_signals_have_lag_zero() {
         for omega in [3.0, 17.0, 400.0] {
             let wave = sampled(5001, |t| t * libm::sin(omega * t) + 0.3);
             assert_eq!(lag(&wave, &wave, 7), Some(0.0));
@@ -342,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_fractional_delay_of_a_sweep_and_of_noise_comes_back() {
+    fn delays_of_sweep_and_noise_are_found() {
         // Band up to 20 Hz: ω < 0.123 rad/sample, the line through eight points is off by 1e-11.
         for delay in [3.0, 8.4, 20.7] {
             let sweep = |t: f64| libm::sin(TAU * (0.5 * t + 1.2 * t * t));
@@ -357,20 +345,20 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_ramp_has_no_lag_that_could_be_told() {
+    fn straight_ramp_has_no_lag() {
         for delay in [0.0, 4.0] {
             let command = sampled(520, |t| 0.02 * t);
             let measured = sampled(520, |t| 0.02 * (t - delay * DT) + 1e-3);
             assert_eq!(lag(&command, &measured, 50), None);
         }
-        // Where it turns it has one.
+        // At its turning point it has one.
         let command = sampled(520, |t| 0.02 * (t - 0.3).abs());
         let measured = sampled(520, |t| 0.02 * (t - 0.3 - 4.0 * DT).abs());
         assert!((lag(&command, &measured, 50).unwrap() - 4.0).abs() < 0.1);
     }
 
     #[test]
-    fn lag_of_what_does_not_move_or_lies_outside_the_range_is_none() {
+    fn no_motion_or_lag_out_of_range_is_none() {
         let wave = sampled(2048, |t| libm::sin(TAU * t));
         assert_eq!(lag(&vec![1.0; 2048], &wave, 50), None);
         assert_eq!(lag(&wave, &vec![0.0; 2048], 50), None);
@@ -395,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn tracking_error_of_a_gain_and_a_delay_has_its_closed_form() {
+    fn gain_and_delay_error_has_closed_form() {
         // |1 − g e^{−iωτ}| for a sine over whole cycles: gain 0.95, delay 3.1 ms, 2 Hz gives 6.278 %.
         let omega = TAU * 2.0;
         let command = sampled(8192, |t| libm::sin(omega * t));
@@ -405,10 +393,6 @@ mod tests {
         let by_range = nrmse(&command, &measured, Denominator::CommandRange).unwrap();
         assert!((by_range - found / (2.0 * 2f64.sqrt())).abs() < 1e-6);
         assert_eq!(nrmse(&[0.0; 9], &[1.0; 9], Denominator::CommandRms), None);
-        assert_eq!(
-            largest_error(&[1.0, f64::NAN, 2.0], &[1.5, 3.0, 1.0]),
-            Some(1.0)
-        );
     }
 
     #[test]
@@ -427,11 +411,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_input_makes_a_metric_panic_or_return_nan(
+        fn no_input_gives_nan_or_a_panic(
             a in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::NAN), 1 => Just(1e308)], 0..80),
             b in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::INFINITY)], 0..80),
         ) {
-            for value in [lag(&a, &b, 9), nrmse(&a, &b, Denominator::CommandRms), absorbed_energy(&a, &b), largest_error(&a, &b)] {
+            for value in [lag(&a, &b, 9), nrmse(&a, &b, Denominator::CommandRms), absorbed_energy(&a, &b)] {
                 prop_assert!(value.is_none_or(|v| !v.is_nan()));
             }
         }

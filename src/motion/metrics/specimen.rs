@@ -1,4 +1,4 @@
-//! What a prescribed displacement shows of a specimen: stiffness and damping, each with its standard error.
+//! Identification of a specimen from a prescribed displacement: stiffness and damping, each with its standard error.
 //!
 //! Force against measured displacement and its velocity. The noise of the displacement sensor is in both of these, and in the
 //! velocity the more the shorter the ticks: least squares would lean towards zero with the one and make up for it with the
@@ -21,12 +21,12 @@ const SLIGHT: f64 = 0.01;
 pub struct Estimate {
     /// The number.
     pub value: f64,
-    /// Its standard error; infinite where there is too little to tell.
+    /// Its standard error; infinite where the data are too few.
     pub std: f64,
     /// What would be a hundredth of the force.
     slight: f64,
-    /// What the line misses is no noise: neighbours miss the same. Then the number is that of this motion only, a secant or an
-    /// equivalent, and no error of it is standard.
+    /// True if the residual is not noise: neighbouring samples have similar residuals. Then the number belongs to this motion
+    /// only, as a secant or an equivalent, and its standard error has no meaning.
     pub is_of_this_motion: bool,
 }
 
@@ -37,19 +37,19 @@ impl Estimate {
         self.std <= (SURE * self.value.abs()).max(self.slight)
     }
 
-    /// True if the standard error is one to be told: more than roundoff.
+    /// True if the standard error is worth reporting: more than roundoff.
     #[must_use]
     pub fn is_scattered(&self) -> bool {
         self.std > 1e-4 * self.value.abs().max(self.slight)
     }
 }
 
-/// What a prescribed displacement shows of a specimen: f ≈ k̂·d + ĉ·ḋ + f₀.
+/// Linear fit of a specimen under a prescribed displacement: f ≈ k̂·d + ĉ·ḋ + f₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Identified {
     /// k̂ in N/m.
     pub stiffness: Estimate,
-    /// ĉ in N s/m; none where displacement and velocity cannot be told apart.
+    /// ĉ in N s/m; `None` where the data cannot separate displacement and velocity.
     pub damping: Option<Estimate>,
     /// f₀ in N.
     pub offset: f64,
@@ -122,11 +122,11 @@ pub fn identify(target: &[f64], disp: &[f64], force: &[f64], dt: f64) -> Option<
     if !(tt > rounding && tt.is_finite() && td != 0.0 && tf.is_finite()) {
         return None;
     }
-    // Differences of a steady ramp scatter by rounding alone, which says nothing of damping.
+    // Differences of a steady ramp scatter by rounding alone, which contains no information on damping.
     let scatter = 1e-13 * (mean[0].abs() + (tt / n).sqrt()) / dt;
     let is_moving_freely = ss > n * scatter * scatter && tt * ss - ts * ts > 1e-6 * tt * ss;
     let determinant = td * sv - tv * sd;
-    // What a unit of either moment with the instruments adds to k̂ and to ĉ.
+    // Change of k̂ and of ĉ per unit of either moment with the instruments.
     let [by_stiffness, by_damping] = if is_moving_freely {
         [
             [sv / determinant, -tv / determinant],
@@ -198,7 +198,7 @@ fn averaged(
     })
 }
 
-/// `target` as it was so many samples ago; before the first of them, and behind the last, it stands.
+/// `target` delayed by `samples`; before its first sample and behind its last one it is constant.
 #[must_use]
 pub fn delayed(target: &[f64], samples: f64) -> Vec<f64> {
     let last = target.len().saturating_sub(1) as f64;
@@ -267,7 +267,7 @@ mod tests {
 
     /// At 4096 Hz noise of 0.1 % is as large in a difference of two ticks as the velocity itself.
     #[test]
-    fn noise_of_the_displacement_leans_neither_stiffness_nor_damping_at_any_rate() {
+    fn displacement_noise_biases_no_estimate() {
         for rate in [256.0, 1024.0, 4096.0] {
             for seed in 1..=5 {
                 let [whole, first] = noisy(rate, 4e5, 7, 2e-5, seed);
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn what_noise_hides_is_not_sure_and_without_noise_everything_is() {
+    fn only_noisy_estimates_are_unsure() {
         let [_, first] = noisy(256.0, 0.0, 0, 1e-3, 1);
         assert!(!first.stiffness.is_sure(), "{first:?}");
         for found in noisy(256.0, 4e5, 3, 0.0, 1) {
@@ -313,14 +313,14 @@ mod tests {
     }
 
     #[test]
-    fn a_delayed_target_stands_before_its_first_and_behind_its_last_sample() {
+    fn delayed_target_is_constant_at_its_ends() {
         assert_eq!(delayed(&[1.0, 2.0, 3.0], 1.4), [1.0, 1.0, 2.0]);
         assert_eq!(delayed(&[1.0, 2.0, 3.0], -2.0), [3.0, 3.0, 3.0]);
         assert_eq!(delayed(&[], 2.0), [] as [f64; 0]);
     }
 
     #[test]
-    fn stiffness_and_damping_of_a_kelvin_element_are_identified() {
+    fn kelvin_element_is_identified() {
         // Central differences of a 2 Hz sine are short by (ω dt)²/6 = 2.5e-5; k̂ is untouched by that.
         let omega = TAU * 2.0;
         let (k, c, f0) = (1.19e6, 114.22e2, -350.0);
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_ramp_gives_stiffness_but_no_damping() {
+    fn steady_ramp_gives_stiffness_only() {
         let disp = sampled(500, |t| 0.01 * t);
         let force: Vec<_> = disp.iter().map(|d| 2e5 * d).collect();
         let found = identify(&disp, &disp, &force, DT).unwrap();
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn first_loading_sees_the_initial_stiffness_of_a_yielding_specimen() {
+    fn first_loading_gives_initial_stiffness() {
         let disp = sampled(1024, |t| 0.03 * libm::sin(TAU * t));
         let force: Vec<_> = disp
             .iter()

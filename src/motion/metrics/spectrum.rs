@@ -152,7 +152,7 @@ impl Bank {
         }
     }
 
-    /// Keeps the largest of what was passed in a step.
+    /// Keeps the largest displacement within a step.
     fn note(&self, before: &Motion, now: &Motion, top: &mut Lane) {
         let mut turns = false;
         for (i, top) in top.iter_mut().enumerate() {
@@ -173,7 +173,7 @@ impl Bank {
         }
     }
 
-    /// Where the free vibration of oscillator `i` from here first stands still: no later swing is larger.
+    /// Displacement where the free vibration of oscillator `i` from here first turns: no later swing is larger.
     fn first_turn(&self, i: usize, disp: f64, vel: f64) -> f64 {
         let (omega, ratio) = (self.omega[i], self.ratio);
         let damped = omega * (1.0 - ratio * ratio).sqrt();
@@ -190,8 +190,8 @@ impl Bank {
     }
 }
 
-/// Displacement where the cubic through these displacements and velocities at both ends of a step stands still; the
-/// velocities differ in sign.
+/// Displacement at the turning point of the cubic through these displacements and velocities at both ends of a step;
+/// the velocities differ in sign.
 fn turning_point([u0, u1]: [f64; 2], [v0, v1]: [f64; 2], step: f64) -> f64 {
     let (rise, fall, way) = (step * v0, step * v1, u1 - u0);
     // Its derivative a s² + b s + c, s from 0 to 1: of different signs at 0 and 1, so that one root lies between.
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sudden_constant_acceleration_overshoots_as_theory_says() {
+    fn sudden_acceleration_overshoots() {
         // From rest under a constant load −a: u_max = a/ω² (1 + e^{−ζπ/√(1−ζ²)}), wherever it lies between the samples. When
         // the ground stops, the free vibration has at most the swing about zero that it had about the shifted position.
         for ratio in [0.0_f64, 0.02, 0.05, 0.3] {
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn the_free_vibration_after_a_pulse_has_its_amplitude_at_five_samples_a_period() {
+    fn free_vibration_keeps_its_amplitude() {
         // A triangle of 2 dt at T = 5 dt; undamped, from rest: after it u = −(1/ω)∫ a(τ) sin ω(t − τ) dτ has the amplitude
         // |∫ a e^{iωτ} dτ|/ω, and that of a triangle of height A is A (sin(ωdt/2)/(ωdt/2))² dt. Read at its samples, a fifth
         // of a period apart, 5 % of it would be missed.
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn resonance_of_a_sine_has_its_exact_peak_at_five_samples_a_period() {
+    fn resonant_peak_is_exact_at_five_samples() {
         // ü + 2ζωu̇ + ω²u = −a sin ωt from rest: u = A/(2ζω²)[cos ωt − e^{−ζωt}(cos ω_d t + ζω/ω_d sin ω_d t)]. Chords of a
         // sine have its fundamental times (sin(ωdt/2)/(ωdt/2))², and harmonics 4, 6, 9 … whose parts of 1/16 and less in the
         // load are damped to 1/(16² − 1) and less.
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_swing_that_a_resonant_sine_leaves_is_that_of_theory() {
+    fn swing_after_a_resonant_sine_is_exact() {
         // Undamped, from rest, −a sin ωt on the mass: after whole cycles the ground stops with u = (a/2ω²) ωT, u̇ = 0.
         let (period, cycles, a) = (0.8_f64, 10.0_f64, 2.0_f64);
         let omega = TAU / period;
@@ -322,8 +322,8 @@ mod tests {
 
     #[test]
     fn tiny_steps_lose_no_digits() {
-        // The same straight-line ground at steps 1 and 1/4096 of it: Nigam and Jennings' own coefficients lose
-        // (ω dt)³ of the digits here, (1.5e-4)³ = 4e-12.
+        // One straight-line ground at steps 1 and 1/4096: Nigam and Jennings' own coefficients lose (ω dt)³ of the
+        // digits here, (1.5e-4)³ = 4e-12.
         let coarse = [0.0, 1.0, -0.5, 2.0, 0.0, -1.0, 0.3, 0.0];
         let ends = |count: usize| {
             let bank = Bank::new(&[0.6; LANES], 0.05, 1.0 / count as f64);
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stiff_oscillator_feels_the_ground_and_a_soft_one_stays_behind() {
+    fn stiff_and_soft_limits_are_met() {
         let dt = 0.005;
         let accel: Vec<f64> = (0..4000)
             .map(|i| 3.0 * libm::sin(TAU * i as f64 * dt) * libm::sin(PI * i as f64 / 4000.0))
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_motion_or_no_oscillator_has_no_spectrum() {
+    fn invalid_input_has_no_spectrum() {
         let gap = [0.0, 1.0, f64::NAN, 1.0, 0.0];
         assert!(disp(&gap, 0.1, 1.0, 0.05).is_finite());
         assert_eq!(disp(&[0.0; 4], 0.1, 1.0, 0.0), 0.0);

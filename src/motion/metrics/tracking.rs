@@ -1,9 +1,9 @@
 //! How well a measured displacement follows its target, in the numbers of the literature, each with its noise floor.
 //!
-//! The floor is what the number would come to if the specimen followed perfectly and only the sensors' noise were added,
-//! noise that is white and as large as it was while the specimen stood still. Numbers that noise makes larger have its
-//! share taken off; numbers that it only scatters are kept where they exceed twice their scatter, and are what a perfect
-//! specimen shows (0, or 1 for a ratio) where they do not.
+//! The floor is the value for a specimen that follows perfectly with only the sensors' noise added. That noise is white
+//! and as large as at rest. Numbers that noise makes larger are corrected by its share. Numbers that noise only scatters
+//! are kept where they exceed twice their scatter. Otherwise they take the value of a perfect specimen (0, or 1 for a
+//! ratio).
 
 use serde::{Deserialize, Serialize};
 
@@ -14,12 +14,12 @@ use super::windows::Windows;
 
 /// Samples that are correlated at most: a longer test is correlated around its largest target.
 const LAG_WINDOW: usize = 100_000;
-/// Largest delay that is looked for in s of test time, and in samples at least and at most.
+/// Largest delay in the search, in s of test time, and in samples at least and at most.
 const LAG_S: f64 = 0.1;
 const LAG_LEAST: usize = 25;
 const LAG_MOST: usize = 800;
 
-/// What the sensors of an axis read while it stood still.
+/// Sensor readings of an axis at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Number of readings.
@@ -35,7 +35,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Of readings at rest; none of fewer than two. The standard deviation is that of a sample.
+    /// Noise of readings at rest; `None` with fewer than two. The standard deviation is that of a sample.
     #[must_use]
     pub fn of(disp: &[f64], force: &[f64]) -> Option<Self> {
         let both = disp.iter().zip(force);
@@ -81,7 +81,7 @@ pub struct Tracking {
     pub samples: u64,
     /// Root mean square of measured − target over root mean square of the target.
     pub nrmse: Judged,
-    /// The same root mean square over the range of the target, largest − smallest.
+    /// Root mean square of measured − target over the range of the target, largest − smallest.
     pub nrmse_of_range: Judged,
     /// Largest |measured − target|.
     pub peak_error_m: Judged,
@@ -100,12 +100,12 @@ pub struct Tracking {
     /// Energy error of Mosqueda, Stojadinović and Mahin, ∫ f d(measured − target); positive: the
     /// transfer system has added energy to the test, as a lag does.
     pub energy_error_j: Judged,
-    /// The same over the input energy and the largest elastic strain energy of the test ([`super::falsified::Scale`]); null
-    /// where there is no energy balance.
+    /// The energy error over the input energy and the largest elastic strain energy of the test
+    /// ([`super::falsified::Scale`]); null where there is no energy balance.
     pub energy_error_share: Option<Judged>,
     /// Phase and amplitude errors in moving windows (PAEI and FDB); null of a test that is too short.
     pub windows: Option<Windows>,
-    /// What the floors come from; null if the test did not zero its sensors.
+    /// Readings at rest, from which the floors follow; null if the test did not zero its sensors.
     pub noise: Option<Noise>,
 }
 
@@ -172,8 +172,8 @@ fn sums(target: &[f64], measured: &[f64], force: &[f64]) -> Sums {
 }
 
 impl Tracking {
-    /// Of `measured` (m) against `target` (m) and the `force` (N), sampled every `dt` s; `noise` was read at rest. None without
-    /// motion of the target.
+    /// Tracking of `measured` (m) against `target` (m) with the `force` (N), sampled every `dt` s; `noise` was read at rest.
+    /// `None` without motion of the target.
     #[must_use]
     pub fn of(
         target: &[f64],
@@ -189,7 +189,7 @@ impl Tracking {
         Self::with_index(target, measured, force, dt, noise, index)
     }
 
-    /// The same with an index that is known already.
+    /// Tracking with an index that is known already.
     #[must_use]
     pub fn with_index(
         target: &[f64],
@@ -209,7 +209,7 @@ impl Tracking {
         }
         let noise_m = noise.map(|noise| noise.disp_std_m);
         let noise_n = noise.map(|noise| noise.force_std_n);
-        // Of a perfect specimen: an error of σ in every sample.
+        // For a perfect specimen: an error of σ in every sample.
         let of_rms = noise_m.map(|sigma| sigma / (s.square / s.n).sqrt());
         let of_range = noise_m.map(|sigma| sigma / (s.hi - s.lo));
         // The largest of n normal deviates.
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gain_and_a_delay_come_back_in_every_number() {
+    fn gain_and_delay_show_in_every_number() {
         let (c, m) = example();
         // Whole cycles are 8192 intervals; the first sample is that of the last again.
         let found = Tracking::of(&c[..8192], &m[..8192], &[], DT, None).unwrap();
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn the_indicator_falls_with_a_lag_as_its_theory_says() {
+    fn indicator_falls_with_a_lag() {
         // −½ ω G X² sin(ωτ) a second, over 8 s: −1.8597; the chord of a step loses (ω dt)²/6 = 2.5e-5 of it.
         let (c, m) = example();
         let found = Tracking::of(&c, &m, &[], DT, None).unwrap();
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn energy_error_of_a_lagging_spring_is_the_area_between_the_loops() {
+    fn lag_energy_is_the_area_between_loops() {
         // f = k m, m = X sin ω(t − τ), c = X sin ωt over whole cycles: ∮ f dm = 0 and ∮ f dc = π k X² sin(−ωτ)·(−1)…: with
         // ∫ sin(ωt − φ) cos ωt dωt = −π sin φ, the error −∮ f dc = +π k X² sin φ a cycle.
         let (k, omega, x, tau) = (2e5, TAU * 2.0, 0.01, 4e-3);
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_perfect_specimen_with_noise_shows_its_floors_and_nothing_beyond_them() {
+    fn perfect_noisy_specimen_shows_floors_only() {
         let sigma = 2e-5;
         let c = sampled(20_000, |t| {
             0.01 * libm::sin(TAU * 1.3 * t) * libm::sin(0.1 * t)
@@ -382,7 +382,7 @@ mod tests {
                 (judged.value - perfect).abs() < 3.5 * floor,
                 "{name}: {judged:?}"
             );
-            // Noise that is not there at all would leave far less than its scatter.
+            // Without noise the remainder would be far below its scatter.
             assert!(
                 (judged.value - perfect).abs() > 1e-3 * floor,
                 "{name}: {judged:?}"
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_well_above_the_noise_is_found_through_it() {
+    fn error_above_the_noise_is_found() {
         let (c, m) = example();
         let clean = Tracking::of(&c, &m, &[], DT, None).unwrap();
         let sigma = 0.05;
@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_move_is_not_judged_and_gaps_are_left_out() {
+    fn no_motion_is_not_judged_gaps_are_skipped() {
         assert_eq!(Tracking::of(&[1.0; 99], &[1.0; 99], &[], DT, None), None);
         assert_eq!(Tracking::of(&[], &[], &[], DT, None), None);
         assert_eq!(Noise::of(&[1.0], &[1.0]), None);
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_of_a_long_test_is_looked_for_where_it_moves_most() {
+    fn long_test_is_searched_at_its_largest() {
         let n = 300_000;
         let burst = |t: f64| libm::exp(-(t - 250.0) * (t - 250.0)) * libm::sin(TAU * 3.0 * t);
         let c = sampled(n, burst);

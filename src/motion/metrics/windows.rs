@@ -1,8 +1,8 @@
 //! Phase and amplitude errors over the course of a test, in moving windows: PAEI and FDB after Mirza Hessabi and Mercan.
 //!
-//! The published forms are not at hand word for word; these are the well-defined things of those names. Every window has the
-//! taper of Hann and some periods of the target; windows in which the target hardly moves say nothing, and there are never more
-//! than a few hundred.
+//! The published wording was not available; these are well-defined forms of those indices. Every window has the taper of Hann
+//! and some periods of the target; windows in which the target hardly moves are skipped, and there are never more than a few
+//! hundred.
 //!
 //! - **PAEI**, phase and amplitude error indices (2012), in the plane of measured y against target x, about the window's means: of
 //!   the ellipse x = X cos θ, y = G X cos(θ + ψ) the second moments give the amplitude index G − 1 = √(S_yy/S_xx) − 1 and
@@ -53,7 +53,7 @@ pub struct Errors {
 pub struct Windows {
     /// Length of a window in s.
     pub window_s: f64,
-    /// Windows that say something.
+    /// Windows with enough motion.
     pub windows: u64,
     /// Phase and amplitude error indices.
     pub paei: Errors,
@@ -74,12 +74,12 @@ pub struct Histories {
     pub frequency_hz: Vec<f64>,
 }
 
-/// What one window says: (amplitude, phase), each with the scatter that noise of unit size gives it.
+/// Result of one window: (amplitude, phase), each with the scatter due to noise of unit size.
 #[derive(Debug, Clone, Copy)]
 struct Look {
     values: [f64; 2],
     scatter: [f64; 2],
-    /// Of the amplitude, per noise squared: noise adds to its moments.
+    /// Bias of the amplitude, per noise squared: noise adds to its moments.
     bias: f64,
 }
 
@@ -129,7 +129,7 @@ impl Taper {
         let (mut swept, mut before, mut square) = (0.0, 0.0, 0.0);
         for (i, w) in self.steps.iter().enumerate() {
             swept += w * (x[i] * y[i + 1] - x[i + 1] * y[i]);
-            // Where y[i] stands in the sum: from the step before, and from this one.
+            // Factor of y[i] in the sum: from the step before, and from this one.
             let place: f64 = before - w * x[i + 1];
             square += place * place;
             before = w * x[i];
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn gain_and_phase_of_a_sine_come_back_apart_and_with_their_signs() {
+    fn gain_and_phase_are_separated_with_signs() {
         for (gain, phase) in [
             (0.93, -0.05),
             (1.08, 0.2),
@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pure_gain_has_no_phase_and_a_pure_phase_no_amplitude_whatever_the_motion() {
+    fn pure_gain_and_pure_phase_stay_apart() {
         // Three frequencies that beat, and a decay: no window holds whole periods.
         let motion = |t: f64| {
             libm::exp(-0.1 * t)
@@ -436,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sweep_shows_its_delay_at_the_frequency_of_every_window() {
+    fn sweep_shows_its_delay_in_every_window() {
         // 1 to 6 Hz in 40 s, 5 ms behind.
         let wave = |t: f64| libm::sin(TAU * (t + 5.0 / 80.0 * t * t));
         let (target, measured) = (
@@ -472,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_scatters_the_windows_by_their_floors_and_is_not_seen_beyond_them() {
+    fn noise_scatters_windows_by_their_floors() {
         let sigma = 3e-4;
         let target = sampled(200_000, |t| 0.01 * libm::sin(TAU * 2.0 * t));
         let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
@@ -503,7 +503,7 @@ mod tests {
     }
 
     #[test]
-    fn what_gets_worse_half_way_is_seen_where_it_does_and_rest_says_nothing() {
+    fn change_at_half_time_is_found_there() {
         let target = sampled(40_960, |t| {
             if t < 30.0 {
                 0.01 * libm::sin(TAU * 2.0 * t)
@@ -530,7 +530,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_test_has_a_bounded_number_of_windows_and_a_short_or_still_one_none() {
+    fn number_of_windows_is_bounded() {
         let target = sampled(600_000, |t| libm::sin(TAU * 3.0 * t));
         let (_, histories) = look(&target, &target, DT, None).unwrap();
         let count = histories.middle.len();

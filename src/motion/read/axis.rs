@@ -14,7 +14,7 @@ pub(super) fn record(
     mut table: RawTable,
     options: &ReadOptions,
 ) -> Result<Record, MotionError> {
-    // Who asks for a column by its name says that the words are names.
+    // A column selected by name means that the words of the header are names.
     let is_name = |column: &Option<Column>| matches!(column, Some(Column::Name(_)));
     table.header.may_be_title &= !(is_name(&options.column) || is_name(&options.time_column));
     let chosen = Chosen::of(name, &table, options)?;
@@ -151,7 +151,7 @@ fn stated_count(table: &RawTable) -> Option<usize> {
 /// Indices of the columns.
 struct Chosen {
     time: Option<usize>,
-    /// Neither the options nor a name tell the column of times.
+    /// True if neither the options nor a name identify the column of times.
     is_assumed: bool,
     /// An error if the options and the names leave it open.
     value: Result<usize, MotionError>,
@@ -191,7 +191,8 @@ impl Chosen {
     }
 }
 
-/// The first column, where no name tells: it is the time unless the step is given and the column does not rise.
+/// The first column, if no name identifies the times: it is the time unless the step is given and the column does not
+/// rise.
 fn assumed_time(
     name: &str,
     table: &RawTable,
@@ -272,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_csv_is_read_by_name_and_by_number() {
+    fn csv_is_read_by_name_and_number() {
         let text = "time (s),east (g),north (g)\n0.00,1,10\n0.01,2,20\n0.02,3,30\n";
         let with = |column| {
             let options = ReadOptions {
@@ -301,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_two_columns_have_and_one_column_for_times_and_values_are_refused() {
+    fn ambiguous_column_choices_are_refused() {
         let refused = |text: &str, column: Column, time_column: Option<Column>| {
             let options = ReadOptions {
                 column: Some(column),
@@ -326,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_column_without_times_needs_a_step() {
+    fn column_without_times_needs_a_step() {
         for (name, text) in [("a.csv", "accel\n1\n2\n"), ("a.txt", "1\n2\n")] {
             assert!(matches!(
                 read(name, text).unwrap_err(),
@@ -342,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_is_read_in_reading_order() {
+    fn list_is_read_in_reading_order() {
         let options = ReadOptions {
             format: Some(RecordFormat::List),
             dt: Some(0.1),
@@ -364,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comma_that_makes_one_column_more_between_blanks_is_told_as_a_decimal_comma() {
+    fn extra_column_by_comma_is_a_decimal_comma() {
         let options = ReadOptions {
             format: Some(RecordFormat::TwoColumn),
             ..ReadOptions::default()
@@ -395,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn times_in_other_units_are_converted_wherever_the_header_says_it() {
+    fn time_units_in_any_header_are_converted() {
         for (text, dt) in [
             ("Time [min]  Displacement [mm]\n0 1\n0.5 2\n1 3\n", 30.0),
             ("Time [msec] Disp\n0 1\n10 2\n20 3\n", 0.01),
@@ -415,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn values_have_the_unit_that_any_part_of_the_header_states() {
+    fn value_units_in_any_header_are_used() {
         for (text, unit) in [
             (
                 "Acceleration in cm/s/s\n0 1\n1 2\n",
@@ -435,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn times_in_an_unknown_unit_are_refused_unless_the_step_is_given() {
+    fn unknown_time_unit_needs_a_given_step() {
         for text in [
             "time (samples),acc (g)\n0,1\n10,2\n20,3\n",
             "recorded with time in ms\nt a\n0 1\n10 2\n20 3\n",
@@ -465,7 +466,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_in_latin_1_keeps_its_units() {
+    fn latin_1_header_keeps_its_units() {
         let text = b"t_\xb5s a_m/s\xb2\n0 1\n500 2\n";
         let record = parse_record("a.txt", text, &ReadOptions::default()).unwrap();
         assert_eq!(
@@ -475,7 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn any_number_of_columns_may_stand_between_blanks() {
+    fn any_number_of_columns_between_blanks() {
         let text = "0.00 1.0e-3 2 3\n0.01 4 5 6\n0.02 7 8 9\n";
         let third = ReadOptions {
             column: Some(Column::Number(3)),
@@ -499,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_is_given_overrules_times_with_the_largest_departure() {
+    fn given_step_overrules_times() {
         let given = ReadOptions {
             dt: Some(0.01),
             ..ReadOptions::default()
@@ -513,7 +514,7 @@ mod tests {
     }
 
     #[test]
-    fn a_count_and_a_step_before_the_values_give_the_step() {
+    fn count_and_step_before_values_are_used() {
         let record = read("a.txt", "Some title\n4 0.005\n0.1\n0.2\n0.3\n0.4\n").unwrap();
         assert_eq!((record.dt, record.values.len()), (0.005, 4));
         let both = "3 0.02\n0.00 1\n0.01 2\n0.02 3\n";
@@ -524,7 +525,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_with_commas_and_no_rising_times_may_be_decimals() {
+    fn commas_without_rising_times_are_decimals() {
         assert!(matches!(
             read("a.txt", "0,5\n0,6\n0,2\n").unwrap_err(),
             MotionError::DecimalComma {
@@ -537,7 +538,7 @@ mod tests {
     }
 
     #[test]
-    fn the_line_that_breaks_the_grid_is_named() {
+    fn line_that_breaks_the_grid_is_named() {
         // Lines 1..=10, then 0.11 on line 11 where 0.10 should be (one line is missing).
         let text = two_columns(
             (0..40)
@@ -575,7 +576,7 @@ mod tests {
     }
 
     #[test]
-    fn times_rounded_in_print_are_uniform_and_give_the_rate_meant() {
+    fn rounded_times_give_the_intended_rate() {
         for (rate, decimals) in [
             (1024.0, 3),
             (1024.0, 9),
@@ -613,13 +614,13 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_rate_is_found_far_from_the_mean_rate() {
+    fn whole_rate_far_from_the_mean_is_found() {
         let text = two_columns((0..2000).map(|i| format!("{:.2E}", f64::from(i) / 1024.0)));
         assert_eq!(read("a.txt", &text).unwrap().dt, 1.0 / 1024.0);
     }
 
     #[test]
-    fn a_step_that_repeated_times_leave_open_is_mentioned() {
+    fn step_left_open_by_repeats_is_reported() {
         let rows = (0..6000).filter(|i| *i != 3000);
         let text = two_columns(rows.map(|i| format!("{:.2}", f64::from(i) / 500.0)));
         let warnings = read("a.txt", &text).unwrap().warnings;
@@ -630,7 +631,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_count_in_front_of_pairs_is_told_as_such() {
+    fn wrong_count_before_pairs_is_reported() {
         let text = format!("151 0.01\n{}", "0.3 0.2\n0.1 0.4\n0.2 0.1\n".repeat(25));
         match read("a.txt", &text).unwrap_err() {
             MotionError::Count {
@@ -641,7 +642,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_row_among_rounded_times_is_named() {
+    fn missing_row_among_rounded_times_is_named() {
         for (rate, decimals) in [(256.0, 4), (240.0, 3), (100.0, 2), (200.0, 3), (1024.0, 4)] {
             for missing in [3, 100, 498] {
                 let rows = (0..500).filter(|i| *i != missing);
@@ -657,7 +658,7 @@ mod tests {
     }
 
     #[test]
-    fn times_in_single_precision_are_uniform_within_it() {
+    fn single_precision_times_are_uniform() {
         let rows = (0..20_000).map(|i| f64::from((0.005 * f64::from(i)) as f32).to_string());
         let record = read("a.txt", &two_columns(rows)).unwrap();
         assert_eq!(record.dt, 0.005);
@@ -665,7 +666,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_rounded_times_leave_open_is_mentioned_unless_it_is_given() {
+    fn step_left_open_by_rounding_is_reported() {
         let text = "0 1\n0.01 2\n0.03 3\n0.04 4\n";
         let record = read("a.txt", text).unwrap();
         let [warning] = record.warnings.as_slice() else {
@@ -679,7 +680,7 @@ mod tests {
         };
         let given = parse_record("a.txt", text.as_bytes(), &options).unwrap();
         assert!(given.warnings.iter().all(|w| !w.contains("inferred")));
-        // Equal in print, or many: nothing to tell.
+        // Equal in print, or many: nothing to report.
         assert!(
             read("a.txt", "0 1\n0.1 2\n0.2 3\n")
                 .unwrap()

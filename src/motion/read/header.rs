@@ -198,7 +198,7 @@ impl Names {
             });
         }
         let is_named = columns == 1 || (named && between != ' ') || labels[0].is_index();
-        // Of two columns either may be the times; the last of more words is more likely the end of a title.
+        // Either of two columns may be the times; in a longer line the last word is more likely the end of a title.
         let has_time = columns == 2 && !line.is_comment() && labels.iter().any(Label::is_time);
         Some(Self {
             is_certain: !is_title
@@ -268,7 +268,7 @@ fn is_row_of_units(cells: &[&str]) -> bool {
             .all(|cell| is_unit(cell) || is_bracket(cell) || is_empty(cell))
 }
 
-/// The line in as many cells as there are columns, by the first way of parting it that gives them.
+/// Splits the line into as many cells as there are columns, by the first separator that gives them.
 pub(super) fn cells<'a>(line: &'a str, columns: usize, between: char) -> Option<Vec<&'a str>> {
     if columns == 1 {
         return Some(vec![line.trim().trim_matches('"')]);
@@ -363,7 +363,7 @@ mod tests {
     use crate::read::{Column, ReadOptions, parse_record, parse_table};
 
     #[test]
-    fn a_header_line_is_parted_into_as_many_names_as_there_are_columns() {
+    fn header_splits_into_one_name_per_column() {
         for (line, columns, between, wanted) in [
             ("Time [min]  Disp [mm]", 2, ' ', ["Time [min]", "Disp [mm]"]),
             ("time [ms], acc [g]", 2, ' ', ["time [ms]", "acc [g]"]),
@@ -402,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn milliseconds_anywhere_in_the_header_are_read_as_such_or_refused() {
+    fn milliseconds_are_read_or_refused() {
         let long = "recorded with time in ms\n".to_owned() + &"remark\n".repeat(150) + "t a";
         for (header, sign, is_read) in [
             ("Time_ms acc\n# unit g", " ", true),
@@ -456,7 +456,7 @@ mod tests {
     }
 
     #[test]
-    fn words_that_are_no_unit_of_time_do_not_refuse_a_file() {
+    fn other_words_do_not_refuse_a_file() {
         for header in [
             "# Ms 6.9",
             "# an earthquake of Ms 6.9",
@@ -478,7 +478,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_of_values_is_that_of_its_label_or_a_clear_one_of_the_only_column() {
+    fn value_unit_comes_from_label_or_column() {
         let g = Some(Unit::Gravity);
         for (header, columns, unit, line) in [
             ("Time (s) Acc (0.01 m/s2)", 2, None, None),
@@ -537,7 +537,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comment_under_names_does_not_replace_them() {
+    fn comment_does_not_replace_names() {
         for (text, name, unit, values) in [
             (
                 "time,x1,ground\n# units: time s,x1 ,ground m/s^2\n0,1,2\n0.01,3,4\n",
@@ -563,7 +563,7 @@ mod tests {
     }
 
     #[test]
-    fn a_column_with_another_name_is_not_taken_for_the_times() {
+    fn other_named_column_is_not_the_times() {
         for (name, text) in [
             ("a.txt", "Period(s) Sa(g)\n0.0 1\n0.1 2\n"),
             ("a.txt", "Sample Acc(g)\n0 1\n1 2\n"),
@@ -586,7 +586,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_that_are_taken_for_times_are_mentioned() {
+    fn whole_numbers_as_times_are_reported() {
         let third = Some(Column::Number(3));
         for (text, is_told) in [
             ("0 0.00 0.1\n1 0.01 0.2\n2 0.02 0.3\n", true),

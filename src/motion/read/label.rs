@@ -3,10 +3,10 @@
 use super::text::number;
 use crate::unit::{TimeUnit, Unit, is_time_but_no_second};
 
-/// The name of a column, and the unit that stands with it.
+/// The name of a column, and its unit.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Label {
-    /// As the file spells it.
+    /// Spelling in the file.
     pub(super) name: String,
     /// The name without the unit.
     base: String,
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_part_from_their_units_however_they_are_spelled() {
+    fn names_separate_from_their_units() {
         for (name, time) in [
             ("Time [ms]", "ms"),
             ("time_ms", "ms"),

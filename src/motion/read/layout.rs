@@ -1,8 +1,8 @@
 //! The one model of a table in text: lines of a header, then rows of numbers with something between them.
 //!
-//! The first line that is all numbers begins the table, and decides the separator of its fields: a semicolon, a
-//! comma, a tab, or blanks. Every later line must be a row of as many numbers. A line above the table that begins like a
-//! row must stand above the names: else it may be a row with a slip. Knows nothing of time.
+//! The first line that is all numbers begins the table, and decides the separator of its fields: a semicolon, a comma, a
+//! tab, or blanks. Every later line must be a row of as many numbers. A line above the table that begins like a row must
+//! be above the names: otherwise it may be a row with a typing error. Times have no special role here.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -13,7 +13,7 @@ use super::rows::{Delimiter, Rows, Settings, pointed};
 use super::text::{decode, finite_number, is_comment, lines, number};
 use crate::error::MotionError;
 
-/// Lines of a header that are looked at: the last before the table.
+/// Most lines of a header that are read: the last before the table.
 const MOST_HEADER_LINES: usize = 100;
 
 /// Reads the whole of a text as a table.
@@ -133,7 +133,7 @@ impl<'t> Head<'t> {
         first.map_or(Ok(()), |line| Err(slip(rows, line)))
     }
 
-    /// Why there is no table: the first line that begins like a row has something else in it.
+    /// Reason for the missing table: the first line that begins like a row has something else in it.
     fn without_rows(&self, name: &str, settings: &Settings) -> MotionError {
         let empty = MotionError::Empty { file: name.into() };
         let Some(line) = self.last_slip.or(self.first_slip) else {
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_quotes_comments_and_a_last_comma_are_understood() {
+    fn quotes_comments_and_last_comma_are_read() {
         let table = read("# made by hand\n\"time, s\", acc \n\n0,1,\n0.5 , \"2\"\n").unwrap();
         assert_eq!(names(&table), ["time, s", "acc"]);
         assert_eq!(table.values, [0.0, 1.0, 0.5, 2.0]);
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_may_be_long_and_end_with_a_row_of_units() {
+    fn long_header_with_row_of_units_is_read() {
         let mut text: String = (0..300).map(|i| format!("remark number {i}\n")).collect();
         text.push_str("------------\nTime  Acc\n(s)  (cm/s^2)\n0 1\n0.1 2\n");
         let table = read(&text).unwrap();
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_of_a_header_may_begin_with_anything_but_a_number() {
+    fn header_lines_may_begin_without_numbers() {
         for header in [
             ",time,acc\n",
             "-- made by -- hand\n.,time,acc\n",
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_remark_before_the_numbers_names_the_columns_if_it_says_what_they_are() {
+    fn remark_names_the_columns_if_clear() {
         let table = read("# by hand\n# time [ms], acc [g]\n0 1\n10 2\n").unwrap();
         assert_eq!(names(&table), ["time [ms]", "acc [g]"]);
         let table = read("# by hand\n0 1\n10 2\n").unwrap();
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_the_caller_skips_are_not_looked_at() {
+    fn skipped_lines_are_ignored() {
         let text = "1940 05\n5 x\nt,a\n0,1\n1,2\n";
         let skip = Settings {
             skip_rows: 2,
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn decimal_commas_are_read_where_they_are_nothing_else() {
+    fn unambiguous_decimal_commas_are_read() {
         for text in [
             "t;a\n0,00;1,5\n0,01;-2,5\n",
             "sep=;\nt;a\n0,00;1,5\n0,01;-2,5\n",
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_line_may_state_the_count_and_the_step() {
+    fn first_line_may_give_count_and_step() {
         for (text, columns, dt) in [
             ("3 0.01\n1\n2\n3\n", 1, Some(0.01)),
             ("title\n6 0.01\n1 2 3 4\n5 6\n", 1, Some(0.01)),
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_is_shown_with_line_and_column() {
+    fn bad_number_is_shown_with_line_and_column() {
         let message = |text: &str| read(text).unwrap_err().to_string();
         assert_eq!(
             message("t,a\n0,1\n0.1, 1.x\n"),
@@ -454,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_with_a_slip_is_refused_and_never_a_line_of_the_header() {
+    fn mistyped_row_is_refused_not_a_header() {
         let rows = "0.01 0.02\n0.02 0.03\n0.03 0.01\n";
         let remarks = |count| repeated(count, |i| format!("0.00 {i} # zeroing\n"));
         for (text, wanted) in [
@@ -494,7 +494,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_cell_between_tabs_moves_no_other_cell() {
+    fn empty_cell_between_tabs_keeps_its_place() {
         for (text, wanted) in [
             ("0.0\t\t5\n0.1\t6\t\n0.2\t\t7\n", ("row", 1, "")),
             ("t\ta\t\tb\n0.0\t1\t\t5\n0.1\t2\t\t6\n", ("number", 2, "")),
@@ -523,7 +523,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_without_a_row_of_numbers_names_its_first_bad_line() {
+    fn file_without_rows_names_its_bad_line() {
         for (row, wanted) in [
             ("2024-01-01 00:00:01,0.5\n", "2024-01-01 00:00:01"),
             ("0.01|0.5\n", "0.01|0.5"),
@@ -544,7 +544,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_row_that_differs_is_the_one_that_is_told() {
+    fn first_differing_row_is_reported() {
         let eight = repeated(19, |i| {
             let count = if i == 18 { 6 } else { 8 };
             format!("{}\n", " 0.5".repeat(count))
@@ -566,7 +566,7 @@ mod tests {
     }
 
     #[test]
-    fn a_binary_file_is_not_mistaken_for_text() {
+    fn binary_file_is_not_read_as_text() {
         let error = parse("a.txt", b"1\n2\x003\n", &ANY).unwrap_err();
         assert!(matches!(error, MotionError::NotText { line: 2, .. }));
     }

@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn versions_types_and_orders_give_the_same_numbers() {
+    fn all_npy_variants_give_equal_numbers() {
         let numbers = [1.0_f64, -2.5, 3.0, 0.5, 8.0, -16.0];
         let little8: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
         let big8: Vec<u8> = numbers.iter().flat_map(|v| v.to_be_bytes()).collect();
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_said() {
+    fn unreadable_npy_is_reported() {
         let message = |bytes: &[u8]| parse("a.npy", bytes).unwrap_err().to_string();
         assert_eq!(
             message(&file(1, &dict("<i4", "False", "(1,)"), &[0; 4])),

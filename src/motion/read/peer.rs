@@ -12,9 +12,9 @@
 //! 3930 0.00500                     the fourth line, after a line that states `UNITS OF`
 //! ```
 //!
-//! `DT` may also stand on the line below `NPTS`. Then come numbers in reading order, five to the line as `.1297983E-02` or eight as Fortran's `8F10.5`, where a full
-//! field leaves no gap. A file with another count than it announces is damaged and refused, and so is one with decimal commas:
-//! read as gaps, they would make whole numbers of its digits.
+//! `DT` may also be on the line below `NPTS`. Then come numbers in reading order, five to the line as `.1297983E-02` or eight as
+//! Fortran's `8F10.5`, where a full field leaves no gap. A file with another count than it announces is damaged and refused, and so
+//! is one with decimal commas: read as gaps, they would make whole numbers of its digits.
 
 use std::ops::Range;
 
@@ -168,7 +168,7 @@ pub(super) fn chosen_step(
     }
 }
 
-/// What the last line of the header says.
+/// Number of points and interval from the last line of the header.
 struct Counts {
     points: Option<usize>,
     dt: Option<f64>,
@@ -233,7 +233,7 @@ impl Counts {
     }
 }
 
-/// Where the text after `key` and an equals sign stands, up to the next blank; empty if they are not there.
+/// Range of the text after `key` and an equals sign, up to the next blank; empty if they are missing.
 fn value_of(line: &str, key: &str) -> Range<usize> {
     let value = line.split_once(key).and_then(|(before, rest)| {
         let (blank, rest) = rest.split_once('=')?;
@@ -369,7 +369,7 @@ fn stated_unit(line: &str) -> Option<String> {
     (!word.is_empty()).then(|| word.to_owned())
 }
 
-/// The line that tells the event and the station: the second, as a rule.
+/// The line with the event and the station: usually the second.
 fn title(head: &[&str]) -> String {
     let line = head
         .get(1)
@@ -431,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bare_count_and_step_are_recognised_below_the_title_of_the_series_only() {
+    fn bare_count_and_step_need_a_series_title() {
         let title = "ACCELERATION TIME HISTORY IN UNITS OF G";
         let text = file(title, "   6    .0050", VALUES);
         let record = read_named("old.acc", &text).unwrap();
@@ -444,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn carriage_returns_before_the_line_feed_do_no_harm() {
+    fn extra_carriage_returns_do_no_harm() {
         let text = file(
             "ACCELERATION TIME SERIES IN UNITS OF G",
             "NPTS= 6, DT= .02 SEC",
@@ -457,14 +457,14 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_touch_are_told_apart() {
+    fn touching_numbers_are_separated() {
         let header = "NPTS= 4, DT= .01 SEC";
-        // Signs tell.
+        // The signs separate the numbers.
         let record = read(header, "-0.00123-0.00456 0.00789-0.00012\n").unwrap();
         assert_eq!(record.values, [-0.001_23, -0.004_56, 0.007_89, -0.000_12]);
         let record = read(header, " .1E-02-.2E-02 .3D+00-.4E-01\n").unwrap();
         assert_eq!(record.values, [0.001, -0.002, 0.3, -0.04]);
-        // Only the width tells: 4F10.5 with full fields.
+        // Only the width separates the numbers: 4F10.5 with full fields.
         let record = read(header, "1000.123451000.23456  -0.50000-100.12345\n").unwrap();
         assert_eq!(
             record.values,
@@ -490,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_with_another_count_than_it_announces_is_refused_with_both_numbers() {
+    fn wrong_count_is_refused_with_both_numbers() {
         for (npts, why) in [(0, "too many"), (5, "too many"), (7, "ends too early")] {
             let error = read(&format!("NPTS= {npts}, DT= .01 SEC"), VALUES).unwrap_err();
             let text = error.to_string();
@@ -502,7 +502,7 @@ mod tests {
     }
 
     #[test]
-    fn a_decimal_comma_is_refused_where_it_stands() {
+    fn decimal_comma_is_refused_at_its_place() {
         let message = |fourth: &str, data: &str| read(fourth, data).unwrap_err().to_string();
         let said = |place: &str, number: &str| {
             format!(
@@ -538,7 +538,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_with_its_place() {
+    fn fault_is_reported_with_its_place() {
         let message = |fourth: &str, data: &str| read(fourth, data).unwrap_err().to_string();
         let good = "NPTS= 2, DT= .01 SEC";
         assert_eq!(
@@ -579,7 +579,7 @@ mod tests {
     }
 
     #[test]
-    fn the_unit_is_what_the_third_line_states() {
+    fn unit_comes_from_the_third_line() {
         for (name, third, unit) in [
             (
                 "a.AT2",
@@ -626,7 +626,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_unit_is_quoted_with_its_line() {
+    fn unknown_unit_is_quoted_with_its_line() {
         let third = "ACCELERATION TIME SERIES IN UNITS OF G*100";
         let record = read_named("a.AT2", &file(third, "NPTS= 6, DT= .01", VALUES)).unwrap();
         assert_eq!(record.unit, None);
@@ -634,7 +634,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_that_looks_like_a_peer_file_is_told_as_such() {
+    fn table_like_a_peer_file_is_reported() {
         let text = "# npts=3, dt=0.01\n# Time (s) Acc (g)\n0.00 0.1\n0.01 0.2\n0.02 0.3\n";
         let error = read_named("a.txt", text).unwrap_err();
         assert!(
@@ -650,7 +650,7 @@ mod tests {
     }
 
     #[test]
-    fn a_given_step_overrules_the_header_with_a_warning() {
+    fn given_step_overrules_with_a_warning() {
         let text = file("IN UNITS OF G", "NPTS= 6, DT= .01 SEC", VALUES);
         let with = |dt| {
             let options = ReadOptions {

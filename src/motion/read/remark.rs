@@ -4,7 +4,7 @@ use super::label::Label;
 use super::text::{number, words};
 use crate::unit::{TimeUnit, Unit, is_time_but_no_second};
 
-/// Words that say what a unit in running text belongs to.
+/// Words that name the quantity of a unit in running text.
 const QUANTITIES: [&str; 10] = [
     "acc",
     "vel",
@@ -18,8 +18,8 @@ const QUANTITIES: [&str; 10] = [
     "stroke",
 ];
 
-/// The unit that a line of running text states: in brackets, or after `in` or `unit`. The outer `None` tells
-/// that it is not clear: it states two, or one with a number beside it.
+/// The unit that a line of running text states: in brackets, or after `in` or `unit`. The outer `None` means that it
+/// is not clear: the line states two units, or one with a number beside it.
 pub(super) fn unit_in_text(line: &str) -> Option<Option<Unit>> {
     let text = line.to_lowercase();
     if !QUANTITIES.iter().any(|word| text.contains(word)) {
@@ -51,7 +51,7 @@ pub(super) fn has_other_time(line: &str) -> bool {
     })
 }
 
-/// True of a word that is clearly another unit of time than the second, wherever it stands. `Ms`, `US` and `h` are not.
+/// True for a word that is clearly a unit of time other than the second, at any place. `Ms`, `US` and `h` are not.
 fn is_plain_other_time(word: &str, is_before_number: bool) -> bool {
     let lower = word.to_lowercase();
     // `tms`, `TimeMsec`.
@@ -73,9 +73,9 @@ fn is_plain_other_time(word: &str, is_before_number: bool) -> bool {
 /// A word of running text.
 struct Word<'a> {
     text: &'a str,
-    /// It is in brackets, or stands where a unit does.
+    /// It is in brackets, or at the usual place of a unit.
     is_marked: bool,
-    /// A number stands before it: `5 min`.
+    /// A number precedes it: `5 min`.
     is_behind_number: bool,
     /// A number or a sign of multiplication follows.
     is_before_factor: bool,

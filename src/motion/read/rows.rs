@@ -15,7 +15,7 @@ pub(super) struct Settings {
     pub(super) skip_rows: usize,
     /// How many columns there must be.
     pub(super) columns: Option<usize>,
-    /// The numbers are one column in reading order, however many stand on a line.
+    /// The numbers are one column in reading order, with any count per line.
     pub(super) reading_order: bool,
     /// Fields are parted by commas, semicolons or tabs, not by blanks.
     pub(super) separated: bool,
@@ -389,7 +389,7 @@ struct Count {
     in_reading_order: bool,
 }
 
-/// Which signs part the decimals in the numbers of a table.
+/// Decimal signs in the numbers of a table.
 #[derive(Default)]
 struct Marks {
     has_point: bool,
@@ -411,7 +411,7 @@ impl Marks {
     }
 }
 
-/// A number with a comma, and where it stands.
+/// A number with a comma, and its place.
 struct Comma {
     line: usize,
     column: usize,

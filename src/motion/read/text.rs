@@ -132,8 +132,8 @@ pub(super) fn words(line: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
-/// Refuses a comma within `part` of `line` that may stand for a decimal point: with a digit right of it, unless points in what
-/// it parts show that it stands between two numbers.
+/// Refuses a comma within `part` of `line` that may be a decimal point: it has a digit to its right. A comma is accepted where
+/// points in the parts that it separates show that it lies between two numbers.
 pub(super) fn refuse_decimal_comma(
     file: &str,
     line_number: usize,

@@ -21,7 +21,7 @@ pub(super) struct Axis {
 /// Share of a step that it may be off without a word.
 const KNOWN: f64 = 1e-3;
 
-/// Halvings of the interval in which the step is looked for: beyond the digits of a double.
+/// Halvings of the interval in the search for the step: beyond the digits of a double.
 const MOST_HALVINGS: usize = 60;
 
 /// A column of times in its unit.

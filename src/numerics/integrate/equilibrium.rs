@@ -1,9 +1,9 @@
 //! Equilibrium at the end of a step by Newton's iteration: M a + R_d(v_p + θ_v a) + R_s(x_p + θ_x a) = F.
 //!
 //! Every companion that needs it has this form: Newmark with θ_x = β Δt², θ_v = γ Δt; methods that are explicit in the
-//! displacement with θ_x = 0. The matrix M + θ_v C_t + θ_x K_t is factored anew only when the tangents have changed.
-//! If the tangents lead nowhere (a law that softens below zero, a cycle between two branches) the second half of the
-//! iterations uses the initial ones, which approach a yielding law from one side.
+//! displacement with θ_x = 0. The matrix M + θ_v C_t + θ_x K_t is factored again only when the tangents have changed.
+//! If the iteration with current tangents does not converge (a law that softens below zero, a cycle between two
+//! branches) the second half of the iterations uses the initial ones, which approach a yielding law from one side.
 
 use super::offline::{Forces, MethodError, Moment, StepError, Tangents};
 use crate::linalg::{Spd, SymMatrix};

@@ -10,8 +10,8 @@
 //! x[n+1] = x[n] + Δt v[n+1]
 //! ```
 //!
-//! α and inverses are never formed, so the factor is as sparse as M + C0 + K0 and massless degrees of freedom
-//! work. Whether the chosen λ is stable is not asked here but in `gusset_proof`.
+//! α and inverses are never formed, so the factor is as sparse as M + C0 + K0 and massless degrees of freedom work.
+//! `gusset_proof` checks whether the chosen λ is stable.
 
 use std::ops::Range;
 
@@ -21,13 +21,13 @@ use super::{Integrator, Lambda, LambdaError, RowForces, Start, State, fill_all};
 use crate::linalg::lanes::{Isa, Kernel};
 use crate::linalg::{Aligned, Lanes, NotPositiveDefinite, Rows, Spd, Storage, SymMatrix};
 
-/// Why there is no integrator.
+/// Reason why there is no integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum GuiError {
     /// Δt is not a positive number.
     #[error("the step is {found} s, but must be finite and greater than 0")]
     Step {
-        /// What was given.
+        /// The value given.
         found: f64,
     },
     /// λ is not a positive number.
@@ -103,6 +103,7 @@ impl Gui {
     }
 
     /// Chooses the instructions of block arithmetic, for comparisons; see [`Spd::set_lanes`].
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
         self.effective_mass.set_lanes(lanes);

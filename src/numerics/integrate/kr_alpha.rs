@@ -193,7 +193,7 @@ impl KrAlpha {
         Operators::new(mass, damping, stiffness, dt, weights).map(Self)
     }
 
-    /// 1/κ of what is factored, see [`Spd::reciprocal_condition`].
+    /// 1/κ of the factored matrix, see [`Spd::reciprocal_condition`].
     #[must_use]
     pub const fn reciprocal_condition(&self) -> f64 {
         self.0.reciprocal_condition

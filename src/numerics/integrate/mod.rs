@@ -99,7 +99,7 @@ pub trait Integrator: Send + fmt::Debug {
     /// Δt in s.
     fn dt(&self) -> f64;
 
-    /// Makes room in `state` for what this method keeps between steps, so that no step allocates.
+    /// Makes room in `state` for the method's memory, so that no step allocates.
     fn prepare(&self, state: &mut State) {
         let _ = state;
     }

@@ -13,7 +13,7 @@ use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass}
 use crate::linalg::SymMatrix;
 use gusset_quantity::state;
 
-/// Which member of the family.
+/// Member of the family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NewmarkBeta {
     /// β = 1/4.
@@ -49,7 +49,7 @@ pub struct Newmark {
 state! { Newmark as "newmark" { accel, equilibrium } keeps { dt, beta, mass } }
 
 impl Newmark {
-    /// `damping` and `stiffness` are the tangents of the start; the current ones are asked for as it goes.
+    /// `damping` and `stiffness` are the tangents at the start; the method queries the current ones as it proceeds.
     ///
     /// # Errors
     /// See [`MethodError`]. The explicit member needs a mass at every degree of freedom.
@@ -97,7 +97,7 @@ impl Offline for Newmark {
         let rows = state.disp.iter_mut().zip(&mut state.vel);
         for ((x, v), a) in rows.zip(&mut self.accel) {
             if beta > 0.0 {
-                // Starts from x⁺ = x: the a⁺ that says so.
+                // Starts from x⁺ = x, with the a⁺ that gives it.
                 let next = -(*v / dt + (0.5 - beta) * *a) / beta;
                 *v += dt / 2.0 * (*a + next);
                 *a = next;

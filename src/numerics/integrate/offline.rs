@@ -38,7 +38,7 @@ pub struct Tangents {
     pub damping: SymMatrix,
 }
 
-/// The forces of one instant, as often as they are asked for.
+/// The forces of one instant. A method may query them any number of times.
 pub trait Forces {
     /// residual ← F − R_d(v) − R_s(x) in N: a trial, `dt` seconds after the last commit. Slices have n entries.
     fn residual_into(
@@ -104,13 +104,13 @@ pub enum StepError {
     },
 }
 
-/// Why there is no such method for this structure.
+/// Reason why the method does not suit this structure.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MethodError {
     /// Δt is not a positive number.
     #[error("the step is {found} s, but must be finite and greater than 0")]
     Step {
-        /// What was given.
+        /// The value given.
         found: f64,
     },
     /// λ is not a positive number.
@@ -131,15 +131,15 @@ pub enum MethodError {
     /// The spectral radius at infinite frequency lies outside of its range.
     #[error("rho_infinity is {found}, but must be from 0 to 1")]
     Rho {
-        /// What was given.
+        /// The value given.
         found: f64,
     },
     /// A bound of Newton's iteration is not positive.
     #[error("{name} is {found}, but must be finite and greater than 0")]
     Newton {
-        /// Which.
+        /// The bound.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: f64,
     },
     /// A method that divides by the mass meets a degree of freedom without one.
@@ -151,9 +151,9 @@ pub enum MethodError {
     /// A matrix that must be factored cannot be.
     #[error("{what} is {source}")]
     Factor {
-        /// Which matrix.
+        /// The matrix.
         what: &'static str,
-        /// Where it fails.
+        /// Place of the failure.
         source: NotPositiveDefinite,
     },
 }

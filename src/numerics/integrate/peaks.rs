@@ -36,7 +36,7 @@ impl Peaks {
         }
     }
 
-    /// Raises them to those of steps that the state does not know of. What does not exist does not come to be by that.
+    /// Raises the peaks to those of steps outside the state. Peaks that do not exist stay undefined.
     pub fn raise(&mut self, others: &Self) {
         let pairs = [
             (&mut self.disp, &others.disp),
@@ -152,7 +152,7 @@ mod tests {
     use gusset_quantity::state::{Stateful, TestState};
 
     #[test]
-    fn the_first_displacement_out_of_bounds_is_named() {
+    fn first_excessive_displacement_is_named() {
         let mut peaks = Peaks::zeros(3);
         peaks.note_disp(&[0.5, -2.0, 1.0]);
         peaks.note_disp(&[-0.25, 1.0, -1.5]);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_massless_dof_has_no_peak_acceleration() {
+    fn massless_dof_has_no_peak_acceleration() {
         let mut peaks = Peaks::zeros(2);
         peaks.note_rates(&[1.0, -1.0], &[2.0, f64::NAN]);
         peaks.note_rates(&[0.5, -3.0], &[-1.0, f64::NAN]);

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_side_closes_where_it_should_and_nowhere_else() {
+    fn each_side_closes_at_its_gap() {
         // At −3 mm, −1 mm, 1 mm, 3 mm with a gap of 2 mm and 1e6 N/m.
         for (side, wanted) in [
             (Side::Tension, [0.0, 0.0, 0.0, 1000.0]),

@@ -1,4 +1,4 @@
-//! What every law promises, asked of every law: one list of laws, one driver.
+//! Contract of every law: one list of laws, one driver.
 
 use proptest::prelude::*;
 
@@ -81,7 +81,7 @@ fn drive(law: &mut dyn Law, samples: std::ops::Range<u32>) -> Vec<u64> {
 }
 
 #[test]
-fn a_law_at_rest_in_its_virgin_state_gives_no_force() {
+fn virgin_law_at_rest_gives_no_force() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         assert_eq!(law.trial(0.0, 0.0, 0.0), 0.0, "{name}");
@@ -89,7 +89,7 @@ fn a_law_at_rest_in_its_virgin_state_gives_no_force() {
 }
 
 #[test]
-fn a_repeated_trial_gives_the_same_bits_wherever_the_others_went() {
+fn repeated_trial_gives_equal_bits() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         for i in 0..300 {
@@ -108,7 +108,7 @@ fn a_repeated_trial_gives_the_same_bits_wherever_the_others_went() {
 }
 
 #[test]
-fn a_reverted_trial_leaves_no_trace() {
+fn reverted_trial_leaves_no_trace() {
     for (name, spec) in laws() {
         let (mut disturbed, mut plain) = (spec.build().unwrap(), spec.build().unwrap());
         for i in 0..300 {
@@ -129,7 +129,7 @@ fn a_reverted_trial_leaves_no_trace() {
 }
 
 #[test]
-fn a_restored_law_continues_with_the_same_bits() {
+fn restored_law_continues_with_equal_bits() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         drive(law.as_mut(), 0..137);
@@ -153,7 +153,7 @@ fn a_restored_law_continues_with_the_same_bits() {
 
 /// Every law says which kind it is: the state of one law does not fit another kind.
 #[test]
-fn a_state_of_another_law_is_refused() {
+fn state_of_another_law_is_refused() {
     let kind = |spec: &LawSpec| {
         let spec = serde_json::to_value(spec).unwrap();
         spec.as_object().unwrap().keys().next().unwrap().clone()
@@ -170,7 +170,7 @@ fn a_state_of_another_law_is_refused() {
 }
 
 #[test]
-fn the_tangent_is_the_slope_of_the_trial_away_from_kinks() {
+fn tangent_is_the_slope_away_from_kinks() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         let mut compared = 0;
@@ -213,7 +213,7 @@ fn the_tangent_is_the_slope_of_the_trial_away_from_kinks() {
 }
 
 #[test]
-fn the_reference_is_positive_somewhere_and_the_bound_holds_over_the_reach() {
+fn reference_and_bound_hold_over_the_reach() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         let reference = law.reference();
@@ -232,7 +232,7 @@ fn the_reference_is_positive_somewhere_and_the_bound_holds_over_the_reach() {
 }
 
 #[test]
-fn a_bound_without_the_reach_it_needs_is_missing_and_not_guessed() {
+fn bound_without_its_reach_is_missing() {
     let missing: Vec<String> = laws()
         .into_iter()
         .filter(|(_, spec)| {
@@ -253,7 +253,7 @@ fn a_bound_without_the_reach_it_needs_is_missing_and_not_guessed() {
 }
 
 #[test]
-fn trial_commit_revert_and_tangent_allocate_nothing() {
+fn law_calls_allocate_nothing() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         let count = allocation_counter::measure(|| {
@@ -272,7 +272,7 @@ fn trial_commit_revert_and_tangent_allocate_nothing() {
 }
 
 #[test]
-fn a_lost_number_shows_in_the_force() {
+fn nan_shows_in_the_force() {
     for (name, spec) in laws() {
         let mut law = spec.build().unwrap();
         assert!(law.trial(f64::NAN, f64::NAN, 0.01).is_nan(), "{name}");
@@ -283,9 +283,9 @@ fn a_lost_number_shows_in_the_force() {
     }
 }
 
-/// Every number in the description replaced, one at a time, by what it cannot be.
+/// Replaces every number in the description, one at a time, by a value outside its domain.
 #[test]
-fn numbers_outside_their_domain_are_refused_by_the_name_of_their_key() {
+fn numbers_out_of_domain_name_the_key() {
     fn places(value: &serde_json::Value, path: &str, out: &mut Vec<String>) {
         match value {
             serde_json::Value::Number(_) => out.push(path.to_owned()),
@@ -335,7 +335,7 @@ fn numbers_outside_their_domain_are_refused_by_the_name_of_their_key() {
 }
 
 #[test]
-fn descriptions_survive_being_written_and_read_again() {
+fn descriptions_survive_serialisation() {
     for (name, spec) in laws() {
         let text = toml::to_string(&spec).unwrap();
         assert_eq!(

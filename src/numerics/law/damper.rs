@@ -306,7 +306,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_biviscous_damper_of_example_4_3_has_its_published_forces() {
+    fn damper_of_example_4_3_is_as_published() {
         let mut law = BiviscousSpec {
             damping_n_s_per_m: 180.0,
             post_yield_damping_n_s_per_m: 90.0,
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn a_power_damper_wants_a_reference_unless_it_is_linear_at_rest() {
+    fn power_damper_may_need_a_reference() {
         let needed = LawError::ReferenceNeeded {
             name: "reference_damping_n_s_per_m",
         };
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quadratic_damper_is_bounded_by_its_declared_speed_only() {
+    fn quadratic_damper_is_bounded_by_speed() {
         let mut spec = power(2.0);
         spec.reference_damping_n_s_per_m = Some(1.0);
         let law = spec.build().unwrap();
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn smooth_friction_is_linear_at_rest_and_saturates() {
+    fn smooth_friction_is_linear_then_saturates() {
         let mut law = SmoothFrictionSpec {
             slip_force_n: 40.0,
             reference_velocity_m_per_s: 0.002,

@@ -1,4 +1,4 @@
-//! The domains of parameters: every number of a description passes through here before a law is made of it.
+//! The domains of parameters: every number of a description is checked here before it builds a law.
 //!
 //! Checks are written as "is inside", so that NaN fails them. Not on the real-time path, except [`declared`].
 

@@ -236,7 +236,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equation_42_gives_110_kilonewton_at_ten_millimetres() {
+    fn equation_42_gives_110_kn_at_10_mm() {
         let spec = SquareRootSpec {
             stiffness_n_per_m: 1e7,
             hardening_per_sqrt_m: 1.0,
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn softening_by_equation_42_needs_no_reach_and_goes_on_past_its_peak() {
+    fn softening_law_needs_no_reach() {
         let mut law = SquareRootSpec {
             stiffness_n_per_m: 1e5,
             hardening_per_sqrt_m: -2.0,
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cubic_spring_without_linear_part_wants_a_reference() {
+    fn cubic_spring_alone_needs_a_reference() {
         let mut spec = CubicSpec {
             stiffness_n_per_m: 0.0,
             cubic_n_per_m3: 6e9,

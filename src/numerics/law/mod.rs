@@ -47,7 +47,7 @@ pub struct Tangent {
     pub damping: f64,
 }
 
-/// How far a law will be driven, as far as it is declared: m and m/s.
+/// Declared reach of a law: largest displacement in m and velocity in m/s.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reach {
     /// Largest |displacement| expected.
@@ -64,7 +64,7 @@ pub enum LawError {
     Parameter {
         /// Name of the parameter, as the configuration spells it.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: f64,
         /// The domain, in words.
         allowed: &'static str,
@@ -75,7 +75,7 @@ pub enum LawError {
         /// The missing parameter.
         name: &'static str,
     },
-    /// A law whose tangent has no bound of its own needs one from the user.
+    /// A law whose tangent has no bound needs one from the user.
     #[error(
         "`{law}.{name}` must be given: a law that degrades or pinches has no bound for its tangent"
     )]
@@ -92,7 +92,7 @@ pub enum LawError {
         list: &'static str,
         /// Position in the list, from 1.
         index: usize,
-        /// What is wrong with it.
+        /// The error.
         reason: Box<LawError>,
     },
     /// A list or a matrix does not have the size that the number of axes asks for.
@@ -100,11 +100,11 @@ pub enum LawError {
     Size {
         /// Name of the parameter, as the configuration spells it.
         name: &'static str,
-        /// What is counted: "entries", "rows", "columns in a row".
+        /// The counted items: "entries", "rows", "columns in a row".
         what: &'static str,
-        /// What was counted.
+        /// The number counted.
         found: usize,
-        /// What was wanted.
+        /// The number expected.
         wanted: usize,
     },
     /// A matrix that must be symmetric is not. Row and column count from 1.
@@ -152,7 +152,7 @@ impl LawError {
             | Self::Asymmetric { name, .. }
             | Self::Indefinite { name, .. }
             | Self::Exclusive { second: name, .. } => name,
-            // What is missing stands nowhere.
+            // The missing key has no place in the file: name the law.
             Self::BoundNeeded { law, .. } => law,
             Self::Entry { reason, .. } => reason.key(),
         }
@@ -200,7 +200,7 @@ pub trait Law: Stateful + Send + std::fmt::Debug {
         0.0
     }
 
-    /// Damping at the last trial, or that of the reference where it is less: what stands against small motions there.
+    /// Damping at the last trial, or that of the reference where it is less: the resistance to small motions there.
     fn least_damping(&self) -> f64 {
         self.reference().damping.min(self.tangent().damping)
     }

@@ -15,7 +15,7 @@ impl Parallel {
     /// The sum of `parts`.
     ///
     /// # Errors
-    /// No part at all.
+    /// No parts.
     pub(crate) fn new(parts: Vec<Box<dyn Law>>) -> Result<Self, LawError> {
         if parts.is_empty() {
             return Err(LawError::Size {
@@ -97,7 +97,7 @@ mod tests {
     use crate::law::LawSpec;
 
     #[test]
-    fn laws_in_parallel_are_their_sum_all_along_a_path() {
+    fn parallel_laws_are_their_sum() {
         let text = "parallel = [ \
             { bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 800.0, post_yield_ratio = 0.1 } }, \
             { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 2e4 } }, \

@@ -85,7 +85,7 @@ impl Bilinear {
         }
     }
 
-    /// Where the committed slider stands, and how it moved last: see [`Slider::to_number`].
+    /// Position of the committed slider and its last motion: see [`Slider::to_number`].
     pub(crate) fn slider(&self) -> (f64, f64) {
         (self.committed.disp, self.committed.to_number())
     }
@@ -123,7 +123,7 @@ impl Bilinear {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Slider {
-    /// Where the slider stands, in m.
+    /// Position of the slider, in m.
     disp: f64,
     /// It moved on the way here.
     slipping: bool,
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bilinear_loop_has_its_published_force_and_energy() {
+    fn bilinear_loop_is_as_published() {
         let spec = BilinearSpec {
             stiffness_n_per_m: 1.19e6,
             yield_force_n: 1190.0,
@@ -250,7 +250,7 @@ mod tests {
 
     /// OpenSees' Steel01 keeps its tangent where a trial repeats the committed strain.
     #[test]
-    fn a_repeated_displacement_keeps_the_tangent_of_the_motion_that_led_there() {
+    fn repeated_displacement_keeps_the_tangent() {
         let spec = BilinearSpec {
             stiffness_n_per_m: 8000.0,
             yield_force_n: 60.0,
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn perfect_plasticity_holds_its_force_and_unloads_elastically() {
+    fn perfect_plasticity_unloads_elastically() {
         let mut law = BilinearSpec {
             stiffness_n_per_m: 2e6,
             yield_force_n: 1000.0,
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn friction_takes_four_slip_forces_times_the_slip_each_cycle() {
+    fn friction_cycle_dissipates_four_slips() {
         let (force, stiffness, amplitude) = (750.0, 5e7, 0.02);
         let mut law = BilinearSpec {
             stiffness_n_per_m: stiffness,

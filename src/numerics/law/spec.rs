@@ -78,7 +78,7 @@ impl LawSpec {
         }
     }
 
-    /// Builds each entry of the list that stands under the key `list`.
+    /// Builds each entry of the list under the key `list`.
     ///
     /// # Errors
     /// The first entry that cannot be built, with its position.
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wrong_law_in_a_list_is_named_by_its_place_and_key() {
+    fn wrong_law_in_a_list_is_named() {
         let text = "parallel = [ { linear = { stiffness_n_per_m = 0.0, damping_n_s_per_m = 3.0 } }, \
                     { gap = { stiffness_n_per_m = 1e6, gap_m = -0.1, side = \"both\" } } ]";
         let error = toml::from_str::<LawSpec>(text)
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn the_schema_explains_every_key() {
+    fn schema_explains_every_key() {
         fn walk(value: &serde_json::Value, path: &str, missing: &mut Vec<String>) {
             if let Some(object) = value.as_object() {
                 if let Some(properties) = object.get("properties").and_then(|p| p.as_object()) {

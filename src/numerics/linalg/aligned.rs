@@ -1,8 +1,8 @@
 //! [`Aligned`]: numbers that begin on a cache line.
 //!
-//! A vector of the allocator begins anywhere; then every eighth number of it straddles two lines, and an access to eight
-//! at a time costs two. This one leaves out what stands before the first boundary. It is a slice in all it does, and no
-//! promise about bits hangs on it.
+//! The allocator's vectors begin anywhere; then every eighth number straddles two lines, and an access to eight at a
+//! time costs two. This one skips the numbers before the first boundary. It behaves as a slice; alignment does not
+//! change results.
 
 use std::fmt;
 use std::ops::{Deref, DerefMut};
@@ -24,7 +24,7 @@ impl Aligned {
     #[must_use]
     pub fn zeros(len: usize) -> Self {
         let mut store = vec![0.0; len + LINE / size_of::<f64>() - 1];
-        // May be told that it is not known; then this is an ordinary vector.
+        // The offset may be unknown; then this is an ordinary vector.
         let offset = store.as_ptr().align_offset(LINE);
         let start = offset.min(store.len() - len);
         store.truncate(start + len);
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_number_stands_on_a_line_and_copies_are_equal() {
+    fn first_number_is_aligned_copies_are_equal() {
         for len in [0, 1, 7, 8, 1000] {
             let mut vector = Aligned::zeros(len);
             assert_eq!(vector.as_ptr() as usize % LINE, 0);

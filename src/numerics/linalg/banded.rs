@@ -5,7 +5,7 @@
 use super::ordering::Order;
 use super::{NotPositiveDefinite, SymMatrix, check_pivot, dot};
 
-/// A banded factor in a numbering of its own.
+/// A banded factor in its own numbering.
 #[derive(Debug)]
 pub(super) struct Banded {
     width: usize,

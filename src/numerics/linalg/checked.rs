@@ -23,10 +23,10 @@ pub enum MatrixError {
         row: usize,
         /// Column, from 0.
         column: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
-    /// Of a size whose products leave the range of a double.
+    /// Too large: products leave the range of a double.
     #[error(
         "entry ({}, {}) is {found:e}, but must be at most {limit:e}: its products overflow",
         row + 1,
@@ -37,7 +37,7 @@ pub enum MatrixError {
         row: usize,
         /// Column, from 0.
         column: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
         /// Largest size that is computed with.
         limit: f64,

@@ -87,12 +87,12 @@ mod tests {
     }
 
     #[test]
-    fn a_diagonal_loses_nothing_whatever_its_units() {
+    fn diagonal_loses_nothing_in_any_units() {
         assert_eq!(reciprocal(&SymMatrix::diagonal(&[1e-9, 4.0, 1e16])), 1.0);
     }
 
     #[test]
-    fn two_masses_and_a_stiff_spring_have_the_condition_of_the_closed_form() {
+    fn two_masses_have_the_closed_condition() {
         // [[1, −c], [−c, 1]] has κ₁ = (1 + c)/(1 − c), before and after its rows are scaled.
         for lost in [1.0, 4.0, 8.0] {
             let c = 1.0 - libm::pow(10.0, -lost);
@@ -100,7 +100,7 @@ mod tests {
                 let entries = [(0, 0, p * p), (0, 1, -c * p * q), (1, 1, q * q)];
                 let found = reciprocal(&SymMatrix::from_triplets(2, entries));
                 let exact = (1.0 - c) / (1.0 + c);
-                // 1 − c itself has lost so many digits.
+                // 1 − c itself has lost this number of digits.
                 let roundoff = 10.0 * f64::EPSILON * libm::pow(10.0, lost);
                 assert!(
                     (found / exact - 1.0).abs() < roundoff,
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn the_estimate_is_a_lower_bound_that_is_hardly_off_in_every_storage() {
+    fn estimate_is_a_close_lower_bound() {
         let n = 24;
         let mut seed = 1_u64;
         let mut random = move || {

@@ -1,9 +1,8 @@
 //! Nested dissection: a numbering for sparse factors in which few rows separate large parts.
 //!
-//! A. George (1973), SIAM J. Numer. Anal. 10:345. A part is cut where the distances to two of its far nodes are equal;
-//! several such pairs are tried, and the smallest cut that leaves a fair share on both sides is taken. The nodes of a cut
-//! are numbered after both sides. Distances count edges and ties go by the user's numbering, so the result is
-//! reproducible.
+//! A. George (1973), SIAM J. Numer. Anal. 10:345. A part is cut where the distances to two of its far nodes are equal; of
+//! several such pairs the smallest cut that leaves a fair share on both sides is taken. The nodes of a cut are numbered
+//! after both sides. Distances count edges and ties go by the user's numbering, so the result is reproducible.
 
 use std::collections::VecDeque;
 
@@ -65,12 +64,12 @@ struct Cut {
 
 struct Graph<'a> {
     matrix: &'a SymMatrix,
-    /// Which part a node was last seen in.
+    /// Part of each node, when it was last visited.
     part_of: Vec<u32>,
     parts: u32,
     /// Edges from each landmark.
     distance: [Vec<u32>; LANDMARKS],
-    /// On which side of the cut that is being tried.
+    /// Side of each node in the present trial cut.
     side: Vec<bool>,
     queue: VecDeque<u32>,
 }
@@ -141,7 +140,7 @@ impl Graph<'_> {
         Some(cut)
     }
 
-    /// What the search from the first node has reached, and the rest, if there is one.
+    /// Splits the nodes into those that the search from the first node has reached and the rest, if there is a rest.
     fn parted(&self, nodes: &[u32]) -> Option<Cut> {
         let (one, other): (Vec<u32>, Vec<u32>) = nodes
             .iter()
@@ -199,7 +198,7 @@ impl Graph<'_> {
         }
     }
 
-    /// True if a node stands on the side that gives its border to the cut and touches the other side.
+    /// True if a node is on the side that gives its border to the cut and touches the other side.
     fn touches(&self, node: u32, inner: bool) -> bool {
         self.side[node as usize] == inner
             && self.matrix.row(node as usize).any(|(neighbour, _)| {
@@ -251,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn every_node_is_numbered_once_whatever_the_graph() {
+    fn every_node_is_numbered_once() {
         let parted = SymMatrix::diagonal(&[1.0; 100]);
         let full =
             SymMatrix::from_triplets(40, (0..40).flat_map(|i| (i..40).map(move |j| (i, j, 1.0))));
@@ -264,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_grid_is_first_cut_along_a_line() {
+    fn square_grid_is_first_cut_along_a_line() {
         // No set of fewer nodes than a row parts a square into two fair shares.
         let side = 31;
         let order = nested_dissection(&grid(side));
@@ -273,7 +272,7 @@ mod tests {
         for &node in cut {
             parted[node as usize] = true;
         }
-        // From the first node that is left one reaches no more than the other side leaves.
+        // From the first node of the remainder, a search reaches only the nodes of its side.
         let matrix = grid(side);
         let start = (0..side * side).find(|&node| !parted[node]).unwrap();
         let mut waiting = vec![start];

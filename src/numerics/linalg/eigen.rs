@@ -11,12 +11,12 @@ use thiserror::Error;
 use super::{NotPositiveDefinite, Spd, SymMatrix, dot};
 
 /// Largest number of degrees of freedom for which all modes are computed.
-pub const LARGEST_DENSE: usize = 300;
+pub(crate) const LARGEST_DENSE: usize = 300;
 
 /// Up to this size all modes are computed even if only a few frequencies are wanted.
 const SMALL: usize = 100;
 
-/// Why there are no frequencies. Degrees of freedom count from 0 here and from 1 in the text.
+/// Reason why there are no frequencies. Degrees of freedom count from 0 here and from 1 in the text.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum EigenError {
     /// Too many degrees of freedom for all modes.

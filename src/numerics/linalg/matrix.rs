@@ -22,7 +22,7 @@ pub struct SymMatrix {
     shape: Shape,
 }
 
-/// What the product may rely on.
+/// Structure that the product may exploit.
 #[derive(Debug, Clone, PartialEq)]
 enum Shape {
     Zero,
@@ -246,14 +246,14 @@ impl SymMatrix {
     /// Largest |i − j| of a stored entry.
     #[must_use]
     pub fn half_bandwidth(&self) -> usize {
-        // Columns ascend and the pattern is symmetric: the last entry of each row tells.
+        // Columns ascend and the pattern is symmetric: the last entry of each row suffices.
         (0..self.n)
             .filter_map(|i| self.row(i).last().map(|(j, _)| j.saturating_sub(i)))
             .max()
             .unwrap_or(0)
     }
 
-    /// [`SymMatrix::half_bandwidth`], but at once: all rows where the shape does not tell it.
+    /// [`SymMatrix::half_bandwidth`] without a search: all rows where the shape does not give it.
     pub(crate) fn reach(&self) -> usize {
         match self.shape {
             Shape::Zero | Shape::Diagonal(_) => 0,
@@ -295,7 +295,8 @@ impl SymMatrix {
         self.subtract_rows(0..self.n, x, out, Lanes::Portable);
     }
 
-    /// The same for some rows only; the slices are whole. The bits do not depend on the lanes. Real-time: yes.
+    /// Subtracts the product for some rows only; the slices are whole. The bits do not depend on the lanes.
+    /// Real-time: yes.
     pub(crate) fn subtract_rows(
         &self,
         rows: Range<usize>,

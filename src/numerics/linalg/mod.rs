@@ -40,9 +40,8 @@ use thiserror::Error;
 
 pub use aligned::Aligned;
 pub use checked::MatrixError;
-pub use eigen::{
-    EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, lowest_modes, modes,
-};
+pub(crate) use eigen::LARGEST_DENSE;
+pub use eigen::{EigenError, Modes, frequencies, highest_frequency, lowest_modes, modes};
 pub use lanes::Lanes;
 pub use matrix::SymMatrix;
 
@@ -151,7 +150,10 @@ impl Spd {
     ///
     /// # Errors
     /// As [`Spd::factor`].
-    pub fn factor_as(matrix: &SymMatrix, storage: Storage) -> Result<Self, NotPositiveDefinite> {
+    pub(crate) fn factor_as(
+        matrix: &SymMatrix,
+        storage: Storage,
+    ) -> Result<Self, NotPositiveDefinite> {
         let factor = match storage {
             Storage::Diagonal if matrix.is_diagonal() => {
                 let diagonal: Vec<f64> = (0..matrix.n()).map(|i| matrix.get(i, i)).collect();
@@ -218,9 +220,9 @@ impl Spd {
         }
     }
 
-    /// x ← A⁻¹ b, both with [`Spd::n`] entries; the same bits as [`Spd::solve_in_place`]. `done` is handed each run of
-    /// rows once, in ascending order, as soon as its solution stands and while it is near: what follows from the
-    /// solution row by row is best done there. Real-time: yes, if `done` is.
+    /// x ← A⁻¹ b, both with [`Spd::n`] entries; the same bits as [`Spd::solve_in_place`]. `done` gets each run of rows
+    /// once, in ascending order, as soon as its solution is known and still in the cache. Further work on the solution
+    /// row by row is best done there. Real-time: yes, if `done` is.
     #[inline]
     pub(crate) fn solve_into(
         &mut self,
@@ -257,6 +259,7 @@ impl Spd {
 
     /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
     /// the same with all of them.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(crate) fn set_lanes(&mut self, lanes: Lanes) {
         match &mut self.factor {
             Factor::Partitioned(factor) => factor.set_lanes(lanes),
@@ -332,7 +335,7 @@ const LARGEST_DENSE_FACTOR: usize = 600;
 /// Smallest n for which a sparse factor is considered: below it the others always win.
 const SMALLEST_SPARSE: usize = 64;
 
-/// A pivot stands if it exceeds the roundoff of the diagonal entry it came from; NaN never does.
+/// A pivot is accepted if it exceeds the roundoff of the diagonal entry it came from; NaN never does.
 fn check_pivot(dof: usize, pivot: f64, diagonal: f64) -> Result<(), NotPositiveDefinite> {
     if pivot > 8.0 * f64::EPSILON * diagonal.abs() && pivot.is_finite() {
         Ok(())

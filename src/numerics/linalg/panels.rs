@@ -3,7 +3,7 @@
 //! Neighbouring columns of a factor often have the same rows below them. Such columns make a **panel**: a small dense
 //! triangle and, below it, dense **slabs** of eight rows by all columns, with one list of row numbers. A sweep then reads
 //! plain memory from front to back, meets each row number once per panel, and sums over the columns in registers. Columns
-//! whose rows differ are joined as well, with zeros where nothing stands, where that is cheaper than another panel.
+//! whose rows differ are joined as well, with zeros in the empty places, where that is cheaper than another panel.
 //!
 //! The invariant: the order of operations follows from the factor alone; sums over rows go into eight parts that are
 //! added in one order, so the lanes of the processor do not change a bit.
@@ -18,7 +18,7 @@ pub(super) struct Columns<'a> {
     pub(super) values: &'a [f64],
 }
 
-/// Eight rows of one column, on a cache line of their own.
+/// Eight rows of one column, on one cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 struct Line([f64; 8]);
@@ -32,11 +32,11 @@ struct Panel {
     width: u32,
     /// Slabs; the list of row numbers is eight times as long, its end filled up with the last row.
     slabs: u32,
-    /// Where its row numbers begin, in eights.
+    /// Begin of its row numbers, in eights.
     rows: usize,
-    /// Where its triangle begins, by columns.
+    /// Begin of its triangle, by columns.
     triangle: usize,
-    /// Where its first slab begins, in lines.
+    /// Begin of its first slab, in lines.
     lines: usize,
 }
 
@@ -71,7 +71,7 @@ impl Joined {
 
     /// This panel and the one right behind it as one, if that is worth its zeros.
     fn with(&self, next: &Joined) -> Option<Joined> {
-        // Elimination theory: what stands below this panel stands in the columns or below the columns of its parent.
+        // Elimination theory: rows below this panel are among the columns or below the columns of its parent.
         let parent = *self.rows.first()? as usize;
         let (width, height) = (self.width + next.width, next.rows.len());
         if parent >= next.first + next.width || width > WIDEST {
@@ -163,6 +163,7 @@ impl Panels {
         }
     }
 
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
     }

@@ -42,7 +42,7 @@ impl Kernel for Chain<'_> {
     }
 }
 
-/// The same where all inner rows are alike: no coefficients to fetch.
+/// The product where all inner rows are alike: no coefficients to fetch.
 pub(super) struct EvenChain<'a> {
     pub d: f64,
     pub e: f64,

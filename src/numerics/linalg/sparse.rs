@@ -16,9 +16,11 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
 
+#[cfg(any(test, feature = "test-doubles"))]
+use super::Lanes;
 use super::dissection::nested_dissection;
 use super::panels::{Columns, Panels};
-use super::{Lanes, NotPositiveDefinite, SymMatrix, check_pivot};
+use super::{NotPositiveDefinite, SymMatrix, check_pivot};
 
 /// Where the factor has entries.
 #[derive(Debug)]
@@ -77,7 +79,7 @@ impl Pattern {
     }
 }
 
-/// LDLᵀ in a numbering of its own.
+/// LDLᵀ in its own numbering.
 #[derive(Debug)]
 pub(super) struct Sparse {
     /// User's index of each new index.
@@ -169,6 +171,7 @@ impl Sparse {
         self.lower.bytes() + size_of_val(&self.inverse_pivots[..])
     }
 
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lower.set_lanes(lanes);
     }

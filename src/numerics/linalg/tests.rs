@@ -95,7 +95,7 @@ fn every_storage_solves_every_size_of_chain() {
 }
 
 #[test]
-fn the_tip_of_a_fixed_free_chain_moves_by_the_sum_of_its_springs() {
+fn fixed_free_chain_tip_has_closed_form() {
     // Unit springs, unit force at the tip: x_i = i + 1. Error bounded by condition 4n²/π² times ε, n = 1000.
     let mut factor = Spd::factor(&chain(1000, 0.0)).unwrap();
     let mut x = vec![0.0; 1000];
@@ -107,7 +107,7 @@ fn the_tip_of_a_fixed_free_chain_moves_by_the_sum_of_its_springs() {
 }
 
 #[test]
-fn the_failing_degree_of_freedom_is_named_in_the_users_numbering() {
+fn failing_dof_has_the_user_number() {
     // Two separate blocks; the only negative pivot is at the marked place, whatever the order of elimination.
     for bad in [0, 3, 17, 39] {
         let matrix = scrambled(&chain(40, 0.5), 9);
@@ -136,7 +136,7 @@ fn the_failing_degree_of_freedom_is_named_in_the_users_numbering() {
 }
 
 #[test]
-fn a_pivot_that_turns_negative_by_elimination_is_reported_with_its_value() {
+fn negative_pivot_is_reported() {
     // [[1, 2], [2, 1]] beside two healthy rows, full by small couplings of the first: pivot 2 is 1 − 4 = −3.
     let full = SymMatrix::from_triplets(
         4,
@@ -166,7 +166,7 @@ fn sums_of_matrices_are_sums_of_entries() {
 }
 
 #[test]
-fn a_singular_matrix_is_refused_by_every_storage() {
+fn all_storages_refuse_a_singular_matrix() {
     // Free-free: integer arithmetic makes the last pivot exactly zero.
     let mut entries: Vec<_> = chain(30, 0.0).entries().collect();
     entries.push((0, 0, -1.0));
@@ -204,7 +204,7 @@ fn right_hand_side_on_stack() -> [f64; 144] {
 }
 
 #[test]
-fn bad_matrices_are_named_by_entry_counted_from_one() {
+fn bad_entries_are_named_from_one() {
     let message = |m: DMatrix<f64>| SymMatrix::from_dense(&m).unwrap_err().to_string();
     assert_eq!(
         message(DMatrix::zeros(2, 3)),
@@ -227,7 +227,7 @@ fn bad_matrices_are_named_by_entry_counted_from_one() {
 }
 
 #[test]
-fn duplicates_are_summed_and_zeros_are_not_stored() {
+fn duplicates_add_and_zeros_are_dropped() {
     let matrix = SymMatrix::from_triplets(
         3,
         [
@@ -252,7 +252,7 @@ fn duplicates_are_summed_and_zeros_are_not_stored() {
 }
 
 #[test]
-fn two_mass_frequencies_match_the_closed_form() {
+fn two_mass_frequencies_match_closed_form() {
     // ω² of [[k1+k2, −k2], [−k2, k2]] with m1, m2: roots of m1 m2 s² − (m2 (k1+k2) + m1 k2) s + k1 k2 = 0.
     // Values of example 4.1 of Gui et al. 2014.
     let (m1, m2, k1, k2) = (1e3, 4e3, 2e6, 1e5);
@@ -270,7 +270,7 @@ fn two_mass_frequencies_match_the_closed_form() {
 }
 
 #[test]
-fn chain_frequencies_match_the_closed_form_small_and_large() {
+fn chain_frequencies_match_closed_form() {
     // Fixed-free chain of unit masses and springs: ω_j = 2 sin((2j − 1) π / (2 (2n + 1))).
     for n in [30, 250, 5000] {
         let mass = SymMatrix::diagonal(&vec![1.0; n]);
@@ -288,7 +288,7 @@ fn chain_frequencies_match_the_closed_form_small_and_large() {
 }
 
 #[test]
-fn a_free_body_has_frequency_zero_and_a_massless_joint_is_condensed() {
+fn free_body_has_zero_massless_is_condensed() {
     // Two masses 2 and 3 joined by springs 4 and 12 in series through a massless joint: k = 3,
     // ω² = k (1/2 + 1/3) = 2.5.
     let mass = SymMatrix::diagonal(&[2.0, 0.0, 3.0]);
@@ -325,7 +325,7 @@ fn a_free_body_has_frequency_zero_and_a_massless_joint_is_condensed() {
 }
 
 #[test]
-fn a_large_free_free_chain_has_one_zero_and_the_cosine_frequencies() {
+fn free_chain_has_one_zero_frequency() {
     let n = 400;
     let mut entries: Vec<_> = chain(n, 0.0).entries().collect();
     entries.push((0, 0, -1.0));
@@ -356,7 +356,7 @@ fn random_spd() -> impl Strategy<Value = SymMatrix> {
 
 proptest! {
     #[test]
-    fn all_storages_agree_with_dense_elimination(matrix in random_spd()) {
+    fn all_storages_match_dense_elimination(matrix in random_spd()) {
         let n = matrix.n();
         let b = right_hand_side(n);
         let exact = matrix.to_dense().lu().solve(&DVector::from_vec(b.clone())).unwrap();
@@ -391,7 +391,7 @@ proptest! {
     }
 
     #[test]
-    fn modes_agree_with_an_independent_eigensolver(stiffness in random_spd(), seed in 0u64..1000) {
+    fn modes_match_an_independent_eigensolver(stiffness in random_spd(), seed in 0u64..1000) {
         let n = stiffness.n();
         let masses: Vec<f64> = (0..n).map(|i| 1.0 + ((i as u64 * 37 + seed) % 17) as f64).collect();
         let mass = SymMatrix::diagonal(&masses);
@@ -409,7 +409,7 @@ proptest! {
 }
 
 #[test]
-fn a_sparse_factor_gives_the_same_bits_on_all_lanes() {
+fn sparse_factor_is_equal_on_all_lanes() {
     let matrix = scrambled(&grid(23), 13);
     let b = right_hand_side(matrix.n());
     let solve = |lanes: Lanes| {
@@ -425,7 +425,7 @@ fn a_sparse_factor_gives_the_same_bits_on_all_lanes() {
 }
 
 #[test]
-fn panels_of_every_shape_solve_what_their_columns_solve() {
+fn panels_of_every_shape_solve() {
     // From separate entries over bands and arrows to a full matrix: wide and narrow panels, with and without rows below.
     let arrow = |n: usize| {
         let spokes = (1..n).map(move |i| (0, i, -1.0));

@@ -6,7 +6,7 @@
 
 use super::{NotPositiveDefinite, SymMatrix, check_pivot};
 
-/// What a row leaves behind when it is eliminated towards the middle.
+/// Factors of a row that is eliminated towards the middle.
 #[derive(Debug, Clone, Copy)]
 struct Row {
     /// Multiplier between this row and the next one inwards.

@@ -18,7 +18,7 @@ const NOT_NEGATIVE: &str = "finite and not negative";
 const MOST_DOFS: usize = 1_000_000;
 const POSITIVE: &str = "finite and greater than 0";
 
-/// What the specimens of a test are to the numerical structure, besides their forces. All n × n.
+/// Contribution of a test's specimens to the numerical structure, besides their forces. All n × n.
 #[derive(Debug, Clone, Copy)]
 pub struct SpecimenShare<'a> {
     /// Σ Bᵀ k B at rest, in N/m.
@@ -69,7 +69,7 @@ impl StructureSpec {
     /// are (degree of freedom from 0, coefficient). In a chain, spring `n` counts as storey `n`.
     ///
     /// # Errors
-    /// The storey does not exist, there is none at all, or the structure is given by matrices.
+    /// The storey does not exist, the structure has no storeys, or it is given by matrices.
     pub fn storey_row(&self, storey: usize) -> Result<Vec<(usize, f64)>, BuildError> {
         let storeys = match self {
             StructureSpec::ShearBuilding(spec) => spec.mass_kg.len(),
@@ -84,7 +84,7 @@ impl StructureSpec {
         }
     }
 
-    /// Builds the structure, with what `specimens` add to its mass and to the stiffness that a damping rule refers to.
+    /// Builds the structure. `specimens` add to its mass and to the stiffness that a damping rule refers to.
     ///
     /// # Errors
     /// See [`BuildError`].

@@ -17,7 +17,7 @@ pub(super) struct ByRows {
     evaluated: Vec<(u32, u32)>,
     /// Row of every force that enters one, twice its element, and one more where the element begins there; by rows.
     entered: Vec<(u32, u32)>,
-    /// Of each element in this step.
+    /// Force of each element in this step.
     forces: Vec<f64>,
     next_evaluated: usize,
     next_entered: usize,

@@ -15,7 +15,7 @@ pub enum DampingError {
     Number {
         /// Key in the test file.
         key: &'static str,
-        /// What was found.
+        /// The value found.
         found: f64,
         /// The range, in words.
         allowed: &'static str,

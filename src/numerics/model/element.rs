@@ -23,7 +23,7 @@ pub(super) struct Facts {
     pub(super) declared: Declared,
 }
 
-/// What the user says of an element beyond its law.
+/// The user's declarations about an element beyond its law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Declared {
     pub(super) reach: Reach,

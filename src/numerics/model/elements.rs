@@ -135,6 +135,7 @@ impl Elements {
         self.keeps_tangents
     }
 
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
     }
@@ -298,8 +299,8 @@ impl Elements {
         }
     }
 
-    /// Rows above those asked for whose displacements [`Elements::subtract_rows`] needs; all of them if the elements
-    /// remember where they were, which takes whole vectors.
+    /// Rows above the requested ones whose displacements [`Elements::subtract_rows`] needs; all of them if the
+    /// elements remember their last trial, which takes whole vectors.
     pub(super) fn reach(&self) -> usize {
         let span = |group: &Group| match group {
             Group::Run(_) if self.keeps_tangents => usize::MAX,

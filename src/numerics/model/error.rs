@@ -27,7 +27,7 @@ pub enum ModelError {
     Entry {
         /// "mass", "damping" or "stiffness".
         what: &'static str,
-        /// Which entry.
+        /// The entry and its fault.
         source: MatrixError,
     },
     /// An influence coefficient that is not finite.
@@ -35,7 +35,7 @@ pub enum ModelError {
     Influence {
         /// From 0.
         dof: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
     /// A mass below zero.
@@ -43,7 +43,7 @@ pub enum ModelError {
     NegativeMass {
         /// From 0.
         dof: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
     /// A full mass matrix without a Cholesky factor.
@@ -78,7 +78,7 @@ pub enum ModelError {
         element: String,
         /// Key in the test file.
         key: &'static str,
-        /// What was found.
+        /// The value found.
         found: f64,
         /// The range, in words.
         allowed: &'static str,
@@ -119,7 +119,7 @@ pub enum BuildError {
         place: &'static str,
         /// From 1.
         number: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
         /// The range, in words.
         allowed: &'static str,
@@ -129,7 +129,7 @@ pub enum BuildError {
     Chain {
         /// Key in the test file.
         key: &'static str,
-        /// What was found.
+        /// The value found.
         found: f64,
         /// The range, in words.
         allowed: &'static str,
@@ -137,7 +137,7 @@ pub enum BuildError {
     /// No mass anywhere.
     #[error("every mass is zero: nothing would move")]
     NoMass,
-    /// A matrix given twice or not at all.
+    /// A matrix given twice, or missing.
     #[error("give {key} either inline or as {key}_file{}", if *both { ", not both" } else { "" })]
     Source {
         /// "mass", "stiffness" or "damping".
@@ -162,7 +162,7 @@ pub enum BuildError {
     Matrix {
         /// Key, with the file if it came from one.
         key: String,
-        /// What is wrong.
+        /// The error.
         source: MatrixError,
     },
     /// A file that was not handed over.
@@ -187,7 +187,7 @@ pub enum BuildError {
     Law {
         /// Name of the element.
         element: String,
-        /// What is wrong.
+        /// The error.
         source: LawError,
     },
     /// The parts do not make a structure.

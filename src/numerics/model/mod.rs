@@ -41,15 +41,15 @@ pub use table::MatrixTable;
 
 use crate::law::{Law, Reach};
 
-/// What an element is fastened to.
+/// End point of an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum End {
     /// A degree of freedom, counted from 0 (test files and messages count from 1).
     Dof(usize),
     /// The base: moves with it under base displacement, rests in relative coordinates.
     Ground,
-    /// The inertial frame: never moves. In coordinates that move with the ground nothing is known of it; here it is the ground
-    /// there, and test files may not have it so.
+    /// The inertial frame: never moves. Coordinates that move with the ground do not know it. In them it acts as the ground
+    /// here, and test files must not use it.
     Fixed,
 }
 
@@ -70,7 +70,7 @@ pub struct Element {
     pub name: String,
     /// Where the deformation is counted from.
     pub from: End,
-    /// Where it is counted to.
+    /// End to which it is counted.
     pub to: End,
     /// The force.
     pub law: Box<dyn Law>,

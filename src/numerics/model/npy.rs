@@ -39,7 +39,7 @@ pub enum NpyError {
         key: &'static str,
         /// Its value as found.
         found: String,
-        /// What is understood.
+        /// The accepted values.
         expected: &'static str,
     },
     /// An entry that is not finite; row and column count from 1.
@@ -49,7 +49,7 @@ pub enum NpyError {
         row: usize,
         /// Column.
         column: usize,
-        /// What was found.
+        /// The value found.
         found: f64,
     },
 }

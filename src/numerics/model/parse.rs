@@ -25,7 +25,7 @@ pub enum ParseError {
         /// Position of the first bad byte, from 0.
         offset: usize,
     },
-    /// No numbers at all.
+    /// The file has no numbers.
     #[error("{file}: holds no numbers")]
     Empty {
         /// Name of the file.
@@ -62,9 +62,9 @@ pub enum ParseError {
         file: String,
         /// Line.
         line: usize,
-        /// What was found.
+        /// The value found.
         found: String,
-        /// What is understood.
+        /// The accepted values.
         expected: &'static str,
     },
     /// A claimed size beyond the limit.
@@ -110,12 +110,12 @@ pub enum ParseError {
     Npy {
         /// Name of the file.
         file: String,
-        /// What is wrong.
+        /// The error.
         source: NpyError,
     },
 }
 
-/// Reads a matrix from the bytes of the file `name`, whose extension tells the format.
+/// Reads a matrix from the bytes of the file `name`, whose extension gives the format.
 ///
 /// `.csv`: one row per line; comma, semicolon, tab or blanks between numbers; lines that are empty or start with `#` or
 /// `%` are skipped. `.npy`: versions 1 to 3, little-endian f8, f4, i8, i4, both orders, one or two axes. `.mtx`:

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn eight_at_a_time_give_the_bits_of_the_law_and_its_tangents_on_all_lanes() {
+    fn eight_at_a_time_give_equal_bits() {
         let specs = [
             "linear = { stiffness_n_per_m = 3.1, damping_n_s_per_m = 0.7 }",
             "linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 0.7 }",

@@ -174,9 +174,9 @@ impl OfForce for Between<'_> {
 pub(super) struct EvenChain<'a> {
     /// Neither the first row nor the last one.
     pub rows: Range<usize>,
-    /// Of K.
+    /// Entries of K.
     pub stiffness: Entries,
-    /// Of C.
+    /// Entries of C.
     pub damping: Entries,
     pub disp: &'a [f64],
     pub vel: &'a [f64],

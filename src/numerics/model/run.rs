@@ -45,7 +45,7 @@ enum Names {
 }
 
 impl Run {
-    /// True if `next` may stand in a run behind `before`, of which there is at least one.
+    /// True if `next` continues the run `before`, which has at least one element.
     pub(super) fn continues(before: &[(Connection, Facts)], next: &(Connection, Facts)) -> bool {
         let (Some(first), Some(last)) = (before.first(), before.last()) else {
             return false;
@@ -77,7 +77,7 @@ impl Run {
             && same_law(first.0.law.as_ref(), next.0.law.as_ref(), &new.declared)
     }
 
-    /// A run of elements each of which continues the ones before; they come back if they are none.
+    /// A run of elements each of which continues the ones before. Elements that form no run come back.
     pub(super) fn of(elements: Vec<(Connection, Facts)>) -> Result<Self, Vec<(Connection, Facts)>> {
         let Some((hot, cold)) = elements.first() else {
             return Err(elements);
@@ -177,8 +177,8 @@ impl Run {
         }
     }
 
-    /// residual ← residual − force, these rows of it; all vectors are whole. With `keep` each element remembers where it is, of
-    /// which all rows must be asked for at once if any starts at a degree of freedom. Real-time: yes, if `keep` is false.
+    /// residual ← residual − force, these rows of it; all vectors are whole. With `keep` each element remembers its trial; then
+    /// one call must cover all rows if any element starts at a degree of freedom. Real-time: yes, if `keep` is false.
     pub(super) fn subtract(
         &mut self,
         rows: Range<usize>,

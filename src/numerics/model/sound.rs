@@ -6,7 +6,7 @@ use crate::linalg::{MatrixError, SymMatrix};
 /// Largest size of an entry: its square is far inside the range of a double, with room for 1/Δt² and sums.
 const LARGEST_ENTRY: f64 = 1e140;
 
-/// Mass, damping and stiffness (n × n) and the influence vector (n) of a structure, before they are believed.
+/// Checks mass, damping and stiffness (n × n) and the influence vector (n) of a structure.
 ///
 /// # Errors
 /// See [`ModelError`].
@@ -78,7 +78,7 @@ pub(super) fn check_matrix(
     }
 }
 
-/// Rows of K ι and C ι above the roundoff of their own sums.
+/// Rows of K ι and C ι that exceed the roundoff of their sums.
 pub(super) fn tied_to_base(
     stiffness: &SymMatrix,
     damping: &SymMatrix,

@@ -17,7 +17,7 @@ pub(super) struct Strip {
     form: SliderForm,
     from: End,
     to: usize,
-    /// Of each element in this step, between degrees of freedom only.
+    /// Force of each element in this step, between degrees of freedom only.
     forces: Vec<f64>,
     /// Sliders, and how they moved last.
     sliders: Vec<f64>,
@@ -55,7 +55,7 @@ impl Strip {
         length
     }
 
-    /// Of elements that make one.
+    /// A strip of elements that form one.
     pub(super) fn new(connections: &mut [Connection], ends: (End, End)) -> Option<Self> {
         let len = connections.len();
         let form = connections.first_mut()?.law.bilinear()?.form();

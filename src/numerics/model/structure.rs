@@ -22,7 +22,7 @@ pub struct Structure {
     tied_to_base: Vec<(usize, f64, f64)>,
     elements: Elements,
     lanes: Lanes,
-    /// What they are called, and each of them.
+    /// Their collective name, and each storey.
     storeys: (&'static str, Vec<Storey>),
 }
 
@@ -107,14 +107,15 @@ impl Structure {
         self.elements.iter().map(|element| element.name)
     }
 
-    /// Nobody will ask for the tangents of this structure: equal laws that are evaluated side by side then need not
-    /// remember where they were, and those tangents are the ones at rest from now on.
+    /// Declares that no caller will query the tangents of this structure. Equal laws that are evaluated side by side
+    /// then need not remember their last trial, and those tangents stay the ones at rest.
     pub fn forget_tangents(&mut self) {
         self.elements.forget_tangents();
     }
 
     /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
     /// the same with all of them.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
         self.elements.set_lanes(lanes);
@@ -281,8 +282,8 @@ impl Structure {
         self.walk::<true>(motion, residual);
     }
 
-    /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, however often it is
-    /// asked for. [`Structure::commit`] keeps the last one.
+    /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, which may be
+    /// repeated. [`Structure::commit`] keeps the last one.
     pub fn subtract_trial(
         &mut self,
         disp: &[f64],
@@ -358,8 +359,8 @@ impl Structure {
             .unwrap_or_default()
     }
 
-    /// Number of rows above those asked for whose displacements [`Structure::subtract_rows`] needs. All of them as long as
-    /// the tangents of equal elements are kept.
+    /// Number of rows above the requested ones whose displacements [`Structure::subtract_rows`] needs. All of them as long
+    /// as the tangents of equal elements are kept.
     #[must_use]
     pub fn reach(&self) -> usize {
         let matrices = [&self.stiffness, &self.damping];

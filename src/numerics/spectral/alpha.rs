@@ -1,4 +1,4 @@
-//! KR-α and MKR-α on a linear structure whose stiffness and damping are not those that its parameters are made of.
+//! KR-α and MKR-α on a linear structure whose stiffness and damping differ from those in the method's parameters.
 //!
 //! The equations as printed, with A = M + γ Δt C0 + β Δt² K0 and w = A⁻¹ M a:
 //!
@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 
 use super::Weights;
 
-/// What is stepped: matrices n × n in SI units.
+/// The system that is stepped: matrices n × n in SI units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlphaStep {
     /// α_m, α_f, γ, β.
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn at_the_initial_stiffness_it_is_the_printed_method() {
+    fn initial_stiffness_gives_printed_method() {
         for weights in [Weights::kr(0.6), Weights::mkr(0.3), Weights::kr(0.0)] {
             for (omega, ratio) in [(0.3, 0.05), (2.0, 0.02), (40.0, 0.1)] {
                 let own = (one(2.0 * ratio * omega), one(omega * omega));
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn without_numerical_damping_it_grows_where_lambda_4_and_lambda_2_do() {
+    fn undamped_method_grows_like_the_family() {
         // S(λ) = 4 M − 4 m + 4 Δt²/λ K0 − Δt² K of one degree of freedom, M = Δt = 1.
         for (weights, lambda) in [(Weights::kr(1.0), 4.0), (Weights::mkr(1.0), 2.0)] {
             for (initial, late) in [(1.0, 0.0), (30.0, 0.0), (9.0, 0.3)] {

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use super::{Pole, poles};
 
-/// What a complex pair of poles swings like: z = exp(Ω̄ (−ξ̄ ± i √(1 − ξ̄²))), equation (23).
+/// Apparent oscillation of a complex pair of poles: z = exp(Ω̄ (−ξ̄ ± i √(1 − ξ̄²))), equation (23).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Apparent {
     /// Ω̄: apparent frequency times Δt.
@@ -48,13 +48,6 @@ pub fn period_error(omega: f64, ratio: f64, lambda: f64) -> Option<f64> {
 #[must_use]
 pub fn amplitude_decay(ratio: f64) -> f64 {
     -libm::expm1(-2.0 * PI * ratio)
-}
-
-/// Ω̄ of the undamped family: 4 sin²(Ω̄/2) = Ω²/(1 + Ω²/λ). None beyond the linear limit.
-#[must_use]
-pub fn undamped_apparent(omega: f64, lambda: f64) -> Option<f64> {
-    let half = (omega * omega / (1.0 + omega * omega / lambda)).sqrt() / 2.0;
-    (half <= 1.0).then(|| 2.0 * libm::asin(half))
 }
 
 /// λ whose undamped period is exact at Ω: Ω²/(Ω²/(4 sin²(Ω/2)) − 1) for 0 < Ω < π; 12 for Ω → 0, falling as Ω grows.

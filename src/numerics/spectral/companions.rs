@@ -87,8 +87,8 @@ impl Weights {
 }
 
 /// KR-α or MKR-α, with α1, α2 and α3 as printed.
-#[must_use]
-pub fn alpha_method(weights: Weights, omega: f64, ratio: f64) -> Matrix3<f64> {
+#[cfg(test)]
+pub(crate) fn alpha_method(weights: Weights, omega: f64, ratio: f64) -> Matrix3<f64> {
     let Weights {
         alpha_m,
         alpha_f,
@@ -115,7 +115,7 @@ pub fn alpha_method(weights: Weights, omega: f64, ratio: f64) -> Matrix3<f64> {
     })
 }
 
-/// What the mode itself swings like, among all eigenvalues: the complex one nearest to exp(i Ω).
+/// Apparent oscillation of the mode itself: the complex eigenvalue nearest to exp(i Ω).
 #[must_use]
 pub fn principal(matrix: &Matrix3<f64>, omega: f64) -> Option<Apparent> {
     let dense = DMatrix::from_fn(3, 3, |i, j| matrix[(i, j)]);

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Schur};
 
 use super::Pole;
 
-/// Sweeps per row after which the iteration counts as stuck: two or three are enough where it goes on at all.
+/// Sweeps per row after which the iteration counts as stuck: two or three suffice if it converges.
 const SWEEPS: usize = 30;
 
 /// All eigenvalues; none if the iteration does not end or an entry is not finite.
@@ -17,14 +17,14 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<Pole>> {
     by_double_shifts(matrix).or_else(|| by_exceptional_shifts(matrix))
 }
 
-/// By shifts that the matrix itself gives: the same bits on every processor. What such a shift leaves as it is stays so for
-/// ever, as a cyclic permutation does, and the history of several axes that are alike.
+/// By shifts from the matrix itself: equal bits on every processor. The iteration stalls on a matrix that such a shift
+/// leaves unchanged, such as a cyclic permutation or the history of several axes that are alike.
 fn by_double_shifts(matrix: &DMatrix<f64>) -> Option<Vec<Pole>> {
     let schur = Schur::try_new(matrix.clone(), f64::EPSILON, SWEEPS * matrix.nrows().max(1))?;
     Some(schur.complex_eigenvalues().iter().copied().collect())
 }
 
-/// By the same with a foreign shift wherever they stand still; its last bits may be those of the processor.
+/// By these shifts, with an exceptional shift wherever they stall; the last bits may depend on the processor.
 fn by_exceptional_shifts(matrix: &DMatrix<f64>) -> Option<Vec<Pole>> {
     let size = matrix.amax();
     if size == 0.0 {

@@ -1,9 +1,9 @@
-//! What the recursion of an integration method does to one mode, in closed form: poles, apparent period and damping,
-//! bounds of stability, the root locus of a changed stiffness, and the delay that a hybrid test stands.
+//! Effect of an integration method's recursion on one mode, in closed form: poles, apparent period and damping,
+//! bounds of stability, the root locus of a changed stiffness, and the critical delay of a hybrid test.
 //!
 //! Everything is a function of a few numbers: Ω = ω Δt, the damping ratio ξ, and λ (infinity is a value). Nothing here
-//! integrates, and nothing here is used by what integrates: the two are independent statements of the same method
-//! and are tested against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
+//! integrates, and the integrators do not use it: the two are independent formulations of one method and are tested
+//! against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
 //!
 //! ```
 //! use gusset_numerics::spectral;
@@ -28,13 +28,13 @@ mod transfer;
 mod winding;
 
 pub use alpha::AlphaStep;
-pub use apparent::{
-    Apparent, amplitude_decay, apparent, period_error, undamped_apparent, zero_period_error_lambda,
-};
+pub use apparent::{Apparent, amplitude_decay, apparent, period_error, zero_period_error_lambda};
 pub use bounds::{
     crossing_stiffness, lambda_limit, lambda_limit_changed, omega_limit, unconditional_lambda,
 };
-pub use companions::{Weights, alpha_method, chang, newmark, principal};
+#[cfg(test)]
+pub(crate) use companions::alpha_method;
+pub use companions::{Weights, chang, newmark, principal};
 pub use eigen::{eigenvalues, spectral_radius};
 pub use locus::Locus;
 pub use poles::{Tabulated, alpha, coefficients, discriminant, poles, quadratic, table_1};

@@ -24,8 +24,14 @@ fn away(pole: Pole, all: &[Pole]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
+/// Ω̄ of the undamped family: 4 sin²(Ω̄/2) = Ω²/(1 + Ω²/λ). None beyond the linear limit.
+fn undamped_apparent(omega: f64, lambda: f64) -> Option<f64> {
+    let half = (omega * omega / (1.0 + omega * omega / lambda)).sqrt() / 2.0;
+    (half <= 1.0).then(|| 2.0 * libm::asin(half))
+}
+
 #[test]
-fn poles_are_the_eigenvalues_of_the_amplification_matrix_and_of_newmark() {
+fn poles_are_amplification_eigenvalues() {
     for omega in OMEGAS {
         for ratio in RATIOS {
             for lambda in LAMBDAS {
@@ -67,7 +73,7 @@ fn table_1_holds_as_printed() {
 }
 
 #[test]
-fn poles_satisfy_their_equation_and_real_ones_come_largest_first() {
+fn poles_satisfy_their_equation_in_order() {
     for omega in OMEGAS {
         for ratio in RATIOS {
             for lambda in LAMBDAS {
@@ -89,7 +95,7 @@ fn poles_satisfy_their_equation_and_real_ones_come_largest_first() {
 }
 
 #[test]
-fn the_impulse_response_of_the_transfer_function_is_that_of_the_recursion() {
+fn impulse_response_matches_the_recursion() {
     // α1 ≠ α2 as well: equation (11) is general.
     for (alpha_1, alpha_2) in [(0.8, 0.8), (0.8, 0.6)] {
         let (mass, omega, ratio, dt) = (2.0, 0.7, 0.05, 0.01);
@@ -115,7 +121,7 @@ fn the_impulse_response_of_the_transfer_function_is_that_of_the_recursion() {
 }
 
 #[test]
-fn apparent_quantities_follow_their_closed_forms() {
+fn apparent_quantities_have_closed_forms() {
     for lambda in LAMBDAS {
         for omega in [0.05, 0.4, 1.3, 1.9] {
             let found = apparent(omega, 0.0, lambda).unwrap();
@@ -141,7 +147,7 @@ fn apparent_quantities_follow_their_closed_forms() {
 }
 
 #[test]
-fn the_period_error_falls_as_lambda_grows_and_vanishes_where_it_should() {
+fn period_error_falls_as_lambda_grows() {
     for omega in [0.1, 0.5, 1.0, 1.8] {
         let errors: Vec<f64> = LAMBDAS
             .iter()
@@ -159,7 +165,7 @@ fn the_period_error_falls_as_lambda_grows_and_vanishes_where_it_should() {
 }
 
 #[test]
-fn bounds_are_where_the_spectral_radius_reaches_one() {
+fn bounds_are_at_spectral_radius_one() {
     for lambda in [4.5, 6.0, 11.5, 100.0, f64::INFINITY] {
         let limit = omega_limit(lambda);
         for ratio in [0.0, 0.1, 0.6] {
@@ -177,7 +183,7 @@ fn bounds_are_where_the_spectral_radius_reaches_one() {
 }
 
 #[test]
-fn the_root_locus_leaves_the_circle_at_minus_one_at_the_crossing_stiffness() {
+fn root_locus_leaves_circle_at_minus_one() {
     let locus = Locus {
         mass: 2.0,
         damping: 2.0 * 0.02 * TAU * 2.0,
@@ -197,13 +203,13 @@ fn the_root_locus_leaves_the_circle_at_minus_one_at_the_crossing_stiffness() {
     assert!(away(Pole::new(-1.0, 0.0), &locus.roots(crossing)) < 1e-13);
     assert!(locus.roots(0.999 * crossing)[0].norm() <= 1.0);
     assert!(locus.roots(1.001 * crossing)[0].norm() > 1.0);
-    // The same as (41): λ_limit at Ω_t of the crossing is λ.
+    // Equivalent to (41): λ_limit at Ω_t of the crossing is λ.
     let limit = lambda_limit_changed(omega, omega * ratio.sqrt(), 0.0);
     assert!((limit - 1.0).abs() < 1e-13);
 }
 
 #[test]
-fn companions_have_the_poles_that_are_claimed_for_them() {
+fn companions_have_their_stated_poles() {
     for omega in OMEGAS {
         for ratio in [0.0, 0.05] {
             let four = poles(omega, ratio, 4.0);
@@ -295,10 +301,10 @@ fn three_ways_to_the_critical_delay_agree() {
     assert_eq!(continuous(&one(0.3, 0.2)).unwrap(), None);
 }
 
-/// m s² + c s + k with c = 2 ξ ω m has its poles at −ξ ω ± …: what is driven grows with |ξ| ω; what stands, or moves freely,
-/// does not.
+/// m s² + c s + k with c = 2 ξ ω m has its poles at −ξ ω ± …: a mode with negative damping grows with |ξ| ω. A mode without
+/// negative damping, or without stiffness, does not.
 #[test]
-fn what_grows_without_any_delay_is_known_by_its_rate() {
+fn growth_without_delay_has_its_rate() {
     let growth = one(-0.02, 0.5).growth().unwrap();
     assert!((growth / (0.02 * TAU) - 1.0).abs() < 1e-9, "{growth}");
     for ratio in [0.0, 0.02, 1.5] {
@@ -313,7 +319,7 @@ fn what_grows_without_any_delay_is_known_by_its_rate() {
 }
 
 #[test]
-fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
+fn frame_is_singular_at_its_critical_delay() {
     // Three storeys, the middle one delayed; det(−ω²M + iωC + K_n + k_e e^{−iωτ} b bᵀ) = 0.
     let storeys = |k: [f64; 3]| {
         DMatrix::from_row_slice(
@@ -366,7 +372,7 @@ fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
 }
 
 #[test]
-fn inertia_in_the_force_as_large_as_that_of_the_structure_bears_no_delay() {
+fn large_inertia_in_force_allows_no_delay() {
     let mut system = one(0.05, 0.5);
     for (share, bears) in [(0.99, true), (1.0, false), (1.5, false)] {
         (system.specimen_mass, system.mass[(0, 0)]) = (1.2 * share, 1.2);
@@ -376,7 +382,7 @@ fn inertia_in_the_force_as_large_as_that_of_the_structure_bears_no_delay() {
 }
 
 #[test]
-fn inertia_in_the_specimens_force_is_delayed_with_it() {
+fn inertia_of_the_specimen_is_delayed() {
     let mut system = one(0.02, 0.5);
     (system.specimen_mass, system.mass[(0, 0)]) = (0.4, 1.6);
     let found = continuous(&system).unwrap().unwrap();
@@ -401,7 +407,7 @@ fn inertia_in_the_specimens_force_is_delayed_with_it() {
 }
 
 #[test]
-fn damping_in_the_specimen_is_delayed_with_it_and_a_lag_has_its_own_bound() {
+fn damping_of_the_specimen_is_delayed() {
     let mut system = one(0.02, 0.5);
     let without = continuous(&system).unwrap().unwrap().delay;
     system.specimen_damping[(0, 0)] = 1.0;
@@ -422,7 +428,7 @@ fn damping_in_the_specimen_is_delayed_with_it_and_a_lag_has_its_own_bound() {
 }
 
 #[test]
-fn what_has_no_delay_analysis_says_why() {
+fn missing_delay_analysis_has_a_reason() {
     let mut system = one(0.02, 0.5);
     let wrong = discrete(&system, 0.0, 4.0, None).unwrap_err();
     assert_eq!(wrong.to_string(), "dt is 0, but must be greater than 0");

@@ -1,8 +1,8 @@
-//! How many roots of a characteristic function lie right of the imaginary axis, by how often it goes round zero.
+//! Number of roots of a characteristic function right of the imaginary axis, by its turns about zero.
 //!
 //! For a function that is real on the real axis, has no poles there and tends to a positive number, the number of roots is
-//! −1/π times the growth of its argument from ω = 0 to ∞ (Cauchy). So a loop with a delay, an actuator and a compensator is
-//! judged without a state space.
+//! −1/π times the growth of its argument from ω = 0 to ∞ (Cauchy). So the stability of a loop with a delay, an actuator and
+//! a compensator follows without a state space.
 
 use nalgebra::Complex;
 
@@ -16,9 +16,9 @@ const FINE: f64 = 0.4;
 /// Halvings of one interval of the grid.
 const DEEPEST: u32 = 40;
 
-/// Roots of `function` right of the imaginary axis, seen from `lowest` to `highest` in rad/s; beyond, it must not go round
-/// zero any more. `marks` are places and widths of its poles: near a lightly damped one it may go round between two points of
-/// a grid that knows nothing of it. None if it is not finite, is zero on the way, or turns too fast to be followed.
+/// Roots of `function` right of the imaginary axis, evaluated from `lowest` to `highest` in rad/s; beyond, it must not turn
+/// about zero any more. `marks` are places and widths of its poles: near a lightly damped pole it may turn between two points
+/// of a plain grid. `None` if it is not finite, is zero on the path, or turns too fast to be followed.
 #[must_use]
 pub fn unstable_roots(
     mut function: impl FnMut(f64) -> Option<Complex<f64>>,
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mode_of_hardly_any_damping_is_not_stepped_over() {
+    fn lightly_damped_mode_is_not_stepped_over() {
         // (s² − 2ζ s + 1)/(s² + 2ζ s + 1) goes round zero within a few ζ about ω = 1, and is 1 elsewhere.
         let zeta = 1e-6;
         let function = |omega: f64| {

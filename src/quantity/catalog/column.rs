@@ -477,7 +477,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_fits_its_kind_and_no_other_stem() {
+    fn name_fits_only_its_kind() {
         for kind in TEST {
             let name = match kind.each {
                 Each::Test => kind.name().to_owned(),
@@ -515,7 +515,7 @@ mod tests {
     }
 
     #[test]
-    fn head_and_timing_stand_at_the_ends_of_the_table() {
+    fn head_and_timing_are_at_the_table_ends() {
         assert_eq!(TEST[..HEAD.len()], HEAD);
         assert_eq!(TEST[TEST.len() - TIMING.len()..], TIMING);
         assert!(TIMING.iter().all(Kind::is_timing));
@@ -525,7 +525,7 @@ mod tests {
     }
 
     #[test]
-    fn every_state_that_a_row_can_have_is_told_with_the_column() {
+    fn every_row_state_is_in_the_column_text() {
         use crate::catalog::phase::{Phase, STATES};
         let told = STATE.told("");
         let numbers: Vec<&str> = told.split(|c: char| !c.is_ascii_digit()).collect();
@@ -539,7 +539,7 @@ mod tests {
     }
 
     #[test]
-    fn every_limit_of_an_axis_has_its_code_in_the_column_of_trips() {
+    fn every_axis_limit_has_a_trip_code() {
         use crate::catalog::limit::Limit;
         let codes: Vec<&str> = TRIP.meaning.split([',', ';', ':']).map(str::trim).collect();
         for limit in Limit::OF_AXIS {
@@ -549,7 +549,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rotation_has_the_second_unit_where_there_is_one() {
+    fn rotation_has_its_own_unit() {
         assert_eq!((VEL.unit_of(false), VEL.unit_of(true)), ("m/s", "rad/s"));
         assert_eq!((TIME.unit_of(false), TIME.unit_of(true)), ("s", "s"));
     }

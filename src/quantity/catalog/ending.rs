@@ -75,7 +75,7 @@ impl Status {
         all.into_iter().find(|status| status.word() == word)
     }
 
-    /// As the files spell it.
+    /// Spelling in the files.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -90,7 +90,7 @@ impl Status {
 /// Kind of a cause. It decides whether an interrupted test may be resumed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// The test came to its end.
+    /// The test reached its end.
     Completion,
     /// The operator or a signal stopped it.
     Operator,
@@ -121,7 +121,7 @@ macro_rules! causes {
             /// All of them.
             pub const ALL: &'static [Self] = &[$(Self::$name),*];
 
-            /// As the files spell it. The cause `limit` is spelled as the key of the limit in events.
+            /// Spelling in the files. The cause `limit` is spelled as the key of the limit in events.
             #[must_use]
             pub const fn word(self) -> &'static str {
                 match self { $(Self::$name => $word,)* }
@@ -265,8 +265,8 @@ impl Cause {
             .find(|cause| f64::from(cause.code()) == code)
     }
 
-    /// The cause of an event with this word; none for an empty word. A word that no row has is the key of a limit. The word `link` alone does not tell
-    /// why the link failed.
+    /// The cause of an event with this word; none for an empty word. A word that no row has is the key of a limit. The word `link`
+    /// alone does not state why the link failed.
     #[must_use]
     pub fn of_word(word: &str) -> Option<Self> {
         let known = Self::ALL.iter().copied().find(|cause| cause.word() == word);
@@ -325,12 +325,12 @@ mod tests {
         let mut words: Vec<&str> = table.iter().map(|(_, word)| *word).collect();
         words.sort_unstable();
         words.dedup();
-        // The event `link` tells the three apart by its fault.
+        // The fault in the event `link` distinguishes the three.
         assert_eq!(words.len() + 2, table.len());
     }
 
     #[test]
-    fn every_row_leads_from_its_word_to_its_exit_and_sentence() {
+    fn every_word_has_its_exit_and_sentence() {
         for &cause in Cause::ALL {
             assert_eq!(Cause::from_code(cause.code()), Some(cause));
             let found = Cause::of_word(cause.word()).unwrap();

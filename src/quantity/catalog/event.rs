@@ -62,7 +62,7 @@ impl Group {
     }
 }
 
-/// Which programs write an event.
+/// Programs that write an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Writer {
     /// The controller of a test. A server may write it, too, with a text.
@@ -90,7 +90,7 @@ pub struct EventRow {
     pub meaning: &'static str,
     /// Its own fields, for the guide.
     pub fields: &'static str,
-    /// Which programs write it.
+    /// Programs that write it.
     pub writer: Writer,
 }
 
@@ -618,7 +618,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_and_every_row_has_a_text_for_the_guide() {
+    fn event_names_are_unique_with_guide_text() {
         for (place, row) in EVENTS.iter().enumerate() {
             let first = EVENTS.iter().position(|other| other.name == row.name);
             assert_eq!(first, Some(place), "{}", row.name);

@@ -70,7 +70,7 @@ pub enum Scope {
     Test,
 }
 
-/// Which numbers a level of a limit may be.
+/// Allowed numbers for a level of a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A smallest and a largest value.
@@ -81,7 +81,7 @@ pub enum Kind {
     Count,
 }
 
-/// Value that a limit judges. The limits of an axis are judged in this order, then in the order of [`Limit`].
+/// Value that a limit checks. The limits of an axis are checked in this order, then in the order of [`Limit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Judges {
     /// A command, before it leaves.
@@ -90,9 +90,9 @@ pub enum Judges {
     Sensor,
     /// A fresh measurement.
     Measurement,
-    /// An estimate from measurements. A value that is not finite is not known and is not judged.
+    /// An estimate from measurements. A value that is not finite is unknown and is not checked.
     Estimate,
-    /// How the measured displacement follows the target. A value that is not finite is not known and is not judged.
+    /// Tracking of the target by the measured displacement. A value that is not finite is unknown and is not checked.
     Tracking,
     /// A step of the whole test.
     Step,
@@ -100,10 +100,10 @@ pub enum Judges {
     Misses,
 }
 
-/// Who checks a limit of an axis; each one beside those before.
+/// Program that checks a limit of an axis; each one beside those before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CheckedBy {
-    /// The controller. A server judges it as well if its file gives a level.
+    /// The controller. A server checks it as well if its file gives a level.
     Controller,
     /// Every server whose file gives a level.
     Gateway,
@@ -111,7 +111,7 @@ pub enum CheckedBy {
     Server,
 }
 
-/// A number of the test file that says how a limit is judged.
+/// A number of the test file that sets how a limit is checked.
 #[derive(Debug, PartialEq)]
 pub struct Setting {
     /// Key of the test file.
@@ -136,19 +136,19 @@ pub struct Row {
     pub words: &'static str,
     /// SI unit.
     pub unit: &'static str,
-    /// Which numbers its levels are.
+    /// Allowed numbers for its levels.
     pub kind: Kind,
-    /// The value that it judges.
+    /// The value that it checks.
     pub judges: Judges,
     /// Number of earlier values that its value is a difference from.
     pub differs_from: u8,
-    /// Whether a column holds the judged value whatever the limits are.
+    /// Whether a column holds the checked value whatever the limits are.
     pub has_column: bool,
     /// Whether the value needs a measured displacement.
     pub needs_measured_disp: bool,
-    /// Who checks it.
+    /// Program that checks it.
     pub checked_by: CheckedBy,
-    /// The judged value, for the guide.
+    /// The checked value, for the guide.
     pub judged: &'static str,
     /// The default, in words.
     pub default: &'static str,
@@ -604,19 +604,19 @@ impl Limit {
         matches!(self.row().kind, Kind::Range)
     }
 
-    /// Whether it judges a force or its change.
+    /// Whether it checks a force or its change.
     #[must_use]
     pub fn is_of_force(self) -> bool {
         self.unit() == "N"
     }
 
-    /// Whether it judges a difference of commands.
+    /// Whether it checks a difference of commands.
     #[must_use]
     pub const fn is_of_motion(self) -> bool {
         self.is_of_command() && self.row().differs_from > 0
     }
 
-    /// Whether it judges commands, and not measurements.
+    /// Whether it checks commands, and not measurements.
     #[must_use]
     pub const fn is_of_command(self) -> bool {
         matches!(self.row().judges, Judges::Command)
@@ -653,7 +653,7 @@ impl Limit {
         1 << self as u32
     }
 
-    /// The limits of an axis whose judged value has no column in every test.
+    /// The limits of an axis whose checked value has no column in every test.
     #[must_use]
     #[expect(clippy::indexing_slicing, reason = "runs when the program is compiled")]
     pub const fn without_column<const N: usize>() -> [Limit; N] {
@@ -671,7 +671,7 @@ impl Limit {
         limits
     }
 
-    /// The limits that judge one of these, in the order in which they are judged.
+    /// The limits that check one of these, in the order of the checks.
     #[must_use]
     #[expect(clippy::indexing_slicing, reason = "runs when the program is compiled")]
     pub const fn judging<const N: usize>(what: &[Judges]) -> [Limit; N] {
@@ -725,7 +725,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_limit_has_its_row_and_its_own_names() {
+    fn every_limit_has_its_row_and_names() {
         for (place, limit) in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST).enumerate() {
             assert_eq!(limit as usize, place);
             let in_test = limit.place_in_test().map(|place| Limit::OF_TEST[place]);
@@ -751,7 +751,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_at_the_end_of_its_range_is_judged_before_the_measurement() {
+    fn saturated_sensor_is_judged_first() {
         let order: [Limit; 7] = Limit::judging(&[Judges::Sensor, Judges::Measurement]);
         assert_eq!(
             order,

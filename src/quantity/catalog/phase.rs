@@ -38,7 +38,7 @@ pub enum Phase {
     Leaving = 7,
     /// A limit or a fault has ended the test. Latched.
     Tripped = 8,
-    /// The last command stands; every connection is closed.
+    /// The last command remains in force; every connection is closed.
     Safe = 9,
 }
 
@@ -56,7 +56,8 @@ pub enum Stage {
 
 crate::state! { enum Stage { Correct, Predict, SlowDown } }
 
-/// State of the row that ended a test for missed deadlines. Only the clock knows the cause, so the row must say it.
+/// State of the row that ended a test for missed deadlines. Only the clock knows the cause, so the row must contain
+/// it.
 pub const GIVEN_UP: f64 = 14.0;
 /// State of the row in which the operator ended the test while a reply was awaited.
 pub const NOT_AWAITED: f64 = 15.0;
@@ -262,7 +263,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_stands_at_the_place_of_its_code_and_words_differ() {
+    fn phase_order_is_its_code() {
         for (place, state) in STATES.iter().enumerate() {
             assert_eq!(usize::from(state.code), place);
             let same = STATES.iter().filter(|other| other.word == state.word);
@@ -285,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_phase_is_spelled_in_files_as_in_the_table() {
+    fn files_spell_phases_as_the_table_does() {
         for phase in Phase::ALL {
             let word = serde_json::to_value(phase).unwrap();
             assert_eq!(word, phase.word());
@@ -293,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn every_phase_can_trip_and_no_trip_leads_back() {
+    fn every_phase_can_trip_without_return() {
         for phase in Phase::ALL {
             let over = phase == Phase::Safe;
             let latched = phase == Phase::Tripped;

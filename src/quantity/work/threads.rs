@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_item_is_computed_once_on_any_number_of_threads() {
+    fn every_item_is_computed_once() {
         for jobs in [1, 2, 7] {
             let mut found = Vec::new();
             let count = each(
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_error_ends_the_work() {
+    fn first_error_ends_the_work() {
         let compute = |item: u64| if item == 3 { Err(item) } else { Ok(item) };
         let mut taken = 0;
         let end = each(1, 0.., &|| false, &compute, |_| {

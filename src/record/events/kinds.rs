@@ -42,7 +42,7 @@ pub enum Event {
         /// Size of the miss.
         #[serde(default)]
         late_ns: u64,
-        /// Whole ticks by which the grid was moved (0: the next edge stood).
+        /// Whole ticks by which the grid was moved (0: the next edge stayed).
         #[serde(default)]
         stretched: u64,
         /// Counters of the system around the miss, from the writer.
@@ -136,9 +136,9 @@ pub enum Event {
         #[serde(with = "from_one")]
         dof: u32,
     },
-    /// The operator asked for the end of the test.
+    /// The operator requested the end of the test.
     StopRequested,
-    /// The operator asked for a hold.
+    /// The operator requested a hold.
     HoldRequested,
     /// The operator let a held test go on.
     ContinueRequested,
@@ -151,9 +151,9 @@ pub enum Event {
     },
     /// The operator confirmed what the sensors read before anything moves.
     Confirmed,
-    /// Where an axis stands when a test is resumed.
+    /// Position or force of an axis when a test is resumed.
     Stands(Standing),
-    /// An axis of a resumed test does not stand where it was left.
+    /// An axis of a resumed test has moved since it was interrupted.
     Moved(Standing),
     /// The wiring check is about to move a specimen a little and back.
     Probing {
@@ -263,10 +263,10 @@ pub enum Event {
     },
     /// The state of the test after this step, as one number.
     Checkpoint {
-        /// Of its bits.
+        /// Digest of its bits.
         #[serde(with = "hexadecimal")]
         digest: u64,
-        /// SHA-256 of the file that holds the state; none if no file was made of it.
+        /// SHA-256 of the file that holds the state; `None` if no file was written.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sha256: Option<Checksum>,
     },
@@ -296,7 +296,7 @@ pub enum Event {
     LimitWarning(LimitReached),
     /// A value is beyond the `trip` level of a limit, which ends the test.
     LimitTrip(LimitReached),
-    /// An axis bears a force before the test moves it.
+    /// An axis has a force before the test moves it.
     InitialForce {
         /// Specimen.
         #[serde(rename = "specimen", with = "from_one")]
@@ -455,7 +455,7 @@ pub enum Event {
     /// An event whose only field is a sentence.
     #[serde(untagged)]
     Said {
-        /// Which event.
+        /// Kind of remark.
         event: Remark,
         /// The sentence.
         text: String,

@@ -48,7 +48,7 @@ impl LimitReached {
     }
 }
 
-/// Where an axis of a resumed test stands, in its own unit.
+/// Position or force of an axis of a resumed test, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
     /// Specimen.
@@ -57,10 +57,10 @@ pub struct Standing {
     /// Axis.
     #[serde(with = "from_one")]
     pub axis: u32,
-    /// Where it stands.
+    /// The value found.
     #[serde(with = "real")]
     pub found: f64,
-    /// Where it was left.
+    /// The value when the test was interrupted.
     #[serde(with = "real")]
     pub left: f64,
     /// How far off it may be.
@@ -74,7 +74,7 @@ pub struct Standing {
 /// How well the warm-up kept its ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WarmUp {
-    /// Ticks that were judged.
+    /// Ticks that counted.
     pub ticks: u64,
     /// Those that missed their deadline.
     pub missed: u64,

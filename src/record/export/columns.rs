@@ -25,14 +25,14 @@ pub(super) struct Columns {
     choice: Choice,
     rows: u64,
     memory: u64,
-    /// Of which columns the values are held.
+    /// Columns whose values are held.
     held: Range<usize>,
     /// Their values; those that were taken are empty.
     values: Vec<Vec<u8>>,
 }
 
 impl Columns {
-    /// Counts the rows; a run that goes on has more later, and those that were counted are taken.
+    /// Counts the rows. A running test adds rows later; the export takes only those counted.
     pub(crate) fn new(
         run: &Run,
         choice: &Choice,
@@ -41,7 +41,7 @@ impl Columns {
         Self::within(run, choice, sums, MEMORY)
     }
 
-    /// The same with another bound of memory.
+    /// The columns within another bound of memory.
     pub(crate) fn within(
         run: &Run,
         choice: &Choice,
@@ -80,7 +80,7 @@ impl Columns {
         self.rows
     }
 
-    /// A text file of the run folder; empty if there is none or it is not text.
+    /// A text file of the run folder; empty if it does not exist or is not text.
     pub(crate) fn text(&self, name: &str) -> String {
         std::fs::read_to_string(self.run.path().join(name)).unwrap_or_default()
     }
@@ -91,7 +91,7 @@ impl Columns {
         index + 1 >= self.held.end
     }
 
-    /// The values of a column. Each is given once; asked for in order, the log is read least often.
+    /// The values of a column. Each is given once; requests in order read the log least often.
     pub(crate) fn take(&mut self, index: usize) -> Result<Vec<u8>, ExportError> {
         if !self.held.contains(&index) {
             self.read(index)?;
@@ -144,7 +144,7 @@ impl Columns {
     }
 }
 
-/// Some rows, turned: the values of a column stand together, little-endian.
+/// Some rows, transposed: the values of a column lie together, little-endian.
 struct Block {
     sources: Vec<Source>,
     bytes: Vec<u8>,
@@ -153,7 +153,7 @@ struct Block {
 }
 
 impl Block {
-    /// Of about so many bytes, but at least 16 rows deep and not deeper than `rows`.
+    /// A block of about `size` bytes, but at least 16 rows deep and not deeper than `rows`.
     fn new(columns: &[Exposed], size: usize, rows: u64) -> Self {
         let sources: Vec<Source> = columns.iter().map(|c| c.source.clone()).collect();
         let fitting = (size / (8 * sources.len().max(1))).max(16);

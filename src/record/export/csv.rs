@@ -1,8 +1,8 @@
 //! The response history as CSV: a header, a comment line with the units, then one line per row.
 //!
-//! 17 significant digits, so that every double reads back to the same bits; what does not exist is empty. The units stand behind
-//! the header as `# units: time s,x1 m,…`: a reader that skips one line and then comments finds numbers, and one that takes names from
-//! the first line finds them. [`Extra::units_line`] leaves the line out.
+//! 17 significant digits, so that every double reads back to the same bits; a missing value is empty. The units follow the header
+//! as `# units: time s,x1 m,…`. A reader that skips one line and then comments finds numbers, and one that takes names from the
+//! first line finds them. [`Extra::units_line`] leaves the line out.
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -52,7 +52,7 @@ pub(super) fn write(
     })
 }
 
-/// Which column of the row goes where.
+/// Header of a CSV and the sources of its columns.
 pub(super) struct Sheet {
     header: String,
     /// One per column of the CSV.

@@ -96,12 +96,12 @@ fn groups(columns: &Columns) -> FileBuilder {
     file
 }
 
-/// Of any length, UTF-8: what Python gives as `str`, and what may be longer than the 64 KiB of an attribute itself.
+/// A string of any length in UTF-8: Python gives it as `str`, and it may exceed the 64 KiB of an attribute itself.
 fn text(text: &str) -> AttrValue {
     AttrValue::VarLenString(text.to_owned())
 }
 
-/// What the system said, or else the library.
+/// Error of the operating system, or else of the library.
 pub(super) fn system(error: Error) -> io::Error {
     match error {
         Error::Io(error) => error,

@@ -2,7 +2,7 @@
 //!
 //! One column vector per column, doubles but for `sequence` (int64); beside them the structs `units` and `meanings` with
 //! a field per column, and `summary`, the text of summary.json (`jsondecode(summary)`). Not compressed. Written by
-//! `hdf5-pure`, which lays the file out first and then asks for the columns, one after another. Octave reads the same
+//! `hdf5-pure`, which lays the file out first and then requests the columns, one after another. Octave reads the same
 //! numbers and gives texts as their codes: `char(summary)`. SciPy's `loadmat` stops at version 7; Python has `h5py`.
 
 use std::path::Path;
@@ -38,9 +38,9 @@ pub(super) fn export(
     let summary = columns.text("summary.json");
     let names = columns.plan().names(&TEXTS);
     let described: Vec<_> = columns.plan().columns().to_vec();
-    // Beyond what an address reaches no column could be held either, which is said where it is read.
+    // A column beyond the address range does not fit into memory either; reading it reports that.
     let rows = usize::try_from(columns.rows()).unwrap_or(usize::MAX);
-    let desk = Arc::new(Mutex::new(Desk {
+    let feed = Arc::new(Mutex::new(ColumnFeed {
         columns,
         values: Vec::new(),
         trouble: None,
@@ -52,7 +52,7 @@ pub(super) fn export(
     for (index, (name, exposed)) in names.iter().zip(&described).enumerate() {
         let of = Box::new(OfColumn {
             index,
-            desk: Arc::clone(&desk),
+            feed: Arc::clone(&feed),
         });
         match exposed.source {
             Source::Sequence => file.write_blocks::<i64>(name, &[rows, 1], of),
@@ -82,48 +82,48 @@ pub(super) fn export(
 
     let mut to = AtomicFile::create(out).map_err(failed)?;
     if let Err(error) = file.finish_to(&mut to) {
-        let trouble = lock(&desk).trouble.take();
+        let trouble = lock(&feed).trouble.take();
         return Err(trouble.unwrap_or_else(|| refused(error)));
     }
     to.commit().map_err(failed)?;
     Ok(exported)
 }
 
-/// Where the columns are asked for while the file is written.
-struct Desk {
+/// Source of the columns while the file is written.
+struct ColumnFeed {
     columns: Columns,
-    /// Of the column that is being written.
+    /// Values of the column that is being written.
     values: Vec<u8>,
-    /// Why there is none.
+    /// Why they are missing.
     trouble: Option<ExportError>,
 }
 
 struct OfColumn {
     index: usize,
-    desk: Arc<Mutex<Desk>>,
+    feed: Arc<Mutex<ColumnFeed>>,
 }
 
-/// One thread writes: nobody waits here, and nobody has left the desk in disorder.
-fn lock(desk: &Mutex<Desk>) -> MutexGuard<'_, Desk> {
-    desk.lock().unwrap_or_else(PoisonError::into_inner)
+/// One thread writes: the lock never waits, and a poisoned lock does no harm.
+fn lock(feed: &Mutex<ColumnFeed>) -> MutexGuard<'_, ColumnFeed> {
+    feed.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl DataProducer for OfColumn {
     fn block_bytes(&self, block: Block, out: &mut Vec<u8>) -> Result<(), MatError> {
-        let mut desk = lock(&self.desk);
+        let mut feed = lock(&self.feed);
         if block.index == 0 {
-            desk.values = Vec::new();
-            match desk.columns.take(self.index) {
-                Ok(values) => desk.values = values,
+            feed.values = Vec::new();
+            match feed.columns.take(self.index) {
+                Ok(values) => feed.values = values,
                 Err(trouble) => {
-                    desk.trouble = Some(trouble);
+                    feed.trouble = Some(trouble);
                     return Err(MatError::Custom("no samples".to_owned()));
                 }
             }
         }
         let from = usize::try_from(8 * block.first_element).unwrap_or(usize::MAX);
-        let values = desk.values.get(from..).unwrap_or_default();
-        // Fewer than were asked for are refused by the library.
+        let values = feed.values.get(from..).unwrap_or_default();
+        // The library refuses fewer values than it requested.
         out.extend_from_slice(values.get(..block.len()).unwrap_or(values));
         Ok(())
     }

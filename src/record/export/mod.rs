@@ -7,11 +7,10 @@
 //! | [`Format::Trace`] | all ticks | those of the timing | what the loop did when |
 //! | [`Format::DesignSafe`] | the same, and a copy of the log | those of a CSV, and all | a folder in the shape of a hybrid-simulation project |
 //!
-//! `plan` chooses the rows and columns; each format is one small writer. An export appears
-//! whole or not at all, takes of an unfinished or damaged run what is sound, and memory that does not grow with the run
-//! (but for one column of it, where a format has columns). The last two of the second line are written by a library and need the
-//! feature `hdf5`. What a reader should know beside it comes back as [`Notice`]s for the caller to say. The log
-//! itself is never touched.
+//! `plan` chooses the rows and columns; each format is one small writer. An export appears whole or not at all. From an
+//! unfinished or damaged run it takes the sound part. Its memory does not grow with the run (but for one column of it, where a
+//! format has columns). A library writes the last two formats of the second line; they need the feature `hdf5`. [`Notice`]s hold
+//! what the caller should report beside it. The log itself is never touched.
 
 mod columns;
 mod csv;
@@ -72,7 +71,7 @@ impl Default for Extra {
     }
 }
 
-/// Why there is no export.
+/// Reason why an export failed.
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// The samples have no such column.
@@ -104,13 +103,13 @@ pub enum ExportError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// There is something where the folder is to be.
     #[error("{} exists already", .0.display())]
     Occupied(PathBuf),
-    /// The window of time is none.
+    /// The window of time is empty.
     #[error(
         "the window from {from} s to {to} s is empty: the second time must not be below the first"
     )]
@@ -163,7 +162,7 @@ impl ExportError {
     }
 }
 
-/// What a reader of the export should know.
+/// Notice for a reader of the export.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
     /// Number of events that the trace lacks, because there are too many of their kind.
@@ -172,7 +171,7 @@ pub enum Notice {
     Unfinished,
     /// The run has a summary that cannot be read.
     SummaryDamaged,
-    /// So many rows never reached the file.
+    /// This number of rows never reached the file.
     RowsLost(u64),
     /// The samples end in the middle of a row or in damage.
     Ended(End),
@@ -185,7 +184,7 @@ pub enum Notice {
 }
 
 impl Notice {
-    /// What is to be said of a run without a summary; none if it has one.
+    /// The notice about a missing summary; `None` if the run has one.
     #[must_use]
     pub fn without_summary(run: &Run) -> Option<Self> {
         let missing = match run.summary_fault() {
@@ -225,12 +224,12 @@ impl std::fmt::Display for Notice {
     }
 }
 
-/// What an export came to.
+/// Outcome of an export.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exported {
     /// Rows written, the header not counted.
     pub rows: u64,
-    /// What a reader should know.
+    /// Notices for a reader.
     pub notices: Vec<Notice>,
 }
 
@@ -262,7 +261,7 @@ impl Exported {
         }
     }
 
-    /// The same of a table.
+    /// Adds the notices about a table.
     fn of_table(mut self, plan: &Plan) -> Self {
         if self.rows == 0 {
             self.notices.push(Notice::Empty);
@@ -279,7 +278,7 @@ impl Exported {
 /// ticks of the window, whatever rows are chosen.
 ///
 /// # Errors
-/// [`ExportError`]; `out` is then as it was.
+/// [`ExportError`]; `out` is then unchanged.
 pub fn export(
     run: &Run,
     format: Format,

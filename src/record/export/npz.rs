@@ -77,7 +77,7 @@ fn entry(
     archive.write_all(values)
 }
 
-/// What stands before the values of an array.
+/// Header before the values of an array.
 fn header(kind: &str, shape: &str) -> Vec<u8> {
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
     // Magic, version and length are ten bytes, the line feed one; all together a multiple of 64.

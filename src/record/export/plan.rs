@@ -1,4 +1,4 @@
-//! Which rows and which columns an export has, whatever its format.
+//! Rows and columns of an export, whatever its format.
 //!
 //! Rows: from t = 0 the last tick of each step, or every tick. Columns, found by name in `samples.json`:
 //!
@@ -7,7 +7,7 @@
 //! 3. for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`;
 //! 4. `status_s` of each specimen where it was recorded: it marks the rows whose measurement is of another tick;
 //! 5. the motion of the `ground` of a structure;
-//! 6. the sums of recorded columns that were asked for.
+//! 6. the requested sums of recorded columns.
 //!
 //! A format that holds numbers in binary adds all other columns of the log, and the sequence numbers of the rows.
 
@@ -21,7 +21,7 @@ use crate::layout::{COMMITS, Layout};
 use gusset_quantity::catalog::column::{self, Kind};
 use gusset_quantity::catalog::phase::Phase;
 
-/// Which rows are exported.
+/// Rows of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rows {
     /// From t = 0 the last tick of each step.
@@ -30,10 +30,10 @@ pub enum Rows {
     Tick,
 }
 
-/// Which part of a run is exported.
+/// Part of a run to export.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
-    /// Which rows.
+    /// The rows.
     pub rows: Rows,
     /// Only from this test time on, s.
     pub from: Option<f64>,
@@ -62,7 +62,7 @@ impl Choice {
         }
     }
 
-    /// Whether a part was asked for.
+    /// Whether only a part was requested.
     pub(super) const fn is_part(&self) -> bool {
         self.from.is_some() || self.to.is_some()
     }
@@ -81,7 +81,7 @@ impl Choice {
     }
 }
 
-/// What a time in s that is made of a count of ticks may be off by.
+/// Roundoff of a time in s that was computed from a count of ticks.
 fn roundoff(time: f64) -> f64 {
     1e-12 * time.abs().min(f64::MAX)
 }
@@ -128,14 +128,14 @@ impl Source {
     }
 }
 
-/// A column as it is exported.
+/// A column in the export.
 #[derive(Debug, Clone)]
 pub(super) struct Exposed {
     pub column: Column,
     pub source: Source,
 }
 
-/// What an export takes of a row.
+/// The parts of a row that an export takes.
 #[derive(Debug)]
 pub(super) struct Plan {
     step: usize,
@@ -263,7 +263,7 @@ impl Plan {
         })
     }
 
-    /// The columns of a CSV: time, response, specimens, then those that were asked for.
+    /// The columns of a CSV: time, response, specimens, then the requested sums.
     pub(crate) fn csv_columns(&self) -> &[Exposed] {
         self.columns.get(..self.csv).unwrap_or_default()
     }

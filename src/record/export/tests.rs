@@ -1,4 +1,4 @@
-//! What the CSV is, row by row.
+//! Tests of the CSV, row by row.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -55,7 +55,7 @@ fn exported(rows: &[Vec<f64>], which: Rows) -> (String, Exported) {
 }
 
 #[test]
-fn the_header_and_the_first_line_are_these() {
+fn header_and_first_line_are_as_documented() {
     let (text, _) = exported(&[row(0.0, 0.0, 0.0, -0.1)], Rows::Step);
     assert_eq!(
         text,
@@ -67,7 +67,7 @@ fn the_header_and_the_first_line_are_these() {
 }
 
 #[test]
-fn per_step_it_is_the_last_tick_of_each_step_from_t_0_and_per_tick_all() {
+fn step_rows_are_the_last_ticks_of_steps() {
     let rows = [
         row(-1.0, 0.0, -0.75, 8.0),
         row(0.0, 0.0, -0.5, 9.0),
@@ -92,7 +92,7 @@ fn per_step_it_is_the_last_tick_of_each_step_from_t_0_and_per_tick_all() {
 }
 
 #[test]
-fn a_trip_is_of_a_step_where_one_was_made_before_it_and_of_none_on_the_way_in() {
+fn trip_belongs_to_a_step_if_one_was_made() {
     let at = |step: f64, state: f64| {
         let mut row = row(step, 0.0, step, 1.0);
         row[2] = state;
@@ -104,7 +104,7 @@ fn a_trip_is_of_a_step_where_one_was_made_before_it_and_of_none_on_the_way_in() 
 }
 
 #[test]
-fn a_column_that_was_not_recorded_stays_empty_in_its_place() {
+fn unrecorded_column_stays_empty() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
     let names = [
@@ -131,7 +131,7 @@ fn a_column_that_was_not_recorded_stays_empty_in_its_place() {
 }
 
 #[test]
-fn ground_and_sums_follow_what_was_recorded_with_a_line_of_units() {
+fn ground_and_sums_are_exported_with_units() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
     let names = ["step", "time", "ground", "x1", "v1", "a1", "x2", "v2", "a2"];
@@ -183,7 +183,7 @@ fn ground_and_sums_follow_what_was_recorded_with_a_line_of_units() {
 }
 
 #[test]
-fn what_is_wrong_with_a_run_is_said_and_what_is_right_is_exported() {
+fn faulty_run_exports_its_sound_part() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
     let (a, b) = (row(0.0, 0.0, 0.0, 1.0), row(1.0, 0.0, 0.1, 2.0));
@@ -214,7 +214,7 @@ fn what_is_wrong_with_a_run_is_said_and_what_is_right_is_exported() {
 }
 
 #[test]
-fn an_export_that_fails_leaves_what_was_there() {
+fn failed_export_changes_nothing() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
     recorded(&path, &["x1"], &[&[1.0]]);
@@ -252,7 +252,7 @@ fn an_export_that_fails_leaves_what_was_there() {
 
 /// 477 · 0.005 is 2.3850000000000002.
 #[test]
-fn the_row_of_the_time_that_is_asked_for_belongs_to_the_part() {
+fn boundary_row_belongs_to_the_window() {
     let part = |from, to| Choice {
         rows: Rows::Step,
         from,
@@ -276,7 +276,7 @@ fn the_row_of_the_time_that_is_asked_for_belongs_to_the_part() {
 
 /// 40,000 rows of 15 columns and the sequence: four blocks, and with 700,000 bytes of memory two columns at a time.
 #[test]
-fn columns_are_those_of_the_rows_however_few_fit_into_memory() {
+fn columns_do_not_depend_on_memory() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
     let rows: Vec<Vec<f64>> = (0..40_000)
@@ -314,7 +314,7 @@ fn columns_are_those_of_the_rows_however_few_fit_into_memory() {
 
 #[cfg(not(feature = "hdf5"))]
 #[test]
-fn without_the_feature_it_is_named_and_nothing_is_written() {
+fn missing_feature_is_named() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
     recorded(&path, &NAMES, &[]);
@@ -335,7 +335,7 @@ fn without_the_feature_it_is_named_and_nothing_is_written() {
 }
 
 #[test]
-fn a_line_is_made_without_allocation() {
+fn line_is_made_without_allocation() {
     let plan = Plan::new(&crate::layout::tests::named(&NAMES), &[]).unwrap();
     let values = row(1.0, 0.0, -1.2345678901234567e-300, f64::MAX);
     let sheet = Sheet::of(plan.csv_columns());

@@ -1,8 +1,8 @@
-//! Asks the operating system for real-time conditions, one by one, and says what came of each.
+//! Asks the operating system for real-time conditions, one by one, and reports the outcome of each.
 //!
-//! Order: affinity → signals → policy → timers → processors awake → memory → stack. Memory is locked after the
-//! thread sits on its processor, and the stack is touched last, so that its pages are locked where they are used.
-//! Everything the kernel is asked goes through [`System`], so that refusals can be tested without being refused.
+//! Order: affinity → signals → policy → timers → processors awake → memory → stack. Memory is locked after the thread
+//! sits on its processor, and the stack is touched last, so that its pages are locked where they are used. Every
+//! request to the kernel goes through [`System`], so that tests can simulate refusals.
 
 use std::fs::File;
 use std::num::NonZeroU64;
@@ -19,7 +19,7 @@ const PREFAULT_STACK_KB: u32 = 256;
 pub trait System {
     /// Processors the process may use, in rising order.
     fn cpus(&self) -> Vec<usize>;
-    /// What the process may do without further asking.
+    /// Privileges that the process has without further requests.
     fn privileges(&self) -> Privileges;
     /// The budget of real-time threads; none if unknown.
     fn throttle(&self) -> Option<Throttle>;
@@ -271,7 +271,7 @@ fn awake_advice() -> String {
 mod tests {
     use super::*;
 
-    /// A kernel that grants or refuses as told and writes down what it was asked.
+    /// A simulated kernel: it grants or refuses as configured and records the requests.
     struct Told {
         privileges: Privileges,
         refusal: Option<Errno>,
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_granted_is_complete_and_asked_for_in_order() {
+    fn grants_are_complete_and_in_order() {
         let mut system = Told::new(None, true, None, None);
         let granted = apply_to(&plan(), &mut system);
         assert_eq!(
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unprivileged_user_is_told_what_is_missing_and_what_to_do() {
+    fn unprivileged_user_gets_advice() {
         let mut system = Told::new(Some(Errno::PERM), false, Some(0), Some(8 << 20));
         let granted = apply_to(&plan(), &mut system);
         assert!(!granted.complete && !granted.must_refuse());
@@ -403,7 +403,7 @@ mod tests {
                 .unwrap()
                 .contains("memlock unlimited")
         );
-        // Locking under a limit would end the process later: it must not even be tried.
+        // Locking under a limit would end the process later: no request may be made.
         assert!(!system.asked.contains(&"memory"));
         let awake = of(&granted, Want::CpuAwake);
         assert!(awake.advice.as_deref().unwrap().contains("udev"));
@@ -428,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_below_the_priority_is_named() {
+    fn limit_below_the_priority_is_named() {
         let mut system = Told::new(Some(Errno::PERM), false, Some(40), None);
         let granted = apply_to(&plan(), &mut system);
         assert!(
@@ -441,7 +441,7 @@ mod tests {
     }
 
     #[test]
-    fn a_privileged_process_that_is_refused_is_sent_to_its_control_group() {
+    fn privileged_refusal_blames_control_group() {
         let mut system = Told::new(Some(Errno::PERM), true, None, None);
         let granted = apply_to(&plan(), &mut system);
         assert!(
@@ -454,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_wanted_is_not_asked_for() {
+    fn unwanted_features_are_not_requested() {
         let modest = RtPlan {
             fifo_priority: None,
             lock_memory: false,
@@ -468,7 +468,7 @@ mod tests {
     }
 
     #[test]
-    fn the_report_serialises_with_its_reasons() {
+    fn report_serialises_with_its_reasons() {
         let mut system = Told::new(Some(Errno::PERM), false, Some(0), Some(0));
         let json = serde_json::to_value(apply_to(&plan(), &mut system)).unwrap();
         assert_eq!(json["complete"], false);
@@ -479,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn the_running_kernel_answers_every_question() {
+    fn running_kernel_answers_every_question() {
         // Without the memory lock: it would hold for the whole test process.
         let modest = RtPlan {
             lock_memory: false,
@@ -500,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn a_helper_keeps_off_the_loops_processor() {
+    fn helper_keeps_off_the_loop_processor() {
         let cpus = os::process_cpus();
         let own = *cpus.last().unwrap();
         let outcome = std::thread::spawn(move || pin_away(own).map(|_| os::allowed_cpus()))

@@ -1,14 +1,14 @@
 //! The real clock: sleeps until shortly before the edge, then spins on the clock to the edge.
 //!
-//! Invariant: [`Clock::sleep_until`] never returns early, and time has one source, CLOCK_MONOTONIC, the same that
-//! the sleep uses. A sleeping thread wakes 15 to 50 µs late; a spinning one sees the edge within 0.1 µs. How long it
-//! may spin is not judged here: see [`super::throttle`].
+//! Invariant: [`Clock::sleep_until`] never returns early, and time has one source, CLOCK_MONOTONIC, which the sleep
+//! also uses. A sleeping thread wakes 15 to 50 µs late; a spinning one sees the edge within 0.1 µs.
+//! [`super::throttle`] limits the spin.
 
 use gusset_quantity::time::{Clock, Nanos};
 
 use super::os;
 
-/// Spin before an edge unless told otherwise: covers the usual wake-up latency of a sleeping thread.
+/// Default spin before an edge: covers the usual wake-up latency of a sleeping thread.
 pub const USUAL_SPIN_NS: u64 = 60_000;
 
 /// CLOCK_MONOTONIC as a [`Clock`].
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_has_passed_returns_and_the_clock_never_runs_backwards() {
+    fn past_time_returns_and_clock_never_falls() {
         let clock = MonotonicClock::default();
         let before = clock.now();
         clock.sleep_until(Nanos(0));

@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_socket_file_is_never_open_to_other_users() {
+    fn socket_file_is_closed_to_other_users() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("control.sock");
         let is_over = AtomicBool::new(false);
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_connection_of_another_user_is_closed_unread() {
+    fn connection_of_another_user_is_closed() {
         if !geteuid().is_root() {
             // Only root can start a process of another user.
             return;
@@ -179,7 +179,7 @@ mod tests {
         let address = SocketAddrUnix::new(&path).unwrap();
         let other = std::thread::spawn(move || {
             let nobody = Uid::from_raw(65534);
-            // Of this thread only, which ends after the call.
+            // Only for this thread, which ends after the call.
             rustix::thread::set_thread_res_uid(nobody, nobody, nobody).unwrap();
             let other = new_socket(SocketFlags::CLOEXEC).unwrap();
             rustix::net::connect(&other, &address).unwrap();
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_is_taken_is_left_alone() {
+    fn existing_file_is_left_alone() {
         let folder = tempfile::tempdir().unwrap();
         let _first = ControlSocket::bind(folder.path(), "control.sock").unwrap();
         let taken = ControlSocket::bind(folder.path(), "control.sock").unwrap_err();

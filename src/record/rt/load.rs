@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_load_keeps_off_the_loops_processor_and_ends_when_told() {
+    fn load_avoids_the_loop_processor_and_ends() {
         let own = os::process_cpus().last().copied().unwrap();
         let load = Load::start(own, 1 << 20).unwrap();
         assert!(!load.cpus().contains(&own));
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn dropping_ends_it_too() {
+    fn dropping_ends_the_load() {
         let load = Load::start(0, 0).unwrap();
         let streamed = Arc::clone(&load.streamed);
         drop(load);

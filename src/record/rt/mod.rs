@@ -1,11 +1,11 @@
-//! What is asked of the operating system, what it gave, the real clock, and the timing of the loop.
+//! Requests to the operating system and its answers, the real clock, and the timing of the loop.
 //!
 //! A run asks for real-time conditions with an [`RtPlan`]; [`apply`](apply::apply) asks for them one by one on the
-//! calling thread and answers with a [`Granted`], which says of each whether it was granted and, if not, why and
-//! what to do about it. Refusal is not an error here: the program runs on and says what is missing, or, when
+//! calling thread and answers with a [`Granted`]. It states for each whether it was granted and, if not, why and what
+//! to do about it. Refusal is not an error here: the program continues and reports what is missing, or, when
 //! real-time conditions are required, the caller refuses to start ([`Granted::must_refuse`]).
 //!
-//! Deliberately absent: deadlines and their policy (the loop's business), and any text on a terminal.
+//! Deliberately absent: deadlines and their policy, which belong to the loop, and any text on a terminal.
 //!
 //! | file | holds |
 //! |---|---|
@@ -44,7 +44,7 @@ pub use apply::{apply, pin_away};
 pub use clock::MonotonicClock;
 pub use throttle::Spin;
 
-/// What a run asks of the operating system for its loop's thread.
+/// Requests of a run to the operating system for its loop's thread.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RtPlan {
     /// Priority under SCHED_FIFO, 1 to 98; none for normal scheduling.
@@ -59,15 +59,15 @@ pub struct RtPlan {
     pub spin_ns: u64,
     /// Length of a tick in nanoseconds: bounds the spin.
     pub period_ns: u64,
-    /// Refuse to start when anything asked for is refused.
+    /// Refuse to start when the system refuses any request.
     pub require: bool,
 }
 
-/// One thing that is asked for.
+/// One request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Want {
-    /// The loop has a processor of its own choice.
+    /// The loop's thread runs on a processor of the loop's choice.
     Affinity,
     /// SCHED_FIFO.
     Policy,
@@ -83,12 +83,12 @@ pub enum Want {
     Signals,
 }
 
-/// Answer to one thing that was asked for.
+/// Answer to one request.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Feature {
-    /// What it is.
+    /// Kind of request.
     pub want: Want,
-    /// What was asked for, in words.
+    /// The request in words.
     pub asked: String,
     /// True if it was granted.
     pub granted: bool,
@@ -100,16 +100,16 @@ pub struct Feature {
     pub advice: Option<String>,
 }
 
-/// What the operating system gave. Holds the processors awake for as long as it, or a clone of it, lives.
+/// The operating system's answers. Holds the processors awake for as long as it, or a clone of it, lives.
 #[derive(Debug, Clone, Serialize)]
 pub struct Granted {
-    /// True if nothing that was asked for was refused.
+    /// True if no request was refused.
     pub complete: bool,
     /// True if the run must not start without all of it.
     pub required: bool,
     /// The loop's processor; none if it is not bound to one.
     pub cpu: Option<usize>,
-    /// Each thing that was asked for, in the order of asking.
+    /// The answer to each request, in order.
     pub features: Vec<Feature>,
     /// The spin before each edge and the kernel's budget.
     pub spin: Spin,
@@ -118,7 +118,7 @@ pub struct Granted {
 }
 
 impl Granted {
-    /// What was asked for and refused.
+    /// Requests that were refused.
     pub fn missing(&self) -> impl Iterator<Item = &Feature> {
         self.features.iter().filter(|feature| !feature.granted)
     }
@@ -129,7 +129,7 @@ impl Granted {
         self.required && !self.complete
     }
 
-    /// True if `want` was asked for and granted.
+    /// True if `want` was requested and granted.
     #[must_use]
     pub(crate) fn has(&self, want: Want) -> bool {
         self.features.iter().any(|f| f.want == want && f.granted)

@@ -1,8 +1,8 @@
-//! The operating system's door: thin, safe functions over the calls that real-time work needs.
+//! Thin, safe functions over the system calls that real-time work needs.
 //!
-//! Invariant: the only file of the crate with `unsafe`; every function here is safe to call with any
-//! argument and reports a refusal as the error number that the kernel gave. Nothing here decides
-//! anything: what is asked for, in which order, and what a refusal means is [`mod@super::apply`]'s business.
+//! Invariant: the only file of the crate with `unsafe`; every function here is safe to call with any argument and
+//! reports a refusal as the error number that the kernel gave. Nothing here decides anything: [`mod@super::apply`]
+//! chooses the requests and their order, and interprets a refusal.
 #![expect(
     unsafe_code,
     reason = "scheduling policy and signal masks have no safe wrapper in our dependencies"
@@ -92,7 +92,7 @@ fn listed(set: &CpuSet) -> Vec<usize> {
 ///
 /// # Errors
 /// EINVAL if none of them exists or is allowed.
-pub fn pin_to(cpus: &[usize]) -> Result<(), Errno> {
+pub(crate) fn pin_to(cpus: &[usize]) -> Result<(), Errno> {
     let mut set = CpuSet::new();
     for &cpu in cpus.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU) {
         set.set(cpu);
@@ -117,7 +117,7 @@ pub(crate) fn set_fifo(priority: u8) -> Result<(), Errno> {
 /// The kernel's, in theory; leaving a real-time policy needs no privilege.
 #[cfg(test)]
 pub(crate) fn set_ordinary() -> Result<(), Errno> {
-    // The flag that set_fifo set stays: taking it off is a privilege of its own.
+    // The flag that set_fifo set stays: clearing it needs a separate privilege.
     set_policy(libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, 0)
 }
 
@@ -152,7 +152,7 @@ pub(crate) fn is_fifo() -> bool {
     policy & !i64::from(libc::SCHED_RESET_ON_FORK) == i64::from(libc::SCHED_FIFO)
 }
 
-/// Keeps every signal that is sent to the process away from the calling thread; faults of its own still arrive.
+/// Keeps every signal that is sent to the process away from the calling thread; its own faults still arrive.
 ///
 /// # Errors
 /// The kernel's, in theory.
@@ -171,14 +171,14 @@ pub fn block_signals() -> Result<(), Errno> {
         // SAFETY: `set` is initialised, `fault` is a valid signal number.
         unsafe { libc::sigdelset(&raw mut set, fault) };
     }
-    // SAFETY: `set` is initialised and only read; no old mask is asked for.
+    // SAFETY: `set` is initialised and only read; the null pointer requests no old mask.
     match unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) } {
         0 => Ok(()),
         number => Err(Errno::from_raw_os_error(number)),
     }
 }
 
-/// True if a signal, by its number, is ignored, as whoever started the process may have asked for (nohup(1)).
+/// True if a signal, by its number, is ignored, as the parent process may have requested (nohup(1)).
 #[must_use]
 pub fn is_ignored(signal: libc::c_int) -> bool {
     // SAFETY: sigaction is plain integers and a handler's address, for which all bits zero is a value.
@@ -214,8 +214,8 @@ pub fn ignore_file_size_signal() {
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
 
-/// The terminal stops nobody who holds a specimen: neither Ctrl-Z (SIGTSTP), nor reading (SIGTTIN) or, after `stty tostop`,
-/// writing (SIGTTOU) from the background. SIGSTOP still does.
+/// The terminal stops no process that holds a specimen: neither Ctrl-Z (SIGTSTP), nor reading (SIGTTIN) or, after `stty
+/// tostop`, writing (SIGTTOU) from the background. SIGSTOP still does.
 pub fn ignore_stops_of_the_terminal() {
     for signal in [libc::SIGTSTP, libc::SIGTTIN, libc::SIGTTOU] {
         // SAFETY: SIG_IGN is a valid disposition of these; no handler of ours runs and no memory is passed.
@@ -272,7 +272,7 @@ const PAGE: usize = 4096;
 
 /// Touches the next `kb` kilobytes of the calling thread's stack, so that the loop finds them mapped.
 ///
-/// The caller answers for the stack being that large: beyond its end waits the guard page.
+/// The caller guarantees that the stack is that large: beyond its end lies the guard page.
 pub(crate) fn touch_stack(kb: u32) {
     let _ = touch_pages(kb as usize * 1024 / PAGE);
 }
@@ -313,7 +313,7 @@ pub(crate) fn set_timer_slack(ns: NonZeroU64) -> Result<(), Errno> {
     rustix::thread::set_current_timer_slack(Some(ns))
 }
 
-/// What the process may do without further asking.
+/// Privileges that the process has without further requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Privileges {
     /// CAP_SYS_NICE is effective.
@@ -344,16 +344,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_kernel_refuses_what_does_not_exist_with_its_own_number() {
+    fn kernel_refuses_with_its_own_number() {
         assert_eq!(pin_to(&[CpuSet::MAX_CPU - 1]), Err(Errno::INVAL));
         assert_eq!(pin_to(&[CpuSet::MAX_CPU + 1]), Err(Errno::INVAL));
         let refused = std::thread::spawn(|| set_fifo(100)).join().unwrap();
-        // EINVAL for the number; EPERM where the privilege is looked at first.
+        // EINVAL for the number; EPERM where the kernel checks the privilege first.
         assert!(matches!(refused, Err(Errno::INVAL | Errno::PERM)));
     }
 
     #[test]
-    fn a_thread_pinned_to_one_processor_sees_only_that_one() {
+    fn pinned_thread_sees_one_processor() {
         std::thread::spawn(|| {
             let last = *allowed_cpus().last().unwrap();
             pin_to(&[last]).unwrap();
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blocked_thread_lists_interrupts_as_blocked_and_faults_as_not() {
+    fn blocked_thread_still_gets_faults() {
         std::thread::spawn(|| {
             block_signals().unwrap();
             let status =
@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stack_is_touched_to_the_depth_asked_for() {
+    fn stack_is_touched_to_the_requested_depth() {
         let here = 0u8;
         let top = std::ptr::from_ref(&here).addr();
         // 64 frames of at least a page each; the caller's own frame may lie on either side of `here`.
@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn an_absolute_sleep_ends_at_or_after_its_time() {
+    fn absolute_sleep_ends_at_or_after_its_time() {
         let at = monotonic_ns() + 200_000;
         sleep_until_ns(at);
         assert!(monotonic_ns() >= at);

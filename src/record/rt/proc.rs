@@ -5,7 +5,7 @@
 
 /// Context switches of a thread, from /proc/self/task/N/status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Switches {
+pub(crate) struct Switches {
     /// The thread gave the processor up: it slept or waited.
     pub voluntary: u64,
     /// The processor was taken from it.
@@ -42,7 +42,7 @@ pub(crate) fn waited_ns(schedstat: &[u8]) -> Option<u64> {
     number(words(schedstat).nth(1)?)
 }
 
-/// Steal of one processor from /proc/stat in USER_HZ ticks (10 ms); of all of them if `cpu` is none.
+/// Steal of one processor from /proc/stat in USER_HZ ticks (10 ms); of all of them if `cpu` is `None`.
 #[must_use]
 pub(crate) fn steal_ticks(stat: &[u8], cpu: Option<usize>) -> Option<u64> {
     processor_line(stat, cpu).and_then(|line| number(words(line).nth(8)?))

@@ -1,9 +1,9 @@
 //! Watches the loop's thread from another processor: context switches, page faults, steal.
 //!
 //! The loop itself makes no such call. About a hundred times a second the sampler reads four files of the kernel into
-//! fixed buffers and sends a [`SchedSample`]; whoever receives them joins them to the misses by time. /proc/stat
-//! counts in 10 ms units, so steal is evidence over a window and not proof for one miss. A full queue drops the
-//! sample and counts it; nothing waits.
+//! fixed buffers and sends a [`SchedSample`]; the receiver joins them to the misses by time. /proc/stat counts in 10
+//! ms units, so steal is evidence over a window and not proof for one miss. A full queue drops the sample and counts
+//! it; nothing waits.
 
 use std::fs::File;
 use std::io;
@@ -16,8 +16,8 @@ use crossbeam_channel::Sender;
 
 use super::{apply, os, proc};
 
-/// What the kernel's counters of the loop's thread read at one instant. All counts are since the thread (steal:
-/// the machine) was started.
+/// Readings of the kernel's counters of the loop's thread at one instant. All counts are since the thread (steal: the
+/// machine) was started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SchedSample {
     /// CLOCK_MONOTONIC.
@@ -173,7 +173,7 @@ impl Source {
     }
 }
 
-/// The kernel makes these files anew for every read from their start.
+/// The kernel regenerates these files for every read from their start.
 fn read_into<'a>(file: &File, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let mut filled = 0;
     loop {
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_arrive_in_order_and_their_counts_never_fall() {
+    fn samples_are_ordered_and_counts_rise() {
         let (sender, receiver) = crossbeam_channel::bounded(64);
         let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
         // This thread waits for each of them, so its voluntary switches must grow sooner or later.
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_queue_drops_and_counts() {
+    fn full_queue_drops_and_counts() {
         let (sender, receiver) = crossbeam_channel::bounded(0);
         let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
         while sampler.dropped() == 0 {
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_that_does_not_exist_is_refused_and_one_that_ends_ends_the_sampler() {
+    fn sampler_ends_with_its_thread() {
         let (sender, receiver) = crossbeam_channel::bounded::<SchedSample>(64);
         assert!(Sampler::spawn(i32::MAX, None, sender.clone()).is_err());
         let (done, wait) = crossbeam_channel::bounded::<()>(0);
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_longer_than_the_buffer_is_cut_and_not_waited_for() {
+    fn long_file_is_cut_at_the_buffer() {
         let file = File::open("/proc/stat").unwrap();
         let mut small = [0; 16];
         let text = read_into(&file, &mut small).unwrap();

@@ -13,7 +13,7 @@ const OTHERS: u32 = 0o007;
 /// Why a file of a secret is not read.
 #[derive(Debug, Error)]
 pub enum SecretError {
-    /// The system's word.
+    /// Error of the operating system.
     #[error(transparent)]
     Io(#[from] io::Error),
     /// Other users can read or change it.
@@ -21,7 +21,7 @@ pub enum SecretError {
         "all users of this machine can read or change it (mode {mode:04o}): run `chmod 600 {path}`"
     )]
     Open {
-        /// Which file.
+        /// The file.
         path: String,
         /// Its permissions.
         mode: u32,
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_secret_that_all_users_can_read_or_change_is_refused() {
+    fn secret_open_to_all_users_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("key");
         std::fs::write(&path, "secret").unwrap();

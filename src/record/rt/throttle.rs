@@ -66,10 +66,10 @@ impl Throttle {
     }
 }
 
-/// What became of the spin that was asked for.
+/// The spin in use, beside the one requested.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Spin {
-    /// Asked for, in µs.
+    /// Requested, in µs.
     pub asked_us: f64,
     /// In use, in µs.
     pub used_us: f64,
@@ -120,7 +120,7 @@ impl Spin {
         (self.used_us * 1e3).round() as u64
     }
 
-    /// True if the spin is shorter than asked for.
+    /// True if the spin is shorter than requested.
     #[must_use]
     #[cfg(test)]
     pub(crate) fn is_shortened(&self) -> bool {
@@ -134,7 +134,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_files_are_read_as_the_kernel_writes_them() {
+    fn kernel_files_are_read() {
         assert_eq!(
             Throttle::parse("950000\n", "1000000\n"),
             Some(Throttle::USUAL)
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spin_that_fits_is_left_alone_and_one_that_does_not_is_shortened_and_said() {
+    fn spin_is_shortened_only_if_too_long() {
         let kept = Spin::plan(60_000, 1_000_000, Some(Throttle::USUAL));
         assert_eq!((kept.used_ns(), kept.is_shortened()), (60_000, false));
         assert!(kept.note.contains("95.0 %"), "{}", kept.note);
@@ -156,7 +156,7 @@ mod tests {
         let cut = Spin::plan(60_000, 50_000, Some(Throttle::USUAL));
         assert_eq!((cut.used_ns(), cut.is_shortened()), (32_500, true));
         assert!(cut.note.contains("shortened to 32.5 µs"), "{}", cut.note);
-        // A kernel without a limit has threads of its own, too.
+        // A kernel without a limit has its own threads, too.
         let free = Throttle {
             runtime_us: None,
             ..Throttle::USUAL
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kernel_that_gives_real_time_threads_nothing_gets_no_spin() {
+    fn throttled_kernel_gets_no_spin() {
         let none = Throttle {
             runtime_us: Some(0),
             period_us: 1_000_000,
@@ -175,13 +175,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn spin_and_work_together_stay_inside_the_budget(
+        fn spin_and_work_stay_inside_the_budget(
             asked in 0u64..10_000_000, period in 1u64..1_000_000_000, runtime in 0u64..1_000_000
         ) {
             let throttle = Throttle { runtime_us: Some(runtime), period_us: 1_000_000 };
             let spin = throttle.fit_spin(asked, period);
             prop_assert!(spin <= asked);
-            // Either no spin at all or spin + a quarter of work fits the share.
+            // Either no spin, or spin + a quarter of work fits the share.
             let busy = 1000 * spin + WORK * period;
             prop_assert!(spin == 0 || busy <= throttle.permille() * period);
         }

@@ -24,7 +24,7 @@ impl Wall {
         }))
     }
 
-    /// The same instant for libraries that want the standard type.
+    /// This instant for libraries that want the standard type.
     #[must_use]
     pub fn system_time(self) -> SystemTime {
         UNIX_EPOCH + Duration::from_nanos(self.0)
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_instant_is_the_same_in_the_standard_type() {
+    fn instant_equals_the_standard_type() {
         let now = Wall::now();
         let since = now.system_time().duration_since(UNIX_EPOCH).unwrap();
         assert_eq!(u128::from(now.0), since.as_nanos());

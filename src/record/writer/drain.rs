@@ -93,12 +93,12 @@ impl<S: Store, E: Store> Drain<S, E> {
         (self.sync, self.progress) = (Some(sync), progress);
     }
 
-    /// Gives it who looks at the rows.
+    /// Sets the observer of the rows.
     pub(super) fn watch(&mut self, onlooker: Option<Box<dyn Onlooker>>) {
         self.onlooker = Watched::by(onlooker);
     }
 
-    /// Gives it the way of the states to the disk.
+    /// Sets the thread that writes states to the disk.
     pub(super) fn keep(&mut self, snapshots: Option<Snapshots>) {
         self.snapshots = snapshots;
     }
@@ -113,13 +113,13 @@ impl<S: Store, E: Store> Drain<S, E> {
         event
     }
 
-    /// Takes what waits and passes it on; true if so much was there that the next turn should follow at once.
+    /// Takes what waits and passes it on; true if the ring was so full that the next turn should follow at once.
     pub(super) fn turn(&mut self, now: Moment) -> bool {
         // Counted before the rows: those that were there before an event are then surely taken before it.
         let events = self.ring.events_waiting().min(PER_TURN);
         let waiting = self.ring.waiting();
         self.take_rows(waiting, now);
-        // A note that was sent before an event stands before it: set-up is told of before the loop it leads to.
+        // A note that was sent before an event precedes it: set-up is reported before the loop that it leads to.
         for note in self.notes.try_iter().take(PER_TURN) {
             self.events.note(note, self.position, now);
         }
@@ -135,7 +135,8 @@ impl<S: Store, E: Store> Drain<S, E> {
             }
         }
         let since = now.monotonic_ns.saturating_sub(self.flushed_ns);
-        // No event is in its file before the rows that it stands behind: one without them tells that they are lost.
+        // An event reaches its file only after the rows that precede it. An event without them shows that they are
+        // lost.
         let is_behind = self.events.is_waiting() && self.journal.waiting() > 0;
         if since >= nanos(self.settings.flush_every) || is_behind {
             self.flush_rows(now);
@@ -244,7 +245,7 @@ impl<S: Store, E: Store> Drain<S, E> {
         self.ring.lost().rows() + self.lost_file
     }
 
-    /// Says that rows are lost: at once the first time, then once a second while it goes on, and at the end.
+    /// Reports lost rows: at once the first time, then once a second while the loss continues, and at the end.
     fn shout_losses(&mut self, now: Moment, at_once: bool) {
         let lost = self.rows_lost();
         let due = match self.shouted {
@@ -296,7 +297,7 @@ impl<S: Store, E: Store> Drain<S, E> {
         }
     }
 
-    /// Shows where the run stands to whoever looks, and takes down what they have to say.
+    /// Shows the progress of the run to the observer, and takes its notes.
     fn show(&mut self, now: Moment, look: impl FnOnce(&mut dyn Onlooker, &Progress)) {
         if !self.onlooker.is_watched() {
             return;

@@ -9,7 +9,7 @@ use crate::append::Syncer;
 /// Files that are synced: rows, then events.
 const FILES: usize = 2;
 
-/// A running thread that syncs when asked. A request says whether it is the last.
+/// A running thread that syncs on request. A request states whether it is the last.
 #[derive(Debug)]
 pub(super) struct SyncThread {
     ask: Sender<bool>,

@@ -3,11 +3,12 @@
 use super::drain::CHUNK;
 use super::*;
 use crate::append::tests::SmallDisk;
+use crate::checkpoint::STATE_FILES;
 use crate::journal::{End, Journal};
 use crate::layout::stride;
 use crate::{
-    Checkpoint, Checksum, Event, MissCause, Recorder, RingRecorder, RingSize, STATE_FILES,
-    TimedEvent, WhenFull, ring,
+    Checkpoint, Checksum, Event, MissCause, Recorder, RingRecorder, RingSize, TimedEvent, WhenFull,
+    ring,
 };
 use gusset_quantity::state::TestState;
 use serde_json::{Map, Value};
@@ -72,7 +73,7 @@ fn lines(disk: &SmallDisk) -> Vec<Value> {
 }
 
 #[test]
-fn rows_reach_the_file_within_the_flush_time_and_no_later() {
+fn rows_are_flushed_within_the_flush_time() {
     let (mut recorder, reader) = small(64);
     let disk = SmallDisk::with_room(1 << 20);
     let (mut drain, _notes) = drain(reader, disk.clone(), Vec::new(), WriterSettings::default());
@@ -85,7 +86,7 @@ fn rows_reach_the_file_within_the_flush_time_and_no_later() {
 }
 
 #[test]
-fn what_was_pushed_before_a_kill_is_readable_after_it_up_to_the_last_flush() {
+fn flushed_rows_survive_a_kill() {
     // A kill takes the drain's memory and leaves the file: look at the file without finishing.
     let (mut recorder, reader) = small(64);
     let disk = SmallDisk::with_room(1 << 20);
@@ -101,7 +102,7 @@ fn what_was_pushed_before_a_kill_is_readable_after_it_up_to_the_last_flush() {
 }
 
 #[test]
-fn an_event_or_a_note_is_in_its_file_no_earlier_than_the_rows_before_it() {
+fn event_follows_its_rows_into_the_file() {
     let (mut recorder, reader) = small(64);
     let (samples, events) = (SmallDisk::with_room(1 << 20), SmallDisk::with_room(1 << 20));
     let (mut drain, notes) = drain(
@@ -128,7 +129,7 @@ fn an_event_or_a_note_is_in_its_file_no_earlier_than_the_rows_before_it() {
 }
 
 #[test]
-fn rows_lost_to_a_full_ring_are_counted_shouted_and_show_as_a_gap() {
+fn ring_losses_are_counted_and_reported() {
     let (mut recorder, reader) = small(4);
     let (samples, events) = (SmallDisk::with_room(1 << 20), SmallDisk::with_room(1 << 20));
     let (mut drain, _notes) = drain(
@@ -164,7 +165,7 @@ fn rows_lost_to_a_full_ring_are_counted_shouted_and_show_as_a_gap() {
 }
 
 #[test]
-fn a_disk_that_fills_costs_only_the_rows_beyond_the_bound_and_is_shouted() {
+fn full_disk_loses_only_rows_past_the_bound() {
     let (mut recorder, reader) = small(100_000);
     let size = stride(2);
     let bound = 2 * CHUNK;
@@ -224,7 +225,7 @@ fn a_disk_that_fills_costs_only_the_rows_beyond_the_bound_and_is_shouted() {
 }
 
 #[test]
-fn a_disk_that_stays_full_loses_what_waits_and_says_so_at_the_end() {
+fn lasting_full_disk_is_reported_at_the_end() {
     let (mut recorder, reader) = small(64);
     let (samples, events) = (
         SmallDisk::with_room(stride(2) * 2 + 1),
@@ -256,7 +257,7 @@ fn a_disk_that_stays_full_loses_what_waits_and_says_so_at_the_end() {
 }
 
 #[test]
-fn progress_shows_the_latest_row_and_the_counts() {
+fn progress_shows_the_latest_row() {
     let (mut recorder, reader) = small(64);
     let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), WriterSettings::default());
     push(&mut recorder, 0..5);
@@ -282,7 +283,7 @@ fn progress_shows_the_latest_row_and_the_counts() {
 }
 
 #[test]
-fn syncs_are_asked_for_at_most_once_per_period_and_only_if_something_was_written() {
+fn syncs_happen_once_per_period_if_needed() {
     let (mut recorder, reader) = small(64);
     let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), WriterSettings::default());
     let mut asked = Vec::new();
@@ -311,7 +312,7 @@ const TICKING: Clocks = Clocks {
 };
 
 #[test]
-fn what_the_writer_notes_stands_at_the_step_of_the_row_before_it_and_not_at_its_number() {
+fn notes_have_the_step_of_the_row_before() {
     let (mut recorder, reader) = small(8);
     let events = SmallDisk::with_room(1 << 20);
     let settings = WriterSettings {
@@ -335,7 +336,7 @@ fn what_the_writer_notes_stands_at_the_step_of_the_row_before_it_and_not_at_its_
 }
 
 #[test]
-fn end_to_end_every_row_and_event_is_in_the_files_after_finish() {
+fn every_row_and_event_is_in_the_files() {
     let folder = tempfile::tempdir().unwrap();
     let open = |name: &str| {
         let mut options = std::fs::OpenOptions::new();
@@ -403,7 +404,7 @@ fn end_to_end_every_row_and_event_is_in_the_files_after_finish() {
 }
 
 #[test]
-fn a_writer_that_is_dropped_finishes_its_files() {
+fn dropped_writer_finishes_its_files() {
     let (mut recorder, reader) = small(64);
     let disk = SmallDisk::with_room(1 << 20);
     let settings = WriterSettings::default();
@@ -414,7 +415,7 @@ fn a_writer_that_is_dropped_finishes_its_files() {
 }
 
 #[test]
-fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_same_turn() {
+fn set_up_note_precedes_events_of_its_turn() {
     let (mut recorder, reader) = small(8);
     let events = SmallDisk::with_room(1 << 20);
     let (mut drain, notes) = drain(
@@ -437,7 +438,7 @@ fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_s
     assert_eq!(kinds, ["connected", "ended"]);
 }
 
-/// Keeps what it is shown; panics at one row if it is told to.
+/// Keeps the rows it is shown; panics at one row if requested.
 struct Keeper {
     seen: Arc<Mutex<Vec<u64>>>,
     panics_at: Option<u64>,
@@ -464,7 +465,7 @@ impl crate::Onlooker for Keeper {
 }
 
 #[test]
-fn an_onlooker_sees_every_row_and_one_that_panics_is_sent_away_without_a_loss() {
+fn panicking_observer_costs_no_rows() {
     for panics_at in [None, Some(17)] {
         let (mut recorder, reader) = small(64);
         let (samples, events) = (SmallDisk::with_room(1 << 20), SmallDisk::with_room(1 << 20));
@@ -503,7 +504,7 @@ fn an_onlooker_sees_every_row_and_one_that_panics_is_sent_away_without_a_loss() 
 }
 
 #[test]
-fn what_others_do_to_the_files_is_told_once_of_each_while_it_runs() {
+fn file_changes_by_others_are_reported_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let open = |name: &str| {
@@ -577,7 +578,7 @@ fn with_states(recorder: &mut RingRecorder, folder: &tempfile::TempDir) -> Write
 }
 
 #[test]
-fn the_state_of_a_checkpoint_and_its_event_have_the_same_checksum() {
+fn state_and_event_share_a_checksum() {
     let folder = tempfile::tempdir().unwrap();
     let (mut recorder, reader) = small(64);
     let settings = with_states(&mut recorder, &folder);
@@ -609,7 +610,7 @@ fn the_state_of_a_checkpoint_and_its_event_have_the_same_checksum() {
 
 /// The loop never waits: a checkpoint that finds no buffer has an event without a state, and the next one has both.
 #[test]
-fn a_checkpoint_without_a_free_buffer_has_an_event_and_no_state() {
+fn checkpoint_without_a_buffer_has_no_state() {
     let folder = tempfile::tempdir().unwrap();
     let (mut recorder, mut reader) = small(64);
     let settings = with_states(&mut recorder, &folder);
@@ -632,7 +633,7 @@ fn a_checkpoint_without_a_free_buffer_has_an_event_and_no_state() {
 }
 
 #[test]
-fn a_folder_that_refuses_states_ends_nothing_and_is_told() {
+fn refused_states_do_not_end_the_test() {
     let folder = tempfile::tempdir().unwrap();
     let (mut recorder, mut reader) = small(64);
     let settings = with_states(&mut recorder, &folder);

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn bundles_have_every_open_chunk_once_and_keep_the_limit() {
+    fn bundles_have_every_open_chunk_once() {
         for (chunks, tasks_per_job, most, expected) in [
             (1, None, 1000, 1),
             (1000, None, 1000, 1000),
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bundle_that_is_too_small_is_refused_with_the_least_that_works() {
+    fn too_small_bundle_names_the_least() {
         let open: Vec<u64> = (1..=2500).collect();
         let error = bundles(&open, 6, Some(6), 1000).unwrap_err().to_string();
         assert!(

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_text_is_no_formula_of_a_spreadsheet() {
+    fn text_is_not_a_spreadsheet_formula() {
         let csv = |text: &str| Cell::Text(text.to_owned()).csv();
         for (text, written) in [
             ("=1+2", "'=1+2"),

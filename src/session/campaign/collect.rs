@@ -34,7 +34,7 @@ const MOST_SHOWN: u64 = 200_000;
 /// Most points of the design with a fragility curve.
 const MOST_POINTS: u64 = 20;
 
-/// Counts and rows under way.
+/// Counts and rows of a collection in progress.
 #[derive(Default)]
 struct Sheet {
     done: u64,
@@ -110,7 +110,7 @@ pub fn collect(
     Ok(collected)
 }
 
-/// Removes what killed collections and workers left. Files of those that run stay.
+/// Removes the drafts of killed collections and workers. Files of running ones stay.
 fn remove_drafts(folder: &Path) -> Result<(), CampaignError> {
     let parts = folder.join(super::part::FOLDER);
     let is_table = |name: &str| name.starts_with("table.");
@@ -142,7 +142,8 @@ fn prove_some(
     Ok(chosen.len() as u64)
 }
 
-/// Writes the rows of all results, chunk by chunk, and keeps what pictures need. `prove` sees the results of each chunk.
+/// Writes the rows of all results, chunk by chunk, and keeps the input of pictures. `prove` sees the results of each
+/// chunk.
 fn merged(
     campaign: &Campaign,
     tables: &mut Tables,
@@ -283,7 +284,7 @@ fn summary(
         .table
         .file_name()
         .map(|name| name.to_string_lossy().into_owned());
-    // One curve stands by itself; more of them are a list.
+    // A single curve is written alone; several are a list.
     let only = match collected.fragility.as_slice() {
         [only] => Some(only),
         _ => None,

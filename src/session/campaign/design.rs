@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_latin_hypercube_has_one_draw_in_each_interval() {
+    fn latin_hypercube_draws_each_interval_once() {
         let count = 37;
         let draws = Draws {
             sampling: Sampling::LatinHypercube,
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_has_the_wanted_number_in_other_places_for_another_seed() {
+    fn choice_changes_places_with_the_seed() {
         let of = |seed| -> Vec<u64> {
             let all = 0..1000;
             all.filter(|i| is_among(seed, "key", *i, 70, 1000))

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn exceedance_falls_from_one_to_zero_with_few_points() {
+    fn exceedance_falls_from_one_to_zero() {
         for count in [2, 7, 100_000] {
             let sorted: Vec<f64> = (0..count).map(f64::from).collect();
             let (x, y) = exceedance(&sorted);

@@ -43,7 +43,7 @@ pub struct Collected {
     pub fragility: Vec<Collapses>,
     /// Tests with the largest values of each measure with pictures.
     pub largest: Vec<Vec<Largest>>,
-    /// What `summary.json` contains.
+    /// Content of `summary.json`.
     pub summary: Value,
 }
 

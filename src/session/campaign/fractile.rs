@@ -3,7 +3,7 @@
 /// Shares of the fractiles of IDA curves.
 pub(super) const SHARES: [f64; 3] = [0.16, 0.5, 0.84];
 
-/// The fractile `share` of `values`, linear between neighbours; none without a value. Values that are no numbers are left out.
+/// The fractile `share` of `values`, linear between neighbours; `None` without a value. NaN values are omitted.
 pub(super) fn fractile(values: &[f64], share: f64) -> Option<f64> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -24,7 +24,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fractiles_stand_between_their_neighbours() {
+    fn fractiles_are_between_their_neighbours() {
         let values: Vec<f64> = (0..=100).map(f64::from).collect();
         for share in SHARES {
             let found = fractile(&values, share).unwrap();

@@ -12,7 +12,7 @@ use serde::Serialize;
 pub struct Level {
     /// Intensity.
     pub level: f64,
-    /// Number of tests that collapsed or came to their end.
+    /// Number of tests that collapsed or completed.
     pub tests: f64,
     /// Number of collapses among them.
     pub collapses: f64,
@@ -96,7 +96,7 @@ impl Fragility {
         }
         let (_, [aa, ab, bb]) = scoring(&levels, at)?;
         let (da, db) = (-1.0 / b, a / (b * b));
-        // The counts do not tell such a slope from zero.
+        // The counts cannot separate such a slope from zero.
         if bb.sqrt() >= b {
             return None;
         }
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_that_jump_from_none_to_all_have_no_curve() {
+    fn jump_from_none_to_all_has_no_curve() {
         let level = |level: f64, collapses: f64| Level {
             level,
             tests: 20.0,

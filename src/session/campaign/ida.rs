@@ -101,7 +101,7 @@ fn listed(measure: &Measure, unit: &str, rows: &[Row]) -> String {
     table(&heads, &cells)
 }
 
-/// The value of a test: infinite if the response diverged, and no number if something else stopped the test.
+/// The value of a test: infinite if the response diverged, and NaN if something else stopped the test.
 fn value(one: &Shown, place: usize) -> f64 {
     match one.end {
         End::Diverged => f64::INFINITY,
@@ -174,8 +174,8 @@ fn flat(levels: &[f64], rows: &[Row], share: usize, edge: f64) -> (Vec<f64>, Vec
     flattened(levels, &values, edge)
 }
 
-/// Points of a curve over rising levels. It goes flat to `edge` where the values become infinite, and ends there. A value that is not
-/// known leaves a gap.
+/// Points of a curve over rising levels. It continues flat to `edge` where the values become infinite, and ends there. An unknown
+/// value leaves a gap.
 fn flattened(levels: &[f64], values: &[f64], edge: f64) -> (Vec<f64>, Vec<f64>) {
     let (mut x, mut y) = (Vec::new(), Vec::new());
     for (level, value) in levels.iter().zip(values) {
@@ -219,7 +219,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_curve_goes_flat_at_its_highest_level_without_collapse() {
+    fn curve_is_flat_at_its_highest_level() {
         let infinite = f64::INFINITY;
         let (x, y) = flattened(&[1.0, 2.0, 3.0, 4.0], &[0.1, 0.3, infinite, infinite], 0.5);
         assert_eq!((x, y), (vec![0.1, 0.3, 0.5], vec![1.0, 2.0, 2.0]));
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stopped_test_leaves_what_it_cannot_change() {
+    fn stopped_test_keeps_unaffected_results() {
         // The last two values are 18 and 19, or more.
         let rows = at_levels(&[1.0], 0, true, &tests(2, End::Stopped));
         let [low, middle, high] = rows[0].fractiles;
@@ -265,7 +265,7 @@ mod tests {
         assert_eq!(rows[0].stopped, 2);
         let rows = at_levels(&[1.0], 0, true, &tests(6, End::Stopped));
         assert!(rows[0].fractiles[1].is_nan() && rows[0].fractiles[0] == low);
-        // A residual says nothing about its later value.
+        // A residual does not bound its later value.
         let rows = at_levels(&[1.0], 0, false, &tests(2, End::Stopped));
         assert!(rows[0].fractiles.iter().all(|value| value.is_nan()));
         let value = f64::NAN;

@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slurm_script_has_an_element_for_each_job() {
+    fn slurm_script_has_one_element_per_job() {
         let worker = Worker::new(Path::new("/g"), Path::new(ODD)).unwrap();
         let text = slurm(&worker, &plan(), &jobs());
         let has = |line: &str| assert!(text.contains(&format!("\n{line}\n")), "{text}");
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_file_of_hyperqueue_has_a_task_for_each_job() {
+    fn hyperqueue_file_has_one_task_per_job() {
         let worker = Worker::new(Path::new("/g"), Path::new(ODD)).unwrap();
         let text = hyperqueue(&worker, &plan(), &jobs()).unwrap();
         let file: toml::Table = text.parse().unwrap();

@@ -19,7 +19,7 @@ const MOST_STOREYS: usize = 1000;
 pub(super) enum End {
     /// At its last step.
     Whole,
-    /// The response left the finite numbers or the bound of divergence: a collapse.
+    /// The response became infinite or exceeded the bound of divergence: a collapse.
     Diverged,
     /// A limit or a fault stopped it: the later response is not known.
     Stopped,
@@ -336,7 +336,7 @@ impl Taker {
                     let grows = sheet.measures[of].grows();
                     values[index] = match end {
                         End::Diverged => 1.0,
-                        // The test cannot tell, unless the measure was above already.
+                        // The test has no answer, unless the measure was above already.
                         End::Stopped if !(grows && values[of] > above) => f64::NAN,
                         _ => f64::from(u8::from(values[of] > above || values[of].is_nan())),
                     };
@@ -392,7 +392,7 @@ impl Recorder for Taker {
     }
 }
 
-/// Raises a peak; a value that is no number stays.
+/// Raises a peak; a NaN value stays.
 fn raise(peak: &mut f64, value: f64) {
     let size = value.abs();
     if size > *peak || size.is_nan() {

@@ -9,7 +9,7 @@
 //! | `plan.json` | digests of the files and of the executable, number of tasks, size of a chunk |
 //! | `study.toml`, `test.toml` | copies for people; workers read the originals and compare digests |
 //! | `parts/chunk-K-DIGEST.part` | results of tasks of chunk K |
-//! | `table.csv`, `table.parquet`, `summary.json`, `report.html` | what `collect` writes |
+//! | `table.csv`, `table.parquet`, `summary.json`, `report.html` | output of `collect` |
 //!
 //! | module | content |
 //! |---|---|
@@ -64,13 +64,12 @@ pub use largest::Largest;
 pub use plan::{Campaign, Plan, plan};
 pub use study::Study;
 pub use submit::{Engine, Prepared, prepare, start};
-pub use task::Task;
 pub use work::{Status, Stop, Worked, status, work};
 
 use gusset_config::ConfigError;
 use gusset_record::FolderError;
 
-/// Why a campaign cannot go on.
+/// Why a campaign cannot continue.
 #[derive(Debug, Error)]
 pub enum CampaignError {
     /// The study or its test is wrong.
@@ -158,7 +157,7 @@ pub enum CampaignError {
         command: &'static str,
         /// How to get it.
         origin: &'static str,
-        /// What submits the file by hand.
+        /// The command that submits the file by hand.
         by_hand: String,
     },
     /// The user stopped the collection.

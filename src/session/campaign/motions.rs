@@ -9,7 +9,7 @@ use gusset_config::{Finding, InputStore, Inputs, Intensity, KeyPath, LoadedStudy
 use gusset_motion::{FileSignal, Quantity, ReadOptions, Resample, Signal, Unit, parse_record};
 
 const GROUND: &str = "excitation.ground_acceleration";
-/// What helps with a file that is no acceleration.
+/// Remedy for a file that is not an acceleration.
 const LEAVE_OUT: &str = "convert it, or leave it out: list the records as `files`, or choose those of a folder with \
                          `pattern`, for example pattern = \"*.AT2\"";
 
@@ -287,7 +287,7 @@ fn motion(
     })
 }
 
-/// What tells that a record is no acceleration: the unit that it states, or the ending of a PEER file.
+/// Evidence that a record is not an acceleration: its stated unit, or the ending of a PEER file.
 fn other_quantity(name: &str, unit: Option<Unit>) -> Option<String> {
     if let Some(unit) = unit {
         let is_other = unit.quantity() != Quantity::Acceleration;
@@ -301,12 +301,12 @@ fn other_quantity(name: &str, unit: Option<Unit>) -> Option<String> {
     }
 }
 
-/// True if a name fits a pattern: `*` fits any letters, `?` one letter. Upper and lower case are alike.
+/// True if a name fits a pattern: `*` fits any characters, `?` one. Upper and lower case are alike.
 fn fits(pattern: &str, name: &str) -> bool {
     let [pattern, name] =
         [pattern, name].map(|text| text.to_lowercase().chars().collect::<Vec<char>>());
     let (mut at, mut place) = (0, 0);
-    // The last `*`, and how far its letters reach.
+    // The last `*`, and the end of its characters.
     let mut star: Option<(usize, usize)> = None;
     while place < name.len() {
         match pattern.get(at) {

@@ -141,7 +141,7 @@ fn drawn(columns: &[Column], collapsed: &[bool], most_dots: usize) -> String {
     )
 }
 
-/// Names for the axes: the end of a key that tells it from the others.
+/// Names for the axes: the shortest unique end of a key.
 fn short_names(columns: &[Column]) -> Vec<String> {
     let ending = |name: &str, parts: usize| {
         let all: Vec<&str> = name.split('.').collect();
@@ -238,7 +238,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranks_do_not_depend_on_the_shape_of_a_monotone_function() {
+    fn ranks_ignore_monotone_transformations() {
         let x: Vec<f64> = (0..50).map(|i| f64::from(i * 7 % 50)).collect();
         let up: Vec<f64> = x.iter().map(|x| libm::exp(0.1 * x)).collect();
         let down: Vec<f64> = x.iter().map(|x| -x * x * x).collect();
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_values_share_the_mean_of_their_ranks() {
+    fn equal_values_share_their_mean_rank() {
         assert_eq!(ranks(&[3.0, 1.0, 3.0, 2.0]), [2.5, 0.0, 2.5, 1.0]);
         // By hand: Σ(x−1.5)(y−1.5) = 4.5, 4.5 and 5 for the squares.
         let found = rank_correlation(&[3.0, 1.0, 3.0, 2.0], &[4.0, 1.0, 3.0, 2.0]);
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn the_chosen_tests_are_few_and_do_not_depend_on_the_others() {
+    fn chosen_tests_are_few_and_independent() {
         let shown: Vec<Shown> = (0..20_000)
             .map(|index| Shown {
                 index,

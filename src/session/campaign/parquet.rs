@@ -37,7 +37,7 @@ struct Column {
     levels: Vec<i16>,
 }
 
-/// A Parquet file under way.
+/// A Parquet file that is being written.
 pub(super) struct ParquetTable {
     path: PathBuf,
     writer: SerializedFileWriter<BufWriter<AtomicFile>>,
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_come_back_from_several_groups_with_every_bit() {
+    fn rows_return_from_groups_with_every_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         let columns = [

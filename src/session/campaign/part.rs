@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_returns_every_bit_and_a_cut_part_does_not_count() {
+    fn part_returns_every_bit() {
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), "own", 7, &[sample(0.1)]).unwrap();
         let parts = all(folder.path()).unwrap();
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_results_merge_and_different_bits_are_refused() {
+    fn equal_results_merge_others_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), "own", 7, &[sample(0.1)]).unwrap();
         let more = Line {

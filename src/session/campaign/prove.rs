@@ -43,7 +43,8 @@ impl Prove {
         Some(Self { amount, seed })
     }
 
-    /// Draws the choice. No file of the campaign has the seed, so a person who changes a row cannot know whether it is chosen.
+    /// Draws the choice. No file of the campaign contains the seed, so a person who changes a row cannot know whether it is
+    /// chosen.
     pub(super) fn drawn(self) -> Result<Choice, CampaignError> {
         let seed = self.seed.map_or_else(random_number, Ok);
         let seed = seed.map_err(at(Path::new("/dev/urandom")))?;

@@ -111,7 +111,7 @@ fn means(study: &Study, place: usize, shown: &[Shown]) -> BTreeMap<Option<(usize
     means
 }
 
-/// The bar of an axis; none if no test of it has a value.
+/// The bar of an axis; `None` if no test of it has a value.
 fn bar(
     study: &Study,
     axis: usize,

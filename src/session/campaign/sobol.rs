@@ -41,7 +41,7 @@ mod tests {
     }
 
     #[test]
-    fn each_block_has_one_point_in_each_dyadic_interval() {
+    fn each_dyadic_interval_has_one_point() {
         for (seed, place) in [(1, 0), (1, 1), (7, 5), (7, MOST_KEYS - 1)] {
             for m in [1, 4, 8, 12] {
                 let count = 1_u64 << m;
@@ -55,7 +55,7 @@ mod tests {
 
     /// The first two keys are a (0, m, 2)-net: each elementary box of area 2^−m has one point, whatever its shape.
     #[test]
-    fn each_block_of_two_keys_has_one_point_in_each_box() {
+    fn each_box_of_two_keys_has_one_point() {
         let m = 8;
         let count = 1_u64 << m;
         for wide in 0..=m {
@@ -70,7 +70,7 @@ mod tests {
 
     /// Mean of a product over six keys. A random mean of 4096 draws has a standard deviation of 1.1 %.
     #[test]
-    fn a_mean_is_nearer_than_that_of_random_draws() {
+    fn sobol_mean_beats_random_draws() {
         let product = |i| {
             (0..6)
                 .map(|place| 2.0 * share(11, place, i))

@@ -101,7 +101,7 @@ pub(super) fn cells(study: &Study, task: &Task, result: &Performed) -> Vec<Cell>
     cells
 }
 
-/// The files of a table under way.
+/// The files of a table that is being written.
 pub(super) struct Tables {
     folder: PathBuf,
     csv: BufWriter<AtomicFile>,

@@ -7,7 +7,7 @@ use gusset_config::Scalar;
 
 /// One simulated test of a campaign.
 #[derive(Debug, Clone)]
-pub struct Task {
+pub(crate) struct Task {
     /// Number, from 0.
     pub index: u64,
     /// Value of each axis; none where the test file decides.

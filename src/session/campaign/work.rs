@@ -60,8 +60,8 @@ struct Kept<'a> {
     written: u64,
 }
 
-/// Computes the chunks `chunks` on `jobs` threads. Tasks that are done are left out. `progress` receives the number of tasks of
-/// these chunks that are done. Results are written before the return, also when `stop` returns true.
+/// Computes the chunks `chunks` on `jobs` threads. Finished tasks are omitted. `progress` receives the number of finished tasks
+/// of these chunks. Results are written before the return, also when `stop` returns true.
 ///
 /// # Errors
 /// [`CampaignError`]: a part belongs to another campaign, two results differ, or the system refuses a file.

@@ -1,4 +1,4 @@
-//! The course of a rehearsal, as its rows tell it: errors of tracking and of response, nothing kept but sums.
+//! The course of a rehearsal, from its rows: errors of tracking and of response, kept as sums only.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -35,7 +35,7 @@ impl Sums {
     }
 }
 
-/// What the response is compared with: every `stride`-th row of the running test, all DOFs side by side.
+/// The reference of the response: every `stride`-th row of the running test, all DOFs side by side.
 #[derive(Debug, Clone, Default)]
 pub struct Reference {
     stride: usize,
@@ -67,7 +67,7 @@ pub struct Errors {
     pub tracking: Vec<f64>,
     /// The largest over the DOFs: of displacement less the reference's over the reference's; none without a reference.
     pub response: Option<f64>,
-    /// DOF that has it, from 0.
+    /// DOF with this error, from 0.
     pub dof: usize,
 }
 
@@ -113,14 +113,14 @@ impl Course {
         Self(Arc::new(Mutex::new(sheet)))
     }
 
-    /// What was kept.
+    /// The kept reference.
     #[must_use]
     pub(crate) fn kept(&self) -> Option<Reference> {
         let mut sheet = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         sheet.kept.take()
     }
 
-    /// The errors. What did not move has none: 0.
+    /// The errors. A part that did not move has an error of 0.
     #[must_use]
     pub fn errors(&self, dofs: &[usize]) -> Errors {
         let sheet = self.0.lock().unwrap_or_else(PoisonError::into_inner);

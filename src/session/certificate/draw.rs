@@ -1,4 +1,4 @@
-//! What a trial draws: numbers of the file that are uncertain, the spread of what was identified, and the seeds of noise.
+//! Draws of a trial: uncertain numbers of the file, the spread of identified values, and the seeds of noise.
 //!
 //! Every number is a function of the seed, the trial and its own place, so that a trial is the same whichever thread runs it.
 
@@ -6,7 +6,7 @@ use gusset_actuator::transfer::noise::normal_pair;
 use gusset_config::{Loaded, Uncertain};
 use gusset_setup::{Drawn, Trial};
 
-/// Channel of the numbers of the file, of what was identified (one per specimen), and of seeds.
+/// Channel of the numbers of the file, of identified values (one per specimen), and of seeds.
 const OF_KEYS: u64 = 1 << 32;
 const OF_SPECIMENS: u64 = 2 << 32;
 const OF_SEEDS: u64 = 3 << 32;
@@ -25,7 +25,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Of a test.
+    /// The plan of a test.
     #[must_use]
     pub(crate) fn of(loaded: &Loaded, seed: u64) -> Self {
         let specimens = &loaded.file.specimen;
@@ -70,7 +70,7 @@ impl Plan {
         self.numbers.iter().all(is_of_transfer) && self.spreads.iter().all(|[k, ..]| *k == 0.0)
     }
 
-    /// What varies, in words.
+    /// The varied values, in words.
     #[must_use]
     pub(crate) fn words(&self, loaded: &Loaded) -> Vec<String> {
         let mut words: Vec<_> = self.numbers.iter().map(Uncertain::words).collect();
@@ -94,7 +94,7 @@ impl Plan {
         words
     }
 
-    /// Overrides and what else is drawn, for the trial `number` from 1; another `attempt` draws the numbers of the file anew.
+    /// Overrides and other draws for the trial `number` from 1; another `attempt` draws other numbers of the file.
     #[must_use]
     pub(crate) fn draw(&self, number: u64, attempt: u64) -> (Vec<String>, Trial) {
         let normal = |channel: u64| normal_pair(self.seed, channel, number, attempt).0;
@@ -107,7 +107,7 @@ impl Plan {
             let of_gain = normal(at + 1);
             let bits = normal(OF_SEEDS + index as u64).to_bits();
             Drawn {
-                // Nothing of less than a twentieth of what was identified.
+                // At least a twentieth of the identified stiffness.
                 stiffness: (1.0 + stiffness * of_stiffness).max(0.05),
                 delay_s: delay * of_delay * self.pace,
                 gain: (1.0 + gain * of_gain).max(0.05),

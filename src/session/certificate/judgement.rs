@@ -32,7 +32,7 @@ pub struct Certificate {
     pub lines: Vec<Line>,
     /// Reasons why GO is not established although no line is a no-go.
     pub missing: Vec<String>,
-    /// What varied between the trials.
+    /// The values that varied between the trials.
     pub varied: Vec<String>,
     /// The trials.
     pub trials: Trials,

@@ -1,9 +1,9 @@
-//! Whether a test may be carried out: many rehearsals of it, each with other draws of what is uncertain.
+//! Whether a test may be carried out: many rehearsals of it, each with other draws of its uncertain values.
 //!
-//! Every trial is the whole test on the simulated clock with the limits that will hold, and beside it the same structure with
-//! ideal actuators and sensors, which is what its response is compared with. Controller's estimates (k̂, ĉ, λ) stay those of
-//! the file: what is drawn is the truth, which the controller does not know. Nothing is spoken to, nothing moves, and nothing
-//! is written. What is in no draw is not judged.
+//! Every trial is the whole test on the simulated clock with the limits of the test. Beside it runs the same structure with
+//! ideal actuators and sensors, the reference of its response. The controller's estimates (k̂, ĉ, λ) stay those of the file:
+//! the draws are the truth, which the controller does not know. Nothing connects, nothing moves, and nothing is written. A
+//! value without a draw is not judged.
 
 mod course;
 mod draw;
@@ -31,16 +31,16 @@ use gusset_setup::{self as setup, Trial};
 /// Draws of one trial that the file could not be with, before that is an error.
 pub(crate) const MOST_ATTEMPTS: u64 = 50;
 
-/// What one trial came to.
+/// Result of one trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rehearsed {
     /// From 1.
     pub number: u64,
-    /// Draws before it that no test can be made of, a negative mass for example.
+    /// Draws before it that are impossible as a test, a negative mass for example.
     pub impossible: u64,
     /// Where it ended before its last step, in s of test time, and why.
     pub stopped: Option<(f64, Stop)>,
-    /// What it asked of each axis, specimen by specimen.
+    /// Needs of each axis, specimen by specimen.
     pub needs: Vec<Vec<AxisNeed>>,
     /// Its errors as far as it came.
     pub errors: Errors,
@@ -71,7 +71,8 @@ pub struct Band {
 }
 
 impl Band {
-    /// Of these; none of none. Linear between neighbours, so that 95 % of twenty is below the largest.
+    /// Band of these values; `None` without any. Linear between neighbours, so that 95 % of twenty is below the
+    /// largest.
     #[must_use]
     pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
@@ -98,14 +99,14 @@ impl Trials {
         stopped.count() as u64
     }
 
-    /// Share of all draws that no test can be made of.
+    /// Share of all draws that are impossible as a test.
     #[must_use]
     pub(crate) fn impossible(&self) -> f64 {
         let impossible: u64 = self.all.iter().map(|one| one.impossible).sum();
         impossible as f64 / (impossible + self.all.len() as u64).max(1) as f64
     }
 
-    /// The same by reason, with how often.
+    /// Number of stopped trials, by reason.
     #[must_use]
     pub fn reasons(&self) -> BTreeMap<String, u64> {
         let mut reasons = BTreeMap::new();
@@ -115,7 +116,7 @@ impl Trials {
         reasons
     }
 
-    /// Band of a value over the trials that came to their end.
+    /// Band of a value over the completed trials.
     #[must_use]
     pub fn band(&self, of: impl Fn(&Rehearsed) -> Option<f64>) -> Option<Band> {
         let whole = self.all.iter().filter(|one| one.stopped.is_none());
@@ -142,11 +143,11 @@ fn reason(stop: &Stop) -> String {
     }
 }
 
-/// Runs `trials` rehearsals of a test on all processors; `lambda` is the one that it will run with. `progress` is told after
-/// each how many are done.
+/// Runs `trials` rehearsals of a test on all processors; `lambda` is the one of the test. After each rehearsal `progress`
+/// receives how many are done.
 ///
 /// # Errors
-/// The test cannot be built, or not with what is drawn.
+/// The test cannot be built, or not with the draws.
 pub(crate) fn carry_out(
     loaded: &Loaded,
     plan: &Plan,
@@ -183,7 +184,7 @@ pub(crate) fn carry_out(
     })
 }
 
-/// One trial: the test as it was drawn, and its reference if not all have the same.
+/// One trial: the test with its draws, and its reference unless all trials share one.
 fn trial(
     loaded: &Loaded,
     fixed: &Unaware<'_>,
@@ -231,7 +232,7 @@ fn trial(
     })
 }
 
-/// The same test with actuators and sensors that are ideal, and without limits.
+/// The reference: the test with ideal actuators and sensors, and without limits.
 fn reference(drawn: &Loaded, trial: &Trial) -> Result<Arc<Reference>, ConfigError> {
     let mut ideal = drawn.clone();
     for table in &mut ideal.file.specimen {

@@ -1,4 +1,4 @@
-//! How probable is what happened `hits` times of `trials`?
+//! Probability behind `hits` of `trials`.
 
 /// The interval of Clopper and Pearson (1934) that holds the probability with at least 95 %: zero hits are no proof of
 /// probability zero. `hits` counts at most as `trials`; without any trial everything is possible.
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn many_trials_are_no_trouble() {
+    fn many_trials_are_handled() {
         let (low, high) = interval(3_000, 100_000);
         // Five standard errors of 0.03.
         assert!(low > 0.027 && low < 0.03 && high > 0.03 && high < 0.033);

@@ -1,4 +1,4 @@
-//! How far an axis is driven: as was asked for if the limits allow it, else a share of what they leave.
+//! How far an axis is driven: as requested if the limits allow it, else a share of the range that they allow.
 
 use super::{IdentificationError, refusal};
 use gusset_config::{LimitsSpec, RangeSpec, SpecimenTable};
@@ -6,7 +6,7 @@ use gusset_motion::identify::{Band, Course};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::{compared, number, quantity};
 
-/// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.
+/// Default share of the remaining stroke, and of every other limit, that a motion uses.
 const OF_STROKE: f64 = 0.05;
 const OF_REST: f64 = 0.5;
 
@@ -15,12 +15,12 @@ struct Room {
     key: &'static str,
     warn: f64,
     trip: f64,
-    /// What the motion needs of it at a metre of amplitude.
+    /// Need of the motion at a metre of amplitude.
     need: f64,
     unit: &'static str,
 }
 
-/// How far an axis goes, and why.
+/// Amplitude of an axis, and its reason.
 pub(super) fn amplitude(
     asked: Option<f64>,
     table: &SpecimenTable,
@@ -126,7 +126,7 @@ fn of_itself(place: &str, rooms: &[Room]) -> Result<(f64, String), Identificatio
     Ok(found)
 }
 
-/// Way that a range leaves on either side of where the axis stands at zero deformation.
+/// Stroke of a range on either side of the axis's position at zero deformation.
 fn ways(spec: Option<RangeSpec>, zero: f64) -> (f64, f64) {
     let spec = spec.unwrap_or_default();
     let way = |range: Option<[f64; 2]>| {
@@ -135,7 +135,7 @@ fn ways(spec: Option<RangeSpec>, zero: f64) -> (f64, f64) {
     (way(spec.warn), way(spec.trip))
 }
 
-/// Stroke either way in m, as the axis counts it, that the length of an actuator allows.
+/// Stroke in either direction in m, in the axis's unit, that the length of an actuator allows.
 fn length(table: &SpecimenTable, axis: usize) -> f64 {
     let geometry = table.geometry.as_ref();
     let Some(geometry) = geometry.and_then(|spec| spec.build(1.0).ok()) else {

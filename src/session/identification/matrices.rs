@@ -1,8 +1,8 @@
 //! Stiffness and damping between the axes of a specimen as matrices: as its axes count, as the structure sees them, and of the
 //! coordinates of a platform where the axes are the actuators that hold it.
 //!
-//! A column is what all axes felt while one moved and the others were held. Invariant: every matrix is symmetric to the last bit
-//! and without negative eigenvalues, as a test file takes it.
+//! A column holds the forces of all axes while one moved and the others were held. Invariant: every matrix is symmetric to the
+//! last bit and without negative eigenvalues, as a test file requires.
 
 use nalgebra::DMatrix;
 
@@ -18,14 +18,14 @@ pub(super) struct Matrices {
     pub damping: DMatrix<f64>,
 }
 
-/// Of the specimen's law, and of the estimates in its table.
+/// Matrices for the specimen's law, and for the estimates in its table.
 #[derive(Debug)]
 pub(super) struct Found {
     pub law: Matrices,
     pub estimate: Matrices,
 }
 
-/// What was found of a specimen with this table: all its axes in order; `to_hz` is the end of the band.
+/// Matrices of a specimen with this table: all its axes in order; `to_hz` is the end of the band.
 pub(super) fn found(
     table: &SpecimenTable,
     known: &[(&Axis, &Identification)],
@@ -78,7 +78,7 @@ fn at_axes(known: &[(&Axis, &Identification)], to_hz: f64) -> Matrices {
         // A little less than nothing is nothing: standard errors are beside it.
         value.max(0.0)
     };
-    // A damping whose force at the end of the band is nothing beside that of the stiffness is none.
+    // A damping counts as zero if its force at the end of the band is negligible beside that of the stiffness.
     let omega = 2.0 * std::f64::consts::PI * to_hz;
     let between = |of: fn(&Felt) -> Estimate, per: f64, moved: usize, held: usize| {
         let (axis, _) = known[moved];
@@ -108,7 +108,7 @@ fn at_axes(known: &[(&Axis, &Identification)], to_hz: f64) -> Matrices {
     }
 }
 
-/// The nearest matrix without negative eigenvalues: what noise makes of a small one is nothing.
+/// The nearest matrix without negative eigenvalues: it removes the effect of noise on a small one.
 fn without_negative(matrix: DMatrix<f64>) -> DMatrix<f64> {
     let eigen = matrix.clone().symmetric_eigen();
     if eigen.eigenvalues.iter().all(|value| *value >= 0.0) {
@@ -121,7 +121,7 @@ fn without_negative(matrix: DMatrix<f64>) -> DMatrix<f64> {
 /// One half, twice.
 fn mirrored(matrix: DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-        // Without a sign on what is zero.
+        // Zeros get no sign.
         matrix[(i.min(j), i.max(j))] + 0.0
     })
 }

@@ -1,4 +1,4 @@
-//! The identification of specimens and actuators: which motion, what the record says, and a virtual twin.
+//! The identification of specimens and actuators: the motion, the results, and a virtual twin.
 //!
 //! A [`Plan`] is the motion of each axis, within the limits of the test file. An [`Outcome`] is read from the run folder of that
 //! motion. [`files`] are its documents: numbers, twin and pictures. The methods are in the module `identify`.

@@ -1,4 +1,4 @@
-//! What the run folder says of each axis that was driven.
+//! Results for each driven axis, from the run folder.
 
 use std::path::Path;
 
@@ -18,15 +18,15 @@ const RUNNING: f64 = Phase::Running.code();
 /// Points of a force–displacement loop that are kept for its picture.
 const MOST_POINTS: usize = 4000;
 
-/// What one axis is, or why that is not known.
+/// Properties of one axis, or why they are not known.
 #[derive(Debug)]
 pub struct Axis {
     /// The axis and its motion.
     pub driven: Driven,
     /// The identified properties.
     pub found: Result<Identification, IdentifyError>,
-    /// What every other axis of the specimen felt while it was held, by its number from 0; those that felt nothing are not
-    /// there.
+    /// Forces of every other axis of the specimen while it was held, by its number from 0; axes without a force are
+    /// absent.
     pub felt: Vec<(usize, Felt)>,
     /// N/m of the structure per N/m of the specimen, and N s/m likewise.
     pub to_structure: (f64, f64),
@@ -166,7 +166,7 @@ fn axis(
                 force: &force,
                 ..record
             };
-            // What is wrong with the others' sensors is said of them.
+            // An error of another axis's sensors is reported with that axis.
             let of_it = felt(&held, plan.band, found).ok().flatten();
             all_felt.extend(of_it.map(|felt| (*other, felt)));
         }
@@ -186,7 +186,7 @@ fn axis(
 }
 
 impl Axis {
-    /// k̂ of the axis itself in N/m at the specimen; 0 where there is none.
+    /// k̂ of the axis itself in N/m at the specimen; 0 if it is unknown.
     #[must_use]
     pub(crate) fn own_stiffness(&self) -> f64 {
         let found = self.found.as_ref().ok();

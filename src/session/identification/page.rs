@@ -212,7 +212,7 @@ const ACROSS: Scale<'static> = Scale {
     range: None,
 };
 
-/// Measured points over the fitted models: `measured` (hz, value), and what a model says at a frequency.
+/// Measured points over the fitted models: `measured` (hz, value), and the value of a model at a frequency.
 fn compared(
     name: &'static str,
     title: &'static str,
@@ -244,7 +244,7 @@ fn compared(
             },
         })
         .collect();
-    // What explains nothing anyone would draw hides what does.
+    // A meaningless curve would hide the others.
     curves.retain(|curve| curve.y.iter().all(|value| value.is_finite()));
     curves.truncate(3);
     curves.push(Curve {
@@ -306,7 +306,7 @@ fn delay(axis: &Axis, found: &Identification) -> Picture {
         &|fit, hz| {
             use std::f64::consts::TAU;
             let response = fit.response(hz, axis.tick);
-            // The slow delay says how often the phase went round.
+            // The slow delay gives the number of full turns of the phase.
             let expected = TAU * hz * fit.slow_delay_s;
             let raw = -libm::atan2(response.im, response.re);
             let turns = ((expected - raw) / TAU).round();

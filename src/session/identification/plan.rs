@@ -10,7 +10,7 @@ use gusset_quantity::units::{duration, quantity, rate};
 /// Rest before and after every motion, in s, and in ticks at least.
 const REST_S: f64 = 1.0;
 const REST_TICKS: u64 = 64;
-/// Band unless it is told, in Hz, and as a share of the ticks per second.
+/// Default band, in Hz, and as a share of the ticks per second.
 const FROM_HZ: f64 = 0.2;
 const TO_HZ: f64 = 10.0;
 const OF_RATE: f64 = 0.2;
@@ -55,7 +55,7 @@ impl Driven {
 
 /// How often an amplitude is halved.
 const MOST_HALVED: i32 = 6;
-/// Ticks of one motion at most: its numbers stand in memory.
+/// Ticks of one motion at most: its numbers are kept in memory.
 const MOST_TICKS: f64 = 16_777_216.0;
 
 /// The whole run.
@@ -108,8 +108,8 @@ fn asked(args: &Request, shape: Shape, band: Band, axes: &[Driven]) -> String {
 }
 
 impl Plan {
-    /// The motion, the test that makes it, and its rehearsal. The last may refuse the motion. An amplitude that was not requested
-    /// is halved until no limit of the file would trip.
+    /// The motion, its test, and its rehearsal. The last may refuse the motion. An amplitude that was not requested is halved
+    /// until no limit of the file would trip.
     ///
     /// # Errors
     /// The motion is refused, or the test that makes it cannot be built.
@@ -121,7 +121,7 @@ impl Plan {
         loop {
             let plan = Self::of(args, loaded, halved)?;
             let driven = loaded.beside(&plan.said(args), &plan.file)?;
-            // A linear stand-in shows forces, and limits that are not those of the command.
+            // A linear stand-in shows forces, and limits other than those of the command.
             let full = FullRehearsal::of(&driven)?;
             if full.is_possible() || args.amplitude.is_some() || halved == MOST_HALVED {
                 return Ok((plan, driven, full));
@@ -278,7 +278,7 @@ impl Plan {
     }
 }
 
-/// The band that is asked for, or the usual one.
+/// The requested band, or the default.
 fn band(args: &Request, tick: f64) -> Result<Band, IdentificationError> {
     match args.band.as_deref() {
         None => Ok(Band {

@@ -1,7 +1,8 @@
-//! identified.toml: a virtual twin of what was identified, with everything that a `[[specimen]]` takes from it.
+//! identified.toml: a virtual twin of the identified specimens, with everything that a `[[specimen]]` takes from it.
 //!
-//! It is a whole test file: the same motion, a linear specimen behind the identified actuator and sensors, and what makes up
-//! for them. `gusset check` and `gusset run` take it as it is; `gusset identify` finds the same again with the command in it.
+//! It is a whole test file: the same motion, a linear specimen behind the identified actuator and sensors, and their
+//! compensation. `gusset check` and `gusset run` accept it unchanged; `gusset identify` finds the same values again with the
+//! command in it.
 
 use nalgebra::DMatrix;
 use toml_edit::{DocumentMut, Item};
@@ -72,12 +73,12 @@ pub(super) fn text(
         driven.file.title, plan.asked
     );
     let text = format!("# {said}\n\n{document}");
-    // What is written must be what a test file may say.
+    // The written text must be a valid test file.
     gusset_config::parse(&driven.path, text.clone(), &[])?;
     Ok(Some(text))
 }
 
-/// Leaves out what says nothing.
+/// Removes values that equal their defaults.
 fn without_defaults(document: &mut DocumentMut, file: &TestFile) {
     document.remove("integrator");
     for (key, says_nothing) in [
@@ -147,7 +148,7 @@ fn without_zeros(item: Option<&mut Item>) {
     }
 }
 
-/// Puts what was found into a table, and says in a comment how well it is known.
+/// Puts the results into a table, and their uncertainty into a comment.
 fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Plan) -> String {
     let mut remark = String::new();
     let mut said = |text: String| remark += &format!("# {text}\n");
@@ -256,7 +257,7 @@ fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], to_hz
     table.damping_n_s_per_m = Some(value(&estimate.damping));
 }
 
-/// Actuator and sensors, and what makes up for them: those of the first axis.
+/// Actuator and sensors, and their compensation: those of the first axis.
 fn actuator(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
     let Some((axis, found)) = known.first() else {
         return;
@@ -301,7 +302,7 @@ fn transfer(fit: &Fit) -> TransferSpec {
     }
 }
 
-/// What is declared as known of all axes alike: means, and spreads that hold what differs between them.
+/// Declared knowledge of all axes alike: means, and spreads that include the differences between them.
 fn identified(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
     let all = |pick: fn(&Identification) -> Estimate| {
         let estimates = known.iter().map(|(_, found)| pick(found));

@@ -98,7 +98,7 @@ pub fn of_specimen(specimen: &SpecimenFit, to_structure: (f64, f64)) -> Vec<(Str
     rows
 }
 
-/// What axes that were held felt, in lines.
+/// Forces of the held axes, in lines.
 #[must_use]
 pub fn felt(axis: &Axis) -> Vec<(String, String)> {
     let scale = axis.own_stiffness();

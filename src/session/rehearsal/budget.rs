@@ -33,7 +33,7 @@ impl Budget {
         dofs.max(LEAST_DOFS)
     }
 
-    /// Ticks that are left at `cost` each.
+    /// Remaining ticks at `cost` each.
     pub(super) const fn ticks(self, cost: u64) -> u64 {
         self.0 / cost
     }

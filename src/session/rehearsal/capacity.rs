@@ -1,23 +1,23 @@
-//! What a test asks of a rig beside what its file says that the rig can give (`[specimen.capacity]`).
+//! Needs of a test beside the declared capacity of the rig (`[specimen.capacity]`).
 
 use super::{AxisNeed, Needs, Rehearsal, StandIn};
 use gusset_config::{Finding, KeyPath};
 
-/// One number of a capacity, and what the test needs of it.
+/// One number of a capacity, and the test's need of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Used {
     /// The key of `[specimen.capacity]`.
     pub key: &'static str,
     /// SI.
     pub unit: &'static str,
-    /// The most that the test needs, either way.
+    /// The largest need of the test in either direction.
     pub needed: f64,
-    /// What there is.
+    /// The available value.
     pub capacity: f64,
 }
 
 impl Used {
-    /// True if the rig can give it; a need that is no number it cannot.
+    /// True if the rig can give it; a NaN need is never within.
     #[must_use]
     pub fn is_within(&self) -> bool {
         self.needed <= self.capacity
@@ -31,10 +31,10 @@ impl Used {
 }
 
 /// Key, unit, and the most that one axis needs.
-pub type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
+pub(crate) type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
 
-/// What a capacity is compared with, in the order of its entries.
-pub const NEEDS: [Most; 4] = [
+/// Needs that a capacity is compared with, in the order of its entries.
+pub(crate) const NEEDS: [Most; 4] = [
     ("stroke_m", "m", |need| {
         need.command.low.abs().max(need.command.high.abs())
     }),
@@ -46,7 +46,7 @@ pub const NEEDS: [Most; 4] = [
 ];
 
 impl Needs {
-    /// What of the declared capacity axis `axis` uses; what nothing is known of is left out.
+    /// Used part of the declared capacity of axis `axis`; unknown needs are omitted.
     #[must_use]
     pub fn used(&self, axis: usize) -> Vec<Used> {
         let (Some(capacity), Some(need)) = (self.capacity, self.found.get(axis)) else {
@@ -68,7 +68,7 @@ impl Needs {
 }
 
 impl Rehearsal {
-    /// Every capacity that the test goes beyond, at its place in the file.
+    /// Every capacity that the test exceeds, at its place in the file.
     #[must_use]
     pub(crate) fn beyond_capacity(&self) -> Vec<Finding> {
         let mut findings = Vec::new();

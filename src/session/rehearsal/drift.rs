@@ -8,10 +8,10 @@ use gusset_quantity::units::quantity;
 /// Largest drift of a storey that is not doubted, m.
 const MOST_M: f64 = 1.0;
 
-/// A finding where the rehearsal has a storey drift, or a deformation of a specimen at the structure's scale, above 1 m. Of the
-/// storeys of a shear building only the peaks of both floors are known; their difference is a lower bound.
+/// A finding where the rehearsal has a storey drift, or a deformation of a specimen at the structure's scale, above 1 m. For
+/// the storeys of a shear building only the peaks of both floors are known; their difference is a lower bound.
 #[must_use]
-pub fn large_drift(loaded: &Loaded, rehearsal: &Rehearsal) -> Option<Finding> {
+pub(crate) fn large_drift(loaded: &Loaded, rehearsal: &Rehearsal) -> Option<Finding> {
     let file = &loaded.file;
     let kinds = file.structure.as_ref()?.kinds();
     let root = KeyPath::root();

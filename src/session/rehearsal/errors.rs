@@ -1,8 +1,9 @@
-//! Errors of a test, before it runs: what its method and its actuators do to the largest drifts.
+//! Errors of a test, before it runs: the effect of its method and its actuators on the largest drifts.
 //!
-//! Three courses are compared. The test as it will run is its rehearsal. The same test with ideal specimens, by the same method and
-//! λ, shows what the actuators do. Newmark's average acceleration with iteration at a half and at a quarter of the step,
-//! extrapolated after Richardson, shows what the method does. An error without a reference is not known, and the reason is given.
+//! Three courses are compared. The test as it will run is its rehearsal. The same test with ideal specimens, by the same method
+//! and λ, shows the effect of the actuators. Newmark's average acceleration with iteration at a half and at a quarter of the
+//! step, extrapolated after Richardson, shows the effect of the method. An error without a reference is not known, and the reason
+//! is given.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -38,8 +39,8 @@ struct Direction {
 /// Course of one direction.
 type Series = Vec<f64>;
 
-/// The errors of a test that runs with `lambda`; none of a test without a structure. `modes` are those with the damping of the
-/// actuators. `unknown` is the first specimen whose actuator is not known.
+/// The errors of a test that runs with `lambda`; `None` for a test without a structure. `modes` are those with the damping of
+/// the actuators. `unknown` is the first specimen whose actuator is not known.
 ///
 /// # Errors
 /// As [`setup::build`].
@@ -156,7 +157,7 @@ const fn words(why: NoCourse) -> &'static str {
     }
 }
 
-/// Storeys of a shear building or chain, otherwise DOFs; then the axes of specimens that none of them is.
+/// Storeys of a shear building or chain, otherwise DOFs; then the other axes of specimens.
 fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     let structure = loaded.file.structure.as_ref();
     let kind = structure.and_then(|table| table.kinds().first().map(|(_, spec)| *spec));

@@ -1,4 +1,4 @@
-//! A rehearsal judged: which limits of the file the test would meet, and where they stand.
+//! A rehearsal judged: the limits of the file that the test would meet, and their places.
 
 use super::hold::depends_on_pace;
 use super::{Held, Need, Needs, Rehearsal};
@@ -8,7 +8,7 @@ use gusset_control::port::Poses;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::quantity;
 
-/// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
+/// Part of a tick that its computation may need before a warning: the loop must be able to catch up.
 const MUCH: f64 = 0.5;
 
 impl Rehearsal {
@@ -36,7 +36,7 @@ impl Rehearsal {
         findings
     }
 
-    /// A warning where the machine at hand needs much of a tick for what a tick computes.
+    /// A warning if this machine needs much of a tick for its computation.
     fn slow(&self, loaded: &Loaded) -> Option<Finding> {
         let period = loaded.time.period.value();
         let took = self.tick_s?;
@@ -64,7 +64,7 @@ impl Rehearsal {
 
     /// A warning where the budget ended the rehearsal before the end of the test.
     #[must_use]
-    pub fn beyond_budget(&self) -> Option<Finding> {
+    pub(crate) fn beyond_budget(&self) -> Option<Finding> {
         self.is_out_of_budget().then(|| {
             let text = format!(
                 "only the first {} s of the test were rehearsed: its DOFs times ticks are beyond the budget",
@@ -76,7 +76,7 @@ impl Rehearsal {
         })
     }
 
-    /// What ended the rehearsal before the test's end.
+    /// Cause that ended the rehearsal before the test's end.
     pub(super) fn end(&self, loaded: &Loaded) -> Option<Finding> {
         let at = short(self.time);
         let named = |port| named(loaded, port);
@@ -201,8 +201,8 @@ fn deaf(loaded: &Loaded, needs: &Needs, specimen: usize) -> Vec<Finding> {
     deaf.collect()
 }
 
-/// Beyond this condition number the actuators hold their platform badly: what they do wrong shows twenty times as large in its
-/// weakest direction as in its strongest.
+/// Beyond this condition number the actuators hold their platform badly: their error is twenty times as large in its weakest
+/// direction as in its strongest.
 const WEAK: f64 = 20.0;
 
 /// A warning where the platform comes near to where its actuators cannot hold it.
@@ -227,7 +227,7 @@ fn nearly_singular(needs: &Needs, specimen: usize) -> Option<Finding> {
     })
 }
 
-/// A warning where the simulated actuator and the law did not come to terms.
+/// A warning where the actuator–specimen iteration did not converge.
 fn unsettled(loaded: &Loaded, needs: &Needs, specimen: usize) -> Option<Finding> {
     (needs.unsettled > 0).then(|| {
         let at = KeyPath::root().key("specimen").index(specimen);
@@ -289,8 +289,8 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
     )
 }
 
-/// Where a limit stands: with its axis, or with the whole specimen.
-/// Levels are merged: the level decides, and not the limit.
+/// Place of a limit: with its axis, or with the whole specimen. Levels are merged: the level decides, and not the
+/// limit.
 fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Limit, level: &str) -> KeyPath {
     let common = KeyPath::root()
         .key("specimen")
@@ -306,7 +306,7 @@ fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Limit, level: 
     }
 }
 
-/// Where a key of the limits of an axis stands: its own, or that of its specimen.
+/// Place of a key of the limits of an axis: its own, or that of its specimen.
 fn limit(loaded: &Loaded, specimen: usize, axis: usize, key: &'static str) -> KeyPath {
     let at = KeyPath::root().key("specimen").index(specimen);
     let own = at.key("axis").index(axis).key("limits").key(key);
@@ -337,5 +337,62 @@ pub(super) fn short(value: f64) -> String {
         "0".to_owned()
     } else {
         text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::rehearsal::{Budget, StandIn, rehearse};
+
+    const FRAME: &str = r#"title = "Frame"
+
+[time]
+rate_hz = 200
+duration_s = 0.5
+clock = "simulated"
+
+[structure.shear_building]
+mass_kg = [1000.0, 900.0]
+stiffness_n_per_m = [0, 4e5]
+
+[structure.damping.rayleigh_ratio]
+ratio = 0.02
+modes = [1, 2]
+
+[integrator]
+lambda = "auto"
+
+[excitation.ground_acceleration.signal.sine]
+amplitude = 3.0
+frequency_hz = 2.0
+
+[[specimen]]
+name = "storey"
+storey = 1
+
+[specimen.law.bouc_wen]
+stiffness_n_per_m = 5e5
+yield_force_n = 1.5e3
+post_yield_ratio = 0.1
+beta = 0.5
+gamma = 0.5
+exponent = 1.5
+"#;
+
+    #[test]
+    fn rehearsal_beyond_its_budget_says_how_far_it_came() {
+        let loaded = gusset_config::parse(Path::new("test.toml"), FRAME.to_owned(), &[]).unwrap();
+        let built = gusset_setup::build(&loaded).unwrap();
+        let mut budget = Budget::new(64 * 20);
+        let found = rehearse(&loaded, Some(built.experiment), &mut budget).unwrap();
+        assert!(found.is_out_of_budget());
+        assert_eq!(found.specimens[0].stand_in, StandIn::Itself);
+        // 64 DOFs count for a tick at least: 20 ticks of 101 are left.
+        assert!(found.time > 0.0 && found.time < 0.4, "{}", found.time);
+        assert_eq!(found.findings(&loaded), []);
+        let beyond = found.beyond_budget().unwrap();
+        assert_eq!(beyond.numbers, [("rehearsed_s", found.time)]);
     }
 }

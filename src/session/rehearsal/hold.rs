@@ -1,5 +1,5 @@
-//! What an operator's hold asks of the axes, rehearsed where the test is fastest: there the commands have to come to rest, and
-//! to leave it again, from the greatest velocity.
+//! Needs of an operator's hold, rehearsed where the test is fastest: there the commands must stop from the greatest velocity,
+//! and return to it.
 
 use super::prompter::Prompter;
 use super::{Budget, Need, Needs, Rehearsal, Staging, carry_out_with, expected, name_stand_ins};
@@ -18,12 +18,12 @@ pub struct Held {
     pub fastest: (usize, usize),
     /// Test time after which the test had its pace again, s.
     pub until: f64,
-    /// What the test asked for up to then.
+    /// Needs of the test up to then.
     pub specimens: Vec<Needs>,
 }
 
 impl Held {
-    /// What it asks of the fastest axis, as far as a change of the pace changes it.
+    /// Its needs of the fastest axis that depend on the pace.
     pub fn needs(&self) -> impl Iterator<Item = &Need> {
         let (specimen, axis) = self.fastest;
         let axis = self
@@ -42,12 +42,12 @@ impl Held {
     }
 }
 
-/// Rehearses a hold of a test whose undisturbed rehearsal is known, within `budget`. None where there is
-/// nothing to compare it with, nothing moves, or the budget does not suffice.
+/// Rehearses a hold of a test whose undisturbed rehearsal is known, within `budget`. `None` where there is nothing to
+/// compare it with, nothing moves, or the budget does not suffice.
 ///
 /// # Errors
 /// As [`setup::build`].
-pub fn rehearse_hold(
+pub(crate) fn rehearse_hold(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
     budget: &mut Budget,
@@ -64,7 +64,7 @@ pub fn rehearse_hold(
     let per_step = u64::from(experiment.pacing.ticks_per_step);
     let dt = experiment.dt;
     let asked = ((at / dt).floor() as u64).saturating_sub(1).max(1);
-    // Easing in and out takes the test time of one easing, and what is begun is ended.
+    // Both hold ramps take the test time of one, and a step that has begun is completed.
     let recovered = asked + eases.div_ceil(per_step) + STEPS_AFTER;
     experiment.steps = experiment.steps.min(recovered);
     let (operator, requests) = crossbeam_channel::bounded(2);
@@ -94,12 +94,12 @@ pub fn rehearse_hold(
     }))
 }
 
-/// Steps after a hold in which what it has stirred up shows.
+/// Steps after a hold in which its disturbance shows.
 const STEPS_AFTER: u64 = 64;
-/// Ticks at rest before the test goes on.
+/// Ticks at rest before the test continues.
 const TICKS_AT_REST: u64 = 16;
 
-/// Where the axes whose way is limited are fastest, and when.
+/// Place and time at which the axes with a limited range are fastest.
 fn fastest(undisturbed: &Rehearsal) -> Option<((usize, usize), f64)> {
     let specimens = undisturbed.specimens.iter().enumerate();
     let axes = specimens.flat_map(|(specimen, needs)| {
@@ -114,13 +114,13 @@ fn fastest(undisturbed: &Rehearsal) -> Option<((usize, usize), f64)> {
         axes.filter(move |(_, (_, levels))| limited(levels))
             .map(move |(axis, (found, _))| ((specimen, axis), found.vel))
     });
-    // What comes before the test is not held in this way.
+    // Motions before the test are not held in this way.
     axes.filter(|(_, vel)| vel.high > 0.0 && vel.high_at > 0.0)
         .max_by(|(_, one), (_, other)| one.high.total_cmp(&other.high))
         .map(|(place, vel)| (place, vel.high_at))
 }
 
-/// True for what a change of the pace changes.
+/// True for a quantity that depends on the pace.
 pub(super) const fn depends_on_pace(quantity: Limit) -> bool {
     matches!(
         quantity,
@@ -128,7 +128,7 @@ pub(super) const fn depends_on_pace(quantity: Limit) -> bool {
     )
 }
 
-/// Asks for a hold at a moment, and lets the test go on when it has come to rest.
+/// Requests a hold at a moment, and continues the test when it has come to rest.
 struct Holding {
     prompter: Prompter,
     /// Column of test time.

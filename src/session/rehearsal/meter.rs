@@ -1,7 +1,7 @@
-//! Stands round a specimen and keeps the extremes of what it is told and answers.
+//! Wraps a specimen and keeps the extremes of its commands and measurements.
 //!
-//! Differences are those of [`gusset_control::port::limits::Watch`]: from one command that leaves to the next, over the tick's wall
-//! time; so what is found here is what that would judge.
+//! Differences are those of [`gusset_control::port::limits::Watch`]: from one command to the next, over the tick's wall time; so
+//! the watch would judge the same values.
 
 use std::sync::{Arc, Mutex};
 
@@ -49,14 +49,14 @@ impl Extreme {
     }
 }
 
-/// What a test asked of one axis, SI at the specimen's own scale.
+/// Needs of a test for one axis, SI at the specimen's scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct AxisNeed {
     /// Commanded displacement, m.
     pub command: Extreme,
     /// Its change from one command to the next, m; a size.
     pub step: Extreme,
-    /// The same over the tick's wall time, m/s; a size.
+    /// Change of command over the tick's wall time, m/s; a size.
     pub vel: Extreme,
     /// Second difference over the tick's wall time squared, m/s²; a size.
     pub accel: Extreme,
@@ -68,11 +68,11 @@ pub struct AxisNeed {
     pub force_step: Extreme,
     /// Measured force times commanded velocity, W; a size.
     pub power: Extreme,
-    /// All that its commands went, there and back, m.
+    /// Total travel of its commands, there and back, m.
     pub travel: f64,
 }
 
-/// What is kept of one axis.
+/// Kept values of one axis.
 #[derive(Debug, Clone, Copy)]
 struct Axis {
     metres: f64,
@@ -84,7 +84,7 @@ struct Axis {
     need: AxisNeed,
 }
 
-/// A substructure with a meter round it; what it found goes to the book when the specimen is retired.
+/// A substructure with a meter round it; its extremes go to the book when the specimen is retired.
 pub(super) struct Meter {
     inner: Box<dyn Substructure>,
     axes: Vec<Axis>,
@@ -173,7 +173,7 @@ impl Substructure for Meter {
             let [last, before] = axis.past;
             let need = &mut axis.need;
             if self.told == 0 {
-                // The first one says where it stands; it need not be near 0.
+                // The first one gives its position; it need not be near 0.
                 let stands = Extreme {
                     low: disp,
                     low_at: at,
@@ -237,7 +237,7 @@ impl Substructure for Meter {
     }
 
     fn halt(&mut self) -> Result<(), LinkFault> {
-        // What stops here is not judged, and what comes next comes from rest.
+        // The stop is not judged, and the next motion starts from rest.
         for axis in &mut self.axes {
             axis.past = [axis.past[0]; 2];
         }

@@ -1,17 +1,17 @@
-//! A test rehearsed on the simulated clock: what will it ask of each axis, and do the limits allow that?
+//! A test rehearsed on the simulated clock: its needs of each axis, and whether the limits allow them.
 //!
-//! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; for one
-//! behind a link stands what the test file declares of it ([`StandIn`]). Limits are lifted meanwhile, so that the whole need
-//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]), as is what the rig can give
-//! ([`Rehearsal::beyond_capacity`]). Nothing is spoken to, nothing moves, and nothing is written.
+//! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; the
+//! declared stand-in ([`StandIn`]) replaces one behind a link. Limits are lifted meanwhile, so that the whole need shows and
+//! not only its beginning. They are compared afterwards ([`Rehearsal::findings`]), like the capacity of the rig
+//! ([`Rehearsal::beyond_capacity`]). Nothing connects, nothing moves, and nothing is written.
 //!
-//! Limits of what only the loop knows (following error, tangents, added energy …) are tried by one more rehearsal, in which every
-//! limit holds ([`try_limits`]).
+//! Only the loop knows some limited quantities (following error, tangents, added energy …). One more rehearsal tries them, in
+//! which every limit holds ([`try_limits`]).
 //!
-//! What an operator's hold asks for is rehearsed by itself ([`rehearse_hold`]), where the test is fastest.
+//! A separate rehearsal covers an operator's hold ([`rehearse_hold`]), where the test is fastest.
 //!
-//! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
-//! nor `transfer` says anything of them.
+//! A stand-in cannot show some faults, which are not judged: sensors that stick, late answers, and lag and noise where
+//! neither `identified` nor `transfer` declares them.
 
 mod budget;
 mod capacity;
@@ -28,13 +28,16 @@ mod whole;
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub use budget::Budget;
-pub use capacity::{Most, NEEDS, Used};
-pub use drift::large_drift;
+pub(crate) use capacity::NEEDS;
+pub use capacity::Used;
+pub(crate) use drift::large_drift;
 pub use errors::errors;
-pub use hold::{Held, rehearse_hold};
+pub use hold::Held;
+pub(crate) use hold::rehearse_hold;
 pub use meter::{AxisNeed, Extreme};
-pub use speeds::{Speeds, compare_speeds};
-pub use tried::{Tried, try_limits};
+pub use speeds::Speeds;
+pub(crate) use speeds::compare_speeds;
+pub(crate) use tried::{Tried, try_limits};
 pub use whole::FullRehearsal;
 
 use meter::Meter;
@@ -52,7 +55,7 @@ use gusset_record::Recorder;
 use gusset_record::rt::os;
 use gusset_setup as setup;
 
-/// What stood for a specimen.
+/// The kind of model in place of a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StandIn {
     /// Its own law: it is a specimen of this process.
@@ -66,7 +69,7 @@ pub enum StandIn {
 }
 
 impl StandIn {
-    /// For a specimen as the file has it.
+    /// For a specimen as configured.
     #[must_use]
     pub(crate) fn of(table: &SpecimenTable) -> Self {
         let known = [&table.stiffness_n_per_m, &table.damping_n_s_per_m];
@@ -106,21 +109,21 @@ impl StandIn {
     }
 }
 
-/// What a test asks of one quantity of one axis, SI at the specimen's own scale, and what is allowed.
+/// Need of a test for one quantity of one axis, SI at the specimen's scale, and its limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Need {
-    /// Of what.
+    /// The quantity.
     pub quantity: Limit,
-    /// What is needed. A size begins at 0.
+    /// The extremes that are needed. A size begins at 0.
     pub needed: Extreme,
-    /// Levels of the warning, infinite where there is none.
+    /// Levels of the warning, infinite if not set.
     pub warn: [f64; 2],
-    /// Levels of the trip, infinite where there is none.
+    /// Levels of the trip, infinite if not set.
     pub trip: [f64; 2],
 }
 
 impl Need {
-    /// True if the test goes beyond `levels`.
+    /// True if the test exceeds `levels`.
     fn exceeds(&self, [low, high]: [f64; 2]) -> bool {
         !(self.needed.low >= low && self.needed.high <= high)
     }
@@ -147,8 +150,8 @@ impl Need {
         self.exceeds(self.warn)
     }
 
-    /// What is left up to the nearer trip level, as a share of the larger of the two: 0.2 where 80 % are needed, negative where
-    /// more than all is; none where there is no trip level.
+    /// Margin to the nearer trip level, as a share of the larger of the two: 0.2 where 80 % are needed, negative beyond the
+    /// level; `None` without a trip level.
     #[must_use]
     pub fn margin(&self) -> Option<f64> {
         let [low, high] = self.trip;
@@ -163,26 +166,26 @@ impl Need {
     }
 }
 
-/// What a test asks of one specimen.
+/// Needs of a test for one specimen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Needs {
     /// Its name.
     pub name: String,
-    /// What stood for it.
+    /// The model of the specimen.
     pub stand_in: StandIn,
     /// Per axis.
     pub axes: Vec<Vec<Need>>,
     /// All that was found of each axis, limited or not.
     pub found: Vec<AxisNeed>,
-    /// How far its platform went, if the axes are the actuators of one.
+    /// Extremes of its platform's pose, if the axes are the actuators of one.
     pub poses: Option<Poses>,
-    /// Ticks in which its simulated actuator did not come to terms with what it moves.
+    /// Ticks in which the actuator–specimen iteration did not converge.
     pub unsettled: u64,
-    /// What its rig can give, if the file says it.
+    /// Capacity of its rig, if declared.
     pub capacity: Option<CapacityTable>,
 }
 
-/// What a rehearsal came to.
+/// Result of a rehearsal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rehearsal {
     /// Test time that was rehearsed, s.
@@ -195,7 +198,7 @@ pub struct Rehearsal {
     pub peaks: Vec<f64>,
     /// Wall time that it took, s.
     pub wall_s: f64,
-    /// What one tick took on the average, s; nothing where there were too few to tell.
+    /// Average wall time of a tick, s; `None` with too few ticks.
     pub tick_s: Option<f64>,
     /// One entry per specimen.
     pub specimens: Vec<Needs>,
@@ -204,7 +207,7 @@ pub struct Rehearsal {
 impl Rehearsal {
     /// True if its budget was used up before the last step.
     #[must_use]
-    pub fn is_out_of_budget(&self) -> bool {
+    pub(crate) fn is_out_of_budget(&self) -> bool {
         self.ending.cause() == Cause::Operator
     }
 }
@@ -230,7 +233,7 @@ pub fn rehearse(
     Ok(rehearsal)
 }
 
-/// Says what stood for each specimen; of one for which nothing stood, no force is shown.
+/// Names the model of each specimen; without a model no force is shown.
 fn name_stand_ins(specimens: &mut [Needs], loaded: &Loaded) {
     for (needs, table) in specimens.iter_mut().zip(&loaded.file.specimen) {
         needs.stand_in = StandIn::of(table);
@@ -243,7 +246,7 @@ fn name_stand_ins(specimens: &mut [Needs], loaded: &Loaded) {
     }
 }
 
-/// What happens to the limits of a test that is rehearsed.
+/// Treatment of the limits of a rehearsed test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Staging {
     /// They hold.
@@ -252,10 +255,10 @@ pub enum Staging {
     WithoutLimits,
 }
 
-/// Carries an experiment out on the simulated clock, and keeps what it asks of each axis, specimen by specimen. What stands
-/// behind its ports must not be a link.
+/// Carries an experiment out on the simulated clock, and keeps its needs of each axis, specimen by specimen. Its ports must
+/// not lead to a link.
 #[must_use]
-pub fn staged(
+pub(crate) fn staged(
     experiment: Experiment,
     recorder: Box<dyn Recorder>,
     staging: Staging,
@@ -277,7 +280,7 @@ fn staged_with(
     let ports = experiment.ports.drain(..).map(|mut port| {
         let book = Arc::new(Mutex::new(Vec::new()));
         books.push(Arc::clone(&book));
-        // A partner that is told once a step has that long for each command.
+        // A per-step partner has a whole step for each command.
         let ticks = if port.path().is_per_step() {
             per_step
         } else {
@@ -309,7 +312,7 @@ fn expected(experiment: &Experiment) -> u64 {
     experiment.limits.warmup_ticks + experiment.steps.saturating_mul(per_step)
 }
 
-/// Rehearses an experiment as it is; what stands behind its ports must not be a link.
+/// Rehearses an experiment; its ports must not lead to a link.
 #[must_use]
 pub fn carry_out(experiment: Experiment, budget: &mut Budget) -> Rehearsal {
     let (operator, requests) = crossbeam_channel::bounded(1);
@@ -334,7 +337,7 @@ fn carry_out_with(
 ) -> Rehearsal {
     let began = os::monotonic_ns();
     let dt = experiment.dt;
-    // Nobody is there to confirm what a formula reads.
+    // No operator can confirm the reading of a formula.
     experiment.opening.confirm = false;
     experiment.record_dofs.clear();
     let ports = experiment.ports.iter();

@@ -81,7 +81,7 @@ struct Counts {
 }
 
 impl Pace {
-    /// Counts one more row, and says how many there are.
+    /// Counts one more row, and returns the count.
     fn count(&self) -> u64 {
         self.0.rows.fetch_add(1, Ordering::Relaxed) + 1
     }
@@ -96,7 +96,7 @@ impl Pace {
         self.0.rows.load(Ordering::Relaxed)
     }
 
-    /// Mean wall time of a tick in s, if there were enough of them to tell.
+    /// Mean wall time of a tick in s, if there were enough of them.
     pub(crate) fn tick_s(&self) -> Option<f64> {
         let each_ps = self.0.each_ps.load(Ordering::Relaxed);
         (each_ps > 0).then_some(each_ps as f64 * 1e-12)

@@ -29,7 +29,7 @@ pub struct Speeds {
 ///
 /// # Errors
 /// As [`setup::build`].
-pub fn compare_speeds(
+pub(crate) fn compare_speeds(
     loaded: &Loaded,
     rehearsal: &Rehearsal,
     budget: &mut Budget,

@@ -1,4 +1,4 @@
-//! Limits of what only the loop knows: it judges them in a rehearsal in which every limit holds.
+//! Limits of quantities that only the loop knows: it judges them in a rehearsal in which every limit holds.
 
 use super::findings::short;
 use super::prompter::Prompter;
@@ -10,8 +10,8 @@ use gusset_setup as setup;
 
 /// Result of a rehearsal with all limits.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Tried {
-    /// No limit is left to be tried, none trips, or one trips that is known already.
+pub(crate) enum Tried {
+    /// No further limit must be tried, none trips, or one trips that is known already.
     Nothing,
     /// This limit, which only the loop knows, trips.
     Trips(Finding),
@@ -19,11 +19,11 @@ pub enum Tried {
     BeyondBudget(Finding),
 }
 
-/// Rehearses a test whose undisturbed rehearsal is known and met no limit, within `budget`, with its limits.
+/// Rehearses a test with its limits, within `budget`, if its undisturbed rehearsal is known and met no limit.
 ///
 /// # Errors
 /// As [`setup::build`].
-pub fn try_limits(
+pub(crate) fn try_limits(
     loaded: &Loaded,
     undisturbed: &Rehearsal,
     budget: &mut Budget,
@@ -65,12 +65,12 @@ pub fn try_limits(
                     .help("DOFs times ticks are beyond the budget; all other limits were compared"),
             )
         }
-        // Where nothing stands for a specimen it has no force, and a limit may want one.
+        // A specimen without a model has no force, and a limit may need one.
         Ending::Completed | Ending::Stopped(_) => Tried::Nothing,
     })
 }
 
-/// True if there is a trip level for what only the loop knows.
+/// True if a quantity that only the loop knows has a trip level.
 fn is_judged_in_the_loop(limits: &AxisLimits) -> bool {
     limits
         .levels()

@@ -7,7 +7,7 @@ use super::{
 use gusset_config::{ConfigError, Finding, Loaded, Severity};
 use gusset_control::engine::Ending;
 
-/// A test's rehearsals, and what they found.
+/// A test's rehearsals, and their findings.
 #[derive(Debug, Clone)]
 pub struct FullRehearsal {
     /// The undisturbed test.
@@ -68,7 +68,7 @@ impl FullRehearsal {
         self.rehearsal.ending == Ending::Completed
     }
 
-    /// True if no limit would trip, and every rig can give what the test needs.
+    /// True if no limit would trip, and every rig has the capacity for the test.
     #[must_use]
     pub fn is_possible(&self) -> bool {
         self.errors().next().is_none()

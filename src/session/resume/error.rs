@@ -1,20 +1,20 @@
-//! Why a test cannot go on.
+//! Why a test cannot resume.
 
 use std::path::PathBuf;
 
 use thiserror::Error;
 
 use crate::continued::{Now, WentOn};
-use crate::desk::Unanswered;
 use crate::replay_error::ReplayError;
+use crate::request_socket::Unanswered;
 use gusset_config::ConfigError;
 use gusset_control::port::limits::Hit;
 use gusset_record::{FolderError, MissingEnd};
 
-/// Why a test cannot go on. Nothing was moved.
+/// Why a test cannot resume. Nothing was moved.
 #[derive(Debug, Error)]
 pub enum ResumeError {
-    /// It is no run folder, it was changed, or it does not come out again.
+    /// It is no run folder, it was changed, or it cannot be reproduced.
     #[error(transparent)]
     Replay(#[from] ReplayError),
     /// It ended as it should.
@@ -31,7 +31,7 @@ pub enum ResumeError {
         /// Why there is no answer.
         unanswered: Unanswered,
     },
-    /// Another went on with it already, and its specimens have been through the steps that follow.
+    /// Another test resumed it already, and its specimens have made the steps that follow.
     #[error("{}: {before}: {}", folder.display(), what_may_be(before))]
     WentOn {
         /// The folder.
@@ -42,7 +42,7 @@ pub enum ResumeError {
     /// It ended before t = 0.
     #[error("{}: this test ended before its first step: run it again from its beginning", .0.display())]
     NotBegun(PathBuf),
-    /// Nothing says what its files were.
+    /// The events do not list its files.
     #[error("{}: its events do not say which files it was made of, so that nothing proves that they are the same", .0.display())]
     Unproven(PathBuf),
     /// Another test than the one that was interrupted.
@@ -52,25 +52,25 @@ pub enum ResumeError {
         given: PathBuf,
         /// The copy in the run folder.
         kept: PathBuf,
-        /// Of the copy.
+        /// SHA-256 of the copy.
         wanted: String,
-        /// Of the file as given.
+        /// SHA-256 of the file as given.
         found: String,
     },
-    /// Its summary, which would say how it ended, cannot be read.
+    /// Its summary, which contains its end, cannot be read.
     #[error("{}/summary.json is damaged: {fault}: whether the test was interrupted is not known", folder.display())]
     Summary {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// The fault.
         fault: String,
     },
-    /// Rows at its end are missing, and what was done to the specimens in those steps is not known.
+    /// Rows at its end are missing, and the motions of the specimens in those steps are not known.
     #[error("{}: {missing}: what the specimens went through after that cannot be retraced", folder.display())]
     Short {
         /// The folder.
         folder: PathBuf,
-        /// What is missing.
+        /// The missing rows.
         missing: MissingEnd,
     },
     /// It tripped, or may have tripped, and `--after-trip` is missing.
@@ -82,7 +82,7 @@ pub enum ResumeError {
     Tripped {
         /// The folder.
         folder: PathBuf,
-        /// False where the record does not tell whether it tripped.
+        /// False if the record does not show whether it tripped.
         certain: bool,
         /// Everything that tripped.
         names: String,
@@ -98,7 +98,7 @@ pub enum ResumeError {
     Back {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// The damage.
         trouble: String,
         /// Step of the checkpoint.
         step: u64,
@@ -107,7 +107,7 @@ pub enum ResumeError {
         /// Names of the specimens.
         specimens: String,
     },
-    /// A key that is no limit was to be changed.
+    /// The changed key is not a limit.
     #[error("`--set {0}`: a resumed test keeps its configuration; only its limits may be widened")]
     NoLimit(String),
     /// A limit was to be narrowed, or added.
@@ -141,7 +141,7 @@ pub enum ResumeError {
     Damaged {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// The damage.
         trouble: String,
     },
 }

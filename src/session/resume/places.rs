@@ -1,7 +1,7 @@
-//! Where the specimens of an interrupted test were left, and how far off they may stand.
+//! End positions of the specimens of an interrupted test, and their tolerances.
 //!
-//! By the last commands on record, and by how far the sensors were ever off their commands while the test ran. What was
-//! killed, what was lost, and what failed in a tick without a row may have gone further than its record.
+//! They follow from the last recorded commands, and from the largest errors of the sensors while the test ran. After a
+//! kill, a loss, or a failure in a tick without a row, a specimen may have moved further than its record.
 
 use std::collections::VecDeque;
 
@@ -15,22 +15,22 @@ use gusset_quantity::substructure::Status as LinkStatus;
 use gusset_record::summary::{Peak, Status};
 use gusset_record::{Row, Run};
 
-/// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
+/// Wall time in s of which the record may be lost, and the time before it that gives the last speed.
 const LOST_S: f64 = 0.05;
 const LATEST_S: f64 = 1.0;
-/// A specimen may be so many times as far off as it was ever off its command.
+/// A specimen may be off by this multiple of its largest recorded error.
 const SHARE: f64 = 1.5;
-/// Relative size of what is nothing.
+/// Relative size that counts as zero.
 const NOTHING: f64 = 1e-9;
 /// Allowed difference of a force: this share of the largest recorded force, and this multiple of the load cell's noise.
 const FORCE_SHARE: f64 = 0.02;
 const NOISE: f64 = 5.0;
 
-/// How far off specimens may be, as the test file and the record say.
+/// Tolerances of specimens, from the test file and the record.
 pub(super) struct Tolerances<'a> {
-    /// How far in m each axis may stand from where it was left; none: as the record says.
+    /// How far in m each axis may be from its end position; `None`: as far as the record allows.
     pub within_m: Option<f64>,
-    /// How far in N the force of each axis may differ; none: as the record says.
+    /// How far in N the force of each axis may differ; `None`: as far as the record allows.
     pub within_n: Option<f64>,
     /// Root mean square of the noise that each specimen's load cells are declared to have, N.
     pub noise_n: &'a [f64],
@@ -61,7 +61,7 @@ struct Axis {
     command: Option<f64>,
     /// Displacement and force of the last row that has both.
     measured: Option<[f64; 2]>,
-    /// Forces where it stood as `found`: number and sum.
+    /// Forces at the position `found`: number and sum.
     stood: (f64, f64),
     /// The last commands, and how many of them are kept.
     latest: VecDeque<f64>,
@@ -93,7 +93,7 @@ impl Axis {
             status,
         } = self.columns;
         let [command, disp, force] = [command, disp, force].map(at);
-        // An old measurement says nothing of the command beside it.
+        // An old measurement does not belong to the command beside it.
         let is_old = LinkStatus(at(status) as u32).has(LinkStatus::STALE);
         let error = disp - command;
         self.error_at_last = (!is_old).then_some(error);
@@ -125,12 +125,12 @@ impl Axis {
         }
     }
 
-    /// Of a test that made steps of its own.
+    /// Place after a test that made steps itself.
     fn place_of_steps(&self) -> Kept {
         // The mean difference while the test ran is the offset of the sensor.
         let (count, sum, [least, most]) = self.errors;
         let beyond = sum / count.max(1.0);
-        // The way out may have led it where a wrong scale reads another offset.
+        // The return move may have moved it to a place where a wrong scale reads another offset.
         let extremes = [least, most].into_iter().filter(|error| error.is_finite());
         let off = extremes
             .chain(self.error_at_last)
@@ -150,8 +150,8 @@ impl Axis {
         Kept { command, place }
     }
 
-    /// Of a test that went on with another and ended on its way in: as far from where it found the axis as it was commanded
-    /// since. Its sensors are held against what they read in the test before, of which it tells nothing new.
+    /// Place after a resumed test that ended during its startup: the found position plus the change of command since. Its
+    /// force is compared with the readings of the test before, because it adds no newer ones.
     fn place_after(&self, found: &Kept) -> Kept {
         let command = self.command.unwrap_or(found.command);
         let (count, sum) = self.stood;
@@ -169,9 +169,9 @@ impl Axis {
         Kept { command, place }
     }
 
-    /// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of
-    /// it, and at least to the command that stood ready. Who is commanded once a step goes the way of a whole one with each
-    /// command, and gets that much fewer of them.
+    /// How far a command may have moved after the last row of a test that was killed, in its own unit: at its last speed, and
+    /// at least to the next command. A per-step partner moves by a whole step with each command, and gets that many fewer of
+    /// them.
     fn way_lost(&self, port: &Port, axis: usize, (rate_hz, ticks_per_step): (f64, u32)) -> f64 {
         let pairs = self.latest.iter().zip(self.latest.iter().skip(1));
         let steps = pairs.map(|(one, next)| (next - one).abs());
@@ -192,9 +192,8 @@ pub(super) fn ticks_lost(rate_hz: f64) -> f64 {
     (LOST_S * rate_hz).max(1.0)
 }
 
-/// True if the specimen was sent nothing that is not on record: the test ended in order, and the specimen, which was not lost,
-/// stands at its last command. What failed without a row of its end, as after a panic of our own, failed in a tick whose
-/// commands had left.
+/// True if every command to the specimen is on record: the test ended cleanly, and the specimen is at its last command and was
+/// not lost. A failure without a row of its end, as after a panic, came in a tick whose commands had left.
 fn is_all_known(run: &Run, port: &Port, state: Option<f64>) -> bool {
     let Some(summary) = run.summary() else {
         return false;
@@ -229,8 +228,8 @@ fn force_within(port: &Port, index: usize, axis: usize, by: &Tolerances<'_>) -> 
     FORCE_SHARE * (peak / gain.abs()) + NOISE * noise
 }
 
-/// Where each axis was left by the last command on record, and how far off it may be. `before`: the origin of a test that ended
-/// on its way in. The rows are read once, one after the other.
+/// Where the last recorded command left each axis, and its tolerance. `before`: the origin of a test that ended during startup.
+/// The rows are read once, one after the other.
 pub(super) fn places(
     run: &Run,
     ports: &[Port],
@@ -310,7 +309,7 @@ mod tests {
     use gusset_control::port::{Axis as Seen, AxisSpec, LinearStandIn, PortSpec};
 
     #[test]
-    fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {
+    fn per_step_partner_loses_whole_steps() {
         // 500 ticks a second, twenty a step of 12 mm: in 50 ms are 25 of its parts, or two whole ones at the most.
         let (rate_hz, ticks) = (500.0, 20);
         for (per_step, wanted) in [(false, 25.0 * 0.6e-3), (true, 2.0 * 12e-3)] {

@@ -1,6 +1,6 @@
-//! What tripped an interrupted test, by its events and by the causes in its rows.
+//! Causes of the trip of an interrupted test, from its events and from the causes in its rows.
 //!
-//! Rows are written before events. If the process ends in between, only the rows tell that the test tripped. Recordings of
+//! Rows are written before events. If the process ends in between, only the rows show that the test tripped. Recordings of
 //! versions up to 0.2.0 have no column `cause`. There, a row with the state *tripped* needs an event that explains it.
 
 use super::ResumeError;
@@ -50,7 +50,7 @@ impl Trips {
 #[derive(Debug, Default)]
 struct Told {
     trips: Vec<String>,
-    /// An event says what ended the test, whether it is a trip or not.
+    /// An event contains the cause of the end, whether it is a trip or not.
     explained: bool,
     unreadable: usize,
     /// The last line is one of those, and was never finished.
@@ -141,7 +141,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_force_that_is_not_finite_is_a_trip_and_a_lost_link_is_none() {
+    fn force_that_is_not_finite_is_a_trip() {
         let link =
             |fault: &str| EventLine::from(json!({"event": "link", "specimen": 1, "fault": fault}));
         let all = ["closed", "timeout", "not_finite", "malformed", "diverged"].map(link);
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_phase_tells_of_a_trip_whose_own_event_is_lost() {
+    fn phase_reports_a_trip_without_an_event() {
         let told = |cause: &str| {
             let line =
                 json!({"event": "phase", "from": "running", "to": "tripped", "cause": cause});

@@ -8,7 +8,7 @@ use super::ResumeError;
 use gusset_config::{Loaded, TestFile};
 use gusset_quantity::catalog::limit::{Scope, TABLE};
 
-/// What differs between two test files: the key with its value before and now.
+/// A difference between two test files: the key with its value before and now.
 type Difference = (String, Option<Value>, Option<Value>);
 
 /// The limits that differ, in words. Errors: another key differs, or a limit is narrower.

@@ -191,7 +191,7 @@ impl<'a> Converted<'a> {
                     name: coordinate.key().to_owned(),
                     disp_unit: if turns { Unit::Radian } else { disp_unit },
                     force_unit: if turns { moment } else { force_unit },
-                    // The actuators are bounded, and what that bounds of the pose depends on the pose.
+                    // The actuators have bounds; the resulting bounds of the pose depend on the pose.
                     limits: Limits::NONE,
                 }
             });

@@ -68,7 +68,7 @@ impl Following {
         )))
     }
 
-    /// Adds to a port what makes up for the lag of its axes.
+    /// Adds compensators for the lag of its axes to a port.
     ///
     /// # Errors
     /// A compensator that cannot be built.

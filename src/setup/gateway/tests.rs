@@ -23,6 +23,21 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::Nanos;
 
+/// A controller of which only the address is known.
+fn unnamed() -> Controller {
+    Controller {
+        peer: ([127, 0, 0, 1], 1).into(),
+        test: String::new(),
+        software: String::new(),
+        rate: None,
+        watchdog_s: None,
+        sampling: gusset_wire::handshake::Sampling::Reply,
+        first_sequence: 0,
+        start: Vec::new(),
+        limits: Vec::new(),
+    }
+}
+
 const SI: (DispUnit, ForceUnit) = (DispUnit::Metre, ForceUnit::Newton);
 
 /// Forces of the axes for their displacements, in the units of the axes.
@@ -31,7 +46,7 @@ type Law = Arc<dyn Fn(&[f64]) -> Vec<f64> + Send + Sync>;
 /// Displacements and velocities of one command after the other.
 type Told = Arc<Mutex<Vec<[Vec<f64>; 2]>>>;
 
-/// A machine that is at its command at once, and says where it stands.
+/// A machine that follows its command at once, and reports its position.
 #[derive(Clone)]
 struct Rig {
     law: Law,
@@ -133,7 +148,7 @@ impl Behind {
     /// A session has begun.
     fn begun(&self) -> ServedSpecimen {
         let mut served = self.host.specimen(false).unwrap();
-        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let controller = unnamed();
         served.begin(&controller, &mut || Ok(())).unwrap();
         served
     }
@@ -210,7 +225,7 @@ proptest! {
 
     /// Power at the client equals that of the actuators, at the scale of the structure: forces belong to velocities.
     #[test]
-    fn forces_at_the_client_do_the_work_of_the_actuators(
+    fn client_forces_do_the_actuators_work(
         pose in [-0.06..0.06f64, -0.06..0.06f64, -0.1..0.1f64],
         rates in [-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64],
     ) {
@@ -243,7 +258,7 @@ proptest! {
 
     /// A port of a test with this geometry sends and measures the same bits for these commands.
     #[test]
-    fn a_gateway_gives_the_bits_of_a_port_in_this_process(
+    fn gateway_gives_the_bits_of_a_local_port(
         poses in proptest::collection::vec([-0.02..0.02f64, -0.02..0.02f64, -0.03..0.03f64], 1..20),
     ) {
         let rig = behind(PLATFORM, SI, &REST, springs());
@@ -294,7 +309,7 @@ fn in_process(table: &SpecimenTable, rig: Rig) -> PortSpec {
 }
 
 #[test]
-fn a_reversed_lever_of_another_scale_converts_units_offsets_and_limits() {
+fn reversed_lever_converts_units_and_limits() {
     let table = r#"
         name = "damper"
         stiffness_n_per_m = 1e6
@@ -338,7 +353,7 @@ fn a_reversed_lever_of_another_scale_converts_units_offsets_and_limits() {
 }
 
 #[test]
-fn a_platform_is_found_where_its_actuators_stand() {
+fn platform_is_found_from_its_actuators() {
     let reference = behind(PLATFORM, SI, &REST, springs());
     let mut served = reference.begun();
     let pose = [0.03, -0.02, 0.05];
@@ -362,20 +377,17 @@ fn a_platform_is_found_where_its_actuators_stand() {
         assert!((told - stroke).abs() < 1e-12, "nothing has moved");
     }
     drop(served);
-    // A controller that arms where the server says is at home, and one that arms elsewhere is not.
+    // A controller that arms at the reported position is accepted, and one that arms elsewhere is not.
     let stands = rig.host.standing();
     for (start, is_there) in [(stands, true), (vec![0.0; 3], false)] {
-        let controller = Controller {
-            start,
-            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
-        };
+        let controller = Controller { start, ..unnamed() };
         let mut served = rig.host.specimen(false).unwrap();
         assert_eq!(served.begin(&controller, &mut || Ok(())).is_ok(), is_there);
     }
 }
 
 #[test]
-fn a_pose_that_cannot_be_trips_and_moves_nothing() {
+fn impossible_pose_trips_and_moves_nothing() {
     let table = PLATFORM.replace(
         "joint_m = [0.1, 0.0] }",
         "joint_m = [0.1, 0.0], length_m = [1.1, 1.3] }",
@@ -391,9 +403,9 @@ fn a_pose_that_cannot_be_trips_and_moves_nothing() {
 }
 
 #[test]
-fn the_wiring_check_moves_one_actuator_after_the_other() {
+fn wiring_check_moves_one_actuator_at_once() {
     let probed = PLATFORM.replace(r#"probe = "none""#, "probe_m = 0.001, probe_ramp_s = 0.05");
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     // The estimate is that of the machine, and not of the structure.
     let rig = behind(&probed, SI, &REST, springs());
     let mut forgotten = rig.host.specimen(false).unwrap();
@@ -421,7 +433,7 @@ fn the_wiring_check_moves_one_actuator_after_the_other() {
             .filter(|(disp, rest)| (*disp - rest).abs() > 1e-12);
         assert!(moved.count() <= 1);
     }
-    // A load cell that is wired the other way round.
+    // A load cell with reversed wiring.
     let reversed: Law = Arc::new(|disp: &[f64]| {
         let mut forces = springs()(disp);
         forces[1] = -forces[1];
@@ -434,7 +446,7 @@ fn the_wiring_check_moves_one_actuator_after_the_other() {
 }
 
 #[test]
-fn the_client_learns_the_stiffness_of_the_coordinates() {
+fn client_receives_coordinate_stiffness() {
     let rig = behind(PLATFORM, SI, &REST, springs());
     let served = rig.host.specimen(false).unwrap();
     // At the structure's scale the joints are at y = ±0.8 m and x = 0.2 m.
@@ -459,7 +471,7 @@ const PACING: Pacing = Pacing {
 };
 
 #[test]
-fn a_paced_target_is_reached_from_rest_to_rest_along_the_poses_between() {
+fn paced_target_moves_from_rest_to_rest() {
     let rig = behind_paced(PLATFORM);
     let mut served = rig.begun();
     let mut plain = behind(PLATFORM, SI, &REST, springs()).begun();
@@ -474,7 +486,7 @@ fn a_paced_target_is_reached_from_rest_to_rest_along_the_poses_between() {
         assert_eq!((answer.disp, answer.force), (wanted.disp, wanted.force));
         assert_eq!(answer.sequence, sequence);
         assert!(told[19][1].iter().all(|vel| vel.abs() < 1e-9));
-        // At the half of the time the platform is half way.
+        // At half the time the platform is at half the distance.
         let poses = told
             .iter()
             .map(|[disp, _]| port_of_platform().signals_at(disp).unwrap());
@@ -484,7 +496,7 @@ fn a_paced_target_is_reached_from_rest_to_rest_along_the_poses_between() {
 }
 
 #[test]
-fn velocities_of_paced_commands_are_the_slopes_of_the_commands_whatever_the_scale_of_time() {
+fn paced_velocities_are_command_slopes() {
     let table = PLATFORM.replace("time = 1.5", "time = 2.0");
     assert_ne!(table, PLATFORM);
     let rig = behind_paced(&table);
@@ -521,7 +533,7 @@ fn port_of_platform() -> ReceivedPort {
 
 /// OpenSees sends each displacement twice: with the velocity that it predicts, and with that of the end of the step.
 #[test]
-fn a_target_that_is_sent_again_in_its_step_moves_nothing_and_has_its_answer() {
+fn repeated_target_moves_nothing() {
     let rig = behind_paced(PLATFORM);
     let mut served = rig.begun();
     let pose = [0.01, 0.0, 0.02];
@@ -537,13 +549,13 @@ fn a_target_that_is_sent_again_in_its_step_moves_nothing_and_has_its_answer() {
     served.commit();
     goes(&mut served, 3, &pose, &[0.0; 3]).unwrap();
     assert_eq!(rig.told.lock().unwrap().len(), before + 20);
-    // A velocity that is no number trips.
+    // A NaN velocity trips.
     let fault = goes(&mut served, 4, &pose, &[f64::NAN; 3]);
     assert!(matches!(fault, Err(Trip::NotFinite { axis: Some(0), .. })));
 }
 
 #[test]
-fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target() {
+fn late_client_finds_the_last_target() {
     let rig = behind_paced(PLATFORM);
     let mut served = rig.begun();
     goes(&mut served, 0, &[0.01, 0.0, 0.0], &[0.0; 3]).unwrap();
@@ -552,7 +564,7 @@ fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target()
     served.attend().unwrap();
     drop(served);
     assert_eq!(*rig.told.lock().unwrap(), told);
-    // A stop of the server on the way to the second target slows the specimen down.
+    // A stop of the server on the path to the second target slows the specimen down.
     let mut served = rig.begun();
     for (sequence, goal) in [(0, 0.02), (1, 0.04)] {
         let before = rig.told.lock().unwrap().clone();
@@ -600,7 +612,7 @@ fn a_client_that_is_late_or_gone_finds_the_specimen_at_rest_at_its_last_target()
 }
 
 #[test]
-fn a_target_beyond_its_bound_is_refused_before_the_specimen_is_led_anywhere() {
+fn target_beyond_its_bound_is_refused() {
     let table = PLATFORM.replace(
         "limits = { command_step_m = { trip = 0.5 } }",
         "limits = { command_disp_m = { trip = [-0.02, 0.02] }, command_step_m = { trip = 0.5 } }",

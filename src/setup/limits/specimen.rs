@@ -1,4 +1,4 @@
-//! The limits of one specimen: what is bounded and how it is judged, what its end does by itself, and where it is left.
+//! The limits of one specimen: bounded quantities, their judgement, the reactions of its end, and its end position.
 
 use super::super::links;
 use super::super::specimens::loading;
@@ -73,7 +73,7 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
     }
 }
 
-/// What the specimen's end is told of a bound, where that is not the bound itself.
+/// The announced form of a bound, where that is not the bound itself.
 fn announced(quantity: Limit, axis: &AxisLimits, time: &Time) -> Option<String> {
     match quantity {
         Limit::CommandStep => {
@@ -95,7 +95,7 @@ fn announced(quantity: Limit, axis: &AxisLimits, time: &Time) -> Option<String> 
     }
 }
 
-/// What else the file says of a bound.
+/// Other keys of the file for a bound.
 fn judged(quantity: Limit, axis: &AxisLimits) -> Option<String> {
     let tangents = || "from motions beyond ten times the noise".to_owned();
     let over_time = || "over the last seconds of motion, after two periods of it".to_owned();

@@ -1,4 +1,4 @@
-//! The compensators of a specimen, and what a simulated actuator asks of the grid.
+//! The compensators of a specimen, and the demands of a simulated actuator on the grid.
 
 use super::super::{Refused, Site, path};
 use gusset_actuator::compensation::{CompensationSpec, Compensator};

@@ -1,4 +1,4 @@
-//! What a test file says of one specimen: what stands for it, its rows of B, its estimates and bounds.
+//! A specimen of a test file: its law or link, its rows of B, its estimates and bounds.
 
 use nalgebra::DMatrix;
 
@@ -18,7 +18,7 @@ use gusset_numerics::spectral::delay::Weights;
 use gusset_proof::Kind;
 use gusset_quantity::units::{compared, quantity};
 
-/// A ratio of an estimate to what is known, or its inverse, that nobody means.
+/// A ratio of an estimate to the known value, or its inverse, that must be a mistake.
 const FAR: f64 = 10.0;
 
 /// Everything that is known of one specimen.
@@ -64,7 +64,7 @@ pub(super) fn entry(
     for (index, row) in rows.into_iter().enumerate() {
         let gear = table.axis.get(index).cloned().unwrap_or_default();
         let (axis, to_si) = axis(table, &gear, row);
-        // What the law sees at its own scale when the structure moves as far as is declared.
+        // Motion of the law at its own scale when the structure moves as far as declared.
         let scale = gear.scale / table.similitude.length;
         reach.push(Reach {
             disp: table.reach_disp_m.map(|reach| reach * scale),
@@ -111,7 +111,7 @@ pub(super) fn entry(
         law.rest_damping(&mut c);
         rest_damping = scaled(&c, |axis| axis.vel_gain);
     }
-    // What was drawn is the truth, of which the controller does not know.
+    // The drawn values are the truth, which the controller does not know.
     let believed = site.trial.and_then(|trial| trial.believed.get(number));
     let (stiffness, damping) = match believed {
         Some(known) => (known.stiffness.clone(), known.damping.clone()),
@@ -228,7 +228,7 @@ fn warn_of_distance(
     law: &Rows,
     help: &'static str,
 ) {
-    // What is drawn, or stands for it in a trial, was judged with the file.
+    // The draws and the stand-in of a trial were judged with the file.
     if site.trial.is_some() {
         return;
     }
@@ -286,8 +286,8 @@ fn warn_of_identified(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable, 
     );
 }
 
-/// What the commands of a step are made of, from that at its target back, where every target is known at once. Empty for one that
-/// is told its target alone.
+/// Weights of the commands of a step, from that at its target back, where every target is known at once. Empty for a specimen
+/// that receives its target alone.
 fn ticks(loaded: &Loaded, table: &SpecimenTable) -> Vec<Weights> {
     let told_once = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
     let ticks = loaded.time.ticks_per_step;
@@ -305,8 +305,8 @@ fn ticks(loaded: &Loaded, table: &SpecimenTable) -> Vec<Weights> {
     each.collect()
 }
 
-/// How much of a specimen's damping counts in a sawtooth, by what its commands are made of: the slope at the target over the velocity
-/// ∇ of the integrator, which one that is told its target alone is told.
+/// How much of a specimen's damping counts in a sawtooth, by the weights of its commands: the slope at the target over the
+/// velocity ∇ of the integrator. A specimen that receives its target alone receives this velocity.
 fn sawtooth(ticks: &[Weights]) -> f64 {
     ticks.first().map_or(1.0, |at_target| {
         let newest_last = at_target.slope.iter().rev();
@@ -314,7 +314,7 @@ fn sawtooth(ticks: &[Weights]) -> f64 {
     })
 }
 
-/// A law for so many axes, at the platform of its actuators if it stands there.
+/// A law for this many axes, at the platform of its actuators if the table has one.
 fn built(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -372,7 +372,7 @@ fn rows(
             };
             Ok(rows.iter().map(sparse).collect())
         }
-        // Without a structure there is nothing to transform: as many axes as the laws or the axis tables say.
+        // Without a structure there is nothing to transform: the laws or the axis tables give the number of axes.
         (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
         (None, None, Some(_)) => {
             let text = "give `storey` or `rows`: the deformation of the structure that the specimen follows";

@@ -1,7 +1,7 @@
 //! The loading unit of a specimen: its actuators in place of the coordinates of its platform.
 //!
 //! From here on the axes of the specimen are actuators. Their rows are those of small displacements, J·B at the reference
-//! pose, so that K0, C0 and their proof follow as for any other specimen; the port itself goes by the whole geometry.
+//! pose, so that K0, C0 and their proof follow as for any other specimen; the port itself uses the whole geometry.
 
 use std::collections::BTreeMap;
 
@@ -64,15 +64,15 @@ pub(crate) fn loading_of(
     Ok((axes, Some(loading)))
 }
 
-/// Where each axis stands in m, and what it reads there in N, while the deformation and the force are zero.
+/// Position of each axis in m, and its reading there in N, while the deformation and the force are zero.
 pub(super) fn offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)> {
     let axis = |index: usize| table.axis.get(index);
     let axes = (0..axes).map(|index| axis(index).map(|axis| (axis.offset_m, axis.offset_n)));
     axes.map(Option::unwrap_or_default).collect()
 }
 
-/// The same of a law in this process. It is told where its axes stand, unless it stands at a platform: that is where its
-/// actuators take it.
+/// Offsets of a law in this process. It receives positions without their offset, except at a platform: there its
+/// actuators take it to the position.
 pub(crate) fn own_offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)> {
     let mut offsets = offsets(table, axes);
     let is_at_platform = of_platform(table).is_some();
@@ -83,7 +83,7 @@ pub(crate) fn own_offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)>
     offsets
 }
 
-/// The law behind its actuators, if it stands at their platform, by their strokes: not yet off the zero of their axes.
+/// The law behind its actuators, if it is at their platform, by their strokes: without the offsets of their axes.
 pub(crate) fn behind_actuators(
     table: &SpecimenTable,
     law: Box<dyn Specimen>,
@@ -138,14 +138,14 @@ fn of_platform(table: &SpecimenTable) -> Option<&GeometrySpec> {
     (spec.law_at == LawPlace::Platform).then_some(spec)
 }
 
-/// A loading unit, for whoever looks over a test.
+/// A loading unit, as shown to the person who checks a test.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LoadingFacts {
     /// "plane", "space" or "matrix".
     pub form: &'static str,
     /// Whether strokes are exact, or those of small displacements.
     pub exact: bool,
-    /// What the law and the estimates are of.
+    /// Whether the law and the estimates are of actuators or coordinates.
     pub law_at: LawPlace,
     /// Driven coordinates of the platform.
     pub coordinates: Vec<&'static str>,

@@ -1,4 +1,4 @@
-//! What a law in this process resists with before anything moves: offsets are those of axes, and a law knows nothing of them.
+//! Force of a law in this process before anything moves: offsets belong to axes, and a law does not know them.
 
 use super::super::Site;
 use super::super::gear::axis;
@@ -7,11 +7,11 @@ use super::loading::{offsets, own_offsets};
 use gusset_actuator::specimen::Specimen;
 use gusset_config::{AxisTable, Finding, KeyPath, SpecimenTable, ZeroChoice};
 
-/// Share of what a zero shifted by the offsets would do that is roundoff.
+/// Share of the effect of a shifted zero that counts as roundoff.
 const ROUNDOFF: f64 = 1e-9;
 
-/// Says so where the structure feels a force of the law under `key` while every axis stands at its offset, and the offsets are
-/// why.
+/// Warns where the structure receives a force of the law under `key` while every axis is at its offset, and the offsets are
+/// the cause.
 pub(super) fn says_its_force(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn a_law_that_is_strained_by_the_offset_of_its_axis_says_its_force_at_rest() {
+    fn offset_strain_reports_a_force_at_rest() {
         let plastic = "law.bilinear = { post_yield_ratio = 0, stiffness_n_per_m = 2e6, yield_force_n = 15e3 }\n";
         let gear = "sign = -1, unit_disp = \"mm\", unit_force = \"kN\"";
         let said = warnings(&format!(
@@ -113,7 +113,7 @@ mod tests {
             // An offset within the gap.
             "law.gap = { stiffness_n_per_m = 9e6, gap_m = 0.004, side = \"tension\" }\naxis = [{ offset_m = 0.001 }]\n"
                 .to_owned(),
-            // Zeroed on what is read.
+            // Zeroed on its reading.
             format!("{plastic}axis = [{{ offset_m = 0.05, zero_force = \"relative\" }}]\n"),
         ];
         for specimen in silent {

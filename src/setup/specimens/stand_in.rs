@@ -1,4 +1,4 @@
-//! What stands for a specimen when its test is rehearsed, and laws behind simulated actuators.
+//! Stand-ins of specimens in a rehearsal, and laws behind simulated actuators.
 
 use super::super::trial::Drawn;
 use super::super::{Refused, Rows, Site};
@@ -9,8 +9,8 @@ use gusset_actuator::transfer::{ActuatorSpec, ProportionalSpec, Transfer, Transf
 use gusset_config::{KeyPath, SpecimenTable};
 use gusset_control::port::Axis;
 
-/// The law as it was drawn, mounted off the zero of its axes by `offsets` (m, N), behind the actuator and the sensors of its
-/// table, if there are any.
+/// The law as drawn, mounted off the zero of its axes by `offsets` (m, N), behind the actuator and the sensors of its table,
+/// if any.
 pub(super) fn behind_transfer(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -23,7 +23,7 @@ pub(super) fn behind_transfer(
     } else {
         Box::new(Stiffened::new(law, drawn.stiffness))
     };
-    // Outside: a stiffer specimen stands where a softer one does.
+    // Outside: a stiffer specimen is at the same place as a softer one.
     let law = Mounted::around(law, offsets);
     let Some(spec) = spec else {
         return Ok(law);
@@ -44,7 +44,7 @@ pub(super) fn behind_transfer(
 
 fn drawn_transfer(spec: &TransferSpec, drawn: &Drawn) -> TransferSpec {
     let mut spec = spec.clone();
-    // What is drawn cannot make a specimen answer before it is asked; a number of the file that would is refused where it stands.
+    // A drawn delay cannot become negative; a negative delay in the file is refused at its key.
     if drawn.delay_s != 0.0 {
         spec.delay_s = (spec.delay_s + drawn.delay_s).max(0.0);
     }
@@ -63,19 +63,19 @@ fn drawn_transfer(spec: &TransferSpec, drawn: &Drawn) -> TransferSpec {
     spec
 }
 
-/// What is known of a specimen behind a link.
+/// Known properties of a specimen behind a link.
 pub(super) struct Known<'a> {
     pub table: &'a SpecimenTable,
     pub axes: &'a [Axis],
     pub units: &'a [(f64, f64)],
-    /// By the file, with what was drawn of it.
+    /// The file's stiffness, with its draws.
     pub stiffness: &'a Rows,
     pub damping: &'a Rows,
-    /// Whether the controller believes the same.
+    /// Whether the controller's estimate is the same.
     pub is_believed: bool,
 }
 
-/// In the place of a specimen behind a link: `law`, its declared stand-in, else a linear one; behind its believed actuator.
+/// The stand-in of a specimen behind a link: `law` as declared, else a linear one; behind its estimated actuator.
 pub(super) fn stand_in(
     site: &mut Site<'_>,
     at: &KeyPath,
@@ -84,7 +84,7 @@ pub(super) fn stand_in(
     drawn: &Drawn,
 ) -> Result<Stand, Refused> {
     let time = site.loaded.time;
-    // What was identified is wall time; a slower test sees less of it.
+    // The identified delays are wall time; a slower test sees less of them.
     let pace = compensation::test_time(time) / time.period.value();
     let transfer = known.table.believed_transfer(pace);
     if law.is_none() && transfer.is_none() && drawn.stiffness == 1.0 && known.is_believed {

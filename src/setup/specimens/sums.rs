@@ -1,4 +1,4 @@
-//! What all specimens together add to the matrices of the structure: Σ Bᵀ (·) B, n × n in the structure's units.
+//! Contribution of all specimens together to the matrices of the structure: Σ Bᵀ (·) B, n × n in the structure's units.
 
 use super::{Entry, Rows, Specimens};
 use gusset_numerics::linalg::SymMatrix;

@@ -1,4 +1,4 @@
-//! Limits of estimates that are never made: they can never trip, and whoever relies on them must hear of it.
+//! Limits of estimates that are never made: they can never trip, and the user who relies on them must know.
 
 use super::super::{Site, path};
 use gusset_config::{Finding, KeyPath, LimitsSpec};

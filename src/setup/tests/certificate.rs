@@ -1,4 +1,4 @@
-//! What a certificate goes by, as the file says it.
+//! How the file sets up a certificate.
 
 use super::*;
 
@@ -11,7 +11,7 @@ fn with(more: &str) -> String {
 }
 
 #[test]
-fn what_a_certificate_goes_by_is_read_and_written() {
+fn certificate_is_read_and_written() {
     let text = format!(
         "{}[certificate]\ntrials = 50\nresponse_error = 0.2\n\
          [[uncertainty]]\nkey = \"specimen.0.law.bilinear.yield_force_n\"\nstd_share = 0.1\n\
@@ -32,7 +32,7 @@ fn what_a_certificate_goes_by_is_read_and_written() {
     let mut complete = loaded.file.clone();
     complete.safety.divergence_m = Some(1000.0);
     assert_eq!(accepted(&again, &[]).file, complete, "{again}");
-    // A file that says nothing of it stays as it was.
+    // A file without these keys stays unchanged.
     let plain = accepted(GOOD, &[]);
     let plain = resolve(&plain.file, None, &plain.inputs()).unwrap();
     assert!(
@@ -42,7 +42,7 @@ fn what_a_certificate_goes_by_is_read_and_written() {
 }
 
 #[test]
-fn what_was_identified_has_its_ranges() {
+fn identified_values_have_their_ranges() {
     for (change, to, words) in [
         ("delay_s = 0.024", "delay_s = -1", "must be 0 or greater"),
         (
@@ -77,7 +77,7 @@ fn what_was_identified_has_its_ranges() {
 }
 
 #[test]
-fn what_is_uncertain_is_a_number_of_the_test() {
+fn uncertain_value_is_a_number_of_the_test() {
     let text = format!(
         "{GOOD}[[uncertainty]]\nkey = \"specimen.0.law.bilinear.yield_force_n\"\nstd = 100\n"
     );
@@ -131,7 +131,7 @@ fn what_is_uncertain_is_a_number_of_the_test() {
 }
 
 #[test]
-fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
+fn value_without_effect_is_refused() {
     const LINK: &str = "stiffness_n_per_m = 1e6\ndamping_n_s_per_m = 1e3\nhardening_bound = 1.5\n\
         link = { address = \"127.0.0.1:9\", reply_timeout_s = 1.0 }\n\
         limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e6, 1e6] } }\n";

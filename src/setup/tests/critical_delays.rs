@@ -1,7 +1,6 @@
 //! Tables of critical delays, of test files.
 
 use super::*;
-use gusset_numerics::spectral::delay::sdof;
 use gusset_numerics::spectral::delay::{DiscreteLimit, continuous};
 use gusset_proof::Analysis;
 
@@ -14,8 +13,8 @@ fn analysis(text: &str) -> Analysis {
 const TIME: &str = "[time]\nrate_hz = 1000\nduration_s = 1\n[integrator]\nlambda = 4\n\
     [excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1.0\n";
 
-/// A specimen of this law in a structure of 2 t, 1 MN/m and 5 kN s/m, and the same structure with a linear one of 0.5 MN/m: that
-/// is what it is at rest.
+/// A specimen of this law in a structure of 2 t, 1 MN/m and 5 kN s/m, and the same structure with a linear specimen of 0.5 MN/m,
+/// the stiffness of the law at rest.
 fn at_rest_as_linear(law: &str) {
     let with = |law: &str| {
         analysis(&format!(
@@ -44,19 +43,19 @@ fn at_rest_as_linear(law: &str) {
 }
 
 #[test]
-fn a_damper_without_a_tangent_at_rest_stands_against_no_delay() {
+fn damper_without_tangent_opposes_no_delay() {
     at_rest_as_linear(
         ", { power_damper = { force_at_unit_velocity_n = 2e4, exponent = 1.5, reference_damping_n_s_per_m = 4e3 } }",
     );
 }
 
 #[test]
-fn an_open_gap_of_a_specimen_takes_no_part_in_a_delay() {
+fn open_gap_takes_no_part_in_a_delay() {
     at_rest_as_linear(", { gap = { stiffness_n_per_m = 1e6, gap_m = 0.05, side = \"tension\" } }");
 }
 
 #[test]
-fn of_laws_side_by_side_each_stands_for_itself() {
+fn parallel_laws_count_separately() {
     // The one has no end of its tangent at rest, so that its reference counts; the other has none at all.
     let root = |more: &str| {
         let one = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 0.5, reference_damping_n_s_per_m = 1e3 }";
@@ -73,7 +72,7 @@ fn of_laws_side_by_side_each_stands_for_itself() {
 
 /// k = 1e4 N/m beside an open gap of 1e7: the table reaches to 2e7, and is exact where the axis works.
 #[test]
-fn an_axis_far_below_the_stiffness_of_its_gap_has_its_own_critical_delay() {
+fn soft_axis_has_a_separate_critical_delay() {
     let with = |gap: &str| {
         let analysis = analysis(&format!(
             "{TIME}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[400]]\n\
@@ -96,7 +95,7 @@ fn an_axis_far_below_the_stiffness_of_its_gap_has_its_own_critical_delay() {
 
 /// Of two specimens the one, with 250 kg in its force, is on time: with the other late it moves with the structure.
 #[test]
-fn inertia_in_the_force_of_one_specimen_counts_in_the_delay_of_another() {
+fn inertia_of_one_counts_for_another() {
     let found = analysis(&format!(
         "{TIME}[structure.shear_building]\nmass_kg = [1000, 900]\nstiffness_n_per_m = [1e6, 8e5]\n\
          [structure.damping.modal]\nratios = [0.02]\n\
@@ -117,8 +116,33 @@ fn inertia_in_the_force_of_one_specimen_counts_in_the_delay_of_another() {
 /// Entries of a table.
 const ENTRIES: usize = 33;
 
+/// Critical delay in s of one degree of freedom with natural frequency `omega` (rad/s, of the total stiffness),
+/// damping ratio `ratio` and the share `share` of its stiffness in the specimen. None if every delay is stable.
+fn sdof(ratio: f64, share: f64, omega: f64) -> Option<f64> {
+    let half = 1.0 - share - 2.0 * ratio * ratio;
+    let radicand = half * half - (1.0 - 2.0 * share);
+    if !(radicand >= 0.0 && share > 0.0 && omega > 0.0) {
+        return None;
+    }
+    let roots = [half + radicand.sqrt(), half - radicand.sqrt()];
+    let delays = roots
+        .into_iter()
+        .filter(|square| *square > 0.0)
+        .map(|square| {
+            let r = square.sqrt();
+            let angle = libm::atan2(2.0 * ratio * r / share, (square - 1.0 + share) / share);
+            let angle = if angle < 0.0 {
+                angle + std::f64::consts::TAU
+            } else {
+                angle
+            };
+            angle / (r * omega)
+        });
+    delays.reduce(f64::min)
+}
+
 #[test]
-fn a_table_of_one_degree_of_freedom_is_the_closed_form() {
+fn one_dof_table_is_the_closed_form() {
     // 1000 kg, 1e5 N/m of the numerical side, 2e5 N/m of the specimen; 400 N s/m.
     let analysis = analysis(&format!(
         "{TIME}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[400]]\n\
@@ -139,7 +163,7 @@ fn a_table_of_one_degree_of_freedom_is_the_closed_form() {
 }
 
 #[test]
-fn with_coarse_steps_of_several_ticks_a_table_is_as_much_less_as_the_recursion() {
+fn coarse_steps_lower_the_table_equally() {
     let with = |rate: u32, ticks: u32| {
         analysis(&format!(
             "{}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[400]]\n\
@@ -171,7 +195,7 @@ fn with_coarse_steps_of_several_ticks_a_table_is_as_much_less_as_the_recursion()
 }
 
 #[test]
-fn between_its_entries_a_table_is_what_is_computed_directly() {
+fn table_interpolates_the_direct_result() {
     let analysis = analysis(&format!(
         "{TIME}[structure.shear_building]\nmass_kg = [1000, 900, 800]\nstiffness_n_per_m = [0, 4e5, 3e5]\n\
          [structure.damping.rayleigh_ratio]\nratio = 0.03\nmodes = [1, 2]\n\
@@ -198,10 +222,10 @@ fn between_its_entries_a_table_is_what_is_computed_directly() {
     }
 }
 
-/// Neither a stopper that stays away nor a damper that does nothing at rest changes what a delay may be, however large
-/// their shares of K0 and C0 are.
+/// An open stopper or a damper without effect at rest does not change the critical delay, however large their shares of
+/// K0 and C0 are.
 #[test]
-fn an_open_gap_holds_nothing_and_an_idle_damper_damps_nothing() {
+fn open_gap_and_idle_damper_do_nothing() {
     let with = |element: &str| {
         analysis(&format!(
             "{TIME}[structure.shear_building]\nmass_kg = [1000, 1000]\nstiffness_n_per_m = [71e3, 326e3]\n\
@@ -255,7 +279,7 @@ fn an_open_gap_holds_nothing_and_an_idle_damper_damps_nothing() {
 }
 
 #[test]
-fn what_takes_too_long_or_has_no_damping_is_refused_with_its_reason() {
+fn slow_or_undamped_table_is_refused() {
     let chain = |dofs: usize| {
         analysis(&format!(
             "{TIME}[structure.chain]\ndofs = {dofs}\nmass_kg = 1000\nstiffness_n_per_m = 4e5\ndamping_n_s_per_m = 300\n\

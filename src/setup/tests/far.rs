@@ -1,4 +1,4 @@
-//! Numbers that nobody means: a compensator that leads away from the target, an estimate of another unit, a structure of nothing.
+//! Implausible numbers: a compensator that leads away from the target, an estimate of another unit, a structure of nothing.
 
 use super::*;
 use crate::build;
@@ -18,7 +18,7 @@ storey = 1
 law = { linear = { stiffness_n_per_m = 1e5 } }
 "#;
 
-/// What the build says of the test with one key more: warnings, or the refusal.
+/// Result of the build of the test with one key more: warnings, or the refusal.
 fn said(set: &str) -> Result<String, String> {
     match build(&accepted(TEST, &[set])) {
         Ok(test) => Ok(test.warnings.render(false)),
@@ -28,7 +28,7 @@ fn said(set: &str) -> Result<String, String> {
 }
 
 #[test]
-fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_sign_refused() {
+fn distant_compensator_start_is_reported() {
     for (compensation, gain) in [
         ("amb={start=[0.001,0,0,0]}", "0.001"),
         ("ats={order=1,start=[4.0,0.02]}", "4"),
@@ -55,7 +55,7 @@ fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_
 }
 
 #[test]
-fn an_estimate_that_is_far_from_the_law_beside_it_is_told_of() {
+fn estimate_far_from_the_law_is_reported() {
     for (given, ratio) in [("1e8", "1000 times"), ("5e3", "0.05 times")] {
         let said = said(&format!("specimen.0.stiffness_n_per_m={given}")).unwrap();
         shows(&said, "the stiffness estimate of axis 1 is");
@@ -66,7 +66,7 @@ fn an_estimate_that_is_far_from_the_law_beside_it_is_told_of() {
 }
 
 #[test]
-fn a_structure_without_floors_is_refused_as_one() {
+fn structure_without_floors_is_refused() {
     let empty = TEST.replace("[1000]", "[]").replace("[0]", "[]");
     let Err(ConfigError::Invalid(refused)) = build(&accepted(&empty, &[])) else {
         panic!("a structure of nothing");
@@ -77,7 +77,7 @@ fn a_structure_without_floors_is_refused_as_one() {
 }
 
 #[test]
-fn an_estimate_that_is_far_from_what_stands_in_for_the_specimen_is_told_of() {
+fn estimate_far_from_stand_in_is_reported() {
     let linked = TEST.replace(
         "law = { linear = { stiffness_n_per_m = 1e5 } }",
         "law = { linear = { stiffness_n_per_m = 1e5 } }\nlimits = { command_disp_m = { trip = [-0.1, 0.1] }, \
@@ -96,7 +96,7 @@ fn an_estimate_that_is_far_from_what_stands_in_for_the_specimen_is_told_of() {
 }
 
 #[test]
-fn a_specimen_identified_as_stiffer_than_the_proof_assumes_is_warned_of() {
+fn identified_stiffness_above_proof_warns() {
     let linked = TEST.replace(
         "law = { linear = { stiffness_n_per_m = 1e5 } }",
         "stiffness_n_per_m = 1e5\nidentified = { stiffness_n_per_m = 1.3e5 }\nlimits = { command_disp_m = { trip = [-0.1, 0.1] }, \

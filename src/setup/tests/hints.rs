@@ -1,9 +1,9 @@
-//! Frequent slips in a test file: the finding points at them and shows what to write.
+//! Frequent slips in a test file: the finding points at them and shows the correction.
 
 use super::*;
 
 #[test]
-fn one_bracket_in_place_of_two_is_shown_with_the_right_header() {
+fn single_bracket_shows_the_right_header() {
     let text = complaint("[[specimen]]", "[specimen]");
     shows(&text, "`specimen` must be an array");
     shows(&text, "`[[specimen]]`");
@@ -21,7 +21,7 @@ fn one_bracket_in_place_of_two_is_shown_with_the_right_header() {
 }
 
 #[test]
-fn a_decimal_comma_is_shown_as_a_point_wherever_it_is_certain() {
+fn decimal_comma_is_shown_as_a_point() {
     for (line, found) in [
         ("duration_s = 20,5", "write 20.5"),
         ("duration_s = 20,5e0 # twenty", "write 20.5e0"),
@@ -58,7 +58,7 @@ fn a_decimal_comma_is_shown_as_a_point_wherever_it_is_certain() {
 }
 
 #[test]
-fn a_comma_before_three_digits_may_separate_thousands() {
+fn comma_may_separate_thousands() {
     for (value, written) in [
         ("100,000", "write 100.000 or 100000\n"),
         ("-1,000", "write -1.000 or -1000\n"),
@@ -90,7 +90,7 @@ fn a_comma_before_three_digits_may_separate_thousands() {
 }
 
 #[test]
-fn a_comma_that_is_right_is_not_blamed() {
+fn correct_comma_is_not_blamed() {
     for text in [
         "mass_kg = [1,2, three]",
         "title = 1,x",
@@ -102,7 +102,7 @@ fn a_comma_that_is_right_is_not_blamed() {
 }
 
 #[test]
-fn a_single_number_in_place_of_a_range_is_shown_as_a_range() {
+fn number_for_a_range_is_shown_as_a_range() {
     let text = complaint(
         "storey = 1",
         "storey = 1\nlimits.command_disp_m = { warn = 0.03 }",
@@ -120,7 +120,7 @@ fn a_single_number_in_place_of_a_range_is_shown_as_a_range() {
 }
 
 #[test]
-fn a_key_that_belongs_to_another_table_is_shown_with_that_table() {
+fn misplaced_key_is_shown_with_its_table() {
     for (from, to) in [
         ("signal = {", "scale = 2\nsignal = {"),
         ("amplitude = 2.0,", "amplitude = 2.0, scale = 2,"),
@@ -138,7 +138,7 @@ fn a_key_that_belongs_to_another_table_is_shown_with_that_table() {
 }
 
 #[test]
-fn a_key_with_another_meaning_is_not_suggested() {
+fn key_with_another_meaning_is_not_offered() {
     let link = "stiffness_n_per_m = 1e6\nlimits.command_disp_m.trip = [-1, 1]\nlink = { address = '127.0.0.1:4823'";
     let law = "law = { bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 5e3, post_yield_ratio = 0.1 } }";
     for (from, to, key) in [
@@ -184,7 +184,7 @@ fn a_key_with_another_meaning_is_not_suggested() {
 }
 
 #[test]
-fn too_many_digits_are_shown_with_a_fraction() {
+fn too_many_digits_are_shown_as_a_fraction() {
     let text = complaint("rate_hz = 1024", "step_s = 0.00333333333333333");
     shows(&text, "at most 12 digits");
     shows(&text, "\"1/300\"");
@@ -194,7 +194,7 @@ fn too_many_digits_are_shown_with_a_fraction() {
 }
 
 #[test]
-fn an_implicit_method_is_refused_with_those_that_command_a_specimen() {
+fn implicit_method_lists_the_alternatives() {
     let text = read(GOOD, &["integrator.method=newmark"])
         .unwrap_err()
         .to_string();
@@ -210,7 +210,7 @@ fn an_implicit_method_is_refused_with_those_that_command_a_specimen() {
 }
 
 #[test]
-fn a_file_for_a_server_is_not_read_as_a_test() {
+fn server_file_is_not_read_as_a_test() {
     let law = "[[specimen]]\nname = 'a'\nlaw = { linear = { stiffness_n_per_m = 1e6 } }\n";
     for text in [
         law.to_owned(),
@@ -227,7 +227,7 @@ fn a_file_for_a_server_is_not_read_as_a_test() {
 }
 
 #[test]
-fn two_links_to_one_server_are_refused_with_both_names() {
+fn two_links_to_one_server_are_refused() {
     let link = |name: &str, address: &str| {
         format!(
             "[[specimen]]\nname = '{name}'\nstorey = 2\nstiffness_n_per_m = 1e6\nlimits.command_disp_m.trip = [-1, 1]\n\

@@ -1,4 +1,4 @@
-//! Keys without an effect are told of, each with its reason; a file that only writes its defaults down is not.
+//! Keys without an effect are reported, each with its reason. A file that only states its defaults gets no such report.
 
 use super::*;
 use crate::build;
@@ -29,7 +29,7 @@ structure = { shear_building = { mass_kg = [1000], stiffness_n_per_m = [1e6] } }
 excitation = { ground_acceleration = { signal = { sine = { amplitude = 2.0, frequency_hz = 1.5 } } } }
 "#;
 
-/// Headlines and labels of what is told of `text` with these overrides.
+/// Headlines and labels of the reports about `text` with these overrides.
 fn told(text: &str, sets: &[&str]) -> Vec<String> {
     let loaded = accepted(text, sets);
     let warnings = loaded.warnings.iter();
@@ -37,7 +37,7 @@ fn told(text: &str, sets: &[&str]) -> Vec<String> {
     words.collect()
 }
 
-/// Exactly one thing is told of, with these words.
+/// Exactly one key is reported, with these words.
 #[track_caller]
 fn idle(text: &str, sets: &[&str], path: &str, why: &str) {
     let told = told(text, sets);
@@ -49,7 +49,7 @@ fn idle(text: &str, sets: &[&str], path: &str, why: &str) {
 }
 
 #[test]
-fn nothing_is_told_of_files_whose_keys_all_have_an_effect() {
+fn effective_keys_give_no_report() {
     for text in [GOOD, PRESCRIBED, LINKED, BARE] {
         assert_eq!(told(text, &[]), [""; 0]);
     }
@@ -74,7 +74,7 @@ fn nothing_is_told_of_files_whose_keys_all_have_an_effect() {
 }
 
 #[test]
-fn defaults_that_are_written_down_are_nothing_to_be_told_of() {
+fn written_defaults_give_no_report() {
     let loaded = accepted(LINKED, &["specimen.0.link.on_stale=stop"]);
     let written = toml::to_string(&loaded.file).unwrap();
     assert!(written.contains("spin_us") && written.contains("probe_ramp_s"));
@@ -82,7 +82,7 @@ fn defaults_that_are_written_down_are_nothing_to_be_told_of() {
 }
 
 #[test]
-fn keys_of_a_link_that_wait_for_another_are_told_of() {
+fn idle_link_keys_are_reported() {
     let stop = "specimen.0.link.on_stale=stop";
     let set = "specimen.0.link.max_stale=3";
     let path = "specimen[0].link.max_stale";
@@ -122,7 +122,7 @@ fn keys_of_a_link_that_wait_for_another_are_told_of() {
 }
 
 #[test]
-fn modifiers_of_bounds_that_are_not_given_are_told_of() {
+fn modifiers_without_bounds_are_reported() {
     for (key, bound) in [
         ("following_time_s", "following_error_m"),
         ("stuck_travel_m", "stuck_ticks"),
@@ -130,7 +130,7 @@ fn modifiers_of_bounds_that_are_not_given_are_told_of() {
         let set = format!("specimen.0.limits.{key}=1e-3");
         let path = format!("specimen[0].limits.{key}");
         idle(LINKED, &[&set], &path, &format!("`{bound}`"));
-        // A bound of one axis alone is enough for what is said of all.
+        // A bound of one axis alone is enough for a key of all axes.
         let own = format!("specimen.0.axis=[{{limits={{{bound}={{trip=5}}}}}}]");
         assert_eq!(told(LINKED, &[&set, &own]), [""; 0]);
         let own = format!("specimen.0.axis=[{{limits={{{key}=1e-3}}}}]");
@@ -140,7 +140,7 @@ fn modifiers_of_bounds_that_are_not_given_are_told_of() {
 }
 
 #[test]
-fn keys_of_safety_that_nothing_follows_from_are_told_of() {
+fn idle_safety_keys_are_reported() {
     let speed = "safety.exit_speed_m_per_s=0.01";
     idle(
         LINKED,
@@ -206,7 +206,7 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
 }
 
 #[test]
-fn a_confirmation_of_what_is_not_read_is_refused_or_not_waited_for() {
+fn confirmation_without_readings_is_refused() {
     for (text, sets, waits) in [
         (GOOD, &["safety.confirm=true"][..], false),
         (GOOD, &["safety.confirm=true", "safety.zero_s=0.1"], true),
@@ -228,7 +228,7 @@ fn a_confirmation_of_what_is_not_read_is_refused_or_not_waited_for() {
 }
 
 #[test]
-fn keys_of_a_specimen_that_need_another_are_told_of() {
+fn idle_specimen_keys_are_reported() {
     idle(
         PRESCRIBED,
         &["specimen.0.mass_in_force_kg=5"],
@@ -273,7 +273,7 @@ fn keys_of_a_specimen_that_need_another_are_told_of() {
 }
 
 #[test]
-fn keys_of_the_integrator_and_the_timing_that_need_another_are_told_of() {
+fn idle_integrator_keys_are_reported() {
     let bound = ["integrator.gain_bound=3", "integrator.lambda=4"];
     idle(GOOD, &bound, "integrator.gain_bound", "is a number");
     let ordinary = ["timing.policy=ordinary", "timing.priority=50"];
@@ -289,7 +289,7 @@ fn keys_of_the_integrator_and_the_timing_that_need_another_are_told_of() {
 }
 
 #[test]
-fn what_is_asked_of_the_machine_on_the_simulated_clock_is_told_of_once() {
+fn simulated_clock_reports_machine_keys() {
     let text = GOOD.replace("duration_s = 20", "duration_s = 20\nclock = \"simulated\"");
     let asked = [
         "timing.priority=50",
@@ -302,13 +302,13 @@ fn what_is_asked_of_the_machine_on_the_simulated_clock_is_told_of_once() {
     };
     shows(one, "`priority`, `misses`");
     assert!(!one.contains("warmup_ticks"), "{one}");
-    // Whoever leads a test on the simulated clock this once knows it.
+    // A user who overrides the clock to be simulated knows it.
     let chosen = [asked.as_slice(), &["time.clock=simulated"]].concat();
     assert_eq!(told(GOOD, &chosen), [""; 0]);
 }
 
 #[test]
-fn what_belongs_to_the_controller_is_told_of_in_the_file_of_a_server() {
+fn controller_keys_of_a_server_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rig.toml");
     let served = |text: &str| {
@@ -338,7 +338,7 @@ fn what_belongs_to_the_controller_is_told_of_in_the_file_of_a_server() {
 }
 
 #[test]
-fn bounds_of_what_is_never_estimated_are_told_of_by_the_build() {
+fn bounds_without_estimates_are_reported() {
     let told = |text: &str, sets: &[&str]| {
         let prepared = build(&accepted(text, sets)).unwrap();
         prepared.facts.warnings
@@ -371,7 +371,7 @@ fn bounds_of_what_is_never_estimated_are_told_of_by_the_build() {
 }
 
 #[test]
-fn a_reach_is_told_of_where_the_law_is_bounded_without_it() {
+fn reach_of_a_bounded_law_is_reported() {
     let hardening = "specimen.0.law={square_root={stiffness_n_per_m=1e6,hardening_per_sqrt_m=1}}";
     for key in ["reach_disp_m", "reach_vel_m_per_s"] {
         let set = format!("specimen.0.{key}=0.1");
@@ -388,7 +388,7 @@ fn a_reach_is_told_of_where_the_law_is_bounded_without_it() {
 }
 
 #[test]
-fn a_gain_beside_the_coefficients_that_it_would_make_is_told_of() {
+fn gain_beside_coefficients_is_reported() {
     let ats =
         |gain: &str| format!("specimen.0.compensation={{ats={{order=1,start=[1.0,0.02]{gain}}}}}");
     idle(

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_good_file_gives_its_values_and_documented_defaults() {
+fn good_file_gives_values_and_defaults() {
     let loaded = accepted(GOOD, &[]);
     assert_eq!(loaded.time.steps, 20 * 1024);
     assert_eq!(loaded.time.step.terms(), (1, 1024));
@@ -15,7 +15,7 @@ fn a_good_file_gives_its_values_and_documented_defaults() {
 }
 
 #[test]
-fn time_scale_slows_the_wall_clock_and_not_the_step() {
+fn time_scale_slows_only_the_wall_clock() {
     let loaded = accepted(GOOD, &["time.scale=10", "time.clock=simulated"]);
     assert_eq!(loaded.time.step.terms(), (1, 1024));
     assert_eq!(loaded.time.period.terms(), (5, 512));
@@ -30,12 +30,12 @@ fn a_prescribed_test_needs_no_structure() {
 }
 
 #[test]
-fn a_file_without_a_title_is_called_by_its_name() {
+fn file_without_a_title_uses_its_name() {
     assert_eq!(accepted(PRESCRIBED, &[]).file.title, "test");
 }
 
 #[test]
-fn line_ends_of_windows_and_a_byte_order_mark_do_no_harm() {
+fn windows_line_ends_and_bom_are_accepted() {
     let text = format!("\u{feff}{}", GOOD.replace('\n', "\r\n"));
     accepted(&text, &[]);
     let wrong = text.replace("storey = 1", "storey = 'x'");
@@ -65,7 +65,7 @@ error: the file is not valid TOML
 }
 
 #[test]
-fn an_unknown_key_is_shown_with_the_key_that_was_meant() {
+fn unknown_key_suggests_the_right_one() {
     let text = complaint("duration_s", "duration");
     shows(
         &text,
@@ -78,7 +78,7 @@ error: unknown key `duration` in `time`
   |
   = help: the keys here are `step_s`, `rate_hz`, `duration_s`, `ticks_per_step`, `prediction_order`, `clock` and `scale`",
     );
-    // That `duration_s` is now missing follows from it and is not said.
+    // The missing `duration_s` follows from it and is not reported.
     assert_eq!(errors(&text), 1, "{text}");
 }
 
@@ -104,7 +104,7 @@ fn unknown_keys_are_refused_at_every_depth() {
 }
 
 #[test]
-fn a_wrong_type_says_what_was_found_and_what_is_wanted() {
+fn wrong_type_shows_found_and_wanted() {
     let text = complaint("storey = 1", "storey = \"one\"");
     shows(
         &text,
@@ -160,7 +160,7 @@ fn a_missing_key_is_named() {
 }
 
 #[test]
-fn a_name_that_is_not_in_the_list_is_shown_with_the_list() {
+fn unknown_name_is_shown_with_the_list() {
     let text = complaint(
         "[structure]",
         "[integrator]\nstart = \"second_order\"\n[structure]",
@@ -170,7 +170,7 @@ fn a_name_that_is_not_in_the_list_is_shown_with_the_list() {
 }
 
 #[test]
-fn several_mistakes_are_reported_at_once_in_the_order_of_the_file() {
+fn mistakes_come_in_file_order() {
     let text = complaint("rate_hz = 1024", "rate_hz = 0");
     assert_eq!(errors(&text), 1);
     let file = GOOD

@@ -1,9 +1,9 @@
-//! A table of nodal forces is taken column by column: what the names of its columns say against that is told.
+//! A table of nodal forces is taken column by column: a warning reports names of its columns that contradict this.
 
 use super::*;
 use crate::build;
 
-/// The same for a file of these lines: the peak, and what is told of it; or why it is refused.
+/// Builds a file of these lines: the peak and the warnings, or the reason of the refusal.
 fn built(lines: &str, sets: &[&str]) -> Result<((usize, f64), Vec<String>), String> {
     let home = tempfile::tempdir().unwrap();
     std::fs::write(home.path().join("forces.csv"), lines).unwrap();
@@ -23,7 +23,7 @@ fn built(lines: &str, sets: &[&str]) -> Result<((usize, f64), Vec<String>), Stri
 const ROWS: &str = "0,0,0\n1000,0,0\n0,0,0\n";
 
 #[test]
-fn columns_that_are_named_otherwise_are_told_of_one_by_one() {
+fn contradicting_column_names_are_reported() {
     for header in ["", "F1,F2,F3\n", "DOF 1 (N),DOF 2 (N),DOF 3 (N)\n"] {
         let (peak, told) = built(&format!("{header}{ROWS}"), &[]).unwrap();
         assert_eq!((peak, told), ((0, 1000.0), Vec::new()), "{header}");
@@ -37,7 +37,7 @@ fn columns_that_are_named_otherwise_are_told_of_one_by_one() {
 }
 
 #[test]
-fn times_and_other_units_than_the_newton_are_refused() {
+fn times_and_other_units_are_refused() {
     for header in ["time,F1,F2", "t (ms),F1,F2"] {
         let refused = built(&format!("{header}\n{ROWS}"), &[]).unwrap_err();
         shows(&refused, "each row is one step");
@@ -53,7 +53,7 @@ fn times_and_other_units_than_the_newton_are_refused() {
 }
 
 #[test]
-fn rows_beyond_the_end_of_the_test_are_told_of_and_are_no_peak() {
+fn rows_after_the_end_are_not_peaks() {
     let (peak, told) = built(&format!("{ROWS}0,0,5000\n"), &[]).unwrap();
     assert_eq!(peak, (0, 1000.0));
     shows(&told[0], "forces.csv has 4 rows, but the test");

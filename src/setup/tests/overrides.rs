@@ -1,9 +1,9 @@
-//! Overrides, later layers, the file itself, what is resolved, and the schema.
+//! Overrides, later layers, the file itself, the resolved file, and the schema.
 
 use super::*;
 
 #[test]
-fn an_override_changes_the_test_and_leaves_the_comments() {
+fn override_keeps_comments() {
     let loaded = accepted(GOOD, &["time.rate_hz=512", "specimen[0].storey=2"]);
     assert_eq!(loaded.time.steps, 20 * 512);
     assert_eq!(loaded.file.specimen[0].storey, Some(2));
@@ -15,7 +15,7 @@ fn an_override_changes_the_test_and_leaves_the_comments() {
 }
 
 #[test]
-fn an_override_of_an_unknown_key_is_shown_in_the_argument() {
+fn unknown_override_is_shown_in_argument() {
     let text = complaint_about_set(&["time.duration=3"]);
     shows(
         &text,
@@ -33,7 +33,7 @@ error: unknown key `duration` in `time`
 }
 
 #[test]
-fn an_override_of_the_wrong_type_is_shown_in_the_argument() {
+fn wrong_override_type_is_shown_in_argument() {
     let text = complaint_about_set(&["time.duration_s=2o"]);
     shows(
         &text,
@@ -47,7 +47,7 @@ fn an_override_of_the_wrong_type_is_shown_in_the_argument() {
 }
 
 #[test]
-fn a_contradiction_between_file_and_override_shows_both() {
+fn contradicting_override_shows_both() {
     let text = complaint_about_set(&["time.step_s=0.5"]);
     shows(
         &text,
@@ -57,7 +57,7 @@ fn a_contradiction_between_file_and_override_shows_both() {
 }
 
 #[test]
-fn an_override_that_undoes_another_is_refused_and_both_are_shown() {
+fn override_that_undoes_another_is_refused() {
     let text = complaint_about_set(&["time.duration_s=1", "time.duration_s=2"]);
     for part in [
         "`time.duration_s` is overridden twice",
@@ -68,7 +68,7 @@ fn an_override_that_undoes_another_is_refused_and_both_are_shown() {
         shows(&text, part);
     }
     assert_eq!(errors(&text), 1, "{text}");
-    // A table undoes what was said of its keys; a key of a table that was given is none of that.
+    // A table cancels overrides of its keys; a key of a given table does not conflict.
     let (whole, key) = (
         "specimen.0.law={linear={stiffness_n_per_m=2e6}}",
         "specimen[0].law.linear.stiffness_n_per_m=3e6",
@@ -84,7 +84,7 @@ fn an_override_that_undoes_another_is_refused_and_both_are_shown() {
 // --- places for later layers --------------------------------------------------------------------
 
 #[test]
-fn a_later_layer_points_by_path_even_where_the_entry_is_absent() {
+fn later_layer_points_by_path() {
     let loaded = accepted(GOOD, &["specimen[0].storey=3"]);
     let path = |text: &str| KeyPath::parse(text).unwrap();
     let line = |text: &str| {
@@ -115,7 +115,7 @@ fn a_later_layer_points_by_path_even_where_the_entry_is_absent() {
 // --- the file itself ----------------------------------------------------------------------------
 
 #[test]
-fn a_file_that_is_missing_or_no_text_is_named() {
+fn unreadable_file_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("absent.toml");
     shows(
@@ -165,7 +165,7 @@ fn the_resolved_file_is_the_same_test() {
 }
 
 #[test]
-fn defaults_and_overrides_stand_in_the_resolved_file() {
+fn resolved_file_has_all_values() {
     let loaded = accepted(GOOD, &["time.scale=2"]);
     let text = resolve(&loaded.file, None, &loaded.inputs()).unwrap();
     for line in [
@@ -181,7 +181,7 @@ fn defaults_and_overrides_stand_in_the_resolved_file() {
 }
 
 #[test]
-fn an_automatic_lambda_stands_as_its_number_beside_the_request() {
+fn lambda_number_is_beside_its_request() {
     let loaded = accepted(GOOD, &[]);
     let lambda = 3.987_654_321_012_345;
     let text = resolve(&loaded.file, Some(lambda), &loaded.inputs()).unwrap();
@@ -196,7 +196,7 @@ fn an_automatic_lambda_stands_as_its_number_beside_the_request() {
 }
 
 #[test]
-fn inputs_of_the_resolved_file_lie_in_the_run_folder() {
+fn resolved_inputs_are_in_the_run_folder() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("records")).unwrap();
     std::fs::write(folder.path().join("records/a.at2"), "1").unwrap();
@@ -221,7 +221,7 @@ fn inputs_of_the_resolved_file_lie_in_the_run_folder() {
 }
 
 #[test]
-fn the_schema_is_json_and_describes_every_table() {
+fn schema_describes_every_table() {
     let schema: serde_json::Value = serde_json::from_str(&json_schema()).unwrap();
     let properties = schema["properties"].as_object().unwrap();
     for table in [

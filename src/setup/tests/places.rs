@@ -1,4 +1,4 @@
-//! Ways and places that a test file gives, against what may be commanded and what the rig can give; and loads that move nothing.
+//! Motions and places of a test file, against the allowed commands and the capacity of the rig; and loads that move nothing.
 
 use super::*;
 use crate::build;
@@ -28,14 +28,14 @@ const ADAPTER: &str = "specimen.0.link.protocol=openfresco-adapter";
 const SAFE: &str = "safety.on_trip=safe_displacement";
 const SLOWLY: &str = "safety.exit_speed_m_per_s=0.01";
 
-/// What is said of the rig: the refusal, or all warnings.
+/// The result for the rig: the refusal, or all warnings.
 fn said(sets: &[&str]) -> String {
     let built = read(RIG, sets).and_then(|loaded| build(&loaded));
     built.map_or_else(|error| error.to_string(), |made| made.warnings.to_string())
 }
 
 #[test]
-fn a_way_out_that_the_rig_cannot_go_is_refused() {
+fn impossible_return_move_is_refused() {
     let at = |speed: &str, choice: &str| {
         let speed = format!("safety.exit_speed_m_per_s={speed}");
         said(&[
@@ -64,7 +64,7 @@ fn a_way_out_that_the_rig_cannot_go_is_refused() {
 
 /// 4e5 N/m: −12 kN at −0.03 m, and 20 kN at 0.05 m.
 #[test]
-fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
+fn safe_place_beyond_bounds_is_reported() {
     let safe = |place: &str, more: &[&str]| {
         let place = format!("specimen.0.safe_disp_m=[{place}]");
         said(&[&[place.as_str(), SAFE, SLOWLY], more].concat())
@@ -93,14 +93,14 @@ fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
         "specimen.0.axis=[{scale=2,sign=-1,offset_m=0.001,unit_disp=\"mm\",unit_force=\"kN\"}]";
     let narrow = "specimen.0.limits.measured_force_n.trip=[-3e3,3e3]";
     shows(&safe("-0.03", &[gear, narrow]), "-3100.0 N");
-    // Nobody is led there, or nobody knows what it is like there.
+    // No specimen moves there, or its deformation there is not known.
     let relative = "specimen.0.axis=[{zero_disp=\"relative\"}]";
     assert!(!safe("-0.03", &[relative]).contains(words));
     assert!(!said(&["specimen.0.safe_disp_m=[-0.03]", SLOWLY]).contains(words));
 }
 
 #[test]
-fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
+fn position_and_check_beyond_bounds_fail() {
     let stands = |place: &str, more: &[&str]| {
         let place = format!("specimen.0.link.stands_at_m=[{place}]");
         said(&[&[ADAPTER, place.as_str()], more].concat())
@@ -127,13 +127,13 @@ fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
         let told = stands(place, &[&probe(metres), &sign]);
         assert_eq!(told.contains(no_room), !fits, "{told}");
     }
-    // Wherever it stands.
+    // Wherever it is.
     shows(&said(&[&probe("0.11")]), no_room);
     assert!(!said(&[&probe("0.09")]).contains(no_room));
 }
 
 #[test]
-fn a_level_of_an_axis_is_held_against_the_other_one_of_its_specimen() {
+fn levels_of_axis_and_specimen_must_agree() {
     let all = "specimen.0.limits.command_step_m={warn=0.001,trip=0.002}";
     for (own, refused) in [
         ("{warn=0.0015}", false),
@@ -151,7 +151,7 @@ fn a_level_of_an_axis_is_held_against_the_other_one_of_its_specimen() {
 }
 
 #[test]
-fn an_excitation_that_is_zero_throughout_is_told_of() {
+fn zero_excitation_is_reported() {
     let nothing = "moves nothing";
     assert!(!said(&[]).contains(nothing));
     let ground = "excitation.ground_acceleration";

@@ -14,7 +14,7 @@ fn with_law(text: &str) -> String {
 }
 
 #[test]
-fn a_renamed_key_is_read_and_noted_at_its_place() {
+fn renamed_key_is_read_and_noted() {
     let text = format!("{GOOD}[timing]\nmax_total_misses = 7\nwarn_total_misses = 3\n");
     let loaded = accepted(&text, &[]);
     let levels = loaded.file.timing.misses.in_total;
@@ -29,21 +29,21 @@ fn a_renamed_key_is_read_and_noted_at_its_place() {
         &notes.concat(),
         "max_total_misses = 7\n   | ^^^^^^^^^^^^^^^^",
     );
-    // The text with overrides has the new names, and says the same.
+    // The text with overrides has the new names, and the same meaning.
     let again = accepted(&loaded.effective, &[]);
     assert_eq!(again.file, loaded.file);
     assert!(again.warnings.is_empty());
 }
 
 #[test]
-fn a_law_is_named_as_it_was_written() {
+fn law_is_named_as_written() {
     let text = with_law("viscous = { damping_n_s_per_m = 5.0, stiff = 1 }");
     let refused = read(&text, &[]).unwrap_err().to_string();
     shows(&refused, "unknown key `stiff` in `specimen[0].law.viscous`");
 }
 
 #[test]
-fn the_resolved_configuration_of_a_run_folder_gives_no_notes() {
+fn resolved_file_gives_no_notes() {
     let text = format!("{GOOD}[timing]\nmax_consecutive_misses = 9\n");
     let loaded = parse(Path::new("resolved.toml"), text, &[]).unwrap();
     assert!(loaded.warnings.is_empty());
@@ -51,7 +51,7 @@ fn the_resolved_configuration_of_a_run_folder_gives_no_notes() {
 }
 
 #[test]
-fn an_override_may_use_either_name_for_either_name_in_the_file() {
+fn override_accepts_old_and_new_names() {
     let file = |key: &str| format!("{GOOD}[timing]\n{key} = 7\n");
     let names = ["max_total_misses", "misses.in_total.trip"];
     for given in names {
@@ -67,7 +67,7 @@ fn an_override_may_use_either_name_for_either_name_in_the_file() {
 }
 
 #[test]
-fn an_old_name_beside_the_new_one_is_refused() {
+fn old_name_beside_the_new_is_refused() {
     let both = "[timing]\nmax_total_misses = 7\nmisses.in_total.trip = 8\n";
     let text = read(&format!("{GOOD}{both}"), &[]).unwrap_err().to_string();
     shows(
@@ -85,7 +85,7 @@ fn an_old_name_beside_the_new_one_is_refused() {
 }
 
 #[test]
-fn a_law_under_its_old_name_is_the_special_case_of_another() {
+fn old_law_name_is_a_special_case() {
     for (old, new) in [
         (
             "elastic_plastic = { stiffness_n_per_m = 2e6, yield_force_n = 1e3 }",
@@ -130,7 +130,7 @@ const LINKED: &str = "stiffness_n_per_m = 1e6\nlink = { address = \"127.0.0.1:9\
     limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e6, 1e6] } }\n";
 
 #[test]
-fn a_stand_in_is_the_law_and_the_transfer_beside_a_link() {
+fn stand_in_is_the_law_beside_a_link() {
     let (before, _) = GOOD.split_once("law = ").unwrap();
     let file = |stand_in: &str| format!("{before}{LINKED}{stand_in}");
     let old = file(
@@ -167,7 +167,7 @@ fn a_stand_in_is_the_law_and_the_transfer_beside_a_link() {
 }
 
 #[test]
-fn a_removed_key_is_refused_and_passed_over_in_a_run_folder_at_its_default() {
+fn removed_key_is_refused_in_new_files() {
     let timing = |value: &str| format!("{GOOD}[timing]\ncatch_up_remote = {value}\n");
     let touched = |value: &str| format!("{GOOD}[timing]\nprefault_stack_kb = {value}\n");
     let told =
@@ -219,8 +219,12 @@ fn a_removed_key_is_refused_and_passed_over_in_a_run_folder_at_its_default() {
 }
 
 #[test]
-fn the_schema_lists_neither_removed_keys_nor_old_names() {
-    let schema = [json_schema(), serve_json_schema()].concat();
+fn schema_lists_no_old_names() {
+    let schema = [
+        json_schema(),
+        gusset_config::schema_of::<gusset_config::ServeFile>(),
+    ]
+    .concat();
     for key in [
         "catch_up_remote",
         "prefault_stack_kb",

@@ -1,5 +1,5 @@
-//! What the proof of stability and the modes know of specimens: damping between the steps, inertia a step late, stiffness that
-//! is none.
+//! How the proof of stability and the modes treat specimens: damping between the steps, inertia a step late, negative
+//! stiffness.
 
 use super::*;
 use crate::{Facts, build};
@@ -31,7 +31,7 @@ fn refusal(text: &str) -> String {
 
 /// λ (Δt² k − 4 m + 4 m_e + 2 Δt (r − 1) c) ≤ 4 Δt² k, if all of k and c are those of the specimen.
 #[test]
-fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
+fn specimen_damping_counts_more_in_sawtooth() {
     let (mass, k, c, dt) = (200.0, 2e6, 4e4, 0.01);
     let law = format!("law.linear = {{ stiffness_n_per_m = {k}, damping_n_s_per_m = {c} }}");
     for (order, counts) in [(1, 1.0), (2, 2.0), (3, 10.0 / 3.0)] {
@@ -69,7 +69,7 @@ fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
 }
 
 #[test]
-fn inertia_in_a_measured_force_takes_from_the_mass_and_lowers_the_frequency() {
+fn inertia_in_a_force_lowers_frequency() {
     let (mass, late, k, dt): (f64, f64, f64, f64) = (20.0, 19.0, 2e5, 0.01);
     let rest = format!("mass_in_force_kg = {late}\nlaw.linear = {{ stiffness_n_per_m = {k} }}");
     let text = one("", mass, &rest);
@@ -100,7 +100,7 @@ fn inertia_in_a_measured_force_takes_from_the_mass_and_lowers_the_frequency() {
 }
 
 #[test]
-fn a_stiffness_that_falls_is_refused_and_a_body_that_moves_freely_is_not() {
+fn falling_stiffness_is_refused() {
     let text = |last: &str, more: &str| {
         format!(
             "[time]\nstep_s = 0.01\nduration_s = 1\n[structure.matrices]\nmass = [[1000, 0], [0, 1000]]\n\
@@ -147,7 +147,7 @@ fn dashpots(sign: f64, more: &str) -> String {
 const NEGATIVE_DAMPING: &str = "the damping has a negative eigenvalue";
 
 #[test]
-fn a_damping_of_the_wrong_sign_is_refused_unless_something_makes_up_for_it() {
+fn negative_damping_is_refused() {
     let refused = refusal(&dashpots(-100.0, ""));
     for words in [NEGATIVE_DAMPING, "damping = [[-200, 100], [100, -100]]"] {
         assert!(refused.contains(words), "{refused}");
@@ -168,7 +168,7 @@ fn a_damping_of_the_wrong_sign_is_refused_unless_something_makes_up_for_it() {
         refused.contains(NEGATIVE_DAMPING) && refused.contains("damping_file = "),
         "{refused}"
     );
-    // No damping, a singular one, and one with digits that were rounded away are none of that; dashpots beside it make up for it.
+    // No damping, a singular one, and one with rounded digits are not negative; dashpots beside a negative one compensate it.
     let singular = dashpots(100.0, "").replace("[[200,", "[[100,");
     let rounded = singular.replace("[[100, -100], [-100,", "[[100, -100.00001], [-100.00001,");
     let element = "[[structure.element]]\nfrom = \"ground\"\nto = 1\nlaw.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e3 }\n\
@@ -192,7 +192,7 @@ fn a_damping_of_the_wrong_sign_is_refused_unless_something_makes_up_for_it() {
 /// ĉ = [[0, c], [c, 0]] has the eigenvalue −c, which no diagonal shows. Where both masses are alike they move against each other
 /// with a damping of 100 − c: at c = 500 that grows at 400/(2 · 1000) = 0.2 1/s.
 #[test]
-fn estimates_that_feed_energy_are_warned_of_and_known_to_grow() {
+fn estimates_that_add_energy_are_reported() {
     let specimen = |damping: &str| {
         let even = "[[2e5, -1e5], [-1e5, 2e5]]\ndamping = [[100, 0], [0, 100]]";
         let text = dashpots(100.0, "").replace(
@@ -223,9 +223,9 @@ fn estimates_that_feed_energy_are_warned_of_and_known_to_grow() {
     assert_eq!(found.structure.unwrap().analysis.unwrap().growth(), None);
 }
 
-/// A spring that falls at rest and is held by what it becomes: a warning, and no proof that the test grows.
+/// A spring that falls at rest and stiffens with motion gives a warning, but no proof that the test grows.
 #[test]
-fn a_branch_that_falls_at_rest_proves_no_growth() {
+fn falling_branch_proves_no_growth() {
     let law = "[[structure.element]]\nfrom = \"ground\"\nto = 2\nreach_disp_m = 1\nlaw.cubic = { stiffness_n_per_m = -2e5, \
                cubic_n_per_m3 = 1e9, reference_stiffness_n_per_m = 1e5 }\n";
     let found = facts(&dashpots(100.0, law));
@@ -239,7 +239,7 @@ fn a_branch_that_falls_at_rest_proves_no_growth() {
 }
 
 #[test]
-fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
+fn inertial_frame_needs_absolute_coords() {
     let tied = GOOD.replace(
         "[excitation.ground",
         "[[structure.element]]\nfrom = \"fixed\"\nto = 3\nlaw.linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 1e3 }\n[excitation.ground",
@@ -263,7 +263,7 @@ fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
 }
 
 #[test]
-fn inertia_in_a_force_wants_coordinates_that_move_with_the_ground() {
+fn inertia_in_a_force_needs_relative_coords() {
     let heavy = |motion: &str| {
         GOOD.replace("ground_acceleration", motion)
             .replace("storey = 1\n", "storey = 1\nmass_in_force_kg = 10\n")
@@ -282,7 +282,7 @@ fn inertia_in_a_force_wants_coordinates_that_move_with_the_ground() {
 }
 
 #[test]
-fn an_actuator_that_lags_knows_the_time_of_the_test_alone() {
+fn lagging_actuator_knows_only_test_time() {
     let with = |time: &str, transfer: &str| {
         let more = format!("storey = 1\nsimilitude.time = {time}\ntransfer = {{ {transfer} }}\n");
         read(&GOOD.replace("storey = 1\n", &more), &[])
@@ -299,7 +299,7 @@ fn an_actuator_that_lags_knows_the_time_of_the_test_alone() {
 }
 
 #[test]
-fn two_specimens_whose_noise_has_one_seed_are_told_of() {
+fn equal_noise_seeds_are_reported() {
     let noisy = |first: &str, second: &str| {
         let text = GOOD.replace(
             "storey = 1\n",
@@ -321,7 +321,7 @@ fn two_specimens_whose_noise_has_one_seed_are_told_of() {
 }
 
 #[test]
-fn a_structure_that_runs_away_stops_without_being_asked_to() {
+fn diverging_structure_stops_the_test() {
     let bound = |text: &str, sets: &[&str]| {
         let prepared = build(&accepted(text, sets)).unwrap();
         prepared.experiment.limits.divergence
@@ -332,7 +332,7 @@ fn a_structure_that_runs_away_stops_without_being_asked_to() {
 }
 
 #[test]
-fn a_law_that_wears_says_which_bound_it_lacks_and_where() {
+fn wearing_law_names_its_missing_bound() {
     let worn = "law = { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 5e3, post_yield_ratio = 0.1, beta = 0.7, \
                 gamma = 0.3, exponent = 2, degradation = { stiffness = 0.02, strength = 0.005 } } }\n";
     let (before, _) = GOOD.split_once("law = ").unwrap();

@@ -39,7 +39,7 @@ fn step_and_rate_must_be_positive() {
 }
 
 #[test]
-fn numbers_that_are_not_finite_are_refused_everywhere() {
+fn values_that_are_not_finite_are_refused() {
     let text = complaint("1e6, yield_force_n = 5e3", "nan, yield_force_n = inf");
     shows(
         &text,
@@ -61,7 +61,7 @@ fn numbers_that_are_not_finite_are_refused_everywhere() {
 }
 
 #[test]
-fn a_duration_that_is_no_whole_number_of_steps_is_refused_with_the_nearest_that_are() {
+fn uneven_duration_suggests_the_nearest() {
     let text = complaint("duration_s = 20", "duration_s = 20.0003");
     shows(
         &text,
@@ -90,7 +90,7 @@ error: the duration is not a whole number of steps
 }
 
 #[test]
-fn a_duration_counts_as_whole_within_a_billionth() {
+fn duration_is_whole_within_a_billionth() {
     // 20 s at 1024 Hz are 20480 steps; the bound is 1e-9 of that, 2.0e-5 steps or 2.0e-8 s.
     assert_eq!(
         accepted(GOOD, &["time.duration_s=20.000000019"]).time.steps,
@@ -107,7 +107,7 @@ fn a_duration_counts_as_whole_within_a_billionth() {
 // --- contradictions -----------------------------------------------------------------------------
 
 #[test]
-fn step_and_rate_together_are_refused_and_so_is_neither() {
+fn step_and_rate_exclude_each_other() {
     let text = complaint("duration_s = 20", "duration_s = 20\nstep_s = 0.01");
     shows(
         &text,
@@ -146,7 +146,7 @@ fn a_structure_is_of_exactly_one_kind() {
 }
 
 #[test]
-fn a_specimen_sees_one_deformation_through_one_law() {
+fn specimen_has_one_law_and_deformation() {
     shows(
         &complaint("storey = 1", "storey = 1\nrows = [[1, 0, 0]]"),
         "exactly one of `storey` and `rows`",
@@ -170,7 +170,7 @@ fn a_specimen_sees_one_deformation_through_one_law() {
 }
 
 #[test]
-fn names_of_specimens_are_unique_and_fit_for_files() {
+fn specimen_names_are_unique_file_names() {
     let second = "\n[[specimen]]\nname = \"Bottom\"\nstorey = 2\nlaw = { linear = { stiffness_n_per_m = 1 } }\n";
     let text = read(&format!("{GOOD}{second}"), &[])
         .unwrap_err()
@@ -233,7 +233,7 @@ fn estimates_and_axes_fit_the_specimen() {
 }
 
 #[test]
-fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
+fn prescribed_test_excludes_a_structure() {
     let prescribed = "[[excitation.prescribed_displacement]]\nspecimen = \"bottom\"\nsignal = { file = { path = 'x' } }\n";
     let text = read(&format!("{GOOD}{prescribed}"), &[])
         .unwrap_err()
@@ -283,7 +283,7 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
 }
 
 #[test]
-fn relative_and_absolute_coordinates_do_not_mix() {
+fn coordinates_do_not_mix() {
     let base = "[excitation.base_displacement]\nsignal = { file = { path = 'x' } }\n";
     let text = read(&format!("{GOOD}{base}"), &[]).unwrap_err().to_string();
     shows(&text, "give only one of them");
@@ -308,7 +308,7 @@ fn dofs_are_counted_from_one_and_named_once() {
 }
 
 #[test]
-fn a_structure_that_nothing_moves_is_a_warning() {
+fn structure_without_motion_is_a_warning() {
     let text = GOOD.replace("[excitation.ground_acceleration]\nsignal", "# signal");
     let warnings = accepted(&text, &[]).warnings;
     shows(
@@ -347,7 +347,7 @@ fn a_rotation_has_no_unit_of_length() {
 }
 
 #[test]
-fn rotations_are_named_once_and_recorded_in_radians() {
+fn rotations_are_recorded_in_radians() {
     let node = include_str!("../../../config/three-actuators.toml");
     let built = |text: &str, rotations: &str| {
         let loaded = read(text, &[&format!("structure.rotations={rotations}")])

@@ -1,4 +1,4 @@
-//! Waits that are longer than anybody can mean, numbers that no count takes, and texts that a terminal would obey.
+//! Implausibly long waits, numbers that no count accepts, and texts with terminal codes.
 
 use super::*;
 use crate::build;
@@ -21,7 +21,7 @@ fn linked() -> String {
 }
 
 #[test]
-fn each_wait_has_a_longest_one_that_is_named() {
+fn each_wait_has_a_maximum() {
     for (key, value, most) in [
         ("safety.zero_s", "1e6", "600 s"),
         ("safety.ease_s", "601", "600 s"),
@@ -63,7 +63,7 @@ fn each_wait_has_a_longest_one_that_is_named() {
 }
 
 #[test]
-fn the_waits_of_a_link_have_longest_ones_too() {
+fn each_link_wait_has_a_maximum() {
     let text = linked();
     accepted(
         &text,
@@ -84,7 +84,7 @@ fn the_waits_of_a_link_have_longest_ones_too() {
         let error = read(&text, &[&set]).unwrap_err().to_string();
         shows(&error, &headline);
     }
-    // Silence that every specimen hears between two commands is none to hold at.
+    // A watchdog shorter than the pause between two commands is refused.
     let error = read(&text, &["specimen.0.link.watchdog_s=1e-6"]).unwrap_err();
     shows(
         &error.to_string(),
@@ -93,7 +93,7 @@ fn the_waits_of_a_link_have_longest_ones_too() {
 }
 
 #[test]
-fn a_whole_number_that_no_count_takes_is_told_what_it_may_be() {
+fn invalid_count_shows_its_range() {
     for (set, allowed, found) in [
         (
             "specimen.0.storey=1e30",
@@ -122,7 +122,7 @@ fn a_whole_number_that_no_count_takes_is_told_what_it_may_be() {
 }
 
 #[test]
-fn endless_numbers_and_texts_are_not_echoed_whole() {
+fn endless_text_is_not_echoed_whole() {
     let digits = format!("1{}", "0".repeat(299));
     for (set, found) in [
         (format!("specimen.0.storey={digits}.0"), "found 1e299"),
@@ -139,14 +139,14 @@ fn endless_numbers_and_texts_are_not_echoed_whole() {
         };
         let text = error.to_string();
         shows(&text, found);
-        // The line that is pointed at is cut by its picture; a short echo stands after the caret.
+        // The picture cuts the line that it points at; a short echo follows the caret.
         let longest = text.lines().map(|line| line.chars().count()).max();
         assert!(longest < Some(300), "{text}");
     }
 }
 
 #[test]
-fn a_text_that_a_terminal_would_obey_is_refused_or_spelt() {
+fn terminal_codes_are_refused_or_spelt() {
     for key in ["title", "safety.unlimited"] {
         for c in ["\\u001b[2J", "\\u0007", "\\u202e", "\\u200b", "\\ufeff"] {
             let set = format!("{key}=\"a{c}b\"");

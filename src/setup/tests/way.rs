@@ -1,8 +1,8 @@
-//! What a compensator makes of the way between two targets is told of where it sees its curvature.
+//! A compensator's effect between two targets is reported where it sees the curvature of that path.
 
 use super::*;
 
-/// What is told of a specimen with this compensator.
+/// Warnings about a specimen with this compensator.
 fn told(compensation: &str, sets: &[&str]) -> Vec<String> {
     let text = format!("{PRESCRIBED}\n[specimen.compensation]\n{compensation}\n");
     let loaded = accepted(&text, sets);
@@ -11,7 +11,7 @@ fn told(compensation: &str, sets: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn jumps_of_the_curvature_are_told_of_where_a_compensator_hands_them_on() {
+fn curvature_jumps_are_reported() {
     let several = "time.ticks_per_step=20";
     let jerks = [
         "amb = {}",
@@ -29,7 +29,7 @@ fn jumps_of_the_curvature_are_told_of_where_a_compensator_hands_them_on() {
         shows(one, compensation.split(' ').next().unwrap());
         shows(one, "`prediction_order = 3`");
         shows(one, "nodes = \"delay\"");
-        // What was taken already is not advised.
+        // A remedy that is already in use is not advised.
         let cubic = told(compensation, &[several, "time.prediction_order=3"]);
         assert!(
             cubic.len() == 1 && !cubic[0].contains("`prediction_order = 3`"),

@@ -13,7 +13,7 @@ use gusset_quantity::catalog::phase::Part;
 /// Points of the loop in one bin at most: a longer bin is thinned while it is filled.
 const MOST_POINTS: usize = 512;
 
-/// What one row says of an axis, SI at the specimen's own scale.
+/// Values of one axis in one row, SI at the specimen's scale.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Now {
     pub command: f64,
@@ -22,23 +22,23 @@ pub(super) struct Now {
     pub error: f64,
 }
 
-/// What a row is of its specimen.
+/// State of a specimen's measurement in a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Told {
     /// It was commanded.
     pub is_told: bool,
     /// It has answered.
     pub is_fresh: bool,
-    /// Its answer stayed away: what stands in the row was not measured then.
+    /// Its answer is overdue: the values of the row were not measured then.
     pub is_silent: bool,
 }
 
 /// Past values of an axis.
 #[derive(Debug, Clone)]
 pub(super) struct AxisTap {
-    /// The command, and what was measured last.
+    /// The command, and the last measurement.
     pub now: Now,
-    /// The same, not a number where nothing was measured.
+    /// Values as drawn; NaN where nothing was measured.
     pub drawn: Now,
     /// Command at which the deformation is zero, in the specimen's unit; none before it is known.
     zero: Option<f64>,
@@ -145,7 +145,7 @@ impl AxisTap {
         }
     }
 
-    /// Takes what a limit tripped at, which may stand in no row.
+    /// Takes the value at which a limit tripped, which may be in no row.
     pub(crate) fn judged(&mut self, axis: &WatchedAxis, key: &str, value: f64) {
         self.keep(axis.marks.iter().position(|mark| mark.key == key), value);
     }
@@ -222,8 +222,8 @@ mod tests {
     use gusset_control::port::DispZero;
 
     #[test]
-    fn the_loop_is_of_the_same_end_as_the_histories() {
-        // In millimetres and kilonewtons, the other way round, at a third of the structure's lengths.
+    fn loop_and_histories_use_the_same_end() {
+        // In millimetres and kilonewtons, with reversed sign, at a third of the structure's lengths.
         let axis = WatchedAxis {
             marks: Vec::new(),
             has_margin: false,

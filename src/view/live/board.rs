@@ -18,7 +18,7 @@ pub(super) const WINDOW_NS: u64 = 1_000_000_000;
 /// Least time between two computations of the limit of λ, ns: every tangent enters at least one.
 pub(super) const MARGIN_EVERY_NS: u64 = WINDOW_NS / 2;
 
-/// Where a test stands, as far as rows tell.
+/// State of a test, as known from its rows.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Snapshot {
     /// Monotonic clock when it was made, ns.
@@ -27,7 +27,7 @@ pub struct Snapshot {
     /// Monotonic clock when the last row came, ns, or when rows were held back last; 0 before the first.
     #[serde(skip)]
     pub row_ns: u64,
-    /// Rows seen; rows that were lost on the way here are not in it.
+    /// Rows seen; rows that were lost before the board are not included.
     pub rows: u64,
     /// Step of the last row.
     pub step: f64,
@@ -63,7 +63,7 @@ pub struct Snapshot {
     pub trips: Vec<Trip>,
 }
 
-/// One axis, SI at the specimen's own scale; what was measured is of its last answer. Not a number where there is none.
+/// One axis, SI at the specimen's scale; measured values are of its last answer. NaN where no value exists.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisView {
     /// Displacement that was sent.
@@ -72,7 +72,7 @@ pub struct AxisView {
     pub measured: f64,
     /// Force that was measured.
     pub force: f64,
-    /// Measured − commanded, less what the sensor reads beyond the command where its zero was taken.
+    /// Measured − commanded, less the sensor's reading beyond the command where its zero was taken.
     pub error: f64,
     /// Tangent stiffness as estimated, at the structure.
     pub stiffness: f64,
@@ -91,7 +91,7 @@ pub struct AxisView {
     pub limits: Vec<[f64; 3]>,
 }
 
-/// One specimen's link, as far as rows tell.
+/// One specimen's link, as known from rows.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct SpecimenView {
     /// Commands sent so far, repeated ones included.
@@ -127,7 +127,7 @@ pub struct Ended {
 /// The board.
 #[derive(Debug)]
 pub struct Board {
-    /// What is watched.
+    /// The displayed test.
     pub subject: Subject,
     phase: PhaseCell,
     latest: Mutex<Arc<Snapshot>>,
@@ -150,7 +150,7 @@ fn try_lock<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
 }
 
 impl Board {
-    /// An empty board for a test whose phase stands in `phase`.
+    /// An empty board for a test whose phase is in `phase`.
     #[must_use]
     pub fn new(subject: Subject, phase: PhaseCell, online: Option<OnlineLimit>) -> Self {
         Self {
@@ -164,7 +164,7 @@ impl Board {
         }
     }
 
-    /// Where the test stands; shared, not copied.
+    /// Present state of the test; shared, not copied.
     #[must_use]
     pub fn latest(&self) -> Arc<Snapshot> {
         Arc::clone(&lock(&self.latest))
@@ -196,7 +196,7 @@ impl Board {
         *lock(&self.ended) = Some(ended);
     }
 
-    /// Copies what is wanted of the history.
+    /// Copies the requested part of the history.
     #[cfg(feature = "monitor")]
     pub(crate) fn look_back<T>(&self, look: impl FnOnce(&History) -> T) -> T {
         look(&lock(&self.history))

@@ -15,7 +15,7 @@ impl Text {
         let _ = writeln!(self.0, "# HELP {name} {help}\n# TYPE {name} {kind}");
     }
 
-    /// One sample; one that is no number is left out.
+    /// One sample; a NaN sample is omitted.
     pub(crate) fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: impl Into<f64>) {
         let value = value.into();
         if value.is_nan() {

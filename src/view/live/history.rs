@@ -20,7 +20,7 @@ pub struct Bin {
     pub time: f64,
     /// The column `state` of its last row.
     pub state: f64,
-    /// Smallest and largest of every channel; not a number where there was none.
+    /// Smallest and largest of every channel; NaN where it has no value.
     pub values: Vec<[f32; 2]>,
     /// The corners of every hysteresis loop: displacement and force, in order of time.
     pub loops: Vec<Vec<[f32; 2]>>,
@@ -83,7 +83,7 @@ pub(super) fn corners(points: &[[f32; 2]]) -> Vec<[f32; 2]> {
     kept.into_iter().map(|place| points[place]).collect()
 }
 
-/// What was, finely and coarsely.
+/// Past values, finely and coarsely.
 #[derive(Debug, Default)]
 pub struct History {
     recent: VecDeque<Arc<Bin>>,
@@ -127,7 +127,7 @@ impl History {
         self.next
     }
 
-    /// The bins from number `from` on, as far as they are kept, and the number of the first of them.
+    /// The bins from number `from` on, if they are still kept, and the number of the first of them.
     #[cfg(any(test, feature = "monitor"))]
     pub(crate) fn since(&self, from: u64) -> (u64, impl Iterator<Item = &Arc<Bin>>) {
         let first = self.next - self.recent.len() as u64;
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peak_of_one_bin_stays_in_the_whole_test_however_long_it_gets() {
+    fn peak_of_one_bin_stays_in_long_tests() {
         let mut history = History::default();
         let n = 5 * WHOLE as u32 + 3;
         for k in 0..n {
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_recent_is_bounded_and_a_viewer_who_was_away_goes_on_with_the_oldest_that_is_kept() {
+    fn recent_bins_are_bounded() {
         let mut history = History::default();
         for k in 0..RECENT as u32 + 100 {
             history.push(bin(k, 1.0));
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn thinning_keeps_every_corner_of_a_bilinear_loop() {
+    fn thinning_keeps_bilinear_corners() {
         // Elastic to (1, 1), yielding to (3, 1.2), unloading to (1, -0.8), yielding back to (-1, -1).
         let corner = [
             [0.0, 0.0],
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn points_on_a_line_are_thinned_to_its_ends_in_order_of_time() {
+    fn line_points_are_thinned_to_its_ends() {
         let down: Vec<[f32; 2]> = (0..40).rev().map(|k| [k as f32, 3.0 * k as f32]).collect();
         assert_eq!(corners(&down), [[39.0, 117.0], [0.0, 0.0]]);
         assert_eq!(corners(&[[2.0, 5.0]; 7]), [[2.0, 5.0]]);

@@ -13,7 +13,7 @@ pub(super) const COLUMNS: [&str; 4] = [
     COMPUTE.name(),
 ];
 
-/// What they are called elsewhere: the keys of `timing.json`.
+/// Their other names: the keys of `timing.json`.
 pub const KEYS: [&str; 4] = [
     "wakeup_lateness",
     "command_lateness",
@@ -42,11 +42,11 @@ pub(super) struct Stall {
 pub(super) struct Latency {
     buckets: [u64; BOUNDS.len() + 1],
     sum: f64,
-    /// In ns, two digits: what a picture and a percentile need.
+    /// In ns, two digits: enough for a picture and a percentile.
     histogram: Option<Histogram<u64>>,
 }
 
-/// The same as it is shown.
+/// Counts as displayed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LatencyView {
     /// Key of `timing.json`.
@@ -77,12 +77,12 @@ impl Latency {
         }
     }
 
-    /// Counts one value in s; what is no number is not counted, what is early is late by 0.
+    /// Counts one value in s. NaN is not counted, and an early value counts as late by 0.
     pub fn count(&mut self, seconds: f64) {
         self.count_some(seconds, 1);
     }
 
-    /// Counts the ticks that a stall swallowed, as the loop does: beyond [`MOST_VALUES`] neighbours share one value.
+    /// Counts the ticks that a stall skipped, as the loop does: beyond [`MOST_VALUES`] neighbours share one value.
     pub(crate) fn swallowed(&mut self, stall: Stall, tick_s: f64) {
         let group = stall.ticks.div_ceil(MOST_VALUES).max(1);
         let mut done = 0;
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_falls_into_the_bucket_whose_upper_end_it_does_not_pass() {
+    fn value_falls_into_its_bucket() {
         let mut latency = Latency::new();
         for seconds in [-1.0, 0.0, 1e-7, 1.1e-7, 0.9, 1.0, 1.1, f64::NAN] {
             latency.count(seconds);
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stall_counts_every_tick_that_it_swallowed() {
+    fn stall_counts_every_skipped_tick() {
         let mut latency = Latency::new();
         latency.count(3.5e-3);
         let stall = |late_s, ticks| Stall { late_s, ticks };
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_are_those_of_the_values_to_two_digits() {
+    fn percentiles_have_two_digits() {
         let mut latency = Latency::new();
         for k in 1..=1000 {
             latency.count(f64::from(k) * 1e-6);

@@ -1,4 +1,4 @@
-//! The limits that are shown: what they are called, their levels, and how much of them a value uses up.
+//! The displayed limits: their names, their levels, and the used share of them.
 
 use serde::Serialize;
 
@@ -16,7 +16,7 @@ pub struct Mark {
     pub words: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// Warned of outside of these two; null where there is none.
+    /// Warned about outside of these two; null where not set.
     pub warn: [f64; 2],
     /// Trips outside of these two.
     pub trip: [f64; 2],
@@ -164,10 +164,10 @@ pub fn share([low, high]: [f64; 2], value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gusset_control::port::limits::{AxisLimits, RECORDED};
+    use gusset_control::port::limits::AxisLimits;
 
     #[test]
-    fn every_limit_of_an_axis_with_a_level_has_a_mark_and_a_value_in_the_rows() {
+    fn every_level_has_a_mark_and_a_value() {
         for limit in Limit::OF_AXIS {
             let levels = Range::trip([-2.0, 2.0]);
             let limits = AxisLimits::NONE.with(limit, levels);
@@ -181,12 +181,11 @@ mod tests {
                 (row.key, row.words, row.unit)
             );
             assert_eq!(shown.trip, levels.trip);
-            assert_eq!(RECORDED.contains(&limit), !row.has_column);
         }
     }
 
     #[test]
-    fn ends_of_an_actuator_are_shown_where_no_limit_is_set() {
+    fn actuator_ends_are_shown_without_a_limit() {
         let ends = ActuatorEnds {
             stroke: 0.1,
             force: 5e3,
@@ -217,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn more_than_one_is_beyond_wherever_zero_is() {
+    fn share_beyond_one_is_beyond_the_limit() {
         let none = f64::INFINITY;
         for (levels, value, wanted) in [
             ([-10.0, 20.0], -5.0, 0.5),

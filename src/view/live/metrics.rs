@@ -1,7 +1,7 @@
-//! What Prometheus scrapes: the text exposition format 0.0.4.
+//! Metrics for Prometheus: the text exposition format 0.0.4.
 //!
-//! Base units, counters that end in `_total`, one HELP and one TYPE per family. What is not known yet is left out, not 0.
-//! Made from the board alone.
+//! Base units, counters that end in `_total`, one HELP and one TYPE per family. An unknown value is omitted, not 0. Made
+//! from the board alone.
 
 use super::board::{Board, Snapshot};
 use super::exposition::Text;
@@ -233,7 +233,7 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
     }
 }
 
-/// The same of what belongs to no specimen alone.
+/// Metrics that belong to no specimen alone.
 fn whole(text: &mut Text, board: &Board, latest: &Snapshot) {
     let marks = || board.subject.test.iter().zip(&latest.test);
     for (name, help, place) in [

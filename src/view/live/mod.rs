@@ -4,10 +4,9 @@
 //! loop → ring → writer ─ Tap (present values, peaks, 60 bins a second) → Board ← page, terminal, metrics
 //! ```
 //!
-//! Invariants. The loop does not know of viewers: the writer reads the rows on their way from the ring to the file.
-//! The writer never waits for a viewer: it tries the lock of the [`Board`]. A slow viewer skips data; no queue grows without
-//! bound. Requests of an operator go the same way as those of
-//! `gusset hold RUN_DIR`: through the bounded channel that the loop polls once a tick.
+//! Invariants. The loop does not know of viewers: the writer reads the rows between the ring and the file. The writer never
+//! waits for a viewer: it tries the lock of the [`Board`]. A slow viewer skips data; no queue grows without bound. Requests
+//! of an operator take the same path as those of `gusset hold RUN_DIR`: the bounded channel that the loop polls once a tick.
 //!
 //! The loop keeps the limits. The page only shows their levels and the present values, computed as the loop computes them.
 //!

@@ -9,7 +9,7 @@ use super::subject::{WatchedSpecimen, at};
 use gusset_quantity::catalog::phase::Part;
 use gusset_quantity::substructure::Status;
 
-/// What belongs to all specimens of a row.
+/// Values that belong to all specimens of a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowHead {
     /// Number of the row, with the lost ones.

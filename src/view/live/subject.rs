@@ -1,4 +1,4 @@
-//! What is watched of a test, known before it runs: names, units, limits, and where each number stands in a row.
+//! Displayed facts of a test, known before it runs: names, units, limits, and the place of each number in a row.
 
 use serde::Serialize;
 
@@ -12,7 +12,7 @@ use gusset_record::Column;
 /// Degrees of freedom that are drawn at most.
 const MOST_DOFS: usize = 8;
 
-/// What is known of a test and is not in its experiment.
+/// Facts about a test that are not in its experiment.
 #[derive(Debug, Clone, Default)]
 pub struct About {
     /// Its title.
@@ -23,13 +23,13 @@ pub struct About {
     pub real_clock: bool,
     /// λ, if the method has one.
     pub lambda: Option<LambdaUse>,
-    /// The interrupted test that it goes on with, if it does.
+    /// The interrupted test that it resumes, if any.
     pub goes_on: Option<GoesOn>,
     /// The simulated actuator of each specimen.
     pub actuators: Vec<ActuatorEnds>,
 }
 
-/// An interrupted test that another goes on with.
+/// An interrupted test that another resumes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct GoesOn {
     /// Its run folder, as the user knows it.
@@ -38,7 +38,7 @@ pub struct GoesOn {
     pub after: u64,
 }
 
-/// λ in use and what is known of its limit before the test.
+/// λ in use and its known limit before the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LambdaUse {
     /// In use; null for infinite.
@@ -64,7 +64,7 @@ pub struct Subject {
     pub dt: f64,
     /// Period of the controller in s of wall time.
     pub tick_s: f64,
-    /// The interrupted test that it goes on with.
+    /// The interrupted test that it resumes.
     pub goes_on: Option<GoesOn>,
     /// Its specimens.
     pub specimens: Vec<WatchedSpecimen>,
@@ -72,9 +72,9 @@ pub struct Subject {
     pub test: Vec<TestMark>,
     /// λ.
     pub lambda: Option<LambdaUse>,
-    /// What every bin of the history holds, in order: two numbers each.
+    /// Content of every bin of the history, in order: two numbers each.
     pub channels: Vec<Channel>,
-    /// Where the rest stands in a row.
+    /// Places of the other values in a row.
     #[serde(skip)]
     pub places: Places,
 }
@@ -86,7 +86,7 @@ pub struct WatchedSpecimen {
     pub name: String,
     /// Whether it is behind a link.
     pub remote: bool,
-    /// What becomes of it when the operator ends the test, as a sentence goes on.
+    /// Its shutdown when the operator ends the test, as the rest of a sentence.
     pub at_end: &'static str,
     /// Its axes.
     pub axes: Vec<WatchedAxis>,
@@ -129,9 +129,9 @@ pub struct WatchedAxis {
 /// Something that is drawn over time.
 #[derive(Debug, Clone, Serialize)]
 pub struct Channel {
-    /// What it is.
+    /// Kind of the channel.
     pub kind: ChannelKind,
-    /// What a person calls it.
+    /// Name for people.
     pub label: String,
     /// SI unit.
     pub unit: String,
@@ -139,7 +139,7 @@ pub struct Channel {
     pub axis: Option<[usize; 2]>,
 }
 
-/// What a channel shows.
+/// Kinds of channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ChannelKind {
@@ -159,7 +159,7 @@ pub enum ChannelKind {
     Lateness,
 }
 
-/// Places in a row of what belongs to no specimen.
+/// Places in a row of values that belong to no specimen.
 #[derive(Debug, Clone, Default)]
 #[expect(missing_docs, reason = "each is the place of the column of that name")]
 pub struct Places {
@@ -233,7 +233,7 @@ impl AxisPlaces {
 }
 
 impl Subject {
-    /// What is to be watched of `experiment`.
+    /// The displayed facts of `experiment`.
     #[must_use]
     pub fn new(experiment: &Experiment, about: About) -> Self {
         let columns = experiment.columns();
@@ -310,7 +310,7 @@ impl Subject {
     }
 }
 
-/// Where a specimen is left, as a sentence goes on.
+/// End position of a specimen, as the rest of a sentence.
 const fn way_out(exit: &Exit) -> &'static str {
     match exit {
         Exit::Freeze => "stays where it is",

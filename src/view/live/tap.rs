@@ -1,6 +1,6 @@
 //! Reads the rows on the writer's thread: present values, peaks, counts, and the thinned history.
 //!
-//! It allocates sixty times a second and never waits: what the board does not take now it takes at the next turn.
+//! It allocates sixty times a second and never waits: values that the board does not take now follow at the next turn.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -52,7 +52,7 @@ pub struct Tap {
     window_ns: u64,
 }
 
-/// What the last row said.
+/// Values of the last row.
 #[derive(Debug, Clone, Copy, Default)]
 struct Seen {
     rows: u64,
@@ -365,7 +365,7 @@ mod tests {
     use super::RecentMisses;
 
     #[test]
-    fn misses_older_than_ten_seconds_are_not_recent() {
+    fn misses_older_than_10_s_are_not_recent() {
         let mut recent = RecentMisses::default();
         let s = 1_000_000_000;
         let totals = [(0, 2), (4, 5), (9, 5), (11, 6), (15, 9)];

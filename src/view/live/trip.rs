@@ -1,4 +1,4 @@
-//! What ends a test out of order, as the events of the loop tell it: a command that is refused never stands in a row.
+//! Reasons of a trip, from the events of the loop: a refused command is in no row.
 
 use serde::Serialize;
 
@@ -16,11 +16,11 @@ pub struct Trip {
     pub specimen: Option<usize>,
     /// Its axis, from 0.
     pub axis: Option<usize>,
-    /// Key of the limit in the test file; of what is no limit the word of `events.jsonl`.
+    /// Key of the limit in the test file, or the word of `events.jsonl` if it is not a limit.
     pub limit: Word,
-    /// What was found, SI.
+    /// The value that was found, SI.
     pub value: f64,
-    /// What is allowed, SI.
+    /// The allowed value, SI.
     pub bound: f64,
     /// In words.
     pub words: String,
@@ -121,7 +121,7 @@ mod tests {
     use gusset_control::engine::PhaseCell;
     use gusset_record::{Onlooker, Progress};
 
-    /// What is on the board after these events.
+    /// The board after these events.
     fn seen(kinds: &[Event]) -> Arc<Board> {
         let text = include_str!("../../../config/frame-bouc-wen.toml").replace(
             "name = \"ground-storey\"",
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_that_was_refused_is_a_trip_although_it_stands_in_no_row() {
+    fn refused_command_is_a_trip() {
         let refused = Event::LimitTrip(LimitReached {
             port: Some(0),
             axis: Some(0),
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_late_by_a_period_is_told_with_units_and_its_key() {
+    fn late_tick_is_reported_with_its_key() {
         let late = Event::LimitTrip(LimitReached {
             port: None,
             axis: None,
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_event_of_its_own_is_told_by_the_phase_and_an_orderly_end_by_nothing() {
+    fn trip_without_an_event_uses_the_phase() {
         let stale = || Event::Stale { port: 0, age: 4 };
         let of = |kinds: &[Event]| {
             let trips = seen(kinds).latest().trips.clone();
@@ -223,7 +223,7 @@ mod tests {
             of(&[interlock(), tripped("interlock", Some(0))]),
             ["interlock"]
         );
-        // A second one on the way out, with an event of its own and without.
+        // A second trip during shutdown, with a separate event and without.
         assert_eq!(
             of(&[interlock(), tripped("interlock", Some(0)), LEAVING, TRIPPED]),
             ["interlock", "stale"]

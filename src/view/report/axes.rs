@@ -1,10 +1,10 @@
-//! What a page says about one axis of a specimen, made of its columns while they are held whole.
+//! The part of a page about one axis of a specimen, computed from its columns while they are held whole.
 
 use std::borrow::Cow;
 
 use super::axis::is_drawable;
 use super::columns::SpecimenAxis;
-use super::sieve::{HOLDING, RUNNING, TRIPPED, is_even};
+use super::row_filter::{HOLDING, RUNNING, TRIPPED, is_even};
 use super::table::Table;
 use super::thin;
 use gusset_motion::metrics::fourier::{Spectrum, evaluate};
@@ -16,7 +16,7 @@ use gusset_motion::metrics::{self, Identified, Peak, Tracking};
 pub(super) const FIRST_LOADING: f64 = 0.2;
 /// Parts of a logarithmic frequency axis.
 const BINS: usize = 420;
-/// Points of the largest picture that a loop is drawn in, and how far a point that is left out may lie from the line.
+/// Points of the largest picture that a loop is drawn in, and how far an omitted point may lie from the line.
 const WIDTH: f64 = 480.0;
 const TOLERANCE: f64 = 0.12;
 /// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
@@ -80,9 +80,9 @@ impl Even {
 }
 
 impl Grid {
-    /// Rows at even times and their interval: all ticks but those of a hold, or, where the test slowed down, the ends of its steps;
-    /// of those at one time, which a controller that stands still commands again and again, the last. None where some of these are
-    /// missing. A last row that only says of a trip where the test stood already is none of them.
+    /// Rows at even times and their interval. These are all ticks except those of a hold, or the ends of steps where the test
+    /// slowed down. Of several rows at one time, which a waiting controller makes, only the last counts. `None` where some of
+    /// these are missing. A last row that only records a trip at the same time does not count.
     fn rows(&self, held: &Table, time: &[f64]) -> Option<(Even, f64)> {
         let step_s = self.step_s?;
         let tick_s = step_s / self.ticks_per_step.max(1) as f64;
@@ -107,7 +107,7 @@ impl Grid {
                 .collect();
             is_even(&times, dt).then_some((Even::Some(rows), dt))
         };
-        // Where rows are missing stands one without a state: it is kept, and its time is not even.
+        // Missing rows are replaced by one without a state: it is kept, and its time is not even.
         at(those(&|state| state != HOLDING), tick_s).or_else(|| {
             let mut rows = those(&|state| state == RUNNING);
             rows.dedup_by(|later, kept| {
@@ -140,7 +140,7 @@ pub(super) fn envelope(values: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
 }
 
 impl AxisDigest {
-    /// Of the columns of `axis` in `held`, which are of every tick; `noise` was read at rest.
+    /// The digest of `axis` from its columns in `held`, which are of every tick; `noise` was read at rest.
     pub(crate) fn of(
         axis: SpecimenAxis,
         held: &Table,
@@ -177,7 +177,7 @@ impl AxisDigest {
         found
     }
 
-    /// What needs rows at even times, `dt` s apart.
+    /// Computes the results that need rows at even times, `dt` s apart.
     fn follow(&mut self, time: &[f64], target: &[f64], meas: &[f64], force: &[f64], dt: f64) {
         let n = target.len().min(meas.len());
         let of = |values: &[f64]| Spectrum::of(values, dt);
@@ -209,8 +209,8 @@ impl AxisDigest {
         self.initial = metrics::identify(&late[..first], meas, force, dt);
     }
 
-    /// Leaves out what would compare the command with the target, or take the command for a measurement. The loop stays: it
-    /// is of the force over the command.
+    /// Removes results that would compare the command with the target, or take the command for a measurement. The loop
+    /// stays: it is of the force over the command.
     pub(crate) fn forget_measured_disp(&mut self) {
         (self.tracking, self.course, self.peak_disp, self.absorbed) = (None, None, None, None);
         (self.whole, self.initial) = (None, None);
@@ -232,7 +232,7 @@ impl AxisDigest {
     }
 }
 
-/// Energy that went into the specimen, straight across what was not measured.
+/// Energy into the specimen, straight across missing measurements.
 fn absorbed(meas: &[f64], force: &[f64]) -> Option<f64> {
     let known = meas.iter().zip(force);
     let known = known.filter(|(d, f)| d.is_finite() && f.is_finite());
@@ -240,7 +240,7 @@ fn absorbed(meas: &[f64], force: &[f64]) -> Option<f64> {
     metrics::absorbed_energy(&disp, &force)
 }
 
-/// Every n-th sample of what is too long for a close-up: a slow test is smooth.
+/// Every n-th sample of a series that is too long for a close-up: a slow test is smooth.
 fn short(values: &[f64]) -> Vec<f64> {
     values
         .iter()
@@ -249,7 +249,7 @@ fn short(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The line through all points with what no eye would miss left out.
+/// The line through all points, without points whose omission is invisible.
 fn drawn(x: &[f64], y: &[f64]) -> Points {
     let pairs = || x.iter().copied().zip(y.iter().copied());
     let drawable = || pairs().filter(|(x, y)| is_drawable(*x) && is_drawable(*y));
@@ -271,7 +271,7 @@ fn drawn(x: &[f64], y: &[f64]) -> Points {
             }
             continue;
         }
-        // Half of what may be left out later.
+        // Half of the later tolerance.
         let moved =
             |last: (f64, f64)| (at.0 - last.0).abs().max((at.1 - last.1).abs()) > 0.5 * TOLERANCE;
         if last.is_none_or(moved) {
@@ -306,7 +306,7 @@ fn close_up(time: &[f64], cmd: &[f64], meas: &[f64]) -> (usize, usize) {
     let n = time.len().min(cmd.len()).min(meas.len());
     let peak = metrics::peak(&cmd[..n]);
     let middle = peak.map_or(n / 2, |p| p.index);
-    // Noise about zero is no swing: only what passes a tenth of the peak on both sides counts.
+    // Noise about zero is not a swing: only a motion beyond a tenth of the peak on both sides counts.
     let bound = 0.1 * peak.map_or(0.0, |p| p.value.abs());
     let (mut crossings, mut side, mut span) = (0, None, None);
     for (i, &c) in cmd[..n].iter().enumerate().filter(|(_, c)| c.abs() > bound) {
@@ -326,7 +326,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_close_up_lies_inside_the_test_and_around_its_peak() {
+    fn close_up_is_around_the_peak() {
         let time: Vec<f64> = (0..1000).map(f64::from).collect();
         let mut cmd: Vec<f64> = time.iter().map(|t| libm::sin(t / 10.0)).collect();
         cmd[990] = 5.0;
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_noisy_loop_is_drawn_with_few_points_and_keeps_its_ends() {
+    fn noisy_loop_is_drawn_with_few_points() {
         let n = 400_000;
         let x: Vec<f64> = (0..n).map(|i| libm::sin(i as f64 * 1e-2)).collect();
         let y: Vec<f64> = (0..n)

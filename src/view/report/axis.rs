@@ -1,4 +1,4 @@
-//! One axis of a picture: its range, where a value falls on it, where its ticks stand.
+//! One axis of a picture: its range, the place of a value on it, and the places of its ticks.
 //!
 //! Invariant: `lo < hi`, both finite, and for a logarithmic axis both positive; so [`Axis::place`] never
 //! divides by zero. Numbers too large to take differences of are treated like NaN: they are gaps.
@@ -95,7 +95,7 @@ impl Axis {
         self.hi
     }
 
-    /// Where `value` falls: 0 at the lower end, 1 at the upper; what lies outside stops at the end.
+    /// Relative place of `value`: 0 at the lower end, 1 at the upper; values outside stop at the end.
     pub(crate) fn place(&self, value: f64) -> f64 {
         let share = if self.log {
             let (lo, hi) = (libm::log10(self.lo), libm::log10(self.hi));
@@ -117,7 +117,7 @@ impl Axis {
         let step = round_step((hi - lo) / about.max(1) as f64);
         let exponent = libm::floor(libm::log10(step) + 1e-9) as i32;
         let largest = libm::floor(libm::log10(lo.abs().max(hi.abs()))) as i32;
-        // Digits enough to tell one tick from the next; long rows of zeros are written as powers.
+        // Digits enough to distinguish one tick from the next; long rows of zeros are written as powers.
         let label = |at: f64| {
             if exponent >= -DECIMALS || largest >= 0 {
                 fixed(at, (-exponent).clamp(0, 12) as usize)
@@ -225,7 +225,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn ticks_are_round_numbers_in_the_shown_unit() {
+    fn axis_ticks_are_round_numbers() {
         let axis = Axis::exactly(-0.013, 0.021).unwrap();
         let labels: Vec<_> = axis.ticks(4, 1e-3).into_iter().map(|t| t.label).collect();
         assert_eq!(labels, ["−10", "0", "10", "20"]);
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn constant_data_still_have_a_range_and_empty_data_have_none() {
+    fn constant_data_still_have_a_range() {
         let axis = Axis::around([3.0, 3.0].into_iter()).unwrap();
         assert!(axis.lo() < 3.0 && axis.hi() > 3.0);
         assert!(Axis::around([0.0].into_iter()).is_some());
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn decades_are_named_as_durations_and_counts() {
+    fn decades_are_named_as_durations() {
         let names: Vec<_> = (-3..5).map(|e| micros_decade(1, e)).collect();
         let plain: Vec<_> = names.iter().map(|n| n.replace('\u{a0}', " ")).collect();
         assert_eq!(
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_logarithmic_axis_has_labels_enough_to_be_read_by() {
+    fn short_log_axis_has_enough_labels() {
         let labels = |lo: f64, hi: f64| -> Vec<String> {
             let ticks = Axis::logarithmic(lo, hi).unwrap().decades(count_decade);
             let named = ticks.into_iter().filter(|t| !t.label.is_empty());
@@ -289,7 +289,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_axis_has_few_ticks_inside_its_range(a in -1e200f64..1e200, b in -1e200f64..1e200, about in 2usize..9) {
+        fn every_axis_has_few_ticks_in_range(a in -1e200f64..1e200, b in -1e200f64..1e200, about in 2usize..9) {
             let axis = Axis::around([a, b].into_iter()).unwrap();
             let ticks = axis.ticks(about, 1.0);
             prop_assert!(ticks.len() <= 4 * about);

@@ -6,7 +6,7 @@ use super::columns::SpecimenAxis;
 pub(super) const MEASURED: &str = "raw_disp";
 pub(super) const FORCE: &str = "raw_force";
 
-/// The end of one axis; what was not recorded is not a number.
+/// The end of one axis; unrecorded values are NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AxisEnd {
     pub axis: SpecimenAxis,

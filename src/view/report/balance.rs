@@ -1,4 +1,4 @@
-//! The section on energy: where it came from and where it went.
+//! The section on energy: its sources and sinks.
 
 use super::canvas::Ink;
 use super::charts::Quantity;
@@ -49,7 +49,7 @@ fn column<'a>(digest: &'a Digest, name: &str) -> Option<&'a [f64]> {
     found.filter(|values| !values.is_empty())
 }
 
-/// The section; none for a test without a structure. `why` says why there is no balance, where there is none.
+/// The section; `None` for a test without a structure. `why` explains a missing balance.
 pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
     let digest = rows.digest();
     let heading = "Energy";
@@ -124,7 +124,7 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
     Some(rows.section(heading, &markup))
 }
 
-/// What the program's own exact audit says.
+/// Result of the program's exact audit.
 fn audit(rows: &Rows<'_>) -> String {
     let values = rows.get("step_audit");
     let Some((values, peak)) = values.and_then(|values| {

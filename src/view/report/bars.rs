@@ -14,7 +14,7 @@ pub(super) struct HistogramChart<'a> {
     /// (upper edge in µs, count).
     pub histogram: &'a [(f64, u64)],
     pub percentiles: &'a Percentiles,
-    /// What lies beyond is a miss, in µs.
+    /// Values beyond it are misses, in µs.
     pub deadline_us: Option<f64>,
     pub ink: Ink,
 }
@@ -100,7 +100,7 @@ impl HistogramChart<'_> {
         }
     }
 
-    /// What is marked, from the left: place in µs, words, colour.
+    /// Marks from the left: place in µs, words, colour.
     fn marks(&self) -> Vec<(f64, String, Ink)> {
         let p = self.percentiles;
         let named = [
@@ -135,7 +135,7 @@ impl HistogramChart<'_> {
     }
 }
 
-/// Where the label of a mark stands: `row` from above, left or right of its line.
+/// Place of a mark's label: `row` from above, left or right of its line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Label {
     at: f64,
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_of_marks_lie_on_no_other_label_and_on_no_line() {
+    fn mark_labels_do_not_overlap() {
         let cases: [&[(f64, f64)]; 4] = [
             &[
                 (100.0, 60.0),
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_without_a_row_of_their_own_still_lie_on_no_other() {
+    fn labels_without_a_row_do_not_overlap() {
         let crowded = [
             (330.0, 60.0),
             (350.0, 90.0),

@@ -1,9 +1,9 @@
 //! The one place where a picture is drawn: plotters' SVG backend, on a canvas several times the display size.
 //!
-//! plotters places every point on a whole unit, so the canvas has [`FINE`] units per display unit and every
-//! length is multiplied by it; the size in the first line is set back and `viewBox` left. Colours are drawn as sentinels and
-//! replaced at the end: by classes in a page, whose style sheet knows light, dark and paper, or by neutral mid-tones
-//! in a picture that must stand on any background. Sentinels cannot be forged: quotes in text arrive escaped.
+//! plotters places every point on a whole unit. So the canvas has [`FINE`] units per display unit, and every length is
+//! multiplied by it. The size in the first line is set back and `viewBox` stays. Colours are drawn as sentinels and replaced
+//! at the end: by classes in a page, whose style sheet has light, dark and paper colours, or by neutral mid-tones in a
+//! picture for any background. Sentinels cannot be forged: quotes in text arrive escaped.
 
 use std::fmt::Write as _;
 
@@ -21,7 +21,7 @@ const FINE: f64 = 8.0;
 /// plotters divides the size of a font by this before it writes it.
 const FONT_FACTOR: f64 = 1.24;
 
-/// What a colour is for.
+/// Purpose of a colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ink {
     /// Titles.
@@ -32,7 +32,7 @@ pub(super) enum Ink {
     Grid,
     /// Axis lines.
     Frame,
-    /// What went wrong.
+    /// Failures.
     Alarm,
     /// Line or bar of a series, from 0.
     Series(u8),
@@ -46,7 +46,7 @@ const INKS: [(&str, &str); 11] = [
     ("grid", "#8b949e\" stroke-opacity=\"0.22"),
     ("frame", "#8b949e"),
     ("alarm", "#e5484d"),
-    // Okabe and Ito (2008), safe for colour-blind readers; black is left to text.
+    // Okabe and Ito (2008), safe for colour-blind readers; black is reserved for text.
     ("s0", "#0072b2"),
     ("s1", "#d55e00"),
     ("s2", "#009e73"),
@@ -72,12 +72,12 @@ impl Ink {
     }
 }
 
-/// Where a picture will stand.
+/// Place of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Skin {
     /// Inside the page, which has a style sheet.
     Page,
-    /// A file of its own, on an unknown background.
+    /// A separate file, on an unknown background.
     Picture,
 }
 
@@ -89,7 +89,7 @@ pub(super) enum Anchor {
     Right,
 }
 
-/// How a piece of text stands.
+/// Style of a piece of text.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lettering {
     /// Font size in display units.
@@ -116,19 +116,19 @@ impl Lettering {
         }
     }
 
-    /// The same, anchored elsewhere.
+    /// This text, anchored elsewhere.
     pub(crate) const fn anchored(mut self, anchor: Anchor) -> Self {
         self.anchor = anchor;
         self
     }
 
-    /// The same in bold.
+    /// This text in bold.
     pub(crate) const fn bold(mut self) -> Self {
         self.bold = true;
         self
     }
 
-    /// The same, turned by a quarter.
+    /// This text, turned by a quarter.
     pub(crate) const fn upright(mut self) -> Self {
         self.upright = true;
         self
@@ -156,7 +156,7 @@ pub(super) fn fitted(text: &str, size: f64, width: f64) -> String {
     shortened(text, most)
 }
 
-/// Bold letters are wider than plain ones by so much.
+/// Width of bold letters over that of plain ones.
 const BOLD: f64 = 1.1;
 
 impl Lettering {
@@ -172,7 +172,7 @@ pub(super) struct Canvas<'a> {
     backend: SVGBackend<'a>,
 }
 
-/// Draws a picture of `width` × `height` display units and returns it as SVG; `label` is what a screen reader says.
+/// Draws a picture of `width` × `height` display units and returns it as SVG; `label` is the text for screen readers.
 pub(super) fn picture(
     width: f64,
     height: f64,
@@ -214,7 +214,7 @@ pub(super) fn picture(
     out
 }
 
-/// Copies `body` with every sentinel replaced and every needless attribute left out.
+/// Copies `body` with every sentinel replaced and every needless attribute omitted.
 fn inked(body: &str, skin: Skin, out: &mut String) {
     let body = body.replace(" opacity=\"1\"", "").replace(" \"/>", "\"/>");
     let mut rest = body.as_str();
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn the_canvas_is_finer_than_the_display_and_shown_at_display_size() {
+    fn canvas_is_finer_than_the_display() {
         let svg = sample(Skin::Picture);
         assert!(
             svg.contains("width=\"100\" height=\"50\" viewBox=\"0 0 800 400\""),
@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn sentinels_become_classes_or_colours_and_cannot_be_forged_by_text() {
+    fn text_cannot_forge_markers() {
         let (page, file) = (sample(Skin::Page), sample(Skin::Picture));
         assert!(
             page.contains("class=\"l-s1\"")
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_cut_to_the_width_it_has() {
+    fn text_is_cut_to_its_width() {
         assert_eq!(fitted("short", 12.0, 500.0), "short");
         let cut = fitted(&"long ".repeat(40), 12.0, 80.0);
         assert!(cut.ends_with('…') && text_width(&cut, 12.0) <= 80.0);

@@ -1,4 +1,4 @@
-//! What all pictures have in common: title, frame, grid, numbers and names of both axes.
+//! Common parts of all pictures: title, frame, grid, numbers and names of both axes.
 //!
 //! A picture draws itself into an [`Area`] of a [`Canvas`], so that a page shows one and a wide picture shows several.
 //! Data that cannot be drawn leave a sentence in the area, never an empty frame and never a panic.
@@ -43,7 +43,7 @@ impl Area {
     }
 }
 
-/// What an axis shows: words and SI unit.
+/// Quantity of an axis: words and SI unit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Quantity<'a> {
     pub words: &'a str,
@@ -93,7 +93,7 @@ pub(super) fn title(canvas: &mut Canvas<'_>, area: Area, words: &str, room: f64)
     );
 }
 
-/// A sentence in the middle of `area`, where a picture would stand.
+/// A sentence in the middle of `area`, instead of a picture.
 pub(super) fn sentence(canvas: &mut Canvas<'_>, area: Area, heading: &str, words: &str) {
     title(canvas, area, heading, area.w);
     let at = (area.x + area.w / 2.0, area.y + area.h / 2.0);
@@ -111,7 +111,7 @@ pub(super) fn left_of(up: &Scaled) -> f64 {
     widest + if up.name.is_empty() { 10.0 } else { 30.0 }
 }
 
-/// Room right of the frame: half of the last number may stand beyond the end of an axis that has so much room with it.
+/// Room right of the frame: half of the last number may extend beyond the end of an axis that leaves this room.
 pub(super) fn right_of(across: &Scaled, x: Axis, wide: f64) -> f64 {
     let beyond = across
         .ticks
@@ -121,7 +121,7 @@ pub(super) fn right_of(across: &Scaled, x: Axis, wide: f64) -> f64 {
 }
 
 impl Plot {
-    /// Draws frame, grid, numbers and names, and says where the lines go.
+    /// Draws frame, grid, numbers and names, and returns the area of the lines.
     pub fn frame(
         canvas: &mut Canvas<'_>,
         area: Area,
@@ -182,7 +182,7 @@ impl Plot {
         }
         canvas.line((inner.x, bottom), (right, bottom), Ink::Frame, 1.0);
         if named {
-            // Where it is longer than the axis it goes on below it, and leaves the title alone.
+            // A name longer than the axis extends below it, and leaves the title free.
             let room = area.y + area.h - inner.y;
             let words = fitted(&up.name, LABEL, room);
             let half = text_width(&words, LABEL) / 2.0;

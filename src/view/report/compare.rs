@@ -13,15 +13,16 @@ use super::paired::{key_figures, timing, tracking};
 use super::rows::Rows;
 use super::tested::clock_word;
 use super::text::{NOTHING, count, escape, exact, number, plural, quantity, shortened};
+use gusset_proof::RecordedVerdict;
 
 /// A smaller number is shown without a prefix.
 const SMALLEST_PREFIXED: f64 = 1e-12;
-/// Rows of a table of settings, and letters of a value in it.
+/// Rows of a table of settings, and characters of a value in it.
 const MOST_LISTED: usize = 60;
 const MOST_SHOWN: usize = 120;
 
-/// Two runs on one page: `matched` is what comes of their rows, or why they cannot be compared row by row. `names` are what
-/// the runs are called.
+/// Two runs on one page: `matched` is the result for their rows, or why they cannot be compared row by row. `names` are the
+/// names of the runs.
 #[must_use]
 pub fn compare(
     first: &RunView,
@@ -36,7 +37,8 @@ pub fn compare(
     );
     let (a, b) = (first.digested(), second.digested());
     let (rows_a, rows_b) = (Rows::new(&a), Rows::new(&b));
-    let is_unstable = [first, second].into_iter().any(is_unstable);
+    let mut verdicts = [first, second].into_iter().filter_map(verdict_of);
+    let is_unstable = verdicts.any(|verdict| verdict.unstable);
     let (damages, doubts) = (damages(first, second), doubts(first, second));
     body += &banner(matched, &damages, &doubts, is_unstable);
     body += &key_figures((first, second), (&rows_a, &rows_b), matched);
@@ -58,7 +60,7 @@ pub fn compare(
     zoomable(&title, &body)
 }
 
-/// What came of the comparison in one sentence.
+/// Result of the comparison in one sentence.
 #[must_use]
 pub fn verdict(matched: &Result<Matched, String>) -> String {
     match matched {
@@ -131,7 +133,7 @@ fn alone(found: &Matched) -> Option<String> {
     })
 }
 
-/// What of each run's record is not there, in words; each sentence says of which run.
+/// Missing parts of each run's record, in words; each sentence names its run.
 #[must_use]
 pub fn damages(first: &RunView, second: &RunView) -> Vec<String> {
     let of = |run: &RunView, which: &str| {
@@ -146,8 +148,7 @@ pub fn damages(first: &RunView, second: &RunView) -> Vec<String> {
 #[must_use]
 pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
     let of = |run: &RunView, which: &str| {
-        let summary = run.summary.as_ref();
-        let judged = summary.and_then(|summary| summary.remarks.verdict.as_ref())?;
+        let judged = verdict_of(run)?;
         let found = plural(judged.findings.len() as u64, "finding", "findings");
         let found = match (judged.headline(), judged.findings.is_empty()) {
             (Some(unstable), _) => unstable,
@@ -162,12 +163,8 @@ pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
     both.into_iter().map(|(_, text)| text).collect()
 }
 
-fn is_unstable(run: &RunView) -> bool {
-    let verdict = run
-        .summary
-        .as_ref()
-        .and_then(|summary| summary.remarks.verdict.as_ref());
-    verdict.is_some_and(|verdict| verdict.unstable)
+fn verdict_of(run: &RunView) -> Option<&RecordedVerdict> {
+    run.summary.as_ref()?.remarks.verdict.as_ref()
 }
 
 fn banner(
@@ -275,7 +272,7 @@ fn settings(first: &RunView, second: &RunView) -> String {
         |list: &[(String, String)]| -> HashMap<String, String> { list.iter().cloned().collect() };
     let (of_left, of_right) = (known(&left), known(&right));
     let nothing = || NOTHING.to_owned();
-    // What both say otherwise, and what only one of them says.
+    // Values that differ, and values that only one run has.
     let mut kinds: [Vec<Vec<String>>; 3] = Default::default();
     for (key, value) in left {
         match of_right.get(&key) {
@@ -374,7 +371,7 @@ mod tests {
     use crate::Flaws;
 
     #[test]
-    fn what_is_the_same_is_good_news_only_where_all_of_both_is_there() {
+    fn equal_runs_are_good_only_if_complete() {
         let names = columns(&["step", "sub_tick", "state", "time", "x1"]);
         let found = |left: (u64, u64)| {
             let mut matcher = Matcher::new(&names, &names, 2).unwrap();
@@ -408,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_far_along_a_list_is_found_and_shown() {
+    fn difference_far_along_a_list_is_found() {
         let listed = |last: f64| {
             let values: Vec<String> = (0..200).map(|i| format!("{i}.5")).collect();
             configured(format!("mass_kg = [{}, {last:?}]\n", values.join(", ")))
@@ -425,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_listed_is_counted_and_neither_run_crowds_out_the_other() {
+    fn unlisted_differences_are_counted() {
         let keys = |name: &str, count: usize| -> String {
             (0..count).map(|i| format!("{name}{i:03} = 1\n")).collect()
         };

@@ -1,4 +1,4 @@
-//! How the tracking of one axis changed over the test: errors in moving windows, and what was estimated while the test ran.
+//! Tracking of one axis over the test: errors in moving windows, and estimates made while the test ran.
 
 use super::canvas::Ink;
 use super::charts::Quantity;
@@ -47,7 +47,7 @@ pub(super) fn errors(axis: &Tracked<'_>) -> String {
     markup
 }
 
-/// Delay and gain as they were estimated while the test ran, where they were.
+/// Delay and gain as estimated while the test ran, if they were estimated.
 pub(super) fn estimates(rows: &Rows<'_>, axis: &Tracked<'_>) -> String {
     let column = |kind: &str| rows.history(&axis.digest.axis.column(kind));
     let (Some(lag), Some(gain)) = (column("lag"), column("gain")) else {

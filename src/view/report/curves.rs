@@ -40,7 +40,7 @@ pub enum Look {
     Bars,
     /// One of many lines: thin and grey.
     Faint,
-    /// What the others are compared with: in the colour of text, dashed.
+    /// The reference of the other lines: in the colour of text, dashed.
     Reference,
 }
 
@@ -76,17 +76,17 @@ pub struct Curves<'a> {
     pub curves: &'a [Curve<'a>],
     /// Both axes logarithmic.
     pub logarithmic: bool,
-    /// The frame is as high as it is wide, for the z plane.
+    /// The frame is square, for the z plane.
     pub square: bool,
 }
 
 /// Height of one row of the legend.
 const ROW: f64 = 18.0;
-/// Largest distance of a left-out point from the drawn line, in display units.
+/// Largest distance of an omitted point from the drawn line, in display units.
 const TOLERANCE: f64 = 0.15;
 /// Length of a dash and of the gap after it, in display units.
 const DASH: (f64, f64) = (6.0, 4.0);
-/// Margin round a picture that is a file of its own.
+/// Margin round a picture in a separate file.
 const EDGE: f64 = 12.0;
 /// Opacity of a bar.
 const BAR: f64 = 0.75;
@@ -94,7 +94,7 @@ const BAR: f64 = 0.75;
 const FAR: f64 = 2.0;
 
 impl Curves<'_> {
-    /// The picture as SVG: a part of a page that carries the style sheet, or a file of its own.
+    /// The picture as SVG: a part of a page that carries the style sheet, or a separate file.
     pub fn svg(&self, width: f64, height: f64, inline: bool) -> String {
         // A page has its own margins, a file has none.
         let (skin, edge) = if inline {
@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn every_curve_is_drawn_named_and_cut_where_it_is_far_outside() {
+    fn every_curve_is_drawn_named_and_cut() {
         let x: Vec<f64> = (0..100).map(f64::from).collect();
         let tame: Vec<f64> = x.iter().map(|x| libm::sin(x / 10.0)).collect();
         let wild: Vec<f64> = x.iter().map(|x| libm::exp(*x)).collect();
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn the_seventh_curve_is_dashed_and_the_reference_has_the_colour_of_text() {
+    fn seventh_curve_is_dashed() {
         let x = [0.0, 1.0, 2.0];
         let curve = |reference| Curve {
             name: "c",
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn decades_are_numbers_where_they_are_short_and_powers_where_they_are_long() {
+    fn long_decades_are_powers() {
         assert_eq!(
             [-12, -3, 0, 4, 5].map(|e| decade(1, e)),
             ["10⁻¹²", "0.001", "1", "10\u{202f}000", "10⁵"]

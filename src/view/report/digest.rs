@@ -1,13 +1,13 @@
 //! The digest of the rows for a page.
 //!
-//! Only rows of the running test are physics ([`super::sieve`]). Of them only those are measurements that the specimen
-//! answered ([`super::stale`]). Quantities that need steps at even times are absent where some steps are missing.
+//! Only rows of the running test are physics ([`super::row_filter`]). Of them only those with an answer of the specimen are
+//! measurements ([`super::stale`]). Quantities that need steps at even times are absent where some steps are missing.
 
 use super::axes::AxisDigest;
 use super::axis_end::AxisEnd;
 use super::columns::SpecimenAxis;
+use super::row_filter::Passed;
 use super::shaking::Shaking;
-use super::sieve::Passed;
 use super::source::Earlier;
 use super::table::Table;
 use super::worst::WorstTick;
@@ -51,7 +51,7 @@ pub struct Digest {
     pub(super) spectra: Vec<(u32, Vec<(f64, f64)>)>,
     /// Energies over time; empty where there is no model.
     pub(super) energy: Table,
-    /// What energy errors are measured by; none where there is no model.
+    /// Scale of energy errors; `None` without a model.
     pub(super) scale: Option<Scale>,
     pub(super) worst: Vec<WorstTick>,
     /// Mean displacement of the last part of the test, by DOF.
@@ -74,7 +74,7 @@ impl Digest {
         !self.without_disp.contains(&axis.specimen)
     }
 
-    /// Axes of which rows are missing or not at even times, so that nothing can be said that needs that.
+    /// Axes with missing or uneven rows: no result that needs even times is possible.
     pub(super) fn broken(&self) -> impl Iterator<Item = SpecimenAxis> {
         let broken = self.axes.iter().filter(|axis| axis.dt.is_none());
         let is_timed = self.passed.step_s.is_some();

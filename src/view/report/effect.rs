@@ -27,7 +27,7 @@ fn margins(run: &RunView, digest: &Digest) -> Vec<Margin> {
         let name = axis.axis.column(MARGIN);
         rows.get(&name)?;
         let smallest = rows.marks(&name).least;
-        // Of a fit over the whole test; weights that fade as e^(−t/T) count 2 T of samples.
+        // The floor is that of a fit over the whole test; weights that fade as e^(−t/T) count 2 T of samples.
         let whole = axis
             .tracking
             .as_ref()
@@ -119,7 +119,7 @@ pub fn effect(run: &RunView) -> Value {
     })
 }
 
-/// What is missing, its keys in the summary as a page calls them.
+/// The missing values, by the page's names of their summary keys.
 fn in_words(missing: &[String]) -> String {
     const NAMES: [(&str, &str); 3] = [
         ("energy_error_j", "energy error"),
@@ -144,7 +144,7 @@ fn or_dash(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
     value.map_or_else(|| NOTHING.to_owned(), write)
 }
 
-/// Value, noise floor and what is left of it.
+/// Value, noise floor and the difference.
 fn cells(judged: &Judged, write: impl Fn(f64) -> String) -> [String; 3] {
     [
         write(judged.value),
@@ -153,7 +153,7 @@ fn cells(judged: &Judged, write: impl Fn(f64) -> String) -> [String; 3] {
     ]
 }
 
-/// What the delays added to the damping of each mode.
+/// Damping that the delays added to each mode.
 fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
     if found.modes.is_empty() {
         return String::new();

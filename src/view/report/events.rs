@@ -81,7 +81,7 @@ fn unreadable(run: &RunView) -> String {
     }
 }
 
-/// A row of the table; `start` is what the loop's clock is counted from, in s.
+/// A row of the table; `start` is the zero of the loop's clock, in s.
 fn event(line: &EventLine, start: f64) -> Vec<String> {
     let plain = |value: &Value| match value {
         Value::String(text) => text.clone(),

@@ -7,8 +7,8 @@ use super::columns::{
     Combination, ERROR, MOST_AXES, MOST_DOFS, MOST_LINES, SpecimenAxis, TAIL, spread,
 };
 use super::digest::Digest;
-use super::holder::{Holder, Item, sieve};
-use super::sieve::{Sieve, Stretch};
+use super::holder::{Holder, Item, row_filter};
+use super::row_filter::{RowFilter, Stretch};
 use super::source::Source;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
@@ -24,7 +24,7 @@ const MOST_READINGS: usize = 1 << 20;
 /// Products that an energy balance may cost; a larger structure has none.
 const MOST_WORK: f64 = 2e10;
 
-/// An axis at rest: where its measured displacement and force stand in a block, and what was read of them.
+/// An axis at rest: the places of its measured displacement and force in a block, and their readings.
 struct Read {
     axis: SpecimenAxis,
     places: [usize; 2],
@@ -34,14 +34,14 @@ struct Read {
 
 /// The first pass: everything that needs every row once, and the first batch of whole columns.
 pub(super) struct First<'a> {
-    /// Places of the columns that it wants.
+    /// Places of the required columns.
     pub wanted: Vec<usize>,
     columns: Vec<Column>,
     /// Places in a block.
     state: Option<usize>,
     step: Option<usize>,
     time: Option<usize>,
-    sieve: Sieve,
+    row_filter: RowFilter,
     holder: Holder,
     /// Columns at the ends of steps, and at every tick.
     parts: [Part; 2],
@@ -233,7 +233,7 @@ impl<'a> First<'a> {
             state: at("state"),
             step: at("step"),
             time: at("time"),
-            sieve: sieve(source, &columns),
+            row_filter: row_filter(source, &columns),
             holder,
             parts,
             energy_thinner: Thinner::new(steps, 7, Some(0)),
@@ -253,7 +253,7 @@ impl<'a> First<'a> {
     pub(crate) fn take(&mut self, block: &[Vec<f64>]) {
         let rows = block.first().map_or(0, Vec::len);
         self.recorded += rows as u64;
-        // Equilibrium, at the ends of steps, is of what the loop used; all else of what was measured.
+        // Equilibrium, at the ends of steps, uses the values of the loop; everything else uses measured values.
         let measured = &*self.stale.left_out(block);
         let is_zeroing = |row: &usize| {
             self.state
@@ -268,7 +268,7 @@ impl<'a> First<'a> {
                 }
             }
         }
-        let sorted = self.sieve.sort(block);
+        let sorted = self.row_filter.sort(block);
         for (kind, (stretches, block)) in sorted.iter().zip([block, measured]).enumerate() {
             for stretch in stretches {
                 self.holder.take(kind, stretch, block);
@@ -278,7 +278,7 @@ impl<'a> First<'a> {
         for stretch in &sorted[1] {
             self.stale.count(stretch, block);
         }
-        self.ends.take(measured, self.sieve.ways());
+        self.ends.take(measured, self.row_filter.ways());
     }
 
     /// `kind` 0 for ends of steps, 1 for ticks.
@@ -342,7 +342,7 @@ impl<'a> First<'a> {
         digest.recorded = self.recorded;
         digest.ends = self.ends.finish();
         digest.stale = self.stale.found();
-        digest.passed = self.sieve.passed();
+        digest.passed = self.row_filter.passed();
         digest.counted = self.step.is_some();
         digest.interval = digest.passed.step_s.filter(|_| digest.passed.is_even);
         digest.every = self.parts[0]
@@ -350,7 +350,7 @@ impl<'a> First<'a> {
             .every()
             .max(self.parts[1].thinner.every());
         digest.worst = self.worst.finish();
-        // A balance with holes is none.
+        // A balance with missing steps is not valid.
         let whole = digest.passed.missing_steps == 0;
         let last = digest.passed.steps as usize / TAIL;
         let residuals = self.tails.iter().filter_map(|(dof, _, kept)| {

@@ -15,7 +15,7 @@ use super::specimens::MOST_DRAWN;
 use super::text::{NOTHING, number, quantity};
 use super::tracked::Tracked;
 
-/// The section on tracking; `effect` is what the errors did to the test. None without a specimen that moved.
+/// The section on tracking; `effect` is the effect of the errors on the test. `None` without a specimen that moved.
 pub(super) fn tracking(rows: &Rows<'_>, axes: &[Tracked<'_>], effect: &str) -> Option<String> {
     if axes.is_empty() || rows.running() == 0 {
         return None;
@@ -206,7 +206,7 @@ fn content(axis: &Tracked<'_>) -> String {
 
 /// A lag in words.
 pub(super) fn lag_words(lag: f64) -> String {
-    // A nanosecond is far below what a parabola through samples can tell from zero.
+    // A nanosecond is far below the resolution of a parabola through samples.
     if lag.abs() < 1e-9 {
         "0\u{a0}s".to_owned()
     } else {

@@ -1,4 +1,4 @@
-//! The section on what shook the ground.
+//! The section on the ground motion.
 
 use super::canvas::Ink;
 use super::charts::Quantity;
@@ -13,7 +13,7 @@ use super::shaking::{RATIO, Shaking};
 use super::table::{Mark, Thinner};
 use super::text::{number, quantity};
 
-/// The ground at the steps before the first of the rows, as far as it is known: times, values, and the largest of them.
+/// The ground at the steps before the first of the rows, if it is known: times, values, and the largest of them.
 fn before(rows: &Rows<'_>) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
     let ground = rows.digest().ground_before();
     let step = rows.passed().step_s.unwrap_or(f64::NAN);

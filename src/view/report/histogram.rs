@@ -1,7 +1,7 @@
-//! Timing histograms as they come out of `timing.json`: percentiles, and counts regrouped for a logarithmic axis.
+//! Timing histograms as read from `timing.json`: percentiles, and counts regrouped for a logarithmic axis.
 //!
-//! Invariant: regrouping moves counts between bins and never changes their sum. Percentiles are taken as they were
-//! recorded, not computed again from the regrouped counts.
+//! Invariant: regrouping moves counts between bins and never changes their sum. Percentiles are the recorded ones, not
+//! computed again from the regrouped counts.
 
 use crate::{Percentiles, TimingEntry, Timings};
 
@@ -86,7 +86,7 @@ pub(super) fn read(timings: &Timings) -> Vec<Timing> {
     let mut found = Vec::new();
     for (key, entry) in known.chain(others) {
         found.push(timing(key.clone(), entry));
-        // Round trips stand once for all specimens and once for each, which says more where there are several.
+        // Round trips are shown once for all specimens and, if there are several, once for each.
         if entry.specimens.len() > 1 {
             let parts = entry.specimens.iter();
             found.extend(parts.map(|(part, entry)| timing(format!("{key} · {part}"), entry)));
@@ -113,7 +113,7 @@ pub(super) struct LogBins {
 
 /// Bins per decade: a bin is 12 % wide.
 const PER_DECADE: f64 = 20.0;
-/// One nanosecond: what is recorded as zero is shown here.
+/// One nanosecond: a recorded zero is shown here.
 const SMALLEST_US: f64 = 1e-3;
 /// A year: keeps a damaged file from asking for a picture without end.
 const LARGEST_US: f64 = 3.2e13;
@@ -121,7 +121,7 @@ const LARGEST_US: f64 = 3.2e13;
 impl LogBins {
     /// Regroups (upper edge in µs, count); none if nothing was counted.
     pub(crate) fn new(histogram: &[(f64, u64)]) -> Option<Self> {
-        // Lateness within one bin of an edge rounds to it: the edge is the largest value its bin stands for.
+        // Lateness within one bin of an edge rounds to it: the edge is the largest value of its bin.
         let index = |us: f64| {
             let us = if us.is_nan() {
                 LARGEST_US
@@ -168,7 +168,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn regrouped_counts_have_the_sum_of_the_recorded_ones(
+        fn regrouped_counts_keep_their_sum(
             bins in prop::collection::vec((prop_oneof![9 => 0.0f64..1e7, 1 => Just(f64::NAN)], 0u64..1_000_000), 0..200),
         ) {
             let sum: u64 = bins.iter().map(|b| b.1).sum();
@@ -177,7 +177,7 @@ mod tests {
         }
 
         #[test]
-        fn a_value_lies_between_the_edges_of_its_bin(us in 0.002f64..1e6) {
+        fn value_is_between_the_edges_of_its_bin(us in 0.002f64..1e6) {
             let (lo, hi) = LogBins::new(&[(us, 1)]).unwrap().edges(0);
             prop_assert!(lo <= us * (1.0 + 1e-9) && us < hi * (1.0 + 1e-9), "{lo} {us} {hi}");
         }
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_come_in_their_order_and_per_specimen_tables_are_opened() {
+    fn timing_keys_keep_their_order() {
         let found = read(&Timings::from(json!({
             "compute": {"count": 2, "p50": 0.4},
             "future": {"count": 1},

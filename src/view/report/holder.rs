@@ -3,7 +3,7 @@
 use std::io;
 
 use super::columns::SpecimenAxis;
-use super::sieve::{Gap, Sieve, Stretch};
+use super::row_filter::{Gap, RowFilter, Stretch};
 use super::source::Source;
 use super::stale::{Stale, status_of};
 use super::table::Table;
@@ -43,7 +43,7 @@ impl Item {
     }
 }
 
-/// Columns that are held whole: at the ends of steps, and at every tick. Where rows are missing stands one without a number.
+/// Columns that are held whole: at the ends of steps, and at every tick. A NaN entry replaces missing rows.
 #[derive(Debug, Clone)]
 pub(super) struct Holder {
     /// Their places in a block, and they themselves.
@@ -108,12 +108,12 @@ pub(super) fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]
         .iter()
         .map(|&place| source.columns()[place].clone())
         .collect();
-    let mut sieve = sieve(source, &columns);
+    let mut row_filter = row_filter(source, &columns);
     let mut holder = Holder::new(&columns, batch);
     let stale = Stale::new(&columns);
     source.read(&wanted, &mut |block| {
         let block = &*stale.left_out(block);
-        for (kind, stretches) in sieve.sort(block).iter().enumerate() {
+        for (kind, stretches) in row_filter.sort(block).iter().enumerate() {
             for stretch in stretches {
                 holder.take(kind, stretch, block);
             }
@@ -122,12 +122,12 @@ pub(super) fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]
     Ok(holder.finish(&columns))
 }
 
-/// What sorts the rows of `source`, of which blocks have these columns.
-pub(super) fn sieve(source: &dyn Source, columns: &[Column]) -> Sieve {
+/// The sorter of the rows of `source`, whose blocks have these columns.
+pub(super) fn row_filter(source: &dyn Source, columns: &[Column]) -> RowFilter {
     let at = |name: &str| columns.iter().position(|c| c.name == name);
     let is_served = source.columns().iter().any(|c| c.name == COMMITS);
     // A server numbers exchanges; the steps are those of its controller.
     let step = if is_served { COMMITS } else { "step" };
     let places = ["state", step, "time"].map(at);
-    Sieve::new(places, source.step_s(), source.ticks_per_step()).of_a_server(is_served)
+    RowFilter::new(places, source.step_s(), source.ticks_per_step()).of_a_server(is_served)
 }

@@ -22,7 +22,7 @@ pub(super) fn paragraph(text: &str) -> String {
     format!("<p>{}</p>\n", escape(text))
 }
 
-/// A small paragraph of text: how to read what stands above it.
+/// A small paragraph of text: how to read the element above it.
 pub fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
 }
@@ -98,7 +98,7 @@ pub fn details(summary: &str, markup: &str) -> String {
     )
 }
 
-/// Names and what they mean, as texts.
+/// Names and their meanings, as texts.
 pub fn definitions(pairs: &[(String, String)]) -> String {
     let rows = pairs
         .iter()
@@ -106,7 +106,7 @@ pub fn definitions(pairs: &[(String, String)]) -> String {
     format!("<dl>\n{}</dl>\n", rows.collect::<String>())
 }
 
-/// A picture of the page; `label` is the text that a screen reader says.
+/// A picture of the page; `label` is the text for screen readers.
 pub(super) fn figure(
     width: f64,
     height: f64,

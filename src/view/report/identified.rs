@@ -1,4 +1,4 @@
-//! What a test of prescribed displacement shows of its specimens: stiffness, damping and lag; and tracking metrics as data.
+//! Results of a prescribed displacement for its specimens: stiffness, damping and lag; and tracking metrics as data.
 
 use serde_json::Value;
 
@@ -13,7 +13,7 @@ use super::tracked::{Tracked, tracking};
 use gusset_motion::metrics::Estimate;
 use gusset_record::COMMITS;
 
-/// A share in percent; below what matters it is only said to be small.
+/// A share in percent; a negligible one is only called small.
 fn small_percent(share: f64) -> String {
     if share < 1e-4 {
         "below 0.01".to_owned()
@@ -22,7 +22,7 @@ fn small_percent(share: f64) -> String {
     }
 }
 
-/// The number with its standard error, or why it is none.
+/// The number with its standard error, or why it is unknown.
 #[must_use]
 pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
     let share = 100.0 * found.std / found.value.abs();
@@ -44,12 +44,12 @@ pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
     }
 }
 
-/// What a test of prescribed displacement says of one axis, in words.
+/// Results of a prescribed displacement for one axis, in words.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentifiedAxis {
     /// Name of the specimen, and the axis where there are several.
     pub name: String,
-    /// k̂ of the first loading, N/m: what belongs into K0.
+    /// k̂ of the first loading, N/m: the value for K0.
     pub stiffness: Option<Estimate>,
     /// ĉ of the whole test, N s/m.
     pub damping: Option<Estimate>,
@@ -79,7 +79,7 @@ pub fn identified(run: &RunView) -> Vec<IdentifiedAxis> {
         .collect()
 }
 
-/// How each axis followed its target, in words; axes whose rows are not enough for that are left out.
+/// How each axis followed its target, in words; axes with too few rows are omitted.
 #[must_use]
 pub fn followed(run: &RunView) -> Vec<String> {
     let digest = run.digested();
@@ -135,7 +135,7 @@ pub fn missing_metrics(run: &RunView) -> Vec<String> {
 
 /// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
 pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<String> {
-    // A server does not know what test its controller makes.
+    // A server does not know its controller's test.
     let is_served = rows.get(COMMITS).is_some();
     if axes.is_empty() || !rows.dofs().is_empty() || is_served {
         return None;
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_line_misses_without_noise_gets_no_standard_error() {
+    fn noise_free_misfit_has_no_standard_error() {
         assert_eq!(whole(1.0)[0], "1.000e6");
         let [stiffness, _] = whole(0.7);
         assert!(stiffness.ends_with("e5, of this motion"), "{stiffness}");

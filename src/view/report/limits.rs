@@ -1,5 +1,5 @@
-//! The table of limits: what would have ended the test, how it was judged and who watched it; and what the specimens do at
-//! either end of a test.
+//! The table of limits: the limits of the test, how they were judged and by which program, and the motions of the
+//! specimens at either end of a test.
 
 use super::RunView;
 use super::columns::SpecimenAxis;
@@ -103,7 +103,7 @@ fn farthest(
     }
 }
 
-/// What ends every test, and what a trip, a late tick and the end do.
+/// Causes that end every test, and the consequences of a trip, a late tick and the end.
 fn consequences(limits: &LimitsView) -> String {
     let always = limits.always.join("; ");
     let each = [
@@ -128,7 +128,7 @@ fn one_line(text: &str) -> String {
     text.lines().map(str::trim).collect::<Vec<_>>().join(" ")
 }
 
-/// What belongs to specimens beside the sizes; of those that are alike once.
+/// Facts about specimens beside the sizes; equal ones are shown once.
 fn of_specimens(specimens: &[SpecimenLimitsView]) -> String {
     let mut told: Vec<(String, Vec<&str>)> = Vec::new();
     for specimen in specimens {
@@ -199,7 +199,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn how_a_limit_is_judged_and_what_is_done_at_either_end_stand_beside_the_sizes() {
+    fn limits_show_sizes_and_consequences() {
         let miss = json!({"key": "max_total_misses", "unit": "in all", "warn": [50.0], "trip": [100.0],
             "judged": "not checked: the simulated clock misses no deadlines"});
         let following = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02],
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn largest_value_stands_beside_its_levels() {
+    fn largest_value_is_beside_its_levels() {
         let limit = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02]});
         let run = RunView {
             summary: Some(
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_are_told_in_words_without_their_units() {
+    fn keys_are_shown_in_words() {
         assert_eq!(words("command_disp_m"), "commanded displacement");
         assert_eq!(words("following_error_m"), "following error");
         assert_eq!(words("max_total_misses"), "deadlines missed in total");

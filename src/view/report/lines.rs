@@ -135,7 +135,7 @@ const GAP: f64 = 8.0;
 /// Height of a row of the legend below the title.
 const LEGEND_ROW: f64 = 18.0;
 
-/// Title and legend. Where the legend does not fit beside the title, it stands below; the rest of the area is returned.
+/// Title and legend. A legend that does not fit beside the title is below it; the rest of the area is returned.
 fn headed(canvas: &mut Canvas<'_>, area: Area, words: &str, lines: &[Line<'_>]) -> Area {
     let named = lines.iter().filter(|line| !line.name.is_empty());
     let entries: Vec<(String, f64, Ink)> = named
@@ -195,13 +195,13 @@ pub(super) struct LoopChart<'a> {
     pub lines: &'a [Line<'a>],
 }
 
-/// Largest distance of a left-out point of a history from the drawn line, in display units.
+/// Largest distance of an omitted point of a history from the drawn line, in display units.
 const HISTORY_TOLERANCE: f64 = 0.15;
-/// Largest distance of a left-out point from the drawn line, in display units: well below what an eye resolves.
+/// Largest distance of an omitted point from the drawn line, in display units: well below the resolution of an eye.
 const LOOP_TOLERANCE: f64 = 0.12;
 /// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
 const LOOP_POINTS: usize = 5_000;
-/// Radius of what is one point, in display units.
+/// Radius within which points count as one, in display units.
 const DOT: f64 = 3.0;
 
 impl<'a> LoopChart<'a> {

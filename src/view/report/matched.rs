@@ -1,24 +1,24 @@
 //! Two recordings row by row: the same test time in both, number against number.
 //!
-//! Invariant: rows are told in the order of their times. Of those at one time the end of a step belongs to the end of a step, and a
-//! tick between two steps, where a test waits or slows down, to no other than such a one. What depends on wall time is never compared. Two missing values are
-//! equal, and so are no others but those of the same bits.
+//! Invariant: rows are ordered by their times. At equal times the end of a step is paired with the end of a step only. A tick
+//! between two steps, where a test waits or slows down, is paired with such a tick only. Columns that depend on wall time are
+//! never compared. Two missing values are equal; other values are equal only bit by bit.
 
 use super::first::is_of_tick;
-use super::sieve::{BETWEEN, RUNNING, TRIPPED};
+use super::row_filter::{BETWEEN, RUNNING, TRIPPED};
 use super::table::{Table, Thinner};
 use gusset_quantity::catalog::column::{
     ACCEL, DISP, FORCE, GROUND, MEASURED, SEQUENCE, TARGET, VEL,
 };
 use gusset_record::Column;
 
-/// Columns that say where a row stands in the test.
+/// Columns that place a row in the test.
 const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];
 /// Rows that are handed on together.
 const BLOCK: usize = 1024;
 /// Columns of which pictures are made.
 const MOST_DRAWN: usize = 60;
-/// Times that are apart by no more than this share of themselves, and of a second, are the same: steps may be 1e-9 apart.
+/// Times whose difference is at most this share of themselves, and of a second, are equal: steps may be 1e-9 apart.
 const SAME: f64 = 2e-9;
 
 /// The first number that is not the same.
@@ -48,7 +48,7 @@ pub(super) struct Apart {
     pub first: Option<u64>,
 }
 
-/// What came of a comparison.
+/// Result of a comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matched {
     /// Rows of times that both have.
@@ -57,7 +57,8 @@ pub struct Matched {
     pub alone: (u64, u64),
     /// Columns that were compared.
     pub columns: usize,
-    /// The first difference; none if all is the same. How ticks and commands were counted is told only where nothing else differs.
+    /// The first difference; `None` if all values are equal. Different counts of ticks and commands are reported only where
+    /// nothing else differs.
     pub first: Option<FirstDifference>,
     /// True if nothing differs but that count.
     pub only_counts: bool,
@@ -87,7 +88,7 @@ struct Drawn {
 #[derive(Debug, Clone)]
 struct Pair {
     places: (usize, usize),
-    /// It says how ticks and commands were counted.
+    /// It counts ticks and commands.
     counts: bool,
     /// It is of an equilibrium, which a tick that trips never has.
     is_output: bool,
@@ -96,7 +97,7 @@ struct Pair {
     apart: Apart,
 }
 
-/// Compares rows as they are told.
+/// Compares rows as they arrive.
 #[derive(Debug)]
 pub struct Matcher {
     key: [(usize, usize); 3],
@@ -122,8 +123,8 @@ pub enum Next {
 }
 
 impl Matcher {
-    /// For rows of these columns; `rows` is about how many there are. None if the runs have no columns of step, sub-tick, state
-    /// and time, or nothing else, in common.
+    /// For rows of these columns; `rows` is their approximate number. `None` if the runs have no columns of step, sub-tick,
+    /// state and time, or nothing else, in common.
     #[must_use]
     pub fn new(first: &[Column], second: &[Column], rows: u64) -> Option<Self> {
         let at = |name: &str| {
@@ -181,8 +182,8 @@ impl Matcher {
         })
     }
 
-    /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second) run.
-    /// `before` is the last such row, if there is one: a trip that is not after it has no tick of its own.
+    /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second)
+    /// run. `before` is the last such row, if there is one: a trip at its time has no separate tick.
     #[must_use]
     pub fn is_running(&self, row: &[f64], before: &[f64], second: bool) -> bool {
         let of = |row: &[f64], (a, b): (usize, usize)| row.get(if second { b } else { a }).copied();
@@ -197,7 +198,7 @@ impl Matcher {
         state.is_some_and(is_of_test)
     }
 
-    /// Compares a row of each run, if they are of one time; says which of them to go on from.
+    /// Compares a row of each run, if they are of one time; returns which of them to advance.
     pub fn take(&mut self, first: &[f64], second: &[f64]) -> Next {
         let next = self.next(first, second);
         match next {
@@ -248,7 +249,7 @@ impl Matcher {
         }
     }
 
-    /// The result, with rows that only one of the runs has left at its end.
+    /// The result, with rows that only one of the runs still has at its end.
     #[must_use]
     pub fn finish(self, left: (u64, u64)) -> Matched {
         let tables = self.drawn.map(|drawn| drawn.finish(&self.pairs));
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_number_that_differs_is_named_and_timing_never_is() {
+    fn first_difference_is_named() {
         let mut m = matcher();
         for k in 0..50 {
             let x = f64::from(k);
@@ -394,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn one_bit_is_a_difference_and_two_gaps_are_none() {
+    fn one_bit_differs_and_two_gaps_do_not() {
         let mut m = matcher();
         m.take(&row(0.0, f64::NAN, 0.0), &row(0.0, -f64::NAN, 0.0));
         assert_eq!(m.first, [None, None]);
@@ -413,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_that_one_run_lacks_are_passed_over() {
+    fn steps_missing_in_one_run_are_skipped() {
         let mut m = matcher();
         assert_eq!(
             m.take(&row(3.0, 0.0, 0.0), &row(5.0, 0.0, 0.0)),
@@ -439,8 +440,8 @@ mod tests {
         "seq_1",
     ];
 
-    /// Step, tick in it, state and time of rows, with the displacement of the last step, a force that goes with the time, and the
-    /// number of the command; run against run.
+    /// Compares rows of two runs: step, tick in it, state and time, with the displacement of the last step, a force that follows
+    /// the time, and the number of the command.
     fn matched(first: &[[f64; 4]], second: &[[f64; 4]]) -> Matched {
         let names = columns(&OF_TICKS);
         let mut m = Matcher::new(&names, &names, 100).unwrap();
@@ -471,9 +472,9 @@ mod tests {
         m.finish(((first.len() - i) as u64, (second.len() - j) as u64))
     }
 
-    /// Four steps of two ticks each, and in the second run a hold that eases in and out in the third step.
+    /// Four steps of two ticks each, and in the second run a hold with its ramps in the third step.
     #[test]
-    fn rows_are_matched_by_their_time_and_a_hold_makes_no_difference() {
+    fn rows_match_by_time_despite_a_hold() {
         let straight: Vec<[f64; 4]> = (0..=8)
             .map(|k| {
                 let (step, tick) = (f64::from(k / 2), f64::from(k % 2));
@@ -506,7 +507,7 @@ mod tests {
         assert_eq!(steps.get("a:x1").unwrap(), [0.0, 1.0, 4.0, 9.0, 16.0]);
         assert_eq!(ticks.get("a:force_1_1").unwrap().len(), 9);
         assert!(ticks.get("a:x1").is_none() && found.table_of("force_1_1") == Some(ticks));
-        // The other way round, and with a trip in place of a step.
+        // The runs exchanged, and with a trip instead of a step.
         let back = matched(&held, &straight);
         assert_eq!((back.rows, back.alone), (9, (4, 0)));
         let mut tripped = straight[..7].to_vec();
@@ -518,7 +519,7 @@ mod tests {
 
     /// It has displacements, commands and measurements of its tick, and never an equilibrium.
     #[test]
-    fn what_a_tick_that_trips_never_has_is_no_difference() {
+    fn tripping_tick_may_lack_values() {
         const NAMES: [&str; 7] = ["step", "sub_tick", "state", "time", "x1", "v1", "a1"];
         let first = |state: f64, x: f64, [v, a]: [f64; 2]| {
             let mut m = Matcher::new(&columns(&NAMES), &columns(&NAMES), 9).unwrap();
@@ -535,7 +536,7 @@ mod tests {
     }
 
     #[test]
-    fn every_tick_of_the_running_test_is_compared_and_no_other() {
+    fn only_running_ticks_are_compared() {
         let m = matcher();
         let at = |state: f64, time: f64| [0.0, 0.0, state, time, 0.0, 0.0];
         let is_compared = |state: f64, time: f64| m.is_running(&at(state, time), &[], false);
@@ -545,7 +546,7 @@ mod tests {
         for (state, time) in [(4.0, 0.0), (5.0, -1.0), (6.0, 1.0), (7.0, 1.0), (8.0, -1.0)] {
             assert!(!is_compared(state, time), "{state}");
         }
-        // A trip of which the rows say no more than where the test stood already, or still earlier, as older ones do.
+        // A trip whose row only repeats the last time, or an earlier one, as in older recordings.
         for (time, is_tick) in [(0.25, true), (0.2, false), (0.1, false)] {
             let found = m.is_running(&at(TRIPPED, time), &at(BETWEEN[0], 0.2), false);
             assert_eq!(found, is_tick, "{time}");
@@ -553,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_without_anything_in_common_are_not_matched() {
+    fn unrelated_runs_are_not_matched() {
         assert!(
             Matcher::new(
                 &columns(&NAMES),

@@ -5,20 +5,21 @@
 //! in them.
 //!
 //! Invariant: nothing here fails. A run without rows, with NaN in them, without a summary or killed in the middle still
-//! gives a page that says what is missing; a user's text never becomes markup. Physics comes only from rows in
-//! which the test was running: a structure's of ends of steps, a specimen's of all ticks (see `sieve`). No file is read or
+//! gives a page that names the missing parts; a user's text never becomes markup. Physics comes only from rows in which
+//! the test was running: a structure's from ends of steps, a specimen's from all ticks (see `row_filter`). No file is read or
 //! written: the caller owns the run folder.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; zooming of histories |
-//! | `outcome`, `left`, `figures` | the verdict in words; how specimens were left; key figures |
+//! | `outcome`, `end_positions`, `figures` | the verdict in words; end positions of specimens; key figures |
 //! | `response`, `specimens`, `following`, `indices`, `courses`, `effect`, `identified`, `balance`, `timing` | sections of results |
 //! | `tested`, `sketch`, `scale`, `ground`, `limits`, `events`, `timeline` | sections of the test: model, ends, ground motion, limits, events |
 //! | `compare`, `paired`, `overlays`, `matched` | the page of two runs: values side by side, pictures; their rows, number against number |
-//! | `source`, `sieve`, `holder`, `stale`, `digest`, `passes`, `first`, `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
+//! | `source`, `row_filter`, `holder`, `stale`, `digest`, `passes`, `first` | rows read in blocks, and the kept results |
+//! | `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | kept results of axes, specimens and columns |
 //! | `columns` | columns a digest reads |
-//! | `pictures` | the pictures that stand alone |
+//! | `pictures` | the separate pictures |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
 //! | `curves`, `scatter`, `tornado` | several curves over one pair of axes; scatter pictures of all pairs; bars of a sensitivity |
 //! | `axis`, `thin`, `canvas` | ranges and ticks; fewer points; SVG |
@@ -37,6 +38,7 @@ mod courses;
 mod curves;
 mod digest;
 mod effect;
+mod end_positions;
 mod events;
 mod figures;
 mod first;
@@ -44,15 +46,14 @@ mod following;
 mod ground;
 mod histogram;
 mod holder;
-#[cfg(test)]
-mod holes;
 mod html;
 mod identified;
 mod indices;
-mod left;
 mod limits;
 mod lines;
 mod matched;
+#[cfg(test)]
+mod missing_rows;
 mod outcome;
 mod overlays;
 mod page;
@@ -61,11 +62,11 @@ mod passes;
 mod pictures;
 mod plots;
 mod response;
+mod row_filter;
 mod rows;
 mod scale;
 mod scatter;
 mod shaking;
-mod sieve;
 mod sketch;
 mod source;
 mod specimens;

@@ -1,6 +1,6 @@
-//! How a run ended, in plain words, from its summary; and what can be said without one.
+//! How a run ended, in plain words, from its summary; and the facts that are known without one.
 //!
-//! It never guesses: what is absent is said to be absent.
+//! It never guesses: an absent value is reported as absent.
 
 use std::collections::BTreeSet;
 
@@ -31,7 +31,8 @@ pub(super) struct Verdict {
     pub warnings: usize,
 }
 
-/// The verdict on `run`, which goes on after step `after` of another if it does; `more` are sentences on which steps of the test these are and how its specimens were left.
+/// The verdict on `run`; `after` is the step after which it resumed, if it did. `more` are sentences on the steps of the test
+/// that these are, and on the end positions of the specimens.
 pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Verdict {
     let nothing = SummaryView::default();
     let summary = run.summary.as_ref().unwrap_or(&nothing);
@@ -165,7 +166,7 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         sentences.push("Lines of events.jsonl are damaged: see the events.".to_owned());
     }
     if let Some(reason) = summary.reason.as_ref().filter(|r| {
-        // That a completed test came to its end is in the headline.
+        // The headline already reports that a completed test reached its end.
         !r.trim().is_empty() && known != Some(Status::Completed)
     }) {
         sentences.push(ended(&format!("Reason: {reason}")));
@@ -268,7 +269,7 @@ fn ended(text: &str) -> String {
 fn extent(run: &RunView, after: Option<u64>) -> Option<String> {
     let progress = run.progress();
     let (steps, dt) = (progress.steps?, progress.dt?);
-    // Of the commands of a controller the first is of no step, and others may be of none.
+    // The first command of a controller belongs to no step, nor may others.
     let mut sentence = if run.is_served() {
         let accepted = plural(steps, "command", "commands");
         let apart = exact(dt, "s");
@@ -343,7 +344,7 @@ fn misses(run: &RunView) -> (u64, Option<String>) {
         .filter(|(_, n)| *n > 0)
         .map(|(class, n)| format!("{}: {}", class_words(*class), count(*n)))
         .collect();
-    // Only where every miss has a class can it be said that none was our own.
+    // Only if every miss has a class can the text exclude our own misses.
     let is_other = |class: &Option<MissCause>| {
         class.is_some_and(|class| !matches!(class, MissCause::Ours | MissCause::Unknown))
     };
@@ -388,7 +389,7 @@ fn feature_words(want: &str) -> String {
     .to_owned()
 }
 
-/// Sentences on what the operating system refused, and what to do about it.
+/// Sentences on the refusals of the operating system, and their remedies.
 pub(super) fn refused(run: &RunView) -> Vec<String> {
     let features = run
         .summary
@@ -429,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clean_run_is_good_news_and_says_so() {
+    fn clean_run_is_reported_as_good() {
         let v = of(
             json!({"status": "completed", "steps": 40960, "dt": 0.0009765625, "clock": "real", "wall_seconds": 40.0, "deadline_misses": 0}),
             vec![],
@@ -443,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn misses_lost_rows_and_refusals_are_spelled_out() {
+    fn misses_and_lost_rows_are_spelled_out() {
         let miss = |class: &str| json!({"event": "miss", "class": class});
         let v = of(
             json!({
@@ -472,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_that_warned_are_no_unmixed_good_news_and_are_counted() {
+    fn warnings_are_counted_in_the_verdict() {
         let warned = |specimen: u64, limit: &str| json!({"event": "limit_warning", "specimen": specimen, "axis": 1, "limit": limit});
         let of_test = json!({"event": "limit_warning", "limit": "delay_used"});
         let events = vec![
@@ -495,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn any_finding_of_the_verdict_turns_the_tone() {
+    fn any_finding_turns_the_tone() {
         let finding = |kind: &str, severity: &str, text: &str| json!({"kind": kind, "severity": severity, "key": "", "text": text, "numbers": {}, "help": []});
         let of_verdict = |findings: Vec<Value>, unstable: bool, warnings: Vec<&str>| {
             let verdict = json!({"outcome": "simulated", "unstable": unstable, "behind_link": false, "findings": findings});
@@ -519,7 +520,7 @@ mod tests {
             v.headline.ends_with("; 5\u{a0}findings of the verdict"),
             "{v:?}"
         );
-        // Each once, and all of them before what may be folded.
+        // Each once, and all of them before the part that may be folded.
         assert_eq!(v.warnings, 6, "{v:?}");
         let v = of_verdict(vec![], false, vec!["units are odd"]);
         assert_eq!((v.tone, v.warnings), (Tone::Warning, 1));
@@ -534,7 +535,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_without_a_class_is_not_excused() {
+    fn miss_without_a_class_is_not_excused() {
         let miss = |class: Value| json!({"event": "miss", "class": class});
         let v = of(
             json!({"status": "completed", "deadline_misses": 2}),
@@ -557,7 +558,7 @@ mod tests {
     }
 
     #[test]
-    fn every_other_end_is_said_plainly() {
+    fn every_other_end_is_reported_plainly() {
         assert!(
             of(
                 json!({"status": "stopped", "reason": "force limit of axis 1"}),
@@ -588,7 +589,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_that_goes_on_claims_its_own_steps_only() {
+    fn resumed_test_claims_only_its_steps() {
         let run = RunView {
             summary: Some(
                 json!({"status": "completed", "steps": 5120, "dt": 0.00390625, "clock": "real", "wall_seconds": 16.1}).into()),
@@ -602,7 +603,7 @@ mod tests {
     }
 
     #[test]
-    fn events_that_cannot_be_read_are_no_good_news() {
+    fn unreadable_events_are_not_good_news() {
         let v = verdict(
             &RunView {
                 summary: Some(json!({"status": "completed"}).into()),
@@ -620,7 +621,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_that_is_not_whole_is_never_good_news() {
+    fn incomplete_record_is_not_good_news() {
         let v = verdict(
             &RunView {
                 summary: Some(json!({"status": "completed", "steps": 100, "dt": 0.01}).into()),

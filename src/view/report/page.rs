@@ -6,6 +6,7 @@ use super::RunView;
 use super::balance::balance;
 use super::digest::Digest;
 use super::effect::effect_of_errors;
+use super::end_positions;
 use super::events;
 use super::figures::tiles;
 use super::following;
@@ -13,7 +14,6 @@ use super::ground::ground;
 use super::histogram;
 use super::html::{beside, definitions, details, note, section, table};
 use super::identified;
-use super::left;
 use super::limits::limits;
 use super::outcome::{Tone, refused, verdict};
 use super::plots::base64;
@@ -32,7 +32,7 @@ use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("script.js");
-/// What only a reader with a script can do.
+/// Hints that need a script in the reader's browser.
 pub(super) const HINT: &str = "<p class=\"hint\">Drag across a history to zoom all of them in time; a double click, or the button that \
     then appears, shows the whole test again.</p>\n<noscript><p class=\"note\">Scripts are off: the pictures cannot be zoomed, but \
     nothing is missing.</p></noscript>\n";
@@ -41,7 +41,7 @@ const LISTED_TRIALS: usize = 20;
 /// Sentences of a verdict that are always open, if no more are warnings.
 const MOST_SENTENCES: usize = 6;
 
-/// The whole page for `run`. Never fails: what is missing is said to be missing.
+/// The whole page for `run`. Never fails: missing parts are reported.
 #[must_use]
 pub fn render(run: &RunView) -> String {
     let digest = run.digested();
@@ -62,7 +62,7 @@ fn page(run: &RunView, digest: &Digest) -> String {
         escape(title)
     );
     let part = rows.part().map(|part| format!("This page is of {part}."));
-    let left = left::sentences(run, &rows);
+    let left = end_positions::sentences(run, &rows);
     let more: Vec<String> = part.into_iter().chain(left).collect();
     body += &banner(run, rows.after(), &more);
     body += &tiles(run, &rows, &axes, &timings);
@@ -134,7 +134,7 @@ fn trials(trials: &[Trials]) -> String {
     details(&title, &table(&["Test time (s)", "Exchanges"], &rows))
 }
 
-/// The machine, what it granted, and the configuration.
+/// The machine, its grants, and the configuration.
 fn machine(run: &RunView) -> String {
     let facts = tested::machine(run);
     let facts = if facts.is_empty() {
@@ -156,10 +156,10 @@ fn machine(run: &RunView) -> String {
     )
 }
 
-/// How many rows there are of what, and whether some are missing between them.
+/// The number of rows of each kind, and whether some are missing between them.
 fn recorded(rows: &Rows<'_>) -> String {
     let passed = rows.passed();
-    // A server records what it is commanded: which of it is a step, the controller knows.
+    // A server records its commands: only the controller knows which of them is a step.
     let (step, steps, of) = match rows.get("commits") {
         Some(_) => ("command", "commands", "a controller"),
         None => ("step", "steps", "the running test"),

@@ -1,4 +1,4 @@
-//! Pictures that stand alone: the wide one of a whole run, and the histogram of `gusset jitter`.
+//! Separate pictures: the wide one of a whole run, and the histogram of `gusset jitter`.
 //!
 //! Both have a transparent background and mid-tone colours, so that they can be read on white and on black.
 
@@ -111,7 +111,7 @@ pub fn hero_svg(run: &RunView) -> String {
             }],
         };
         if run.is_simulated() {
-            // Nothing was in real time: the loop's timing says nothing.
+            // Nothing was in real time: the loop's timing is meaningless.
             return hysteresis.draw(canvas, area(545.0, 12.0, 685.0, 342.0));
         }
         hysteresis.draw(canvas, area(545.0, 12.0, 325.0, 342.0));

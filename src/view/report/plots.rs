@@ -1,7 +1,7 @@
 //! Histories that can be zoomed: a picture for paper and for readers without a script, and the same numbers for the script.
 //!
-//! The numbers stand in the page as base64 of little-endian floats in a block that no browser executes. Single precision:
-//! seven digits are more than any picture shows; time, which needs more, is counted in its interval, or in double precision.
+//! The page holds the numbers as base64 of little-endian floats in a block that no browser executes. Single precision: seven
+//! digits are more than any picture shows. Time needs more: it is counted in its interval, or in double precision.
 
 use serde_json::{Value, json};
 
@@ -21,7 +21,7 @@ const EVEN: f64 = 0.02;
 pub(super) const WHOLE: f64 = 1040.0;
 pub(super) const HALF: f64 = 510.0;
 
-/// A history of this size; `label` is what a screen reader says.
+/// A history of this size; `label` is the text for screen readers.
 pub(super) fn history((width, height): (f64, f64), label: &str, chart: &TimeChart<'_>) -> String {
     let svg = picture(width, height, Skin::Page, label, |canvas| {
         chart.draw(canvas, Area::whole(width, height));
@@ -145,7 +145,7 @@ fn interval(x: &[f64]) -> Option<f64> {
     (common > 0.0 && steps >= 1.0).then(|| span / steps)
 }
 
-/// JSON that stands in a page: nothing in it can end the block.
+/// JSON for a page: nothing in it can end the block.
 fn harmless(json: &str) -> String {
     json.replace('<', "\\u003c")
         .replace('>', "\\u003e")
@@ -188,7 +188,7 @@ pub(super) fn base64(bytes: &[u8]) -> String {
     out
 }
 
-/// A note on what the histories show of the rows.
+/// A note on the rows that the histories show.
 pub(super) fn note_on_histories(rows: &Rows<'_>) -> String {
     let every = rows.digest().every;
     if every <= 1 {

@@ -16,8 +16,8 @@ use gusset_quantity::catalog::ending::Status;
 /// Curves that share a picture: name, history and colour.
 type Series<'a> = Vec<(String, History<'a>, Ink)>;
 
-/// Response histories and peaks of a structure; `loops` are the pictures of hysteresis, `specimens` their peaks. None for a test
-/// without a structure.
+/// Response histories and peaks of a structure; `loops` are the pictures of hysteresis, `specimens` their peaks. `None` for a
+/// test without a structure.
 pub(super) fn response(
     run: &RunView,
     rows: &Rows<'_>,

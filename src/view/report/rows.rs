@@ -7,7 +7,7 @@ use super::columns::SpecimenAxis;
 use super::digest::Digest;
 use super::html::{note, section};
 use super::lines::Line;
-use super::sieve::Passed;
+use super::row_filter::Passed;
 use super::source::Earlier;
 use super::table::{Marks, Table};
 use super::text::{count, moment};
@@ -57,19 +57,19 @@ impl<'a> Rows<'a> {
         self.digest.recorded
     }
 
-    /// The last step of the test that this one goes on with, if it does.
+    /// The last step of the interrupted test that this one resumes, if it does.
     pub(crate) fn after(&self) -> Option<u64> {
         self.digest.earlier.as_ref().map(|earlier| earlier.step)
     }
 
-    /// Which steps are in these rows, where the test was gone on with and others are in another folder.
+    /// The steps in these rows, if the test was resumed and other steps are in another folder.
     pub(crate) fn steps(&self) -> Option<String> {
         self.digest.earlier.as_ref()?;
         let (first, last) = self.digest.passed.range?;
         Some(format!("steps {} to {}", count(first), count(last)))
     }
 
-    /// The same with where the others are.
+    /// The steps of these rows, and the place of the others.
     pub(crate) fn part(&self) -> Option<String> {
         let Earlier { folders, step, .. } = self.digest.earlier.as_ref()?;
         let before = count(*step);
@@ -79,7 +79,7 @@ impl<'a> Rows<'a> {
         ))
     }
 
-    /// A section on what is in these rows: it says so where they are not the whole test.
+    /// A section on these rows: a note reports it if they are not the whole test.
     pub fn section(&self, heading: &str, markup: &str) -> String {
         let part = self.part();
         let part = part.map_or_else(String::new, |part| note(&format!("Of {part}.")));
@@ -94,7 +94,7 @@ impl<'a> Rows<'a> {
             .map(Cow::Borrowed)
     }
 
-    /// The table that a column stands in.
+    /// The table with this column.
     fn table_of(&self, name: &str) -> &'a Table {
         match self.digest.table.get(name) {
             Some(_) => &self.digest.table,
@@ -162,7 +162,7 @@ impl<'a> Rows<'a> {
         &self.digest.all_axes
     }
 
-    /// What has passed of the test, and what is missing of it.
+    /// Counts of recorded and missing rows.
     pub(crate) const fn passed(&self) -> &'a Passed {
         &self.digest.passed
     }

@@ -1,5 +1,5 @@
-//! The two ends of a specimen: its own, in its own units, and the structure's. Where they are not one to one, a page says of which
-//! a number is.
+//! The two ends of a specimen: its own, in its own units, and the structure's. Where they are not one to one, a page names the
+//! end of a number.
 
 use super::columns::SpecimenAxis;
 use super::html::note;
@@ -8,12 +8,12 @@ use super::tested::axis_name;
 use super::text::trimmed;
 use crate::{AxisTable, TestFile};
 
-/// Unit of a column that is of a specimen's own end: which one it is stands in the configuration.
+/// Unit of a column at the specimen's end: the configuration contains the unit itself.
 const OWN: &str = "specimen unit";
-/// What is said behind a number that is another at the specimen.
+/// Words after a number that differs at the specimen.
 pub(super) const AS_SEEN: &str = ", as the structure sees it";
 
-/// What a metre and a newton of an axis are for the structure.
+/// Metres and newtons of an axis as the structure sees them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
     pub(super) metres: f64,
@@ -49,7 +49,7 @@ pub(super) fn own_unit<'a>(
 }
 
 impl Scale {
-    /// Of an axis; none where both ends are one to one, or the record has only the specimen's.
+    /// Scale of an axis; `None` where both ends are one to one, or the record has only the specimen's.
     pub(crate) fn of(rows: &Rows<'_>, test: &TestFile, axis: SpecimenAxis) -> Option<Self> {
         if rows.unit(&axis.column("cmd")) != OWN {
             return None;

@@ -25,7 +25,7 @@ pub struct ScatterMatrix<'a> {
     pub variables: &'a [Variable<'a>],
     /// True for tests in the colour of `marked_as`.
     pub marked: &'a [bool],
-    /// What `marked` means.
+    /// Meaning of `marked`.
     pub marked_as: &'a str,
     /// Correlation of each pair.
     pub correlations: &'a [Vec<f64>],
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn each_pair_has_its_dots_and_its_correlation() {
+    fn each_pair_has_dots_and_a_correlation() {
         let columns: Vec<Vec<f64>> = (1..=3)
             .map(|k| (0..50).map(|i| f64::from(i * k % 17)).collect())
             .collect();
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_are_no_numbers_have_no_dot() {
+    fn nan_values_have_no_dot() {
         let columns = [vec![1.0, f64::NAN, f64::INFINITY, 2.0], vec![1.0; 4]];
         assert_eq!(svg(&columns, 40).matches("<circle").count(), 2 + 1);
         let columns = [vec![f64::NAN; 4], vec![1.0; 4]];

@@ -9,7 +9,7 @@ pub(super) const RATIO: f64 = 0.05;
 /// Periods of the response spectrum: from 0.02 to 10 s.
 const PERIODS: usize = 80;
 
-/// What is known of the ground motion.
+/// Facts about the ground motion.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shaking {
     /// None for a displacement of the base.
@@ -21,12 +21,12 @@ pub(super) struct Shaking {
 }
 
 impl Shaking {
-    /// Of a record in m/s² or m with this interval in s; none if nothing moves.
+    /// Facts from a record in m/s² or m with this interval in s; `None` if nothing moves.
     pub(crate) fn of(ground: &[f64], unit: &str, dt: f64) -> Option<Self> {
         gusset_motion::metrics::peak(ground).filter(|peak| peak.value != 0.0)?;
         let is_accel = unit != "m";
         let span = dt * ground.len() as f64;
-        // Longer periods than the record say nothing; shorter ones than two samples are not in it.
+        // Longer periods than the record are meaningless; shorter ones than two samples are not in it.
         let (shortest, longest) = (0.02f64.max(2.0 * dt), 10.0f64.min(span));
         let wanted = if is_accel && longest > shortest {
             periods(shortest, longest, PERIODS)

@@ -1,6 +1,6 @@
-//! A sketch of what was tested: storeys or degrees of freedom, and where the specimens sit.
+//! A sketch of the test: storeys or degrees of freedom, and where the specimens sit.
 //!
-//! Drawn from the resolved configuration. It shows what is connected to what, not how anything looks.
+//! Drawn from the resolved configuration. It shows connections, not the look of the specimens.
 
 use super::canvas::{Anchor, Canvas, Ink, Lettering};
 use super::charts::{Area, LABEL};
@@ -69,7 +69,7 @@ pub(super) fn sketch(test: &TestFile) -> String {
     }
 }
 
-/// Numbers that are drawn of 1 … n; 0 stands for what is left out.
+/// Numbers that are drawn of 1 … n; 0 represents the omitted ones.
 fn shown(n: usize) -> Vec<usize> {
     if n <= MOST {
         return (1..=n).collect();
@@ -124,7 +124,7 @@ fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> String {
                 (Ink::Series(1), 4.0)
             };
             let k = stiffness.get(storey - 1).copied().unwrap_or(f64::NAN);
-            // A storey without stiffness of its own stands on its specimen alone.
+            // A storey without stiffness rests on its specimen alone.
             for x in [left + 6.0, right - 6.0] {
                 canvas.line((x, below), (x, above), ink, width);
             }
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn storeys_masses_and_specimens_stand_where_they_belong() {
+    fn storeys_and_specimens_are_in_place() {
         let drawn = of(
             "[structure.shear_building]\nmass_kg = [1.0, 2e3]\nstiffness_n_per_m = [0.0, 9e6]\n\
             [[specimen]]\nname = \"column <b>\"\nstorey = 1\n[[specimen]]\nname = \"brace\"\nrows = [[-0.8, 0.8]]\n",
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn matrices_chains_and_prescribed_tests_are_drawn_and_nonsense_is_not() {
+    fn all_structures_are_drawn() {
         let drawn =
             of("[structure.chain]\ndofs = 5000\n[[specimen]]\nname = \"end\"\nrows = [[0, 0.5]]\n");
         assert!(drawn.contains("DOF 5000") && drawn.contains("end") && drawn.contains("0.50"));

@@ -1,17 +1,17 @@
-//! Where the rows come from: read in blocks, as often as they are needed, never all at once.
+//! Source of the rows: read in blocks, as often as needed, never all at once.
 
 use std::io;
 
 use gusset_record::Column;
 
-/// What of a test stands in another folder: one that was gone on with begins after its first step.
+/// The part of a test that is in another folder: a resumed test begins after its first step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Earlier {
     /// The folders, with their steps where they are several.
     pub folders: String,
-    /// The last step that stands there.
+    /// The last step in that folder.
     pub step: u64,
-    /// Motion of the ground at the steps from 0 to that one, as the column `ground` has it; empty where it is not known.
+    /// Motion of the ground at the steps from 0 to that one, as in the column `ground`; empty where it is not known.
     pub ground: Vec<f64>,
 }
 
@@ -31,7 +31,7 @@ pub trait Source {
         1
     }
 
-    /// What of the test stands in another folder, if something does.
+    /// The part of the test that is in another folder, if any.
     fn earlier(&self) -> Option<&Earlier> {
         None
     }
@@ -41,8 +41,8 @@ pub trait Source {
         &[]
     }
 
-    /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per wanted column, all
-    /// of one length.
+    /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per column, all of one
+    /// length.
     ///
     /// # Errors
     /// The rows cannot be read.
@@ -52,7 +52,7 @@ pub trait Source {
 /// Rows of a block.
 pub const BLOCK: usize = 2048;
 
-/// Rows in memory: one vector per column. What is longer than the shortest is left out.
+/// Rows in memory: one vector per column. Entries beyond the shortest column are omitted.
 pub(super) struct Memory<'a> {
     pub columns: &'a [Column],
     pub data: &'a [Vec<f64>],

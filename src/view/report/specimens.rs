@@ -47,7 +47,7 @@ pub(super) fn response(
     Some(rows.section("Response", &(markup + &peaks(run, rows, axes))))
 }
 
-/// Peaks and energy of every axis, what was lost on the way, and whose numbers these are.
+/// Peaks and energy of every axis, losses on the link, and the end that the numbers belong to.
 pub(super) fn peaks(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> String {
     if axes.is_empty() || rows.running() == 0 {
         return String::new();
@@ -80,7 +80,7 @@ pub(super) fn peaks(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Str
     markup + &traffic(run)
 }
 
-/// Which specimens did not answer in every tick, and what that means for the section; nothing where all did.
+/// The specimens that did not answer in every tick, and the consequences for the section; empty if all did.
 fn unanswered(run: &RunView, rows: &Rows<'_>) -> String {
     let digest = rows.digest();
     if digest.stale.is_empty() {

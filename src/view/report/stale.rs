@@ -1,12 +1,12 @@
-//! Which rows hold no measurement of a specimen: its answer stayed away, and the loop went on with the last one or with an
-//! estimate. `status_<s>` says so.
+//! Rows without a measurement of a specimen: its answer was overdue, and the loop continued with the last one or with an
+//! estimate. `status_<s>` marks them.
 //!
-//! Invariant: such a row is no point of a picture, no peak and no sample of a metric. What the loop made of it, equilibrium and the
-//! energies that follow from it, is as it was.
+//! Invariant: such a row is no point of a picture, no peak and no sample of a metric. Values that the loop computed from it,
+//! equilibrium and the energies, stay unchanged.
 
 use std::borrow::Cow;
 
-use super::sieve::Stretch;
+use super::row_filter::Stretch;
 use gusset_quantity::catalog::column::{self, Kind};
 use gusset_quantity::substructure::Status;
 use gusset_record::Column;
@@ -21,7 +21,7 @@ const MEASURED: [Kind; 6] = [
     column::POSE_FORCE,
 ];
 
-/// One specimen: its number from 1, and where its status and what was measured of it stand in a block.
+/// One specimen: its number from 1, and the places of its status and its measured values in a block.
 struct Watched {
     specimen: u32,
     status: usize,
@@ -34,7 +34,7 @@ pub(super) struct Stale {
     specimens: Vec<Watched>,
 }
 
-/// Name of the column that says how a specimen's measurement is.
+/// Name of the column with the state of a specimen's measurement.
 pub(super) fn status_of(specimen: u32) -> String {
     column::STATUS.of_specimen(specimen)
 }
@@ -67,7 +67,7 @@ impl Stale {
         }
     }
 
-    /// The block with no number where nothing was measured.
+    /// The block with NaN where nothing was measured.
     pub(crate) fn left_out<'a>(&self, block: &'a [Vec<f64>]) -> Cow<'a, [Vec<f64>]> {
         let mut out = Cow::Borrowed(block);
         for of in &self.specimens {
@@ -90,7 +90,7 @@ impl Stale {
         }
     }
 
-    /// Specimens of which there are any, with how many.
+    /// Specimens with stale rows, and their number.
     pub(crate) fn found(&self) -> Vec<(u32, u64)> {
         let found = self.specimens.iter().filter(|of| of.count > 0);
         found.map(|of| (of.specimen, of.count)).collect()
@@ -108,7 +108,7 @@ mod tests {
         run.columns.iter().position(|c| c.name == name).unwrap()
     }
 
-    /// A test whose specimen follows to the last bit, and the same with four answers that stayed away at the peak of the force: the
+    /// A test whose specimen follows to the last bit, and the same with four overdue answers at the peak of the force: the
     /// measured displacement was held, the force estimated too large. With the row of the first of them.
     fn without_answers() -> (RunView, RunView, usize) {
         let whole = hybrid(4.0, 0);
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn an_estimate_is_no_peak_no_point_and_no_sample() {
+    fn estimate_is_not_a_peak_or_a_sample() {
         let (whole, run, from) = without_answers();
         let digest = run.digested();
         assert_eq!(digest.stale, [(1, 4)]);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_says_how_many_samples_are_estimates() {
+    fn page_counts_samples_that_are_estimates() {
         let (whole, run, _) = without_answers();
         let told = format!("bottom column 4 of {}", count(4096));
         assert!(render(&run).contains(&told));
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_copied_where_every_answer_was_there_and_only_their_specimen_has_gaps() {
+    fn nothing_is_copied_without_stale_rows() {
         let names = [
             "status_1",
             "meas_1_1",

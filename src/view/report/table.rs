@@ -1,13 +1,13 @@
 //! Columns that have become short enough for a page: the smallest and the largest value of every few rows.
 //!
-//! Invariant: every value is one of the rows at the time beside it, no finite extreme is lost, and all columns have one length. Of
-//! `every` rows two are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there.
-//! Where rows are missing stands an entry without a number, so that no line is drawn across. What a page says in numbers is marked
-//! before the rows are thinned: an entry does not keep which row was the last.
+//! Invariant: every value is one of the rows at the time beside it, no finite extreme is lost, and all columns have one length.
+//! Of `every` rows two stay, in the order in which the extremes came. For a short test `every` is one, and all rows are kept. A
+//! NaN entry replaces missing rows, so that no line is drawn across. Numbers of a page are marked before the rows are thinned: an
+//! entry does not keep which row was the last.
 
 use std::collections::HashMap;
 
-use super::sieve::Gap;
+use super::row_filter::Gap;
 use gusset_record::Column;
 
 /// Rows of a test of which every row is kept: 20 s at 6.5 kHz.
@@ -24,13 +24,13 @@ pub(super) struct Mark {
     pub value: f64,
 }
 
-/// What is marked of a column, whether its rows are thinned or not.
+/// Marks of a column, whether its rows are thinned or not.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Marks {
     /// The finite value of largest magnitude, and the smallest; the first of those that are equal.
     pub peak: Option<Mark>,
     pub least: Option<Mark>,
-    /// What stands in the last row, a number or not.
+    /// Value of the last row, possibly NaN.
     pub last: Option<f64>,
 }
 
@@ -56,7 +56,7 @@ impl Marks {
     }
 }
 
-/// One column on its way.
+/// One column during thinning.
 #[derive(Debug, Clone)]
 struct Thinning {
     /// Row in the bucket, its time and its value.
@@ -139,11 +139,10 @@ impl Thinner {
         }
     }
 
-    /// Marks that rows are missing here: nothing is known at this time. A gap that is narrower than what becomes two entries is
-    /// none to be seen.
+    /// Marks that rows are missing here: nothing is known at this time. A gap narrower than two entries is not visible.
     pub(crate) fn gap(&mut self, gap: Gap) {
         if gap.rows < self.every as u64 {
-            // Of what is not thinned every gap is wide enough.
+            // Without thinning every gap is wide enough.
             return;
         }
         if self.filled > 0 {
@@ -190,7 +189,7 @@ impl Thinner {
         columns.map(|column| (column.times, column.out)).collect()
     }
 
-    /// The columns by name, with what was marked of them.
+    /// The columns by name, with their marks.
     pub fn table(self, names: impl IntoIterator<Item = Column>) -> Table {
         let marks = self.columns.iter().map(|column| column.marks).collect();
         let (times, values): (Vec<_>, Vec<_>) = self.finish().into_iter().unzip();
@@ -269,7 +268,7 @@ impl Table {
         own.map(Vec::as_slice).or_else(|| self.get("time"))
     }
 
-    /// What was marked of a column; nothing of one that is not there.
+    /// The marks of a column; empty if it does not exist.
     pub(crate) fn marks(&self, name: &str) -> Marks {
         let place = self.places.get(name);
         let marks = place.and_then(|place| self.marks.get(*place));
@@ -296,7 +295,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_extreme_is_lost_whatever_the_blocks(
+        fn extremes_survive_any_block_size(
             values in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..300),
             every in 1usize..40, block in 1usize..70,
         ) {
@@ -333,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_are_of_single_rows_however_few_entries_are_left() {
+    fn marks_come_from_single_rows() {
         let (time, values) = ([0.0, 1.0, 2.0, 3.0, 4.0], [1.0, -7.0, 7.0, f64::NAN, 5.0]);
         let marks = |every: usize, rows: usize| {
             let mut thinner = Thinner {
@@ -365,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_missing_leave_an_entry_without_a_number() {
+    fn missing_rows_leave_a_nan_entry() {
         for (every, wanted) in [(1, 1), (4, 2)] {
             let mut thinner = Thinner {
                 every,
@@ -395,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_test_becomes_as_short_as_a_page_needs_and_a_short_one_stays() {
+    fn long_test_is_thinned_short_one_is_not() {
         assert_eq!(Thinner::new(WHOLE as u64, 1, None).every(), 1);
         assert!(Thinner::new(WHOLE as u64, 1000, None).every() > 1);
         let rows = 5_000_000u64;

@@ -1,4 +1,4 @@
-//! The tested model in a few lines, from the resolved test. Absent tables are left out.
+//! The tested model in a few lines, from the resolved test. Absent tables are omitted.
 
 use super::RunView;
 use super::columns::{Combination, MOST_DOFS, SpecimenAxis, Storey};
@@ -7,7 +7,7 @@ use crate::{Excitation, SpecimenTable, Structure, TestFile, Variant};
 use gusset_record::summary::ClockKind;
 use gusset_record::{Event, EventLine};
 
-/// Numbers from 1 of the specimens whose measured displacement is the command, as the events tell.
+/// Numbers from 1 of the specimens whose measured displacement is the command, from the events.
 #[must_use]
 pub fn without_disp(events: &[EventLine]) -> Vec<u32> {
     let repeats = events.iter().filter_map(|line| match line.event {
@@ -309,7 +309,7 @@ mod tests {
     use crate::ResolvedTest;
 
     #[test]
-    fn the_list_names_structure_specimens_and_excitation() {
+    fn list_names_the_parts_of_the_test() {
         let resolved = "[structure.shear_building]\nmass_kg = [1.0, 2.0]\n[structure.damping.rayleigh]\na = 1\n\
             [integrator]\nmethod = \"gui\"\nlambda = \"auto\"\n[[specimen]]\nname = \"brace\"\n[specimen.law.bouc_wen]\na = 1\n\
             [excitation.ground_acceleration.signal.sine]\nfrequency_hz = 1\n";
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lowest_storey_drifts_against_the_ground_where_that_is_not_at_zero() {
+    fn lowest_storey_drifts_against_the_ground() {
         let of = |excitation: &str| {
             let text = format!(
                 "[structure.shear_building]\nmass_kg = [1.0, 2.0]\n[excitation.{excitation}.signal.sine]\namplitude = 0.1\n"
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn shear_is_the_inertia_of_all_floors_above_and_unknown_under_other_loads() {
+    fn shear_is_inertia_of_the_floors_above() {
         let of = |more: &str| {
             let text = format!(
                 "[structure.shear_building]\nmass_kg = [2.0, 3.0]\n[excitation.ground_acceleration.signal.sine]\n\
@@ -406,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn a_remote_specimen_is_named_by_what_it_is_reached_by() {
+    fn remote_specimen_is_named_by_its_address() {
         let resolved = "[[specimen]]\nname = \"A\"\n[specimen.stand_in.law.linear]\nstiffness_n_per_m = 1.0\n\
             [specimen.link]\naddress = \"127.0.0.1:4823\"\nprotocol = \"gusset\"\n\
             [[specimen]]\nname = \"B\"\nlink = {}\n[[specimen]]\nname = \"C\"\nlaw = \"linear\"\n";
@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_toml_gives_no_list_and_no_panic() {
+    fn invalid_toml_gives_no_list() {
         let run = RunView {
             test: "= broken".into(),
             ..RunView::default()

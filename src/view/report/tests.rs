@@ -89,7 +89,7 @@ fn assert_self_contained(text: &str) {
 }
 
 #[test]
-fn the_page_of_a_hybrid_test_has_all_its_parts_and_needs_nothing_else() {
+fn hybrid_page_is_complete() {
     let page = render(&hybrid(8.0, 6));
     for part in [
         "Completed: the test ran to its end",
@@ -115,10 +115,10 @@ fn the_page_of_a_hybrid_test_has_all_its_parts_and_needs_nothing_else() {
 }
 
 #[test]
-fn a_prescribed_test_shows_stiffness_damping_and_lag_instead_of_a_response() {
+fn prescribed_test_shows_its_properties() {
     let page = render(&prescribed());
     assert!(page.contains("Identified specimen") && !page.contains("Response of the structure"));
-    // What the made-up specimen was given; rows of the static state (5 m) must not come in.
+    // Properties of the made-up specimen; rows of the static state (5 m) must not enter.
     for part in [
         "2.00\u{a0}MN/m",
         "8.00\u{a0}kN·s/m",
@@ -153,7 +153,7 @@ fn lengths_and_forces(page: &str) -> Vec<String> {
 }
 
 #[test]
-fn rotations_and_moments_are_shown_as_such_everywhere() {
+fn rotations_and_moments_are_shown() {
     // A prescribed rotation: nothing on the page is a length or a force.
     let straight = prescribed();
     let mut turned = straight.clone();
@@ -172,7 +172,7 @@ fn rotations_and_moments_are_shown_as_such_everywhere() {
         assert_eq!(lengths_and_forces(&page), [""; 0]);
         assert!(page.contains("(mrad)") && page.contains("N·m)"));
     }
-    // A structure with a DOF that turns: it has a picture of its own beside those that do not.
+    // A structure with a DOF that turns: it has a separate picture beside those that do not.
     let mut run = hybrid(4.0, 0);
     let before = render(&run);
     let mut others = run.columns.iter_mut();
@@ -199,7 +199,7 @@ fn rotations_and_moments_are_shown_as_such_everywhere() {
 }
 
 #[test]
-fn pictures_that_stand_alone_are_well_formed_and_say_what_they_show() {
+fn separate_pictures_are_well_formed() {
     let run = hybrid(4.0, 0);
     let hero = hero_svg(&run);
     assert_well_formed(&hero);
@@ -225,7 +225,7 @@ fn pictures_that_stand_alone_are_well_formed_and_say_what_they_show() {
 }
 
 #[test]
-fn a_users_text_never_becomes_markup() {
+fn user_text_never_becomes_markup() {
     let evil = "<script>alert(\"x\")</script>'&\u{0}\u{1b}[0m";
     let mut run = hybrid(1.0, 2);
     run.title = evil.to_owned();
@@ -261,7 +261,7 @@ fn a_users_text_never_becomes_markup() {
 }
 
 #[test]
-fn a_run_with_nothing_in_it_gives_a_page_that_says_so() {
+fn empty_run_gives_a_page() {
     let page = render(&RunView::default());
     for part in [
         "No summary",
@@ -278,7 +278,7 @@ fn a_run_with_nothing_in_it_gives_a_page_that_says_so() {
 }
 
 #[test]
-fn one_row_constant_rows_and_rows_of_nan_do_not_break_the_page() {
+fn odd_rows_do_not_break_the_page() {
     for make in [
         |_: f64| f64::NAN,
         |_: f64| 0.0,
@@ -302,7 +302,7 @@ fn one_row_constant_rows_and_rows_of_nan_do_not_break_the_page() {
 }
 
 #[test]
-fn missing_and_ragged_columns_do_not_break_the_page() {
+fn ragged_columns_do_not_break_the_page() {
     let whole = hybrid(1.0, 0);
     for missing in 0..whole.columns.len() {
         let mut run = whole.clone();
@@ -319,7 +319,7 @@ fn missing_and_ragged_columns_do_not_break_the_page() {
 }
 
 #[test]
-fn many_dofs_axes_and_events_are_limited_and_the_page_says_so() {
+fn large_tests_are_limited_on_the_page() {
     let mut names = vec!["state".to_owned(), "time".to_owned()];
     names.extend((1..=60).map(|i| format!("x{i}")));
     for axis in 1..=50 {
@@ -365,7 +365,7 @@ fn the_page_of_a_long_test_stays_small() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn no_column_of_numbers_breaks_the_page(
+    fn any_numbers_do_not_break_the_page(
         values in prop::collection::vec(prop::collection::vec(prop_oneof![6 => -1e3f64..1e3, 1 => any::<f64>(), 1 => Just(3.0)], 0..60), 28),
     ) {
         let mut run = hybrid(0.1, 0);
@@ -412,7 +412,7 @@ fn samples_for_the_eye() {
 
 /// The command is no measured displacement: nothing compares it with the target, and no picture calls it measured.
 #[test]
-fn an_axis_without_a_measured_displacement_has_no_tracking_metrics_and_says_why() {
+fn missing_displacement_is_explained() {
     let mut run = prescribed();
     assert!(tracking_metrics(&run)["brace"][0].is_object());
     assert!(missing_metrics(&run).is_empty());

@@ -1,13 +1,13 @@
-//! Numbers and words as a person reads them, safe to put into HTML and SVG.
+//! Numbers and words for readers, safe for HTML and SVG.
 //!
-//! Invariant: what [`escape`] returns contains no character that a browser or an XML parser could take for
-//! markup, whatever a user put into a title. No layout here.
+//! Invariant: a result of [`escape`] contains no character that a browser or an XML parser could take for markup,
+//! whatever the text of a title is. No layout here.
 
 use std::borrow::Cow;
 
 use gusset_quantity::text::is_hidden;
 
-/// What stands for a number that does not exist.
+/// Text for a number that does not exist.
 pub(super) const NOTHING: &str = "–";
 
 /// Text made harmless for element content and quoted attributes; hidden characters are spelled.
@@ -43,7 +43,7 @@ pub(super) fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// False for what a browser would obey or hide, and for what XML 1.0 forbids even when it is escaped.
+/// False for characters that a browser would obey or hide, and for those that XML 1.0 forbids even when escaped.
 fn is_shown(c: char) -> bool {
     matches!(c, '\t' | '\n' | '\r') || !(is_hidden(c) || matches!(c, '\u{fffe}' | '\u{ffff}'))
 }
@@ -58,7 +58,7 @@ pub(super) fn shortened(text: &str, most: usize) -> String {
     out
 }
 
-/// A unit with its decimal prefix, and what a number in the plain unit is divided by.
+/// A unit with its decimal prefix, and the divisor of a number in the plain unit.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Scaled {
     /// Divisor.
@@ -84,7 +84,7 @@ pub(super) fn scaled(magnitude: f64, unit: &str) -> Scaled {
             unit: plain,
         };
     }
-    // Kilometres and kiloseconds help nobody; a speed of 0.3 m/s is read more easily than 300 mm/s.
+    // Kilometres and kiloseconds are hard to read; a speed of 0.3 m/s is read more easily than 300 mm/s.
     let up = !plain.starts_with(['m', 's', 'r']);
     let smallest_plain = if plain.starts_with("m/") { 0.01 } else { 1.0 };
     let (factor, prefix) = match magnitude {
@@ -102,7 +102,7 @@ pub(super) fn scaled(magnitude: f64, unit: &str) -> Scaled {
     }
 }
 
-/// A unit as it is printed: "N s/m" with its dot, squares raised, nothing for a pure number.
+/// A unit as printed: "N s/m" with its dot, squares raised, nothing for a pure number.
 fn spelled(unit: &str) -> String {
     match unit {
         "1" | "-" => String::new(),
@@ -154,7 +154,7 @@ fn with_sign_and_groups(text: &str) -> String {
     let (whole, rest) = digits.split_at(digits.find('.').unwrap_or(digits.len()));
     let mut out = String::from(sign);
     for (i, c) in whole.chars().enumerate() {
-        // Four digits stand well together; five and more do not.
+        // Four digits are readable without a space; five and more are not.
         if i > 0 && whole.len() > 4 && (whole.len() - i).is_multiple_of(3) {
             out.push('\u{202f}');
         }
@@ -177,13 +177,14 @@ pub(super) fn quantity(value: f64, unit: &str) -> String {
     }
 }
 
-/// `value` in `unit` with as many digits as it was given, for what was chosen and not measured: "976.5625 µs".
+/// `value` in `unit` with all its given digits, for numbers that were chosen and not measured: "976.5625 µs".
 pub(super) fn exact(value: f64, unit: &str) -> String {
     let Scaled { factor, unit } = scaled(value, unit);
     format!("{}\u{a0}{unit}", trimmed(value / factor, 9))
 }
 
-/// A test time in s with the digits that tell its tick from the next, `tick_s` later; those of [`exact`] where that is not known.
+/// A test time in s with enough digits to distinguish its tick from the next, `tick_s` later; those of [`exact`] where that is
+/// not known.
 pub(super) fn moment(time: f64, tick_s: Option<f64>) -> String {
     let ticks = tick_s.map(|tick| (time / tick).abs());
     let digits = ticks.filter(|ticks| *ticks >= 1.0 && ticks.is_finite());
@@ -222,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn markup_and_control_characters_do_not_survive() {
+    fn markup_characters_do_not_survive() {
         assert_eq!(
             escape("<a href=\"x\">'&'\u{0}\u{202e}</a>"),
             "&lt;a href=&quot;x&quot;&gt;&#39;&amp;&#39;\\u{0}\\u{202e}&lt;/a&gt;"
@@ -231,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn quantities_carry_the_prefix_an_engineer_would_write() {
+    fn quantities_carry_engineering_prefixes() {
         assert_eq!(quantity(0.0123, "m"), "12.3\u{a0}mm");
         assert_eq!(quantity(-45_600.0, "N"), "−45.6\u{a0}kN");
         assert_eq!(quantity(1.19e6, "N/m"), "1.19\u{a0}MN/m");

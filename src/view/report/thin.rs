@@ -1,9 +1,9 @@
 //! Fewer points, the same picture.
 //!
-//! A history is reduced to first, lowest, highest and last per column of the picture: drawn as a line that is, pixel
-//! for pixel, what all points would give, so no peak is ever lost. A loop is reduced by Ramer–Douglas–Peucker with
-//! the distance to the *segment* (a loop that turns back on itself keeps its turning point): nothing that is
-//! dropped lies further from the drawn line than the tolerance.
+//! A history is reduced to first, lowest, highest and last per column of the picture: as a line it is equal, pixel for
+//! pixel, to that of all points, so no peak is ever lost. A loop is reduced by Ramer–Douglas–Peucker with the distance
+//! to the *segment* (a loop that turns back on itself keeps its turning point): no dropped point lies further from the
+//! drawn line than the tolerance.
 //!
 //! A NaN is a gap: the line is broken there, never bridged, unless the gap is narrower than a column.
 
@@ -123,8 +123,8 @@ impl Bucket {
     }
 }
 
-/// The points of a history that a line needs to pass each of `x`, `y` within `tolerance` at its own `x`. Every point that is left
-/// stood among them, and so does every turning point that a line would cut off. A gap is a point without a number.
+/// The points of a history that a line needs to pass each of `x`, `y` within `tolerance` at its own `x`. Every kept point is one
+/// of them, and so is every turning point that a line would cut off. A gap is a NaN point.
 pub(super) fn followed(x: &[f64], y: &[f64], tolerance: f64) -> Run {
     let mut out = Run::new();
     let mut open: Option<Straight> = None;
@@ -222,7 +222,7 @@ impl Straight {
 /// Points of one Douglas–Peucker piece: bounds the worst case of the recursion.
 const PIECE: usize = 4096;
 
-/// The line through `points` with nothing further than `tolerance` from it left out; gaps break it.
+/// The line through `points`, without points that are within `tolerance` of it; gaps break it.
 pub(super) fn within(points: impl Iterator<Item = (f64, f64)>, tolerance: f64) -> Vec<Run> {
     let mut runs = vec![Run::new()];
     for point in points {
@@ -251,7 +251,7 @@ fn thinned(points: &[(f64, f64)], tolerance: f64) -> Run {
     out
 }
 
-/// Appends what must be kept of `points`, without the last one.
+/// Appends the points that must be kept, without the last one.
 fn keep(points: &[(f64, f64)], tolerance: f64, out: &mut Run) {
     let mut stack = vec![(0, points.len() - 1)];
     while let Some((from, to)) = stack.pop() {
@@ -297,7 +297,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_column_loses_its_extremes_and_no_point_is_invented(
+        fn thinned_column_keeps_its_extremes(
             y in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..400), columns in 1usize..50,
         ) {
             let x = numbers(y.len());
@@ -321,7 +321,7 @@ mod tests {
         }
 
         #[test]
-        fn what_a_loop_loses_lies_within_the_tolerance(
+        fn thinned_loop_stays_within_tolerance(
             steps in prop::collection::vec((-3.0f64..3.0, -3.0f64..3.0), 2..300), tolerance in 0.1f64..5.0,
         ) {
             let mut at = (0.0, 0.0);
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_turns_back_on_itself_keeps_its_turning_point() {
+    fn line_turning_back_keeps_its_end() {
         let points = [(0.0, 0.0), (5.0, 0.0), (10.0, 0.0), (5.0, 0.0), (1.0, 0.0)];
         assert_eq!(
             within(points.into_iter(), 0.1),

@@ -1,4 +1,4 @@
-//! Events as a timeline: what state the test was in, and what happened when.
+//! Events as a timeline: the states of the test, and the time of each event.
 
 use super::RunView;
 use super::axis::Axis;
@@ -30,7 +30,7 @@ pub(super) fn timeline(run: &RunView) -> String {
     let is_simulated = run.is_simulated();
     let wall_ns = |line: &EventLine| utc::instant(line.wall.as_deref()?);
     let first = run.events.iter().find_map(wall_ns);
-    // Before there is a loop neither clock goes.
+    // Before the loop starts neither clock runs.
     let has_time = |line: &&EventLine| line.time.is_some();
     let mut timed = run.events.iter().filter(has_time);
     let is_clocked = timed.all(|e| loop_seconds(e).is_some());
@@ -169,7 +169,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_real_test_over_the_end_of_a_month_takes_its_few_seconds() {
+    fn timeline_crosses_the_end_of_a_month() {
         let event = |second: &str, kind: &str| {
             EventLine::from(json!({"event": kind, "wall": second, "time": 0.0}))
         };
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn states_and_misses_stand_in_the_timeline_and_one_event_is_none() {
+    fn timeline_shows_states_and_misses() {
         let mut run = RunView {
             summary: Some(json!({"clock": "simulated"}).into()),
             events: vec![
@@ -208,7 +208,8 @@ mod tests {
             assert!(drawn.contains(part), "{part}");
         }
         assert!(!drawn.contains("operator"));
-        // After a trip test time stands, in older records where the last step ended, before the trip; the loop's clock goes on.
+        // After a trip test time stops, in older records at the end of the last step before the trip; the loop's clock
+        // continues.
         let event = |time: f64, ns: u64, to: &str| {
             EventLine::from(
                 json!({"event": "phase", "from": "armed", "to": to, "time": time, "clock_ns": ns}),

@@ -201,7 +201,7 @@ fn drawn_histogram(timing: &Timing, period_us: Option<f64>, i: usize) -> String 
     )
 }
 
-/// What each quantity is.
+/// Meaning of each quantity.
 fn meanings(timings: &[Timing]) -> String {
     let each = timings.iter().map(|timing| words(&timing.key));
     let known = each.filter(|(_, meaning)| !meaning.is_empty());

@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn each_bar_has_its_name_and_the_values_at_its_ends() {
+    fn each_bar_has_a_name_and_end_values() {
         let text = svg(&[bar(0.01, 0.05), bar(0.02, 0.03)], Some(0.025));
         for words in [
             "key of 0.05",

@@ -9,7 +9,7 @@ use super::scale::{AS_SEEN, Scale};
 use super::tested::axis_name;
 use super::text::{number, quantity};
 
-/// Everything the page says about one axis.
+/// All values of the page for one axis.
 pub(super) struct Tracked<'a> {
     pub name: String,
     pub disp_unit: &'a str,
@@ -37,7 +37,7 @@ impl<'a> Tracked<'a> {
         Some((told.or(own)?, self.force_unit))
     }
 
-    /// Its name, with whose a force of it is where that must be said.
+    /// Its name, with the end of a force where that is needed.
     pub(crate) fn force_of(&self) -> String {
         self.name.clone() + self.scale.map_or("", |_| AS_SEEN)
     }

@@ -1,4 +1,4 @@
-//! The ticks that took longest, with what is known of them.
+//! The ticks that took longest, with their known causes.
 
 use gusset_quantity::catalog::column;
 use gusset_record::Column;

@@ -5,7 +5,7 @@ use super::{
 };
 use crate::{Side, WireError};
 
-/// What a specimen's end offers; the controller's wish must fit into it.
+/// Terms that a server offers; the controller's Hello must fit them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terms {
     /// Versions spoken.
@@ -104,8 +104,8 @@ pub fn agree(hello: &Hello, terms: &Terms) -> Result<u16, Refuse> {
     Ok(version)
 }
 
-/// The controller's check of a Welcome against its own Hello: the specimen must have taken it as it was. Its limits are
-/// compared apart, by [`wider`]. The proof is checked apart, by [`super::verify_welcome`].
+/// The controller's check of a Welcome against its own Hello: the server must have accepted it unchanged. [`wider`]
+/// compares the limits, and [`super::verify_welcome`] checks the proof.
 ///
 /// # Errors
 /// What differs.
@@ -204,7 +204,7 @@ fn same_axes(hello: &Hello, terms: &Terms) -> Result<(), (RefuseCode, String)> {
 pub struct Wider {
     /// Axis, from 0.
     pub axis: usize,
-    /// Which limit, in words.
+    /// The limit, in words.
     pub what: &'static str,
     /// The controller's.
     pub promised: f64,
@@ -214,11 +214,11 @@ pub struct Wider {
     pub unit: &'static str,
 }
 
-/// Limits that differ by this share of the larger are the same, reckoned in different units.
+/// Limits that differ by this share of the larger are equal, converted from different units.
 const ROUNDING: f64 = 1e-9;
 
-/// The controller promises limits, which must lie within those of the specimen: the first that does not. What it does not
-/// promise at all, an infinite one, the specimen keeps alone.
+/// Compares the limits that the controller promises with those of the specimen, and returns the first that is wider. A
+/// limit that the controller does not promise (infinite) is kept by the specimen alone.
 #[must_use]
 pub fn wider(specimen: &[Axis], controller: &[Axis]) -> Option<Wider> {
     let mut axes = specimen.iter().zip(controller).enumerate();

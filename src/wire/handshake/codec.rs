@@ -17,7 +17,7 @@ use gusset_quantity::text::{is_hidden, received};
 /// Largest control message in bytes.
 pub const LIMIT: usize = CONTROL_LIMIT;
 
-/// The proof stands behind the variant, so that everything it signs is one piece.
+/// The proof follows the variant, so that the signed bytes are one piece.
 const PROOF_AT: Range<usize> = 4..4 + PROOF_LEN;
 
 const HELLO_LABEL: &[u8] = b"gusset wire 1 hello";
@@ -110,7 +110,7 @@ pub fn prove_welcome(hello: &[u8], welcome: &mut [u8], key: &SessionKey) -> Resu
     write_proof(welcome, proof)
 }
 
-/// Checks the specimen's proof in an encoded Welcome, against the Hello as it was sent.
+/// Checks the server's proof in an encoded Welcome, against the Hello that was sent.
 ///
 /// # Errors
 /// [`WireError::Proof`].

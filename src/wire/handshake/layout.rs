@@ -8,19 +8,8 @@ use super::Axis;
 use crate::native::{HISTORY, VERSION};
 
 /// The canonical text: one line for the frame layout, one for each axis, each ended by one line feed.
-///
-/// ```
-/// use gusset_wire::handshake::{Axis, Limits, Unit, layout_text};
-/// let axis = Axis {
-///     name: "storey 1".into(),
-///     disp_unit: Unit::Metre,
-///     force_unit: Unit::Newton,
-///     limits: Limits::NONE,
-/// };
-/// assert_eq!(layout_text(&[axis]), "gusset frames 1 axes 1 history 4\nstorey 1|m|N\n");
-/// ```
 #[must_use]
-pub fn layout_text(axes: &[Axis]) -> String {
+pub(crate) fn layout_text(axes: &[Axis]) -> String {
     let mut text = format!(
         "gusset frames {VERSION} axes {} history {HISTORY}\n",
         axes.len()

@@ -32,7 +32,7 @@ mod layout;
 
 pub use agree::{Terms, Wider, agree, check_welcome, wider};
 pub use codec::{LIMIT, decode, encode, prove_hello, prove_welcome, verify_hello, verify_welcome};
-pub use layout::{layout_hash, layout_text};
+pub use layout::layout_hash;
 
 use bincode::{Decode, Encode};
 
@@ -41,9 +41,7 @@ use super::key::{Nonce, Proof};
 /// Lowest protocol version that this program speaks.
 pub(crate) const LOWEST_VERSION: u16 = 1;
 /// Highest protocol version that this program speaks.
-pub(crate) const HIGHEST_VERSION: u16 = SAYS_LOST;
-/// From this version on a gateway says by [`crate::native::Cause::Lost`] that it lost its specimen.
-pub const SAYS_LOST: u16 = 2;
+pub(crate) const HIGHEST_VERSION: u16 = crate::native::SAYS_LOST;
 /// Longest name of an axis or of an end, in bytes.
 pub(crate) const NAME_LIMIT: usize = 64;
 /// Longest free text, in bytes.
@@ -78,7 +76,7 @@ impl Control {
     }
 }
 
-/// What the controller wants.
+/// Opening message of the controller.
 #[derive(Debug, Clone, PartialEq, Encode, Decode)]
 pub struct Hello {
     /// Proof that the controller has the key; zeros without one. Filled by [`prove_hello`].
@@ -95,7 +93,7 @@ pub struct Hello {
     pub rate_numerator: u64,
     /// Denominator of the rate.
     pub rate_denominator: u64,
-    /// The specimen must hold when no command has come for so long, s.
+    /// The specimen must hold when no command has come for this time, s.
     pub watchdog_s: f64,
     /// When the force is to be sampled.
     pub sampling: Sampling,
@@ -107,7 +105,7 @@ pub struct Hello {
     pub axes: Vec<Axis>,
 }
 
-/// What the specimen is.
+/// The server's answer to a Hello.
 #[derive(Debug, Clone, PartialEq, Encode, Decode)]
 pub struct Welcome {
     /// Proof that the specimen has the key; zeros without one. Filled by [`prove_welcome`].
@@ -116,22 +114,22 @@ pub struct Welcome {
     pub nonce: Nonce,
     /// Hash of the axes' layout, see [`layout_hash`].
     pub layout: [u8; 32],
-    /// Number of the session, random, not zero: it stands in every frame from now on.
+    /// Number of the session, random, not zero: every frame carries it from now on.
     pub session: u64,
     /// The version that both speak.
     pub version: u16,
     /// True if every frame is to be signed.
     pub keyed: bool,
-    /// What the specimen can do.
+    /// Capabilities of the server.
     pub capabilities: Capabilities,
-    /// It will hold when no command has come for so long, s.
+    /// It will hold when no command has come for this time, s.
     pub watchdog_s: f64,
     /// When it will sample the force.
     pub sampling: Sampling,
     /// Estimate k̂ of the initial stiffness, n×n, column by column, agreed force unit per displacement unit.
     /// Empty if it has none.
     pub stiffness: Vec<f64>,
-    /// Where it stands: the command that would not move it, one entry per axis, agreed unit. Empty if it cannot tell.
+    /// Its position: the command that would not move it, one entry per axis, agreed unit. Empty if it is not known.
     pub standing: Vec<f64>,
     /// The program and its version.
     pub software: String,
@@ -159,7 +157,7 @@ pub struct Arm {
     pub session: u64,
     /// Number of the first command that will come.
     pub first_sequence: u64,
-    /// Where the first command will be, one entry per axis: the specimen refuses if it stands elsewhere.
+    /// Position of the first command, one entry per axis: the specimen refuses if its own differs.
     pub disp: Vec<f64>,
 }
 
@@ -207,11 +205,11 @@ pub struct Axis {
     pub disp_unit: Unit,
     /// Unit of force.
     pub force_unit: Unit,
-    /// Limits, in these units. Infinite where there is none.
+    /// Limits, in these units. Infinite where none is set.
     pub limits: Limits,
 }
 
-/// Limits of one axis. Infinite where there is none; never NaN.
+/// Limits of one axis. Infinite where none is set; never NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Encode, Decode)]
 pub struct Limits {
     /// Smallest displacement.
@@ -225,7 +223,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// No limit at all: a specimen that is a formula.
+    /// No limits: for a simulated specimen.
     pub const NONE: Limits = Limits {
         disp_min: f64::NEG_INFINITY,
         disp_max: f64::INFINITY,
@@ -254,7 +252,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// As it stands in the layout text.
+    /// Symbol of the unit in the layout text.
     #[must_use]
     pub const fn symbol(self) -> &'static str {
         match self {
@@ -281,12 +279,12 @@ impl Unit {
     }
 }
 
-/// What a specimen can do, as bits.
+/// Capabilities of a server, as bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Encode, Decode)]
 pub struct Capabilities(pub u32);
 
 impl Capabilities {
-    /// It is a formula: nothing breaks.
+    /// It is simulated: nothing breaks.
     pub const SIMULATED: Capabilities = Capabilities(1);
     /// It has an interlock or emergency stop and reports it.
     pub const INTERLOCK: Capabilities = Capabilities(2);
@@ -294,8 +292,9 @@ impl Capabilities {
     pub const MEASURES_DISP: Capabilities = Capabilities(4);
     /// It makes use of the commanded velocity.
     pub const USES_VEL: Capabilities = Capabilities(8);
-    /// It stands as an earlier test of this process left it, so that an interrupted test can be resumed. In the first test of its
-    /// process no specimen has this capability. A machine does not need it: only a computation can be restarted.
+    /// It is in the state in which an earlier test of this process left it, so that an interrupted test can be resumed. In the
+    /// first test of its process no specimen has this capability. A machine does not need it: only a computation can be
+    /// restarted.
     pub const KEEPS_STATE: Capabilities = Capabilities(16);
 
     /// True if every bit of `flag` is set.
@@ -336,14 +335,14 @@ pub enum RefuseCode {
     Key,
     /// It is not ready: interlock open, pumps off.
     NotReady,
-    /// It stands elsewhere than the first command.
+    /// Its position differs from the first command.
     Position,
     /// The message made no sense.
     Malformed,
 }
 
 impl RefuseCode {
-    /// The reason in words, for a refusal that has none of its own.
+    /// Default reason in words, for a refusal without a text.
     #[must_use]
     pub const fn why(self) -> &'static str {
         match self {

@@ -13,9 +13,9 @@ use crate::window::{Arrival, SequenceWindow};
 use crate::{Progress, Side, WireError};
 use gusset_quantity::substructure::Status;
 
-/// Finds the end of the first frame in a stream. Only the header is looked at, every length in it is bounded
-/// by [`super::LARGEST_FRAME`], and a wrong protocol shows with its first byte. An error is final: a stream
-/// that has lost its frames is not searched for new ones. Real-time: yes.
+/// Finds the end of the first frame in a stream. Only the header is read, every length in it is bounded by
+/// [`super::LARGEST_FRAME`], and a wrong protocol shows with its first byte. An error is final: a stream that has
+/// lost its frames is not searched for new ones. Real-time: yes.
 ///
 /// # Errors
 /// Another protocol, another version, an unknown kind, a length that this kind cannot have.
@@ -35,7 +35,7 @@ pub fn split(bytes: &[u8]) -> Result<Progress, WireError> {
 /// A frame, and how it came.
 #[derive(Debug, Clone, Copy)]
 pub struct Received<'a> {
-    /// What it says.
+    /// Its content.
     pub frame: Frame<'a>,
     /// The sender's counter.
     pub counter: u64,

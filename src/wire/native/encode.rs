@@ -11,7 +11,7 @@ use crate::key::{MAC_LEN, SessionKey};
 use crate::{Side, WireError};
 use gusset_quantity::substructure::{Command, Measurement};
 
-/// What a specimen says about the moment of a measurement.
+/// Time of a measurement, and commands missed so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moment {
     /// Time from the arrival of the command in force to the sampling, in s.
@@ -22,8 +22,8 @@ pub struct Moment {
 
 /// The sending half of one end: it counts, signs and remembers the last forces.
 ///
-/// Frames are written into a buffer of the caller, every byte of them; nothing is taken from what the buffer
-/// held. An error leaves counter and history as they were.
+/// Frames are written into the caller's buffer, every byte of them; its old content does not matter. An error leaves
+/// counter and history unchanged.
 #[derive(Debug)]
 pub struct Encoder {
     side: Side,
@@ -264,7 +264,7 @@ impl Encoder {
     }
 }
 
-/// Who may write what.
+/// Whether this end may write this kind of frame.
 pub(super) const fn may_write(side: Side, kind: Kind) -> bool {
     match kind {
         Kind::Command | Kind::Hold | Kind::Retire => matches!(side, Side::Controller),
@@ -321,12 +321,13 @@ fn fill<'w>(mut words: &'w mut [Word], vectors: [&[f64]; 2]) -> &'w mut [Word] {
     words
 }
 
-/// The last forces, one for each command that was ever in force; the newest of a command counts. As they stand in a frame:
-/// for each the sequence and the forces, the current one first, then the earlier ones, newest first.
+/// The last forces, one entry for each command that was ever in force; the newest measurement of a command counts. The
+/// order is that of a frame: for each entry the sequence and the forces, the current one first, then the earlier ones,
+/// newest first.
 #[derive(Debug)]
 struct History {
     words: Vec<Word>,
-    /// Of one measurement.
+    /// Words of one measurement.
     stride: usize,
 }
 

@@ -28,7 +28,7 @@ pub(super) fn begins_right(bytes: &[u8]) -> Result<(), WireError> {
         .map_or(Ok(()), |&version| same_version(version))
 }
 
-/// What a header says, checked.
+/// Fields of a header, checked.
 pub(super) struct Header {
     pub kind: Kind,
     pub keyed: bool,

@@ -11,17 +11,17 @@ pub const MAGIC: [u8; 4] = *b"GUST";
 /// The version of the layout.
 pub const VERSION: u8 = 1;
 /// Most axes of one link.
-pub const MAX_AXES: usize = 64;
+pub(crate) const MAX_AXES: usize = 64;
 /// How many earlier measurements travel with each measurement.
 pub const HISTORY: usize = 4;
 /// Stands where there is no earlier measurement.
-pub const NO_SEQUENCE: u64 = u64::MAX;
+pub(crate) const NO_SEQUENCE: u64 = u64::MAX;
 /// Largest control message, so that its frame fits into one UDP datagram.
-pub const CONTROL_LIMIT: usize = 64_000;
+pub(crate) const CONTROL_LIMIT: usize = 64_000;
 /// Length of the header.
-pub const HEADER_LEN: usize = WORD * HEADER_WORDS;
+pub(crate) const HEADER_LEN: usize = WORD * HEADER_WORDS;
 /// Length of the checksum.
-pub const CRC_LEN: usize = 4;
+pub(crate) const CRC_LEN: usize = 4;
 /// No frame is longer than this.
 pub const LARGEST_FRAME: usize = HEADER_LEN + CONTROL_LIMIT + MAC_LEN + CRC_LEN;
 
@@ -34,7 +34,7 @@ pub(super) const COMMAND_WORDS: usize = 3;
 /// Words of a measurement before its vectors.
 pub(super) const MEASURED_WORDS: usize = 4;
 
-/// Flag: a MAC stands before the CRC.
+/// Flag: a MAC precedes the CRC.
 pub(super) const FLAG_KEYED: u16 = 1;
 /// Flag: written by the specimen.
 pub(super) const FLAG_SPECIMEN: u16 = 2;
@@ -66,6 +66,6 @@ pub(super) const fn trailer_len(keyed: bool) -> usize {
 
 /// Length of a whole data frame; for a control frame, of one without a message.
 #[must_use]
-pub const fn frame_len(kind: Kind, axes: usize, keyed: bool) -> usize {
+pub(crate) const fn frame_len(kind: Kind, axes: usize, keyed: bool) -> usize {
     body_end(kind, axes, 0) + trailer_len(keyed)
 }

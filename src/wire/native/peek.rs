@@ -1,4 +1,4 @@
-//! A look at a frame on its way, and frames that lie: for what stands between the two ends and plays a bad network or a
+//! Reads a frame in transit and builds false ones: for test tools between the two ends that imitate a bad network or a
 //! broken peer.
 //!
 //! Nothing is checked here but the length; a frame of a keyed session that was changed fails its MAC. The two ends use
@@ -8,7 +8,7 @@ use super::kind::Kind;
 use super::layout::{COMMAND_WORDS, CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
 use crate::bytes::{Word, halves, put};
 
-/// What a frame says of itself.
+/// Header fields of a frame in transit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Peek {
     /// Its kind.
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_forged_frame_passes_its_checks_and_says_what_was_forged() {
+    fn forged_frame_passes_its_checks() {
         let mut frame = measurement();
         forge_sequence(&mut frame, 8);
         forge_force(&mut frame, 1, -5.0);
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_that_is_no_number_fails_only_for_that() {
+    fn forged_nan_force_fails_only_for_that() {
         let mut frame = measurement();
         forge_force(&mut frame, 0, f64::NAN);
         let mut decoder = Decoder::new(Side::Specimen, 2, 9, None).unwrap();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_is_read_on_its_way_and_nothing_else_is_one() {
+    fn only_commands_are_read_in_transit() {
         let mut out = vec![0; 1000];
         let mut encoder = Encoder::new(Side::Controller, 2, 9, None).unwrap();
         let command = Command {

@@ -1,4 +1,4 @@
-//! What a frame says: typed windows over checked bytes.
+//! Content of a frame: typed windows over checked bytes.
 //!
 //! The windows are only made by [`super::Decoder::open`], which has checked lengths and numbers; their getters
 //! cannot fail and allocate nothing.
@@ -6,19 +6,21 @@
 use super::layout::{NO_SEQUENCE, earlier_words};
 use crate::WireError;
 use crate::bytes::{Word, copy_words, same_length};
-use crate::handshake::SAYS_LOST;
 use gusset_quantity::catalog::ending;
 use gusset_quantity::substructure::{Measurement, Retirement, Status};
+
+/// From this version of the handshake on a gateway says by [`Cause::Lost`] that it lost its specimen.
+pub const SAYS_LOST: u16 = 2;
 
 /// Why a test holds, retires or ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum Cause {
-    /// It ran to its end.
+    /// The test ran to its end.
     Orderly = 0,
     /// A limit or a fault tripped it.
     Tripped = 1,
-    /// An operator asked for it.
+    /// An operator requested it.
     Operator = 2,
     /// Commands stopped coming.
     Watchdog = 3,
@@ -84,17 +86,10 @@ impl Cause {
         }
     }
 
-    /// True if a peer that speaks this version and ends a session so may not know where its specimen is. An older peer cannot say more than
-    /// that it tripped.
-    #[must_use]
-    pub fn may_be_lost(self, version: u16) -> bool {
-        self == Cause::Lost || self == Cause::Lost.for_version(version)
-    }
-
     /// The cause with this code.
     ///
     /// # Errors
-    /// [`WireError::Code`] if there is none.
+    /// [`WireError::Code`] for an unknown code.
     pub fn from_code(code: u32) -> Result<Self, WireError> {
         let known = Self::ALL.into_iter().find(|cause| cause.code() == code);
         known.ok_or(WireError::Code {
@@ -121,7 +116,7 @@ impl From<Retirement> for Cause {
 pub enum Frame<'a> {
     /// Displacement to go to.
     Command(CommandFrame<'a>),
-    /// What was measured.
+    /// Measured displacement and force.
     Measurement(MeasurementFrame<'a>),
     /// I am here.
     Heartbeat(Heartbeat),

@@ -1,4 +1,4 @@
-//! The action codes: double 0 of what a client sends.
+//! The action codes: double 0 of a client's message.
 
 use crate::WireError;
 
@@ -32,7 +32,7 @@ pub enum Matrix {
     Mass,
 }
 
-/// What a client wants.
+/// Request of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// 1: greeting of dialect B.
@@ -94,11 +94,11 @@ impl Action {
             .map_or(f64::NAN, |(code, _)| *code)
     }
 
-    /// As the Simulink server reads it: compared as a double. `None` for a plausible code that is not in the
+    /// Compares the code as a double, as the Simulink server does. `None` for a plausible code that is not in the
     /// table: the real servers warn and read on. Real-time: yes.
     ///
     /// # Errors
-    /// [`WireError::Action`] for what cannot be a code at all.
+    /// [`WireError::Action`] for a number that is no possible code.
     pub fn exact(code: f64) -> Result<Option<Self>, WireError> {
         // "is inside", so that NaN fails; 100 is no code, 99.9 would be cut to one.
         if !(1.0..100.0).contains(&code) {
@@ -110,11 +110,11 @@ impl Action {
             .map(|(_, action)| *action))
     }
 
-    /// As all other servers have it, an integer. They cut off what stands behind the point; here nothing moves for half a
-    /// number that nobody meant. Real-time: yes.
+    /// Reads the code as an integer, as all other servers do. They truncate fractions; here a fractional code is an
+    /// error, so that nothing moves for a number that no client meant. Real-time: yes.
     ///
     /// # Errors
-    /// [`WireError::Action`] for what cannot be a code at all.
+    /// [`WireError::Action`] for a number that is no possible code.
     pub fn whole(code: f64) -> Result<Option<Self>, WireError> {
         match Self::exact(code)? {
             None if code.fract() != 0.0 => Err(WireError::Action { found: code }),
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_codes_are_these_bytes() {
+    fn action_codes_have_known_bytes() {
         let bytes = |action: Action| {
             action
                 .code()
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_number_is_no_action_but_one_of_simulink() {
+    fn only_simulink_has_fractional_actions() {
         assert_eq!(Action::exact(4.1), Ok(Some(Action::TargetTaken)));
         assert_eq!(Action::whole(4.1), Ok(Some(Action::TargetTaken)));
         for found in [3.5, 10.9, 98.000_000_1] {
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_a_code_is_an_error_and_an_unknown_code_is_not() {
+    fn only_impossible_codes_are_errors() {
         for code in [0.0, -3.0, 0.99, 100.0, 1e300, f64::INFINITY] {
             assert_eq!(Action::whole(code), Err(WireError::Action { found: code }));
         }

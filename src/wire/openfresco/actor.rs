@@ -17,7 +17,7 @@ use crate::bytes::{array, finite, get_f64, put};
 
 /// The endian check over a stream: the integer 1, both ways.
 pub(super) const ENDIAN_CHECK: [u8; 4] = 1_i32.to_le_bytes();
-/// The same, sent by a peer of the other byte order.
+/// The endian check of a peer with the other byte order.
 const ENDIAN_SWAPPED: [u8; 4] = 1_i32.to_be_bytes();
 /// Double 0 of the answer to DIE.
 pub(super) const RECEIVED: f64 = 4.0;
@@ -38,7 +38,7 @@ pub enum ActorEvent {
     },
     /// The sizes are known and fit. Comes again after a later setup.
     Ready(Sizes),
-    /// A command: [`Actor::trial`] holds it. The specimen is evaluated now, not when asked.
+    /// A command: [`Actor::trial`] holds it. The specimen is evaluated now, not at the request.
     Trial(Course),
     /// The last command is accepted.
     Commit {
@@ -78,7 +78,7 @@ pub struct Actor {
 }
 
 impl Actor {
-    /// An actor with a site tag of its own that waits for a shadow.
+    /// An actor with its own site tag that waits for a shadow.
     #[must_use]
     pub fn new(carrier: Carrier, interface: Interface, site: f64) -> Self {
         let vector_len = 8 * DEFAULT_DATA_SIZE;
@@ -281,7 +281,7 @@ impl Actor {
         let site = get_f64(self.inbox.message(), 8)?;
         let version = get_f64(self.inbox.message(), 16)?;
         finite("site tag and version", &[site, version])?;
-        // The same number back: the shadow compares for exact equality and ends if it differs.
+        // Return the version unchanged: the shadow compares for exact equality and ends if it differs.
         self.answer_words(&[0.0, self.site, version])?;
         Ok(ActorEvent::Opened { site, version })
     }

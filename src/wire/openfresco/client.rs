@@ -34,7 +34,7 @@ pub struct ClientSettings {
     pub greeting: UdpGreeting,
 }
 
-/// What an answer was to.
+/// Kind of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Asked {
     /// [`Client::measured`] and [`Client::measurement`] hold it.
@@ -121,9 +121,9 @@ impl Client {
         Ok(&self.opening)
     }
 
-    /// A command and the request for its answer, as two vectors in one piece: one write on a stream, two
-    /// datagrams (see [`super::datagrams`]). The velocity is sent if the sizes have it; accelerations and forces of
-    /// a command are zeros. Real-time: yes.
+    /// A command and the request for its answer, as two vectors in one piece: one write on a stream, two datagrams
+    /// (see [`super::datagrams`]). The velocity is sent if the sizes contain it; accelerations and forces of a
+    /// command are zeros. Real-time: yes.
     ///
     /// # Errors
     /// [`WireError::Order`] before the opening or while an answer is owed; wrong numbers.
@@ -204,7 +204,7 @@ impl Client {
     /// they mean. Real-time: yes.
     ///
     /// # Errors
-    /// Nonsense, or bytes that nobody asked for. The client is failed then and stays so.
+    /// Nonsense, or bytes that were not requested. The client is failed then and stays so.
     pub fn feed(&mut self, bytes: &[u8]) -> Result<(usize, ClientEvent), WireError> {
         self.reply_len = 0;
         let outcome = self.step(bytes);
@@ -226,9 +226,9 @@ impl Client {
         self.asking.measured()
     }
 
-    /// Fills a measurement with the last answer. Where the server measures no displacement it is the commanded
-    /// one (`Client::measures_disp`); where it sends no time, 0. The status is left as it is: the protocol has
-    /// none. Real-time: yes.
+    /// Fills a measurement with the last answer. Where the server measures no displacement it is the commanded one
+    /// (`Client::measures_disp`); where it sends no time, 0. The status stays unchanged: the protocol has none.
+    /// Real-time: yes.
     ///
     /// # Errors
     /// [`WireError::Count`] for a measurement of another number of axes.

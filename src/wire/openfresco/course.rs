@@ -1,29 +1,29 @@
-//! What a new command means: the next step, another try, or a step that is taken back.
+//! Meaning of a new command: the next step, another iteration, or a step that is taken back.
 //!
-//! The protocol says none of this; it follows from displacement and time of the commands and from the commits
-//! (section 5.7 of the protocol notes, all of it observed with OpenSees and OpenFresco). The judgement is pure;
-//! what a specimen does about it (a formula reverts, an actuator refuses and stops safely) is the host's.
+//! The protocol does not state it; it follows from displacement and time of the commands and from the commits
+//! (section 5.7 of the protocol notes, all of it observed with OpenSees and OpenFresco). The decision is a pure
+//! function; the host decides how a specimen reacts (a simulated one reverts, an actuator refuses and stops safely).
 
 use super::vector::{Signals, same_bits};
 
-/// What a command means.
+/// Meaning of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Course {
     /// The first command of the connection. OpenSees' `genericClient` sends zeros when the element is created.
     First,
     /// The first try of a new step.
     Step,
-    /// Another try of the same step.
+    /// Another iteration of this step.
     Iteration,
-    /// All bits as the command before, and no time has passed: nothing new.
+    /// All bits equal those of the command before, and no time has passed: nothing new.
     Repeat,
-    /// The client gives the step up: it is back at the last commit, and will go on from there with another step
+    /// The client gives the step up: it is back at the last commit, and will continue from there with another step
     /// length.
     TakenBack,
     /// In the middle of a step, time and motion run backwards past the last commit, to another place than that.
     Reversed,
-    /// Time begins anew after a commit: OpenSees' `loadConst -time 0` between a gravity and a transient analysis
-    /// does this. Nothing is wrong, but the length of this step is not known.
+    /// Time restarts after a commit: OpenSees' `loadConst -time 0` between a gravity and a transient analysis does
+    /// this. Nothing is wrong, but the length of this step is not known.
     NewOrigin,
 }
 
@@ -44,8 +44,8 @@ pub(super) struct Tracker {
     /// Time of the last commit, if it is known, as the client counts: schemes that evaluate between or beyond two
     /// steps commit at that time, and say the true one when they come back. A connection begins at 0.
     base: Option<f64>,
-    /// Time has begun anew since: it is later than `base`, whatever it says.
-    anew: bool,
+    /// Time has restarted since: it is later than `base`, whatever its value.
+    has_restarted: bool,
     committed_disp: Vec<f64>,
     /// A commit at a time beyond 0 had a displacement other than 0.
     has_left_start: bool,
@@ -63,7 +63,7 @@ impl Tracker {
             trials: 0,
             has_committed: false,
             base: Some(0.0),
-            anew: false,
+            has_restarted: false,
             committed_disp: vec![0.0; axes],
             has_left_start: false,
             away: false,
@@ -90,7 +90,7 @@ impl Tracker {
             }
             return Course::Repeat;
         }
-        // A command of the same test time is another try.
+        // A command with an unchanged test time is another iteration.
         let is_same_time = new.time().is_some_and(|time| time != 0.0) && new.time() == last.time();
         if self.implicit && self.trials > 0 && !is_same_time {
             self.commit(last, last.time());
@@ -99,21 +99,21 @@ impl Tracker {
         let course = self.compare(new, last, home);
         let back = match course {
             Course::TakenBack | Course::Reversed => true,
-            // Nothing but a look ahead from where it stands has been given up.
+            // The client has only given up a look ahead from its present position.
             _ => self.trials > 0 && home && self.turns_back(new, last),
         };
         if back {
             self.base = new.time();
         }
-        self.anew = (self.anew || course == Course::NewOrigin) && !back;
+        self.has_restarted = (self.has_restarted || course == Course::NewOrigin) && !back;
         self.away = (self.away && !back) || !home;
         self.at_base = back;
         self.trials = self.trials.saturating_add(1);
         course
     }
 
-    /// Whether a command that is the last one again may be passed over. A client that sends no time and holds its
-    /// command has nothing but the commit to say that time goes on; of the same test time nothing is new.
+    /// Whether a repeated command may be ignored. With a client that sends no time and holds its command, only the
+    /// commit shows that time continues; at an unchanged test time nothing is new.
     fn says_nothing_new(&self, new: &Signals) -> bool {
         new.time().is_some() || (self.trials > 0 && !self.implicit)
     }
@@ -133,9 +133,9 @@ impl Tracker {
         if home && self.away && self.turns_back(new, last) {
             return Course::TakenBack;
         }
-        // Of a static analysis under displacement control "time" is a load factor, which falls as it likes: only where
-        // velocities change with it, it is one.
-        if earlier(last.time()) && !self.anew && moves(new, last) {
+        // In a static analysis under displacement control "time" is a load factor, which may fall. It is time only
+        // where velocities change with it.
+        if earlier(last.time()) && !self.has_restarted && moves(new, last) {
             if earlier(self.base) {
                 return Course::Reversed;
             }
@@ -150,9 +150,9 @@ impl Tracker {
         }
     }
 
-    /// True if time does what it does in no step that goes on; a step that is led by its load factor may come back to
-    /// that of the last commit from below. Without a time only the displacement tells: an iteration that comes back to
-    /// that of the last commit is not to be expected. A client that has never committed has no step to take back.
+    /// True if time moves as it never does in a continuing step. A step that its load factor leads may come back to
+    /// that of the last commit from below. Without a time only the displacement decides: an iteration that comes back
+    /// to that of the last commit is not expected. A client that has never committed has no step to take back.
     fn turns_back(&self, new: &Signals, last: &Signals) -> bool {
         match (new.time(), last.time()) {
             (Some(time), Some(last)) => time < last || (time != last && self.base == Some(time)),
@@ -160,12 +160,12 @@ impl Tracker {
         }
     }
 
-    /// True if `new`, not judged yet, goes back to the start of the client's analysis after a commit: OpenSees sends
-    /// zeros at time 0 then. A step that is taken back to there does not count, nor does a client whose commits never left that
-    /// start. Real-time: yes.
+    /// True if `new`, before it is classified, goes back to the start of the client's analysis after a commit: OpenSees sends
+    /// zeros at time 0 then. A step that is taken back to that start does not count, nor does a client whose commits never left
+    /// it. Real-time: yes.
     pub(super) fn is_reset(&self, new: &Signals) -> bool {
         let is_start = new.time().is_some() && new.values().iter().all(|value| *value == 0.0);
-        let has_time_passed = !self.anew && self.base.is_some_and(|base| base > 0.0);
+        let has_time_passed = !self.has_restarted && self.base.is_some_and(|base| base > 0.0);
         self.has_left_start && is_start && (has_time_passed || !self.is_home(new))
     }
 
@@ -190,7 +190,7 @@ impl Tracker {
             }
             _ => time,
         };
-        self.anew = false;
+        self.has_restarted = false;
         self.away = false;
         self.has_committed = true;
         for (kept, new) in self.committed_disp.iter_mut().zip(last.response().disp) {
@@ -204,7 +204,7 @@ impl Tracker {
 
     /// Test time from the last commit to `trial`, if both are known. Real-time: yes.
     pub(super) fn dt(&self, trial: &Signals) -> Option<f64> {
-        let base = self.base.filter(|_| !self.anew)?;
+        let base = self.base.filter(|_| !self.has_restarted)?;
         Some(trial.time()? - base)
     }
 }

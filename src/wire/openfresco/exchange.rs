@@ -1,4 +1,4 @@
-//! The part of an exchange that all dialects share: one half for whoever serves, one for whoever asks.
+//! The part of an exchange that all dialects share: one half for the server, one for the client.
 
 use super::action::{Action, Matrix, Reading};
 use super::course::Course;
@@ -10,7 +10,7 @@ use crate::WireError;
 use crate::bytes::{finite, get_f64, same_length};
 use gusset_quantity::substructure::{Command, Measurement};
 
-/// What a server owes.
+/// Answer that a server owes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Debt {
     Signals,
@@ -132,15 +132,15 @@ pub(super) enum Phase {
 /// Where the bytes that came belong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Came {
-    /// Nowhere: so many are passed over.
+    /// Nowhere: this number of bytes is skipped.
     Nothing(usize),
-    /// Into the set-up, which is the dialect's own business.
+    /// Into the set-up, which the dialect handles.
     Greeting,
-    /// So many were a part of the answer that is owed, and what that was if it is whole now.
+    /// This number of bytes is part of the owed answer; its kind, if it is complete now.
     Answer(usize, Option<Owed>),
 }
 
-/// What a client waits for.
+/// Answer that a client waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Owed {
     Signals,
@@ -292,7 +292,7 @@ impl Asking {
         Ok(self.first())
     }
 
-    /// A message without an answer. With a time, it stands where a command has it. Real-time: yes.
+    /// A message without an answer. A time, if given, takes the place that it has in a command. Real-time: yes.
     pub(super) fn notice(&mut self, action: Action, time: Option<f64>) -> Result<&[u8], WireError> {
         let first = self.outbox.get_mut(..self.vector_len).unwrap_or_default();
         write_action(first, action)?;

@@ -1,4 +1,4 @@
-//! The commands of one connection as whoever serves them follows them: the last one, and what it means.
+//! The commands of one connection as the server follows them: the last one, and its meaning.
 
 use super::course::{Course, Tracker};
 use super::sizes::Counts;
@@ -15,7 +15,7 @@ pub(super) struct Followed {
 }
 
 impl Followed {
-    /// Only for set-up: allocates. `implicit`: nobody commits, a new command accepts the one before.
+    /// Only for set-up: allocates. `implicit`: the client does not commit, a new command accepts the one before.
     pub(super) fn new(ctrl: Counts, implicit: bool) -> Self {
         Self {
             trial: Signals::zeros(ctrl),
@@ -25,7 +25,7 @@ impl Followed {
         }
     }
 
-    /// A command has come. Nonsense leaves the last one as it was. Real-time: yes.
+    /// Takes a new command. Nonsense leaves the last one unchanged. Real-time: yes.
     pub(super) fn command(
         &mut self,
         field: &'static str,

@@ -1,7 +1,7 @@
-//! Which single-byte datagrams open a UDP connection: it depends on the program and its version.
+//! Single-byte datagrams that open a UDP connection: they depend on the program and its version.
 //!
-//! A server recognises them by itself (a first datagram of one byte). A client cannot find out by trying: a
-//! stray hello spoils the set-up of a server that expects none. So it is a setting, with these defaults.
+//! A server recognises them by itself (a first datagram of one byte). A client cannot find out by a trial: a stray
+//! hello spoils the set-up of a server that expects none. So it is a setting, with these defaults.
 
 /// Hello of the client.
 pub(super) const HELLO: u8 = b'a';
@@ -10,7 +10,7 @@ pub(super) const HELLO_ANSWER: u8 = b'b';
 /// Both directions of the 1-byte endian exchange.
 pub(super) const ENDIAN: u8 = 1;
 
-/// What a client must send before the first message, over UDP.
+/// Greeting of a client before the first message, over UDP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct UdpGreeting {
     /// One datagram `61`, answered by one datagram `62`.

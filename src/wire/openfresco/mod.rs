@@ -10,10 +10,10 @@
 //! | [`Client`] | A, application | an application client: commands a site or element server |
 //! | [`Client`] | C, adapter | `expControl SimFEAdapter`: commands OpenSees `adapter`, `actuator`, `corotActuator` |
 //!
-//! Everything on the wire is little-endian: 4-byte integers during the set-up, then vectors of N doubles with
-//! an action in double 0 of what a client sends. There is no header, no length, no checksum and no sequence
-//! number; both sides must know the length from the set-up. The offsets are in [`Sizes`], [`Counts`],
-//! [`vector`](write_vector) and [`Action`].
+//! Everything on the wire is little-endian: 4-byte integers during the set-up, then vectors of N doubles with an
+//! action in double 0 of a client's message. There is no header, no length, no checksum and no sequence number; both
+//! sides must know the length from the set-up. The offsets are in [`Sizes`], [`Counts`], `vector` and
+//! [`Action`].
 //!
 //! Use of a machine: `feed` it what came and do what the event says, until all bytes are used; after each event
 //! send what `reply` holds. A stream may be cut anywhere. A datagram is fed as one piece. An error is final: the
@@ -51,10 +51,8 @@ pub use peer::Peer;
 pub use server::{Event, Server, ServerDialect};
 pub use shadow::{Shadow, ShadowEvent, ShadowSettings};
 pub use simulink::{Simulink, SimulinkEvent};
-pub use sizes::{
-    BLOCK_LEN, Counts, DEFAULT_DATA_SIZE, Interface, MAX_COUNT, MAX_DATA_SIZE, SIZES_LEN, Sizes,
-};
-pub use vector::{Response, read_lead, read_matrix, write_action, write_matrix, write_vector};
+pub use sizes::{Counts, DEFAULT_DATA_SIZE, Interface, MAX_COUNT, MAX_DATA_SIZE, Sizes};
+pub use vector::Response;
 
 /// Port of the examples for dialect A.
 pub const APPLICATION_PORT: u16 = 8090;

@@ -105,7 +105,7 @@ impl Opening {
         self.inbox.message()
     }
 
-    /// The client has said its last word.
+    /// The client has ended the exchange.
     pub(super) const fn finish(&mut self) {
         self.state = State::Finished;
     }

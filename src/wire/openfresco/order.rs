@@ -13,7 +13,7 @@ pub enum SignalOrder {
     /// d1 v1 d2 v2: the displacement, velocity, acceleration and force of an axis, then those of the next axis. There is no time:
     /// nothing says which control point holds it.
     ByAxis,
-    /// d1 d2 v1 v2: the displacements of all axes, then the velocities, accelerations and forces. The time stands last.
+    /// d1 d2 v1 v2: the displacements of all axes, then the velocities, accelerations and forces. The time is last.
     ByQuantity,
 }
 
@@ -38,7 +38,7 @@ impl SignalOrder {
         }
     }
 
-    /// Where each signal stands on the wire, counted from the first one; the signals are taken by quantity.
+    /// Place of each signal on the wire, counted from the first one; the signals are taken by quantity.
     pub(super) fn places(self, counts: &Counts) -> Vec<usize> {
         let kinds = [counts.disp, counts.vel, counts.accel, counts.force];
         let present = kinds.iter().filter(|count| **count > 0).count();
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_order_is_asked_for_only_where_several_axes_have_several_quantities() {
+    fn order_matters_only_for_several_signals() {
         for (counts, is_asked) in [
             (Counts::new(1, 1, 1, 1, 1), false),
             (Counts::new(2, 0, 0, 0, 0), false),
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn the_time_is_a_quantity_that_only_an_order_by_quantity_can_place() {
+    fn only_order_by_quantity_places_the_time() {
         for (counts, quantities) in [
             (Counts::new(2, 0, 0, 0, 1), 2),
             (Counts::new(0, 0, 0, 2, 1), 2),
@@ -99,9 +99,9 @@ mod tests {
     }
 
     #[test]
-    fn the_places_are_those_of_the_named_order() {
+    fn places_follow_the_named_order() {
         let timeless = Counts::new(2, 2, 0, 2, 0);
-        // d1 d2 v1 v2 f1 f2 stand as d1 v1 f1 d2 v2 f2.
+        // d1 d2 v1 v2 f1 f2 become d1 v1 f1 d2 v2 f2.
         assert_eq!(SignalOrder::ByAxis.places(&timeless), [0, 3, 1, 4, 2, 5]);
         let counts = Counts::new(2, 2, 0, 2, 1);
         assert_eq!(

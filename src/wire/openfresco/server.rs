@@ -1,8 +1,7 @@
 //! Dialect A as a server, and dialect D behind `GenericTCP`.
 //!
-//! Both begin with the 44 bytes of [`Sizes`]; then come vectors. In dialect D nobody commits: a new target
-//! accepts the one before. Requests 6 to 11 are answered with all signals, 12 to 15 with a matrix, all else with
-//! nothing.
+//! Both begin with the 44 bytes of [`Sizes`]; then come vectors. Dialect D has no commits: a new target accepts the
+//! one before. Requests 6 to 11 are answered with all signals, 12 to 15 with a matrix, all else with nothing.
 
 use super::action::{Action, Matrix, Reading};
 use super::course::Course;
@@ -17,10 +16,8 @@ use crate::WireError;
 const LINE_LEN: usize = 16_385;
 /// Its first byte. No action of this dialect begins so: all are whole numbers, whose first byte is zero.
 const LINE_MARK: u8 = 2;
-/// So much of a line is kept, for the log.
-const LINE_KEPT: usize = 120;
 
-/// Who calls.
+/// Calling program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ServerDialect {
     /// A: a finite element program, which commits its steps.
@@ -38,7 +35,7 @@ pub enum Event {
     Greeted,
     /// The sizes are known and fit.
     Ready(Sizes),
-    /// A line of an init file; [`Server::init_line`] holds its beginning.
+    /// A line of an init file, which is ignored.
     InitLine,
     /// A command: [`Server::trial`] holds it.
     Trial(Course),
@@ -64,8 +61,6 @@ pub struct Server {
     opening: Opening,
     served: Option<Served>,
     commanded: bool,
-    line: [u8; LINE_KEPT],
-    line_len: usize,
     /// Bytes of a line that are still to come.
     line_left: usize,
 }
@@ -79,8 +74,6 @@ impl Server {
             opening: Opening::new(carrier, interface),
             served: None,
             commanded: false,
-            line: [0; LINE_KEPT],
-            line_len: 0,
             line_left: 0,
         }
     }
@@ -122,13 +115,6 @@ impl Server {
     #[must_use]
     pub fn is_reset(&self) -> bool {
         self.served.as_ref().is_some_and(Served::is_reset)
-    }
-
-    /// The beginning of the last line of an init file, up to its zero byte.
-    #[must_use]
-    pub fn init_line(&self) -> &[u8] {
-        let kept = self.line.get(..self.line_len).unwrap_or_default();
-        kept.split(|byte| *byte == 0).next().unwrap_or_default()
     }
 
     /// Encodes the answer to the last request 6 to 11. Kinds that the client does not want may be empty.
@@ -193,20 +179,13 @@ impl Server {
             && self.opening.begins(bytes)
             && bytes.first() == Some(&LINE_MARK);
         if begins {
-            (self.line_len, self.line_left) = (0, LINE_LEN);
+            self.line_left = LINE_LEN;
         }
         begins
     }
 
     fn line(&mut self, bytes: &[u8]) -> (usize, Event) {
         let used = bytes.len().min(self.line_left);
-        let skip = usize::from(self.line_left == LINE_LEN);
-        for byte in bytes.iter().take(used).skip(skip) {
-            if let Some(place) = self.line.get_mut(self.line_len) {
-                *place = *byte;
-                self.line_len += 1;
-            }
-        }
         self.line_left -= used;
         let whole = self.line_left == 0;
         (

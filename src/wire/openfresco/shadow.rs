@@ -47,7 +47,7 @@ pub enum ShadowEvent {
     Finished,
 }
 
-/// What the set-up waits for.
+/// Message that the set-up waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Step {
     Hello,
@@ -181,7 +181,7 @@ impl Shadow {
     /// what they mean. Real-time: yes.
     ///
     /// # Errors
-    /// Nonsense, another version, or bytes that nobody asked for. The shadow is failed then and stays so.
+    /// Nonsense, another version, or bytes that were not requested. The shadow is failed then and stays so.
     pub fn feed(&mut self, bytes: &[u8]) -> Result<(usize, ShadowEvent), WireError> {
         self.reply_len = 0;
         let outcome = self.hear(bytes);
@@ -191,7 +191,7 @@ impl Shadow {
         outcome
     }
 
-    /// Bytes to send after the last event. Over UDP these are messages of their own: cut them with
+    /// Bytes to send after the last event. Over UDP these are separate messages: cut them with
     /// [`Shadow::reply_messages`].
     #[must_use]
     pub fn reply(&self) -> &[u8] {

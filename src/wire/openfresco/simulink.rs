@@ -40,7 +40,7 @@ pub enum SimulinkEvent {
     Execute,
     /// An unknown action. It is not answered.
     Ignored(f64),
-    /// The end; sent twice, the second one is swallowed.
+    /// The end; a second one is ignored.
     Finished,
 }
 
@@ -57,7 +57,7 @@ pub struct Simulink {
     outbox: Vec<u8>,
     followed: Followed,
     order: Option<SignalOrder>,
-    /// Where the signals of a command and of an answer stand on the wire.
+    /// Places of the signals of a command and of an answer on the wire.
     ctrl_places: Vec<usize>,
     daq_places: Vec<usize>,
     /// OpenFresco up to 2.7 sends these signals in this order.
@@ -117,7 +117,7 @@ impl Simulink {
         self.followed.signals()
     }
 
-    /// The same, signal by signal.
+    /// The target, signal by signal.
     #[must_use]
     pub fn trial(&self) -> Response<'_> {
         self.followed.trial()
@@ -213,7 +213,7 @@ impl Simulink {
     }
 
     fn ready(&mut self, sizes: Sizes) -> Result<SimulinkEvent, WireError> {
-        // The flag stands in front of the signals.
+        // The flag precedes the signals.
         super::sizes::inside(
             "data size N",
             1 + sizes.daq().total(),
@@ -260,7 +260,7 @@ impl Simulink {
                 SimulinkEvent::SwitchedBack
             }
             Some(Action::Commit) => {
-                // It says no time of its own.
+                // The commit has no time field.
                 self.followed.commit(self.followed.time());
                 SimulinkEvent::Commit
             }

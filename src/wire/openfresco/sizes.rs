@@ -7,9 +7,9 @@ use crate::WireError;
 use crate::bytes::{get_i32, put};
 
 /// Length of the first message in dialects A, C and D.
-pub const SIZES_LEN: usize = 44;
+pub(crate) const SIZES_LEN: usize = 44;
 /// Length of one size array in dialect B.
-pub const BLOCK_LEN: usize = 20;
+pub(crate) const BLOCK_LEN: usize = 20;
 /// Doubles in a vector, unless somebody wants it otherwise.
 pub const DEFAULT_DATA_SIZE: usize = 256;
 /// Most doubles in a vector: 512 kB.
@@ -57,9 +57,9 @@ impl Counts {
         self.before_time() + self.time
     }
 
-    /// Where the time stands, counted from the first signal.
+    /// Place of the time, counted from the first signal.
     #[must_use]
-    pub const fn before_time(&self) -> usize {
+    pub(crate) const fn before_time(&self) -> usize {
         self.disp + self.vel + self.accel + self.force
     }
 
@@ -135,7 +135,7 @@ impl Sizes {
         })
     }
 
-    /// Sizes with the wish for N raised as far as commands, answers and, if wanted, n×n matrices need it.
+    /// Sizes with the requested N, raised as far as commands, answers and, if wanted, n×n matrices need it.
     ///
     /// # Errors
     /// See [`Sizes::new`].
@@ -155,12 +155,13 @@ impl Sizes {
     ///
     /// # Errors
     /// See [`Sizes::new`].
-    pub fn generic_client(n: usize, data_size: usize) -> Result<Self, WireError> {
+    #[cfg(test)]
+    pub(crate) fn generic_client(n: usize, data_size: usize) -> Result<Self, WireError> {
         let ctrl = Counts::new(n, n, n, 0, 1);
         Self::fitted(ctrl, Counts::new(0, 0, 0, n, 0), data_size, true)
     }
 
-    /// What an OpenSees `adapter`, `actuator` or `corotActuator` takes: d out, d and f back.
+    /// Sizes for an OpenSees `adapter`, `actuator` or `corotActuator`: d out, d and f back.
     ///
     /// # Errors
     /// See [`Sizes::new`].
@@ -182,7 +183,7 @@ impl Sizes {
     /// Reads the 44 bytes.
     ///
     /// # Errors
-    /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for what cannot be.
+    /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for impossible sizes.
     pub fn parse(bytes: &[u8]) -> Result<Self, WireError> {
         crate::not_foreign(bytes)?;
         let ctrl = Counts::parse(bytes, 0)?;
@@ -229,7 +230,7 @@ impl Sizes {
     }
 }
 
-/// What a server has: the counts of a client must fit it.
+/// Signals of a server: the counts of a client must fit them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interface {
     /// Commanded displacements.

@@ -1,4 +1,4 @@
-//! Vectors of N doubles: what stands where, and zeros behind it.
+//! Vectors of N doubles: their layout, and zeros behind the data.
 //!
 //! Real programs leave stale values behind the data; ours are zero. Doubles that a message does not define are
 //! never read.
@@ -24,7 +24,7 @@ pub struct Response<'a> {
 }
 
 impl<'a> Response<'a> {
-    /// Signals that stand in one row, in the order of the wire; missing ones are empty. Real-time: yes.
+    /// Splits signals in one row, in the order of the wire; missing ones are empty. Real-time: yes.
     #[must_use]
     pub fn split(counts: &Counts, values: &'a [f64]) -> Self {
         let (disp, rest) = cut(values, counts.disp);
@@ -65,7 +65,7 @@ impl<'a> Response<'a> {
 /// # Errors
 /// [`WireError::Count`] if a kind of the layout has another number of signals, [`WireError::NotFinite`],
 /// [`WireError::Room`].
-pub fn write_vector(
+pub(crate) fn write_vector(
     out: &mut [u8],
     lead: Option<f64>,
     counts: &Counts,
@@ -100,7 +100,7 @@ pub fn write_vector(
 ///
 /// # Errors
 /// [`WireError::Room`].
-pub fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
+pub(crate) fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
     put(out, 0, action.code().to_le_bytes())?;
     zero_from(out, 8);
     Ok(())
@@ -110,7 +110,7 @@ pub fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
 ///
 /// # Errors
 /// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Room`].
-pub fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireError> {
+pub(crate) fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireError> {
     same_length("entries of the matrix", n.saturating_mul(n), rows.len())?;
     crate::bytes::finite("matrix", rows)?;
     let mut at = 0;
@@ -124,11 +124,11 @@ pub fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireEr
     Ok(())
 }
 
-/// Reads an n×n matrix, which stands column by column, row by row. Real-time: yes.
+/// Reads an n×n matrix, column by column on the wire, into row order. Real-time: yes.
 ///
 /// # Errors
 /// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Truncated`].
-pub fn read_matrix(vector: &[u8], n: usize, rows: &mut [f64]) -> Result<(), WireError> {
+pub(crate) fn read_matrix(vector: &[u8], n: usize, rows: &mut [f64]) -> Result<(), WireError> {
     same_length("entries of the matrix", n.saturating_mul(n), rows.len())?;
     let columns = words(vector, 0, rows.len())?;
     finite_words("matrix", columns)?;
@@ -144,7 +144,7 @@ pub fn read_matrix(vector: &[u8], n: usize, rows: &mut [f64]) -> Result<(), Wire
 ///
 /// # Errors
 /// [`WireError::Truncated`].
-pub fn read_lead(vector: &[u8]) -> Result<f64, WireError> {
+pub(crate) fn read_lead(vector: &[u8]) -> Result<f64, WireError> {
     get_f64(vector, 0)
 }
 
@@ -154,7 +154,7 @@ fn zero_from(out: &mut [u8], at: usize) {
     }
 }
 
-/// Signals with a layout, in a buffer of their own.
+/// Signals with a layout and their own buffer.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Signals {
     counts: Counts,
@@ -169,7 +169,7 @@ impl Signals {
         }
     }
 
-    /// Reads all signals of a vector that begins with `lead` other doubles. An error leaves them as they were.
+    /// Reads all signals of a vector that begins with `lead` other doubles. An error leaves them unchanged.
     /// Real-time: yes.
     pub(super) fn read(
         &mut self,

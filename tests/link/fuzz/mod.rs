@@ -1,5 +1,5 @@
-//! What the fuzzing of the codecs is made of: seeded dice, mutations that know doubles and counts, and a run that names the
-//! input on which a property failed.
+//! Parts of the fuzzing of the codecs: seeded dice, mutations that know doubles and counts, and a run that names the input on which
+//! a property failed.
 
 #![allow(clippy::disallowed_macros, reason = "a long run prints its counts")]
 
@@ -176,7 +176,7 @@ pub fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
     found
 }
 
-/// The corpus as it is, then `inputs` new ones.
+/// The unchanged corpus, then `inputs` new ones.
 pub fn run(target: &mut dyn Target, inputs: u64, seed: u64) {
     let name = target.name();
     let known = corpus(name);

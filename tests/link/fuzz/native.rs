@@ -1,10 +1,9 @@
-//! Our own frames, with and without a key.
+//! Native frames, with and without a key.
 
 use gusset_quantity::substructure::{Command, Measurement, Status};
-use gusset_wire::key::{MAC_LEN, PreSharedKey, SessionKey};
+use gusset_wire::key::{PreSharedKey, SessionKey};
 use gusset_wire::native::{
-    CRC_LEN, Cause, Decoder, Encoder, Frame, HEADER_LEN, Heartbeat, LARGEST_FRAME, Moment, Notice,
-    Received, split,
+    Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Moment, Notice, Received, split,
 };
 use gusset_wire::{Progress, Side, WireError};
 
@@ -12,13 +11,28 @@ use super::{Dice, Target, corpus, mutate};
 
 const SESSION: u64 = 0xa1b2_c3d4_e5f6_0718;
 
+/// Lengths of a header, a signature and a checksum.
+const HEADER_LEN: usize = 32;
+const MAC_LEN: usize = 16;
+const CRC_LEN: usize = 4;
+
+/// The signature of [`key`], as PROTOCOL.md says it.
+fn mac(bytes: &[u8]) -> [u8; MAC_LEN] {
+    let secret = blake3::derive_key("gusset wire 1 pre-shared key", &[9; 32]);
+    let number = SESSION.to_le_bytes();
+    let material = [&secret[..], &[1; 32], &[2; 32], &number].concat();
+    let session = blake3::derive_key("gusset wire 1 session key", &material);
+    let whole = blake3::keyed_hash(&session, bytes);
+    std::array::from_fn(|at| whole.as_bytes()[at])
+}
+
 fn key() -> SessionKey {
     PreSharedKey::new(&[9; 32])
         .unwrap()
         .session(&[1; 32], &[2; 32], SESSION)
 }
 
-/// Who wrote a frame, for how many axes, and whether it is signed.
+/// The sender of a frame, its number of axes, and whether it is signed.
 type Terms = (Side, usize, bool);
 
 fn encoder((side, axes, keyed): Terms) -> Encoder {
@@ -129,7 +143,7 @@ fn seal(bytes: &mut [u8], how: usize) {
     }
     if how > 2 && bytes[6] & 1 == 1 && length >= HEADER_LEN + CRC_LEN + MAC_LEN {
         let at = length - CRC_LEN - MAC_LEN;
-        let mac = key().mac(&bytes[..at]);
+        let mac = mac(&bytes[..at]);
         bytes[at..at + MAC_LEN].copy_from_slice(&mac);
     }
     let at = length - CRC_LEN;
@@ -155,7 +169,7 @@ impl Target for Native {
         bytes
     }
 
-    /// Its own header says whose it is.
+    /// Its own header names its sender.
     fn adopt(&mut self, input: &[u8]) {
         let byte = |at: usize| input.get(at).copied().unwrap_or(0);
         let side = match byte(6) & 2 {
@@ -171,7 +185,7 @@ impl Target for Native {
         if let Ok(Progress::Frame { consumed }) = found {
             assert!(consumed <= input.len() && consumed <= LARGEST_FRAME);
         }
-        // A stream that comes in pieces says the same, and says it as soon as it can.
+        // A stream in pieces decodes alike, and as early as possible.
         let prefix = &input[..dice.below(input.len() + 1)];
         match (split(prefix), found) {
             (Ok(Progress::Frame { consumed }), found) => {
@@ -181,7 +195,7 @@ impl Target for Native {
                 let claimed = prefix.get(8..12).map_or(0, |bytes| {
                     u32::from_le_bytes(bytes.try_into().unwrap()) as usize
                 });
-                // Before its header is whole nothing is believed.
+                // Before its header is whole, no length counts.
                 let whole = prefix.len() >= HEADER_LEN;
                 assert!(
                     !whole || claimed <= LARGEST_FRAME,
@@ -193,7 +207,7 @@ impl Target for Native {
         let (side, axes, keyed) = self.terms;
         let mut strict = decoder(self.terms);
         let received = alone(|| strict.open(input).map(|received| received.counter));
-        // Whoever else reads it must not fall over it either.
+        // No other reader may panic on it either.
         for terms in [
             (side.other(), axes, keyed),
             (side, axes, !keyed),
@@ -241,7 +255,7 @@ fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
-/// Decoded, encoded and decoded again, a frame says the same; its length then.
+/// A frame is unchanged when it is decoded, encoded and decoded again; returns its length.
 fn same_again(terms: Terms, received: &Received<'_>) -> usize {
     let axes = terms.1;
     let mut encoder = encoder(terms);
@@ -311,7 +325,7 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
                 });
                 entries.collect()
             };
-            // A history that says one number twice, which no encoder writes, is not kept as it was.
+            // A history that repeats a number, which no encoder writes, is not kept unchanged.
             let mut numbers: Vec<_> = one.earlier().map(|entry| entry.sequence()).collect();
             numbers.insert(0, one.sequence());
             if numbers.windows(2).all(|pair| pair[0] != pair[1]) {

@@ -16,8 +16,8 @@ use super::{Dice, Target, WORDS, mutate};
 const SHORT: usize = 16;
 /// Messages of an exchange that are fed.
 const MOST: usize = 24;
-/// Vectors of 65536 doubles, the longest that may be: one each for what comes and what goes, the command before the last,
-/// and the first messages. Not computed from the program's own bound, which it is there to watch.
+/// Vectors of 65536 doubles, the longest allowed: one each for the received and the sent vector, the command before the last, and
+/// the first messages. This bound is independent of the program's own.
 const ALLOCATION_LIMIT: u64 = 4 * 8 * 65_536;
 
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ enum Role {
     Shadow,
 }
 
-/// An exchange as one end hears it.
+/// An exchange as one end receives it.
 struct Exchange {
     roles: &'static [Role],
     carrier: Carrier,
@@ -68,8 +68,8 @@ fn load(name: &str, from_client: bool, roles: &'static [Role]) -> Exchange {
 }
 
 impl Exchange {
-    /// The same with vectors of [`SHORT`] doubles: what stands behind is garbage by contract. Dialect B's vectors before
-    /// its setup stay as long as they must be.
+    /// The exchange with vectors of [`SHORT`] doubles: the rest is garbage by contract. Dialect B's vectors before its setup keep
+    /// their full length.
     fn shortened(mut self) -> Self {
         for message in &mut self.messages {
             match message.len() {
@@ -133,7 +133,7 @@ fn exchanges() -> Vec<Exchange> {
     all
 }
 
-/// What a machine said, as a number: equal courses give equal numbers, and nothing is allocated for it.
+/// The outputs of a machine as a hash: equal courses give equal numbers, without an allocation.
 struct Log(u64);
 
 impl Write for Log {
@@ -246,7 +246,7 @@ impl Machine {
         log.event(&bytes.is_ok());
     }
 
-    /// Feeds, answers what is asked, notes what was said; how many bytes were used.
+    /// Feeds the bytes, answers requests, notes the outputs; returns how many bytes were used.
     fn feed(&mut self, bytes: &[u8], log: &mut Log) -> Result<usize, WireError> {
         match self {
             Self::Server(server, n) => {
@@ -255,7 +255,6 @@ impl Machine {
                     Event::NeedMore => return Ok(used),
                     Event::Greeted => log.note(server.reply()),
                     Event::Trial(_) => log.event(&(server.trial(), server.dt())),
-                    Event::InitLine => log.note(server.init_line()),
                     Event::Read(_) => log.note(server.answer(&everything(*n)).unwrap()),
                     Event::Matrix(_) => {
                         log.note(server.answer_matrix(&MATRIX[..*n * *n]).unwrap());
@@ -409,7 +408,7 @@ impl Target for OpenFresco {
         let role = *dice.pick(exchange.roles);
         let mut messages = exchange.messages.clone();
         messages.truncate(1 + dice.below(messages.len()));
-        // Most of an exchange stays as it was, so that the depths are reached.
+        // Most of an exchange stays unchanged, so that the depths are reached.
         for _ in 0..dice.below(4) {
             let place = dice.below(messages.len());
             match dice.below(7) {

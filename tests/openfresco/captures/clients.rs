@@ -1,4 +1,4 @@
-//! What clients sent is served as recorded, and ours send the same.
+//! The server answers clients as recorded, and our clients send the recorded bytes.
 
 use super::*;
 
@@ -66,7 +66,7 @@ fn serve(capture: &Capture, dialect: ServerDialect, piece: usize) -> (Vec<Course
 }
 
 #[test]
-fn application_clients_are_served_as_recorded() {
+fn application_clients_match_the_recording() {
     for name in APPLICATION {
         let capture = load(name);
         for piece in PIECES {
@@ -88,7 +88,7 @@ fn application_clients_are_served_as_recorded() {
 }
 
 #[test]
-fn adapter_and_controller_clients_are_served_as_recorded() {
+fn adapter_clients_match_the_recording() {
     for piece in PIECES {
         for name in ADAPTER {
             serve(&load(name), ServerDialect::Application, piece);
@@ -100,7 +100,7 @@ fn adapter_and_controller_clients_are_served_as_recorded() {
     }
 }
 
-/// Plays the client of a capture: what it sends is what was recorded, and the recorded answers are understood.
+/// Plays the client of a capture: it sends the recorded bytes, and understands the recorded answers.
 fn command(capture: &Capture, dialect: ClientDialect, piece: usize) {
     let sizes = capture
         .messages
@@ -165,7 +165,7 @@ fn command(capture: &Capture, dialect: ClientDialect, piece: usize) {
                 agree(&context, ours, &message.bytes, 1 + ctrl.total());
             }
             Action::Commit => {
-                let at = 1 + ctrl.before_time();
+                let at = 1 + ctrl.total() - ctrl.time;
                 let time = if ctrl.time == 1 { values[at] } else { 0.0 };
                 let ours = doubles(client.commit(time).unwrap());
                 assert_eq!(ours[0], 5.0, "{context}");
@@ -185,7 +185,7 @@ fn command(capture: &Capture, dialect: ClientDialect, piece: usize) {
                 let ours = client.request_matrix(kind).unwrap();
                 agree(&context, ours, &message.bytes, 1);
             }
-            // OpenFresco says it twice; we say it once.
+            // OpenFresco sends it twice; our client sends it once.
             Action::Die if ended => assert!(client.die().is_err()),
             Action::Die => {
                 agree(&context, client.die().unwrap(), &message.bytes, 1);
@@ -198,7 +198,7 @@ fn command(capture: &Capture, dialect: ClientDialect, piece: usize) {
 }
 
 #[test]
-fn our_client_sends_what_the_real_clients_sent() {
+fn our_client_sends_what_real_clients_sent() {
     for piece in PIECES {
         for name in APPLICATION {
             command(&load(name), ClientDialect::Application, piece);

@@ -1,9 +1,9 @@
-//! Exchanges recorded between the real programs (tests/captures) decode as they are, in both roles, and what we
-//! encode equals what they sent in every double that the message defines.
+//! Exchanges recorded between the real programs (tests/captures) decode unchanged, in both roles. Our encoding equals theirs in
+//! every double that the message defines.
 //!
-//! Each line of a capture is one message: direction, length, meaning, the bytes up to the last one that is not
-//! zero, and the number of zeros behind. The real programs leave stale doubles behind the defined ones, ours are
-//! zero: so only the defined ones are compared, bit by bit.
+//! Each line of a capture is one message: direction, length, meaning, the bytes up to the last one that is not zero, and the number
+//! of zeros behind. The real programs send stale doubles behind the defined ones, ours are zero: so only the defined ones are
+//! compared, bit by bit.
 
 mod clients;
 mod others;
@@ -108,8 +108,8 @@ fn gaps(capture: &Capture) -> Vec<(u64, u64)> {
         .collect()
 }
 
-/// The recording of SimSimulink lacks messages 81 to 91, the rest of its fifth and last step: the answer to 4.1,
-/// 4.2, both 4.3, both 6, and the commit. It is kept as it was recorded; nothing is made up to fill it.
+/// The recording of SimSimulink lacks messages 81 to 91, the rest of its fifth and last step: the answer to 4.1, 4.2, both 4.3,
+/// both 6, and the commit. It is kept as recorded; no message is invented to fill it.
 #[test]
 fn only_the_simulink_capture_has_a_gap() {
     for name in APPLICATION.iter().chain(&ADAPTER).chain(&SITES) {

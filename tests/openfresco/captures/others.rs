@@ -149,7 +149,7 @@ fn a_shadow_is_served_as_recorded() {
 }
 
 #[test]
-fn our_shadow_sends_what_the_real_shadow_sent() {
+fn our_shadow_sends_what_the_real_one_sent() {
     for name in SITES {
         let capture = load(name);
         let what = |part: &str| capture.messages.iter().any(|message| message.what == part);
@@ -175,7 +175,7 @@ fn our_shadow_sends_what_the_real_shadow_sent() {
                 },
             })
             .unwrap();
-            // What our side has to send before the next answer, message by message.
+            // The messages that our side must send before the next answer.
             let mut due = vec![shadow.open().unwrap().to_vec()];
             let mut ended = false;
             for message in &capture.messages {
@@ -230,7 +230,7 @@ fn our_shadow_sends_what_the_real_shadow_sent() {
 }
 
 #[test]
-fn every_truncation_of_a_recorded_test_waits_for_more() {
+fn truncated_recording_waits_for_more() {
     for name in ["opensees-genericClient-tcp-1dof-alphaos", SIMULINK] {
         let capture = load(name);
         let stream: Vec<u8> = capture
@@ -253,7 +253,7 @@ fn every_truncation_of_a_recorded_test_waits_for_more() {
 }
 
 #[test]
-fn a_command_and_its_request_leave_in_one_piece_that_cuts_into_two_datagrams() {
+fn command_and_request_leave_in_one_piece() {
     let capture = load(ADAPTER[1]);
     let pair: Vec<_> = capture
         .messages

@@ -1,4 +1,4 @@
-//! The stage itself: what it must notice, it notices.
+//! The stage itself: it detects every fault that it must.
 
 use super::stage::{assert_quiet, visit};
 
@@ -16,7 +16,7 @@ fn a_page_that_only_draws_is_quiet() {
 }
 
 #[test]
-fn the_stage_hears_the_console_sees_errors_and_stops_requests_that_leave_the_machine() {
+fn stage_sees_errors_and_stops_requests() {
     let folder = tempfile::tempdir().unwrap();
     let page = folder.path().join("page.html");
     let text = r#"<!doctype html><title>T</title><canvas></canvas>

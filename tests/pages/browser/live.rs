@@ -1,4 +1,4 @@
-//! The live page: what an operator sees and presses, in a real browser, with a test that runs.
+//! The live page: an operator's view and buttons, in a real browser, with a running test.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ impl Drop for Running {
     }
 }
 
-/// Starts a test with its page into `home/run`: what it says after that, its address, its control token.
+/// Starts a test with its page into `home/run`; returns its output after that, its address and its control token.
 pub fn start(home: &Path, text: &str) -> (Running, BufReader<ChildStderr>, [String; 2]) {
     let mut child = gusset()
         .arg("run")
@@ -56,7 +56,7 @@ pub fn start(home: &Path, text: &str) -> (Running, BufReader<ChildStderr>, [Stri
     (running, said, [address, token])
 }
 
-/// Waits for the end of a test: its exit code, and what it said.
+/// Waits for the end of a test; returns its exit code and its output.
 pub fn finish(mut running: Running, mut said: BufReader<ChildStderr>) -> (Option<i32>, String) {
     let mut rest = String::new();
     said.read_to_string(&mut rest).unwrap();
@@ -64,7 +64,7 @@ pub fn finish(mut running: Running, mut said: BufReader<ChildStderr>) -> (Option
 }
 
 #[test]
-fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
+fn operator_holds_continues_and_stops() {
     if installed().is_none() {
         return;
     }
@@ -179,7 +179,7 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
 }
 
 #[test]
-fn a_trip_is_shown_in_the_shutdown_and_stop_freezes_the_specimens() {
+fn trip_is_shown_and_stop_freezes() {
     if installed().is_none() {
         return;
     }

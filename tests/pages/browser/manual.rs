@@ -22,7 +22,7 @@ fn seen(how: &str) -> Option<Value> {
 }
 
 #[test]
-fn the_search_finds_a_key_and_leads_to_its_entry() {
+fn search_leads_to_the_entry_of_a_key() {
     for how in ["light", "dark", "narrow"] {
         let Some(found) = seen(how) else {
             return;
@@ -45,7 +45,7 @@ fn the_search_finds_a_key_and_leads_to_its_entry() {
 }
 
 #[test]
-fn the_pages_are_dark_where_the_system_is_and_print_without_the_navigation() {
+fn pages_turn_dark_and_print_cleanly() {
     let (Some(light), Some(dark), Some(print)) = (seen("light"), seen("dark"), seen("print"))
     else {
         return;

@@ -1,5 +1,5 @@
-//! The pages as a person sees them: headless Chromium opens them, looks and clicks. Where the browser is not installed these
-//! tests say so, loudly, and with CI=true they fail. `tools/test` installs it.
+//! The pages as a person sees them: headless Chromium opens them, looks and clicks. Where the browser is not installed these tests
+//! print a clear message, and with CI=true they fail. `tools/test` installs it.
 
 mod harness;
 #[cfg(feature = "monitor")]

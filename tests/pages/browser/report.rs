@@ -60,7 +60,7 @@ fn digests(canvases: &Value) -> Vec<i64> {
 }
 
 #[test]
-fn plots_are_there_zoom_together_and_come_back() {
+fn plots_zoom_together_and_come_back() {
     for how in ["light", "dark"] {
         let Some(found) = seen(how) else { return };
         assert_eq!(found["scripts"], 1, "one script, our own");
@@ -95,7 +95,7 @@ fn plots_are_there_zoom_together_and_come_back() {
 }
 
 #[test]
-fn paper_and_readers_without_scripts_get_every_picture() {
+fn pictures_work_on_paper_without_scripts() {
     let Some(plain) = seen("noscript") else {
         return;
     };
@@ -163,7 +163,7 @@ fn texts(found: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn a_page_of_twenty_seconds_is_short_in_order_and_folded() {
+fn page_of_twenty_seconds_is_short() {
     let page = long();
     let bytes = std::fs::metadata(page).unwrap().len();
     assert!(bytes <= 1_500_000, "{bytes}");
@@ -197,7 +197,7 @@ fn a_page_of_twenty_seconds_is_short_in_order_and_folded() {
 }
 
 #[test]
-fn no_label_of_a_timing_histogram_lies_on_another() {
+fn timing_histogram_labels_do_not_overlap() {
     let folder = tempfile::tempdir().unwrap();
     let text = FRAME.replace("duration_s = 0.5", "duration_s = 2");
     let test = write(folder.path(), "test.toml", &text);
@@ -214,7 +214,7 @@ fn no_label_of_a_timing_histogram_lies_on_another() {
 }
 
 #[test]
-fn every_colour_of_the_page_changes_in_the_dark() {
+fn every_colour_changes_in_the_dark() {
     let Some(light) = visited(report(), "layout") else {
         return;
     };

@@ -8,7 +8,7 @@ use super::live::{finish, start};
 use super::stage::{assert_quiet, installed, visit};
 use crate::common::FRAME;
 
-/// What `screen.mjs` finds on the page of a test; the exit code of the test is 130.
+/// The findings of `screen.mjs` on the page of a test; the exit code of the test is 130.
 fn seen(text: &str, more: &[&str]) -> Option<Value> {
     installed()?;
     let home = tempfile::tempdir().unwrap();
@@ -48,7 +48,7 @@ fn has(found: &Value, label: &str) -> bool {
 }
 
 #[test]
-fn one_screen_shows_the_test_and_the_keyboard_operates_it() {
+fn keyboard_operates_the_test_on_one_screen() {
     // The storey above is stiff: both DOFs move alike.
     let text = FRAME
         .replace("duration_s = 0.5", "duration_s = 3600")
@@ -82,7 +82,7 @@ fn one_screen_shows_the_test_and_the_keyboard_operates_it() {
 }
 
 #[test]
-fn one_screen_shows_a_test_with_several_specimens() {
+fn several_specimens_fit_on_one_screen() {
     let text = include_str!("../../../config/two-specimens.toml")
         .replace("duration_s = 12\n", "duration_s = 3600\n")
         .replace("rate_hz = 1000", "rate_hz = 200");

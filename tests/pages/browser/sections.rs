@@ -57,7 +57,7 @@ fn done(command: &str, arguments: &[&str]) {
 }
 
 #[test]
-fn comparison_has_the_sections_of_the_report() {
+fn comparison_has_the_reports_sections() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let text = FRAME.replace("duration_s = 0.5", "duration_s = 4").replace(
@@ -93,7 +93,7 @@ fn comparison_has_the_sections_of_the_report() {
 }
 
 #[test]
-fn identification_shows_each_axis_after_verdict_and_key_figures() {
+fn identification_shows_each_axis() {
     let folder = tempfile::tempdir().unwrap();
     let text = "title = \"Column\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
         [[excitation.prescribed_displacement]]\nspecimen = \"column\"\n\
@@ -115,7 +115,7 @@ fn identification_shows_each_axis_after_verdict_and_key_figures() {
 }
 
 #[test]
-fn verification_shows_results_by_topic_first_and_folds_checks_that_hold() {
+fn verification_shows_results_first() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("verify");
     let topics = ["fig-1", "fig-2", "eq-33", "fig-5", "example-4.1"];

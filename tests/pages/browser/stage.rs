@@ -1,4 +1,4 @@
-//! Runs one visit script of this folder under Node and gives what it found.
+//! Runs one visit script of this folder under Node and returns its findings.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-/// The scripts' modules and the browser; `None`, said loudly, where they are missing.
+/// The scripts' modules and the browser; `None`, with a clear message, where they are missing.
 ///
 /// # Panics
 /// Where they are missing and CI=true.
@@ -21,7 +21,7 @@ pub fn installed() -> Option<(PathBuf, PathBuf)> {
     let text =
         "SKIPPED: the browser for the tests of pages is not installed; `tools/test` installs it\n";
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{text}");
-    // Past the capture of the test harness: nobody sees what a passing test prints.
+    // Past the capture of the test harness, which hides the output of a passing test.
     let _ = std::io::stderr().write_all(text.as_bytes());
     None
 }

@@ -1,4 +1,4 @@
-//! What is shown of limits is what the loop judges: the peak that is shown is the level from which on the loop warns.
+//! The page shows limits as the loop checks them: the peak shown is the level from which on the loop warns.
 
 use std::sync::Arc;
 
@@ -19,14 +19,14 @@ use crate::common::engine::{prepare, run_on};
 const RATE_HZ: f64 = 200.0;
 const STIFFNESS: f64 = 2e5;
 
-/// A spring in millimetres whose displacement sensor reads 5 mm too much and a tenth too little.
+/// A spring in millimetres whose displacement sensor has an offset of 5 mm and a gain of 0.9.
 struct Crooked {
-    /// Ticks that it takes for an answer.
+    /// Polls that it takes for an answer.
     takes: u32,
     left: u32,
     disp: f64,
     sequence: u64,
-    /// Commands whose answers stay away, and commands for which its sensors stand still.
+    /// Commands without a reply, and commands for which its sensors keep their reading.
     misses: std::ops::Range<u64>,
     sticks: std::ops::Range<u64>,
     last: [f64; 2],
@@ -84,7 +84,7 @@ fn open() -> AxisLimits {
     limits
 }
 
-/// The same with a warning of one quantity from `size` on.
+/// Those limits with a warning of one quantity from `size` on.
 fn warned(quantity: Limit, size: f64) -> AxisLimits {
     let range = Range {
         warn: [-size, size],
@@ -170,7 +170,7 @@ fn about() -> About {
     }
 }
 
-/// A board, and who looks at the rows for it.
+/// A board, and the tap that updates it with rows.
 fn looked_at(experiment: &Experiment, phase: &PhaseCell) -> (Arc<Board>, Tap) {
     let subject = Subject::new(experiment, about());
     let board = Arc::new(Board::new(subject, phase.clone(), None));
@@ -179,7 +179,7 @@ fn looked_at(experiment: &Experiment, phase: &PhaseCell) -> (Arc<Board>, Tap) {
     (board, tap)
 }
 
-/// What is shown of such a test after its last row, how often it commanded its specimen, and what the loop warned of.
+/// The page of such a test after its last row, its snapshot, and the loop's warnings.
 fn shown(per_step: bool, limits: AxisLimits) -> (Arc<Board>, Arc<Snapshot>, Vec<(String, f64)>) {
     let experiment = shaken(per_step, limits);
     let (board, mut tap) = looked_at(&experiment, &PhaseCell::default());
@@ -201,7 +201,7 @@ fn shown(per_step: bool, limits: AxisLimits) -> (Arc<Board>, Arc<Snapshot>, Vec<
 }
 
 #[test]
-fn the_peak_that_is_shown_of_a_quantity_is_what_the_loop_judged() {
+fn peak_shown_is_the_one_the_loop_checked() {
     for per_step in [false, true] {
         let (board, latest, warnings) = shown(per_step, open());
         assert_eq!(warnings, []);
@@ -225,7 +225,7 @@ fn the_peak_that_is_shown_of_a_quantity_is_what_the_loop_judged() {
 }
 
 #[test]
-fn a_zero_that_was_read_is_no_following_error_and_what_was_not_measured_is_no_point() {
+fn unmeasured_values_are_no_points() {
     let (_, latest, _) = shown(false, open());
     // A tenth of the way, and not the 5 mm of the sensor.
     let axis = &latest.axes[0];
@@ -235,7 +235,7 @@ fn a_zero_that_was_read_is_no_following_error_and_what_was_not_measured_is_no_po
 }
 
 #[test]
-fn the_exchanges_that_are_shown_are_those_that_the_loop_counted() {
+fn exchanges_shown_are_those_counted() {
     for per_step in [false, true] {
         let experiment = shaken(per_step, open());
         let columns = experiment.columns();
@@ -259,7 +259,7 @@ fn the_exchanges_that_are_shown_are_those_that_the_loop_counted() {
 }
 
 #[test]
-fn every_limit_of_the_test_as_a_whole_is_shown_and_scraped() {
+fn every_limit_of_the_test_is_shown() {
     let text = format!(
         "{}\n[safety]\nadded_energy_share = {{ warn = 0.1, trip = 0.2, floor_j = 1.0 }}\n[timing]\nmisses.in_window.trip = 9\n",
         crate::common::FRAME
@@ -305,9 +305,9 @@ fn every_limit_of_the_test_as_a_whole_is_shown_and_scraped() {
     assert_eq!(board.latest().test[place.unwrap()], [0.0, 2.0]);
 }
 
-/// Rows of the warm-up are held back: that is no silence, and the hold is known without them.
+/// Rows of the warm-up are delayed: that is no silence, and the page shows the hold without them.
 #[test]
-fn a_long_warm_up_raises_no_alarm_and_its_hold_is_scraped() {
+fn long_warm_up_raises_no_alarm() {
     let experiment = shaken(false, open());
     let phase = PhaseCell::default();
     let (board, mut tap) = looked_at(&experiment, &phase);

@@ -1,5 +1,5 @@
-//! The live page from outside: viewers change nothing, however they behave; who has no token neither sees nor moves
-//! anything; what Prometheus scrapes is well formed.
+//! The live page from outside: viewers change nothing, however they behave; without a token a client neither sees nor moves
+//! anything; the metrics for Prometheus are well formed.
 
 mod exposition;
 mod judged;
@@ -12,7 +12,7 @@ use std::path::Path;
 use crate::common::{FRAME, completed, json, names, run, same_physics, write};
 use web::{Running, ask, call, keep_alive, until, watch};
 
-/// The frame in real time, for so many seconds.
+/// The frame in real time, for this many seconds.
 fn real(home: &Path, seconds: f64) -> std::path::PathBuf {
     let text = FRAME
         .replace("duration_s = 0.5", &format!("duration_s = {seconds:?}"))
@@ -21,7 +21,7 @@ fn real(home: &Path, seconds: f64) -> std::path::PathBuf {
 }
 
 #[test]
-fn ten_viewers_a_slow_one_and_some_that_hang_up_change_no_number_of_the_test() {
+fn viewers_change_no_number_of_the_test() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = real(home, 4.0);
@@ -29,7 +29,7 @@ fn ten_viewers_a_slow_one_and_some_that_hang_up_change_no_number_of_the_test() {
     completed(&test, &alone, &["--clock", "simulated"]);
     let running = Running::start(home, "watched", &test, "127.0.0.1", &[]);
     let address = running.address.clone();
-    // Asks for everything and never reads a byte; held to the end.
+    // Requests everything and never reads a byte; connected to the end.
     let slow: Vec<_> = (0..2).map(|_| call(&address, "GET /stream", &[])).collect();
     let viewers: Vec<_> = (0..10)
         .map(|_| {
@@ -38,7 +38,7 @@ fn ten_viewers_a_slow_one_and_some_that_hang_up_change_no_number_of_the_test() {
         })
         .collect();
     for _ in 0..20 {
-        // In mid-stream, in the head of a request, and before a word.
+        // In mid-stream, in the head of a request, and before any byte.
         drop(call(&address, "GET /stream", &[]));
         drop(ask(&address, "GET /stream", &[]));
         drop(std::net::TcpStream::connect(&address).unwrap());
@@ -64,7 +64,7 @@ fn ten_viewers_a_slow_one_and_some_that_hang_up_change_no_number_of_the_test() {
 }
 
 #[test]
-fn a_test_faster_than_real_time_gives_the_same_rows_and_its_viewers_the_end() {
+fn fast_test_gives_its_viewers_the_end() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = write(
@@ -87,7 +87,7 @@ fn a_test_faster_than_real_time_gives_the_same_rows_and_its_viewers_the_end() {
 }
 
 #[test]
-fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
+fn commands_need_the_token() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &["--json"]);
@@ -126,7 +126,7 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
     let reply = running.order("hold");
     assert_eq!(reply.status, 202, "{reply:?}");
     running.until_phase("holding");
-    // The phase is known at once; what rows tell is up to a twentieth of a second behind.
+    // The phase is known at once; values of rows are up to a twentieth of a second late.
     let ticks = running.metric("gusset_ticks_total");
     until("rows of the hold", || {
         running.metric("gusset_ticks_total") > ticks + 40.0
@@ -177,7 +177,7 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
 }
 
 #[test]
-fn a_continue_ends_the_hold_that_it_names_and_no_later_one() {
+fn continue_ends_only_the_hold_it_names() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);
@@ -207,9 +207,9 @@ fn a_continue_ends_the_hold_that_it_names_and_no_later_one() {
     assert_eq!(events.matches("\"continue_requested\"").count(), 2);
 }
 
-/// They ask again and again on connections that stay open, so that none of them is ever silent.
+/// They repeat requests on open connections, so that none of them is ever silent.
 #[test]
-fn more_clients_than_there_are_places_keep_no_stop_out() {
+fn too_many_clients_keep_no_stop_out() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);
@@ -226,7 +226,7 @@ fn more_clients_than_there_are_places_keep_no_stop_out() {
         scope.spawn(|| {
             while !is_over.load(std::sync::atomic::Ordering::Relaxed) {
                 for mut client in &clients {
-                    // One that was closed for a newcomer comes back no more.
+                    // A connection closed for a newcomer does not return.
                     let _ = std::io::Write::write_all(&mut client, web::KEEP_ALIVE);
                 }
                 gusset_session::pause(std::time::Duration::from_millis(50));
@@ -240,7 +240,7 @@ fn more_clients_than_there_are_places_keep_no_stop_out() {
 }
 
 #[test]
-fn on_the_way_out_no_hold_is_accepted() {
+fn no_hold_is_accepted_in_the_shutdown() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let slowly = [
@@ -264,7 +264,7 @@ fn on_the_way_out_no_hold_is_accepted() {
 }
 
 #[test]
-fn beyond_loopback_looking_needs_a_token_too() {
+fn viewers_need_a_token_beyond_loopback() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let given = write(home, "view.token", "a-token-of-the-lab-42\n");
@@ -301,7 +301,7 @@ fn beyond_loopback_looking_needs_a_token_too() {
 }
 
 #[test]
-fn a_port_in_use_or_an_address_of_others_is_refused_before_anything_is_made() {
+fn port_in_use_is_refused_early() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = write(home, "test.toml", FRAME);
@@ -338,7 +338,7 @@ fn a_port_in_use_or_an_address_of_others_is_refused_before_anything_is_made() {
 }
 
 #[test]
-fn what_prometheus_scrapes_is_well_formed_and_agrees_with_the_run() {
+fn prometheus_text_agrees_with_the_run() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let test = real(home, 3600.0);
@@ -400,7 +400,7 @@ fn what_prometheus_scrapes_is_well_formed_and_agrees_with_the_run() {
 }
 
 #[test]
-fn the_report_is_served_after_the_end_to_viewers_only() {
+fn report_is_served_to_viewers_at_the_end() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &[]);

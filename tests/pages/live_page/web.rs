@@ -11,7 +11,7 @@ use crate::common::{PATIENT, gusset};
 /// A running test with a page.
 pub struct Running {
     child: Child,
-    /// What it says after its page is announced.
+    /// Its messages after the address of its page.
     said: BufReader<ChildStderr>,
     pub address: String,
     pub link: String,
@@ -59,7 +59,7 @@ impl Running {
         }
     }
 
-    /// Waits for the end: the exit code, and what was said.
+    /// Waits for the end; returns the exit code and the output.
     pub fn end(mut self) -> (Option<i32>, String) {
         let mut said = String::new();
         self.said.read_to_string(&mut said).unwrap();
@@ -118,7 +118,7 @@ pub fn until(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// What a server answered.
+/// A server's reply.
 #[derive(Debug)]
 pub struct Reply {
     pub status: u16,

@@ -1,5 +1,5 @@
-//! Specimens with several axes that know of each other: a platform held by actuators, and a law between the axes themselves.
-//! One axis moves at a time, the others are held, and what all of them feel is one column of the stiffness.
+//! Specimens with several coupled axes: a platform held by actuators, and a law between the axes themselves. One axis moves at a
+//! time, the others are held, and the forces of all of them are one column of the stiffness.
 
 use std::path::{Path, PathBuf};
 
@@ -54,7 +54,7 @@ fn seen(m: [[f64; 3]; 3], t: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
 }
 
-/// What the actuators feel, as their axes count it.
+/// The matrix at the actuators, in the signs and units of their axes.
 fn at_axes(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let m = seen(m, inverse(jacobian()));
     std::array::from_fn(|i| std::array::from_fn(|j| m[i][j] / (GEARS[i] * GEARS[j])))
@@ -110,7 +110,7 @@ const MOTION: [&str; 6] = [
     "0.001",
 ];
 
-/// Number and standard error of what axis `i` (from 0) felt while `j` moved.
+/// Number and standard error of the force of axis `i` (from 0) while `j` moved.
 fn entry(found: &Value, i: usize, j: usize, key: &str) -> (f64, f64) {
     let axis = &found["axes"][j];
     let of = if i == j {
@@ -139,7 +139,7 @@ fn assert_column(found: &Value, share: f64) {
                 k[i][j]
             );
             let (value, std) = entry(found, i, j, "damping");
-            // What the geometry bends is felt at up to 12 Hz.
+            // The nonlinear geometry matters up to 12 Hz.
             let allowed = 5.0 * std + share * largest / (std::f64::consts::TAU * 12.0);
             assert!(
                 (value - c[i][j]).abs() < allowed,
@@ -150,7 +150,7 @@ fn assert_column(found: &Value, share: f64) {
     }
 }
 
-/// While one moves all others stand where they stood.
+/// While one moves all others keep their position.
 fn assert_one_at_a_time(out: &Path) {
     let run = Run::open(out).unwrap();
     let columns = run.columns(&["cmd_1_1", "cmd_1_2", "cmd_1_3"]).unwrap();
@@ -176,7 +176,7 @@ fn assert_one_at_a_time(out: &Path) {
 
 /// With small displacements everything is linear, and all that is between found and true is noise.
 #[test]
-fn every_actuator_of_a_platform_is_found_to_be_what_it_is() {
+fn every_platform_actuator_is_identified() {
     let (_keep, folder) = folder();
     let out = folder.join("out");
     let found = identified(&write(&folder, "test.toml", &test(false)), &out, &MOTION);
@@ -191,10 +191,10 @@ fn every_actuator_of_a_platform_is_found_to_be_what_it_is() {
     assert_eq!(metrics.as_array().unwrap().len(), 3);
 }
 
-/// Exact strokes bend: a stroke of A turns the lines of action by A / L, so that forces change by that share, L ≥ 1.1 m;
-/// half of the motion is on either side of zero, and the mean of what bends over a sweep is below its peak.
+/// Exact strokes are curved: a stroke of A turns the lines of action by A / L, so that forces change by that share, L ≥ 1.1 m. Half
+/// of the motion is on either side of zero, and the mean curvature over a sweep is below its peak.
 #[test]
-fn exact_actuators_are_found_up_to_what_their_geometry_bends() {
+fn exact_actuators_are_found_nearly() {
     let (_keep, folder) = folder();
     let out = folder.join("out");
     let found = identified(&write(&folder, "test.toml", &test(true)), &out, &MOTION);
@@ -225,7 +225,7 @@ fn exact_actuators_are_found_up_to_what_their_geometry_bends() {
 }
 
 #[test]
-fn served_actuators_are_found_to_be_what_they_are() {
+fn served_actuators_are_identified() {
     for transport in ["tcp", "udp"] {
         let (_keep, folder) = folder();
         let served = format!("{}{}[serve]\n", platform(true), behind_delay(9));
@@ -245,9 +245,9 @@ fn served_actuators_are_found_to_be_what_they_are() {
     }
 }
 
-/// Without a word of limits the strokes are a twentieth of what the lengths leave, at the axis that counts double.
+/// Without limits the strokes are a twentieth of the available lengths, at the axis that counts double.
 #[test]
-fn actuators_take_a_share_of_what_their_lengths_leave() {
+fn actuators_share_the_remaining_length() {
     let (_keep, folder) = folder();
     let out = folder.join("out");
     let found = identified(
@@ -267,9 +267,9 @@ fn actuators_take_a_share_of_what_their_lengths_leave() {
 
 const COUPLED: [[f64; 2]; 2] = [[3e6, -1e6], [-1e6, 2e6]];
 
-/// Axes without a geometry that know of each other, at a model scale and with a lever.
+/// Coupled axes without a geometry, at a model scale and with a lever.
 #[test]
-fn a_law_between_axes_is_found_with_what_is_between_them() {
+fn coupled_law_is_found_with_its_coupling() {
     let (_keep, folder) = folder();
     let text = format!(
         "{}[structure.shear_building]

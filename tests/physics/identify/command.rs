@@ -93,7 +93,7 @@ pub fn folder() -> (tempfile::TempDir, PathBuf) {
 }
 
 #[test]
-fn what_is_found_is_true_and_the_folder_is_a_run_that_the_other_commands_read() {
+fn findings_are_true_and_folder_is_a_run() {
     let (_keep, folder) = folder();
     let test = write(&folder, "test.toml", TEST);
     let out = folder.join("out");
@@ -149,7 +149,7 @@ fn what_is_found_is_true_and_the_folder_is_a_run_that_the_other_commands_read() 
 }
 
 #[test]
-fn the_twin_is_a_test_that_checks_runs_and_is_identified_as_the_same() {
+fn twin_checks_runs_and_is_identified_alike() {
     let (_keep, folder) = folder();
     let test = write(&folder, "test.toml", TEST);
     let out = folder.join("out");
@@ -168,7 +168,7 @@ fn the_twin_is_a_test_that_checks_runs_and_is_identified_as_the_same() {
     let all = sum(&|i| columns[0][i].powi(2));
     assert!((off / all).sqrt() < 0.02, "{}", (off / all).sqrt());
 
-    // With the command that stands in it.
+    // With the command that is written in it.
     let text = std::fs::read_to_string(&twin).unwrap();
     let command = text
         .split("gusset identify identified.toml ")
@@ -213,7 +213,7 @@ pub fn served(folder: &Path, transport: &str, limits: &str) -> (Served, PathBuf)
 }
 
 #[test]
-fn a_specimen_behind_a_link_is_found_to_be_what_it_is() {
+fn linked_specimen_is_identified() {
     for transport in ["tcp", "udp"] {
         let (_keep, folder) = folder();
         let (_server, test) = served(&folder, transport, "");
@@ -234,7 +234,7 @@ fn a_specimen_behind_a_link_is_found_to_be_what_it_is() {
 
 /// A lever and a model scale: axes are driven at the specimen, one after the other, and found at both scales.
 #[test]
-fn axes_are_driven_one_after_the_other_while_the_others_are_held() {
+fn axes_move_one_after_the_other() {
     let (_keep, folder) = folder();
     let text = r#"
 [time]
@@ -323,7 +323,7 @@ law.linear.stiffness_n_per_m = 1e5
 }
 
 #[test]
-fn the_table_names_the_numbers_and_the_real_clock_finds_the_same() {
+fn table_names_numbers_on_the_real_clock() {
     let (_keep, folder) = folder();
     let test = write(&folder, "test.toml", TEST);
     let mut command = gusset();

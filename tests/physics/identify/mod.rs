@@ -1,5 +1,5 @@
-//! Identification: what is found of a simulated specimen behind a known actuator is what it is, and standard errors are what
-//! they say; the command drives, refuses and writes what the other commands read.
+//! Identification: the numbers found for a simulated specimen behind a known actuator are true within their standard errors. The
+//! command drives the motion, refuses bad input and writes files for the other commands.
 
 mod actuators;
 mod command;

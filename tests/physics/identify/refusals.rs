@@ -1,4 +1,4 @@
-//! What is not possible is said before anything moves, with what would be.
+//! An impossible motion is refused before anything moves, with a possible one.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ fn attempt(text: &str, arguments: &[&str], look: impl FnOnce(&Path)) -> Said {
 }
 
 #[test]
-fn an_amplitude_beyond_a_limit_is_refused_with_the_largest_one() {
+fn refused_amplitude_shows_the_largest_one() {
     // A sweep to 15 Hz that leaves as it gets there: a little less than 2π · 15 /s, 5 mm would need 0.45 m/s.
     refused(
         TEST,
@@ -73,7 +73,7 @@ fn an_amplitude_beyond_a_limit_is_refused_with_the_largest_one() {
 }
 
 #[test]
-fn a_force_that_would_trip_is_seen_in_the_rehearsal_and_a_free_amplitude_gives_way() {
+fn rehearsal_sees_a_force_that_would_trip() {
     // 1.2e6 N/m · 2 mm = 2400 N.
     let weak = TEST.replace(
         "lag_s = { trip = 0.004 }\n",
@@ -88,7 +88,7 @@ fn a_force_that_would_trip_is_seen_in_the_rehearsal_and_a_free_amplitude_gives_w
 }
 
 #[test]
-fn bands_durations_and_specimens_that_cannot_be_are_refused() {
+fn impossible_bands_are_refused() {
     refused(
         TEST,
         &["--band", "1,256"],
@@ -114,7 +114,7 @@ fn bands_durations_and_specimens_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn a_dead_sensor_ends_with_1_and_says_why() {
+fn dead_sensor_ends_with_1_and_its_reason() {
     // The actuator does not move, and the sensor reads noise only.
     let dead = TEST.replace(
         "actuator.first_order = { time_constant_s = 0.0123 }",
@@ -136,7 +136,7 @@ fn a_dead_sensor_ends_with_1_and_says_why() {
 }
 
 #[test]
-fn a_motion_that_a_limit_stops_identifies_nothing_and_ends_with_1() {
+fn motion_stopped_by_a_limit_exits_with_1() {
     // The actuator lags by 12 ms: the rehearsal sees it where the file knows the actuator, and nothing moves.
     let strict = TEST.replace(
         "lag_s = { trip = 0.004 }\n",
@@ -147,7 +147,7 @@ fn a_motion_that_a_limit_stops_identifies_nothing_and_ends_with_1() {
         &SHORT,
         &["the test would stop at", "following_error_m"],
     );
-    // What stands for a specimen behind a link has no lag.
+    // The stand-in of a specimen behind a link has no lag.
     let folder = tempfile::tempdir().unwrap();
     let limits = ", following_error_m = { trip = 0.0003 }";
     let (_server, test) = served(folder.path(), "tcp", limits);
@@ -166,7 +166,7 @@ fn a_motion_that_a_limit_stops_identifies_nothing_and_ends_with_1() {
 
 /// Four actuators hold three coordinates: none can move while the others stand.
 #[test]
-fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
+fn redundant_actuators_are_refused() {
     let unit = |pins: &str| {
         format!(
             "[time]\nrate_hz = 512\nduration_s = 1\nclock = \"simulated\"\n\
@@ -193,7 +193,7 @@ fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
         &far,
         &["actuator 1", "length_m", "29 mm", "--amplitude 0.029"],
     );
-    // The first one says how far it may go, the second one does not.
+    // The first one has a stroke limit, the second one does not.
     refused(
         &unit(three),
         &["--duration", "10"],
@@ -202,7 +202,7 @@ fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
 }
 
 #[test]
-fn what_is_found_in_the_motion_is_not_shown_at_a_line_of_the_users_file() {
+fn findings_are_not_shown_at_the_users_file() {
     // Inertia in the force loads the structure, which a motion is without.
     let heavy = TEST.replace("storey = 1\n", "storey = 1\nmass_in_force_kg = 20.0\n");
     let quick = [
@@ -232,7 +232,7 @@ fn what_is_found_in_the_motion_is_not_shown_at_a_line_of_the_users_file() {
 
 /// Against its own command every specimen follows perfectly: nothing is learnt of its actuator.
 #[test]
-fn a_specimen_whose_link_measures_no_displacement_is_not_identified() {
+fn link_without_displacement_is_refused() {
     let link = |more: &str| {
         let (head, _) = TEST.split_once("[specimen.transfer]").unwrap();
         let head = head
@@ -249,7 +249,7 @@ fn a_specimen_whose_link_measures_no_displacement_is_not_identified() {
     let element = "address = \"127.0.0.1:1\"\nprotocol = \"openfresco\"";
     let delay = "`delay_s` in [specimen.identified]";
     refused(&link(element), &SHORT, &["storey", "forces only", delay]);
-    // What its end does not say shows when it has connected.
+    // Values that its end does not report are known only after connecting.
     let armed = Arc::new(AtomicUsize::new(0));
     let counter = Arc::clone(&armed);
     let change = |welcome: &mut Welcome| {

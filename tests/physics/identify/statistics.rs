@@ -136,7 +136,7 @@ fn honest(model: Model, damping: f64, transfer: &str, truths: &[(&str, f64)]) {
 }
 
 #[test]
-fn a_first_order_lag_is_found_with_honest_errors() {
+fn first_order_lag_has_honest_errors() {
     let lag = "actuator.first_order = { time_constant_s = 0.0123, gain = 0.97 }";
     honest(
         Model::FirstOrder,
@@ -147,7 +147,7 @@ fn a_first_order_lag_is_found_with_honest_errors() {
 }
 
 #[test]
-fn a_second_order_lag_is_found_with_honest_errors() {
+fn second_order_lag_has_honest_errors() {
     let lag = "actuator.second_order = { frequency_hz = 14.0, damping_ratio = 0.55 }";
     honest(
         Model::SecondOrder,
@@ -162,7 +162,7 @@ fn a_second_order_lag_is_found_with_honest_errors() {
 }
 
 #[test]
-fn a_fractional_delay_is_found_with_honest_errors_far_below_a_tick() {
+fn fractional_delay_has_honest_errors() {
     // 7.37 ticks.
     let delay = 7.37 / RATE;
     honest(
@@ -179,7 +179,7 @@ fn a_fractional_delay_is_found_with_honest_errors_far_below_a_tick() {
 }
 
 #[test]
-fn every_motion_finds_each_model_and_tells_it_from_the_others() {
+fn every_motion_distinguishes_the_models() {
     for shape in [Shape::Sweep, Shape::Noise, Shape::Steps] {
         let rig = Rig { shape, ..RIG };
         for (model, transfer) in [
@@ -221,7 +221,7 @@ fn every_motion_finds_each_model_and_tells_it_from_the_others() {
 
 /// Without noise nothing but roundoff is left.
 #[test]
-fn a_linear_spring_is_exact_and_a_hysteretic_one_a_secant_with_what_it_does_not_explain() {
+fn linear_spring_is_exact() {
     let spring = "linear = { stiffness_n_per_m = 3.4e6 }";
     let lag = "actuator.first_order = { time_constant_s = 0.01 }";
     let found = RIG.identified(spring, lag);
@@ -238,7 +238,7 @@ fn a_linear_spring_is_exact_and_a_hysteretic_one_a_secant_with_what_it_does_not_
     let fit = found.best().unwrap();
     assert_eq!(fit.model, Model::FirstOrder);
     let lag_found = fit.parameter("time_constant_s").unwrap();
-    // What is not yet home at the end of the rest: e^{−1/0.01} and less; the taper's ends are.
+    // The lag still to settle at the end of the rest: e^{−1/0.01} and less; the taper has settled.
     assert!((lag_found.value - 0.01).abs() < 1e-8, "{lag_found:?}");
     assert!(found.noise.disp_m < 1e-15 && found.noise.force_n < 1e-9);
 
@@ -257,7 +257,7 @@ fn a_linear_spring_is_exact_and_a_hysteretic_one_a_secant_with_what_it_does_not_
 
 /// The benchmark's plant lags by 24 to 25 ms as long as it is slow.
 #[test]
-fn the_plant_of_the_benchmark_lags_as_published_and_feels_its_mass() {
+fn benchmark_plant_lags_as_published() {
     let rig = Rig {
         rate: 4096.0,
         band: Band {
@@ -310,7 +310,7 @@ fn the_plant_of_the_benchmark_lags_as_published_and_feels_its_mass() {
 }
 
 #[test]
-fn what_does_not_follow_or_goes_the_other_way_is_said_and_not_fitted() {
+fn wrong_or_dead_motion_is_not_fitted() {
     let mut columns = RIG.drive(SPRING, NOISE);
     let good = columns.measured.clone();
     columns.measured.iter_mut().for_each(|v| *v = -*v);
@@ -349,9 +349,9 @@ fn what_does_not_follow_or_goes_the_other_way_is_said_and_not_fitted() {
     assert!(matches!(RIG.judge(&columns), Err(IdentifyError::Still)));
 }
 
-/// A sensor that drifts and a zero that is none: neither is motion.
+/// Neither the drift of a sensor nor its offset is motion.
 #[test]
-fn offset_and_drift_of_a_sensor_change_nothing() {
+fn sensor_offset_and_drift_change_nothing() {
     let lag = "seed = 4\nactuator.first_order = { time_constant_s = 0.011 }\n";
     let drifting = "disp_sensor = { noise_rms_m = 5e-6, bias_m = 0.004, drift_m_per_s = 3e-5 }";
     let found = RIG.identified(SPRING, &format!("{lag}{drifting}"));
@@ -359,7 +359,7 @@ fn offset_and_drift_of_a_sensor_change_nothing() {
     assert_eq!(fit.model, Model::FirstOrder);
     let lag = fit.parameter("time_constant_s").unwrap();
     assert!((lag.value - 0.011).abs() < 4.0 * lag.std, "{lag:?}");
-    // Noise at rest is about its own mean: 30 µm/s in a second are 8.7 µm of their own.
+    // Noise at rest is about its mean: a drift of 30 µm/s in a second adds 8.7 µm.
     assert!(found.noise.disp_m < 12e-6, "{:?}", found.noise);
 }
 
@@ -380,7 +380,7 @@ fn noise_at_rest_is_that_of_the_sensors() {
 }
 
 #[test]
-fn the_inverse_undoes_a_first_order_lag_with_the_differences_own_half_tick() {
+fn inverse_undoes_a_first_order_lag() {
     let lag = 0.02;
     let found = RIG.identified(
         SPRING,

@@ -1,4 +1,4 @@
-//! What the tests of the exports share: programs that judge, and runs made by hand.
+//! Shared by the tests of the exports: programs that judge, and runs made by hand.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -39,7 +39,7 @@ fn found(program: PathBuf, else_say: &str) -> Option<PathBuf> {
     }
     let text = format!("SKIPPED: {else_say}\n");
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{text}");
-    // Past the capture of the test harness: nobody sees what a passing test prints.
+    // Past the capture of the test harness, which hides the output of a passing test.
     let _ = std::io::stderr().write_all(text.as_bytes());
     None
 }
@@ -53,7 +53,7 @@ pub fn judge(run: &Path, exports: &Path, rate: &str, formats: &[&str]) -> Option
     Some(verdict(&mut command))
 }
 
-/// The same in Octave, for MATLAB's file and HDF5, every tick.
+/// Judges every tick of MATLAB's file and HDF5 in Octave.
 pub fn judge_in_octave(run: &Path, exports: &Path) -> Option<String> {
     let mut command = Command::new(octave()?);
     command.args(["--quiet", "--norc"]);

@@ -21,7 +21,7 @@ fn one_actuator_is_a_square_root() {
 }
 
 #[test]
-fn two_actuators_meet_where_two_circles_do() {
+fn two_actuators_meet_at_two_circles() {
     let (a, b) = ([-3.0, 0.0], [1.0, -2.0]);
     let geometry = plane(&[(a, [0.0; 2]), (b, [0.0; 2])], &[Ux, Uy]);
     let geometry = geometry.build(1.0).unwrap();
@@ -47,7 +47,7 @@ fn two_actuators_meet_where_two_circles_do() {
 }
 
 #[test]
-fn three_actuators_are_as_long_as_complex_numbers_say() {
+fn three_actuators_match_complex_numbers() {
     let geometry = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
     for pose in [[0.1, -0.05, 0.2], [-0.3, 0.2, -0.4], [1e-3, 1e-3, 1e-3f64]] {
         let found = placed(&geometry, &pose);
@@ -64,7 +64,7 @@ fn three_actuators_are_as_long_as_complex_numbers_say() {
 }
 
 #[test]
-fn in_space_the_platform_turns_about_its_rotation_vector() {
+fn platform_turns_about_its_rotation_vector() {
     let geometry = space(&six(), &[Ux, Uy, Uz, Rx, Ry, Rz]).build(1.0).unwrap();
     // On both sides of where the series end (θ² = 1e-3), and at right angles.
     for turn in [
@@ -88,7 +88,7 @@ fn in_space_the_platform_turns_about_its_rotation_vector() {
 }
 
 #[test]
-fn the_plane_is_a_plane_of_space() {
+fn plane_agrees_with_space() {
     let flat = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
     let lifted = THREE.map(|(b, j)| ([b[0], b[1], 0.0], [j[0], j[1], 0.0]));
     let solid = space(&lifted, &[Ux, Uy, Rz]).build(1.0).unwrap();
@@ -105,7 +105,7 @@ fn the_plane_is_a_plane_of_space() {
 }
 
 #[test]
-fn forces_of_the_plane_are_the_resultant_and_its_moment() {
+fn plane_forces_are_resultant_and_moment() {
     let geometry = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
     let pose = [0.1, -0.2, 0.3f64];
     let placed = placed(&geometry, &pose);
@@ -130,7 +130,7 @@ fn forces_of_the_plane_are_the_resultant_and_its_moment() {
 }
 
 #[test]
-fn at_rest_the_moments_of_space_are_arms_times_forces() {
+fn moments_at_rest_are_arms_times_forces() {
     let coordinates = [Ux, Uy, Rx, Ry];
     let geometry = space(&FOUR, &coordinates).build(1.0).unwrap();
     let placed = geometry.reference();
@@ -145,8 +145,8 @@ fn at_rest_the_moments_of_space_are_arms_times_forces() {
 }
 
 #[test]
-fn more_actuators_than_coordinates_agree_in_the_mean() {
-    // Two side by side push one storey: what they do not agree about is split.
+fn extra_actuators_agree_in_the_mean() {
+    // Two side by side push one storey: their difference is split.
     let pair = plane(
         &[([-2.0, 0.5], [0.0, 0.5]), ([-2.0, -0.5], [0.0, -0.5])],
         &[Ux],

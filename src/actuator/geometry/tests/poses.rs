@@ -6,7 +6,7 @@ use gusset_quantity::state::{Stateful, TestState};
 /// From anywhere near, the strokes of the pose that is found are those that were measured, to roundoff of a length: also where
 /// the last step was just small enough to be the last.
 #[test]
-fn a_pose_is_found_to_roundoff_from_wherever_it_is_sought() {
+fn pose_is_found_to_roundoff_from_any_start() {
     let geometry = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
     let pose = [0.03, -0.02, 0.05];
     let wanted = *placed(&geometry, &pose).strokes();
@@ -26,7 +26,7 @@ fn a_pose_is_found_to_roundoff_from_wherever_it_is_sought() {
 }
 
 #[test]
-fn a_restored_place_finds_the_same_poses() {
+fn restored_place_finds_the_same_poses() {
     for geometry in all() {
         let n = geometry.coordinates().len();
         let pose: Vec<f64> = (0..n).map(|k| 0.01 * (1.0 - 0.3 * k as f64)).collect();
@@ -44,7 +44,7 @@ fn a_restored_place_finds_the_same_poses() {
 }
 
 #[test]
-fn small_displacements_are_the_limit_of_large_ones() {
+fn small_displacements_are_the_limit() {
     for exact in all() {
         let small = exact.small().unwrap();
         assert!(!small.is_exact() && exact.is_exact());
@@ -64,7 +64,7 @@ fn small_displacements_are_the_limit_of_large_ones() {
 }
 
 #[test]
-fn a_larger_model_has_longer_strokes_and_the_same_angles() {
+fn larger_model_has_longer_strokes() {
     let (one, ten) = (
         plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap(),
         plane(&THREE, &[Ux, Uy, Rz]).build(10.0).unwrap(),
@@ -87,7 +87,7 @@ fn a_larger_model_has_longer_strokes_and_the_same_angles() {
 }
 
 #[test]
-fn a_pose_where_the_actuators_are_in_line_is_singular_and_named() {
+fn singular_pose_is_named() {
     let pair = plane(
         &[([-1.0, 0.0], [0.0; 2]), ([0.0, -1.0], [0.0; 2])],
         &[Ux, Uy],
@@ -113,7 +113,7 @@ fn a_pose_where_the_actuators_are_in_line_is_singular_and_named() {
 }
 
 #[test]
-fn an_actuator_that_is_too_short_is_named_with_the_pose() {
+fn too_short_actuator_is_named_with_pose() {
     let mut spec = plane(&THREE, &[Ux, Uy, Rz]);
     for pins in spec.plane.as_mut().unwrap() {
         pins.length_m = Some([1.0, 1.3]);
@@ -137,7 +137,7 @@ fn an_actuator_that_is_too_short_is_named_with_the_pose() {
 }
 
 #[test]
-fn what_is_no_geometry_is_refused() {
+fn invalid_geometry_is_refused() {
     let text = |spec: &GeometrySpec| spec.build(1.0).unwrap_err().to_string();
     assert!(text(&GeometrySpec::default()).contains("0 of `plane`, `space` and `matrix`"));
     let mut both = plane(&THREE, &[Ux]);
@@ -170,7 +170,7 @@ fn what_is_no_geometry_is_refused() {
 }
 
 #[test]
-fn nonsense_ends_in_a_fault_and_never_in_a_loop_or_a_panic() {
+fn nonsense_ends_in_a_fault() {
     for geometry in all() {
         let mut at = geometry.reference();
         for bad in [f64::NAN, f64::INFINITY, 1e300, -1e300, -50.0] {
@@ -207,7 +207,7 @@ fn nothing_is_allocated_after_construction() {
     assert_eq!(count.count_total, 0);
 }
 
-/// A pose well inside of what every geometry of [`all`] can do.
+/// A pose well inside the range of every geometry of [`all`].
 fn pose() -> impl Strategy<Value = Six> {
     proptest::array::uniform6(-0.15f64..0.15)
 }
@@ -215,7 +215,7 @@ fn pose() -> impl Strategy<Value = Six> {
 proptest! {
     /// s(q) = s has the q that it was made of, from the reference pose, to the roundoff of lengths through J⁻¹.
     #[test]
-    fn the_pose_of_the_strokes_of_a_pose_is_that_pose(pose in pose(), which in 0usize..8) {
+    fn pose_and_strokes_invert_each_other(pose in pose(), which in 0usize..8) {
         let geometry = all().swap_remove(which);
         let n = geometry.coordinates().len();
         let there = placed(&geometry, &pose[..n]);
@@ -235,7 +235,7 @@ proptest! {
 
     /// Central differences have an error of h²/6 times a third derivative below 100 /m², and ε·2 m/h.
     #[test]
-    fn the_jacobian_is_that_of_central_differences(pose in pose(), which in 0usize..8) {
+    fn jacobian_matches_central_differences(pose in pose(), which in 0usize..8) {
         let geometry = all().swap_remove(which);
         let n = geometry.coordinates().len();
         let here = placed(&geometry, &pose[..n]);
@@ -258,7 +258,7 @@ proptest! {
     /// The work of the actuators along any small motion is that of the platform: f·δs = F·δq, with δs from the strokes
     /// themselves; and with the velocities of both sides exactly.
     #[test]
-    fn the_work_is_the_same_on_both_sides(
+    fn work_is_equal_on_both_sides(
         pose in pose(), way in pose(), forces in proptest::array::uniform6(-1e4f64..1e4), which in 0usize..8,
     ) {
         let geometry = all().swap_remove(which);
@@ -290,7 +290,7 @@ proptest! {
 
     /// Actuator forces in balance with the platform's give the platform's back, and velocities go there and back.
     #[test]
-    fn forces_and_velocities_go_there_and_back(
+    fn forces_and_velocities_convert_both_ways(
         pose in pose(), rates in pose(), forces in proptest::array::uniform6(-1e4f64..1e4), which in 0usize..8,
     ) {
         let geometry = all().swap_remove(which);

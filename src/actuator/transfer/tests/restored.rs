@@ -46,7 +46,8 @@ fn all() -> Vec<String> {
     all
 }
 
-/// Test time of a tick: held in each twentieth to twenty-sixth of forty, eased around it, and nothing in the first.
+/// Test time of a tick: held in each twentieth to twenty-sixth of forty, with hold ramps around it, and nothing in the
+/// first.
 fn tick_dt(k: usize) -> f64 {
     match k % 40 {
         _ if k == 0 => 0.0,
@@ -71,7 +72,7 @@ fn tick(plant: &mut Transfer, k: usize) -> (Vec<u64>, bool, bool) {
 }
 
 #[test]
-fn every_transfer_system_continues_from_a_restored_state_with_the_same_bits() {
+fn restored_transfer_has_the_same_bits() {
     let law: LawSpec = toml::from_str(LAW).unwrap();
     let law = SpecimenLaw::Law(law);
     let mut saturated = 0;
@@ -107,7 +108,7 @@ fn every_transfer_system_continues_from_a_restored_state_with_the_same_bits() {
 }
 
 #[test]
-fn a_state_of_another_transfer_system_is_refused() {
+fn state_of_another_transfer_is_refused() {
     let states: Vec<TestState> = [
         "",
         "delay_s = 0.0041",

@@ -76,7 +76,7 @@ fn check_transfer(spec: &TransferSpec, at: &KeyPath, findings: &mut Findings) {
     );
 }
 
-/// Numbers that only say how a bound is judged, where there is no such bound.
+/// Numbers that only affect the judgement of a bound, without that bound.
 fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let merged = specimen.limits_of(specimen.axes().max(specimen.axis.len()));
     let mut check = |limits: &LimitsSpec, bounds: &[LimitsSpec], at: &KeyPath| {
@@ -99,7 +99,7 @@ fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
     }
 }
 
-/// Coefficients that are given stand in place of those that delay and gain would make.
+/// Given coefficients replace those that follow from delay and gain.
 fn check_start(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let Some(CompensationSpec::Ats(ats)) = &specimen.compensation else {
         return;
@@ -129,7 +129,7 @@ fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
         // No law is an error, found elsewhere.
         (None, None) => return,
         (Some((_, source)), None) => {
-            // A law that cannot be built is an error, said elsewhere.
+            // A law that cannot be built is an error, reported elsewhere.
             let Ok(law) = source.build(axes) else { return };
             let is_bounded = |disp, vel| {
                 let reach = vec![Reach { disp, vel }; axes];
@@ -148,7 +148,7 @@ fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) 
     }
 }
 
-/// What belongs to the controller's test file, in the file of a server. A gateway converts by those keys itself.
+/// Keys of the controller's test file, in the file of a server. A gateway converts by those keys itself.
 fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let why = "only for the controller's test file: a server uses the numbers of the axes";
     if specimen.link.is_none() {
@@ -198,8 +198,8 @@ fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
     }
 }
 
-/// A gateway adds its offsets to every command and measurement, and reads no zero before a session: it would use another zero than
-/// the file says.
+/// A gateway adds its offsets to every command and measurement, and reads no zero before a session: its zero would differ from
+/// that of the file.
 fn refuse_relative_zeros(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
@@ -220,8 +220,8 @@ fn refuse_relative_zeros(specimen: &SpecimenTable, at: &KeyPath, findings: &mut 
     }
 }
 
-/// The link of one specimen of a test; `at` is its place. On the simulated clock every link is lockstep, whatever the file
-/// says for the real one.
+/// The link of one specimen of a test; `at` is its place. On the simulated clock every link is lockstep, whatever coupling
+/// the file has for the real one.
 pub(in crate::check) fn check_idle_link(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
     let native = link.protocol == Protocol::Gusset;
     let lockstep = !native || link.coupling == LinkCoupling::Lockstep;

@@ -15,13 +15,27 @@ use axis_compensator::AxisCompensator;
 
 use super::axis::Axis;
 use super::axis_motion::AxisMotion;
-use super::spec::Compensation;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
+use gusset_actuator::compensation::{Compensator, Parameter};
 use gusset_quantity::frame::{AtAxis, AtStructure};
-use gusset_actuator::compensation::Parameter;
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, TestState};
+
+/// How commands make up for the lag of the actuators.
+#[derive(Debug)]
+pub struct Compensation {
+    /// One per axis.
+    pub compensators: Vec<Box<dyn Compensator>>,
+    /// Wall time from command to command, s.
+    pub tick: f64,
+    /// Test time that passes in one second of it.
+    pub pace: f64,
+    /// The compensated delay is one of test time: that of an actuator which is simulated in this process.
+    pub delay_in_test_time: bool,
+    /// The base moves: targets come with velocities that are no differences of theirs.
+    pub base_moves: bool,
+}
 
 /// Which time a compensated delay is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

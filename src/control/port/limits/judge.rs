@@ -16,7 +16,7 @@ pub(super) const ESTIMATE: [Limit; 3] = Limit::judging(&[Judges::Estimate]);
 pub(super) const TRACKING: [Limit; 2] = Limit::judging(&[Judges::Tracking]);
 
 /// Limits whose judged value has a column where the limit has a level.
-pub const RECORDED: [Limit; 7] = Limit::without_column();
+pub(crate) const RECORDED: [Limit; 7] = Limit::without_column();
 
 /// The bounds of a group inside of which no value is beyond a level.
 #[derive(Debug, Clone, Copy)]
@@ -202,6 +202,13 @@ mod tests {
         };
         let mut judged = group.into_iter().zip(values);
         covers.then(|| judged.find(beyond))?.map(|(limit, _)| limit)
+    }
+
+    #[test]
+    fn a_limit_without_column_is_recorded() {
+        for limit in Limit::OF_AXIS {
+            assert_eq!(RECORDED.contains(&limit), !limit.row().has_column);
+        }
     }
 
     proptest! {

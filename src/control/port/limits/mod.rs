@@ -14,7 +14,7 @@ mod sawtooth;
 mod trips;
 mod watch;
 
-pub use judge::RECORDED;
+pub(crate) use judge::RECORDED;
 pub use watch::{Estimated, Watch};
 
 use gusset_config::{BoundSpec, DIVERGENCE_M, LimitsSpec, RangeSpec};

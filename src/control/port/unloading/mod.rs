@@ -13,7 +13,7 @@ mod unload_failure;
 
 use axis_unloading::AxisUnloading;
 use compliance::Elasticity;
-pub use platform_unloading::PlatformUnloading;
+pub(crate) use platform_unloading::PlatformUnloading;
 pub use unload_failure::UnloadFailure;
 
 use super::row_product::row_times;
@@ -56,7 +56,7 @@ const SETTLES: f64 = 20.0;
 
 /// What is known of one axis before it is moved.
 #[derive(Debug, Clone, Copy)]
-pub struct Leg {
+pub(crate) struct Leg {
     /// Largest |force| so far in N, without what stopped the test.
     pub largest: f64,
     /// Root mean square in N of the noise of the force, as it was read while zeroing.
@@ -154,7 +154,7 @@ enum UnloadStage {
 
 /// A specimen on its way to zero force.
 #[derive(Debug)]
-pub struct Unloading {
+pub(crate) struct Unloading {
     legs: Vec<Leg>,
     ways: Vec<AxisUnloading>,
     elasticity: Elasticity,

@@ -14,7 +14,7 @@ use gusset_actuator::geometry::{Fault, Geometry, MOST, Placed};
 
 /// Where a platform is led to, and where it was measured.
 #[derive(Debug)]
-pub struct PlatformUnloading {
+pub(crate) struct PlatformUnloading {
     reference: Placed,
     led: Placed,
     seen: Placed,

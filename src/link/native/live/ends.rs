@@ -1,16 +1,16 @@
-//! The first and the last word of a session: arming and retiring. Both wait, within time limits.
+//! Beginning and end of a session: arming and retiring. Both wait, within time limits.
 
 use super::{Detail, Live};
 use crate::native::ask::{ask, explained, not_welcome};
 use crate::native::refused::SetupError;
 use gusset_quantity::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset_quantity::time::Nanos;
-use gusset_wire::handshake::{self, Arm, Bye, Control, RefuseCode, SAYS_LOST};
+use gusset_wire::handshake::{self, Arm, Bye, Control};
 use gusset_wire::native::{Cause, Frame, Notice};
 
-/// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
+/// How long the link waits for the goodbye of a specimen; over UDP it repeats its own meanwhile.
 const GOODBYE_NS: u64 = 300_000_000;
-/// The same of a specimen that has not answered its last command yet: it hears the last words when it has.
+/// Time limit for a specimen that has not answered its last command yet: it reads the goodbye after that.
 const BUSY_NS: u64 = 2_000_000_000;
 const GOODBYE_REPEAT_NS: u64 = 100_000_000;
 
@@ -34,8 +34,8 @@ impl Live {
         self.send(written)
     }
 
-    /// The last question before anything moves. Blocks within the time limit, as long as the answer is `wanted`: false if it
-    /// is not any more.
+    /// Last question before anything moves. Blocks within the time limit while the answer is `wanted`: false if it is no
+    /// longer.
     pub(in crate::native) fn arm(
         &mut self,
         sequence: u64,
@@ -87,7 +87,7 @@ impl Live {
                 Frame::Goodbye(notice) => Err(SetupError::Left {
                     due: "the arming",
                     cause: notice.cause.code(),
-                    why: notice.cause.why().to_owned(),
+                    text: String::new(),
                 }),
                 _ => Ok(None),
             },
@@ -97,18 +97,12 @@ impl Live {
                 self.armed = true;
                 Ok(true)
             }
-            // It is told so in the last words.
+            // The specimen learns this from the goodbye.
             Err(SetupError::Unwanted) => Ok(false),
             Err(error) => {
                 let error = explained(error, self.transport.as_ref());
-                match &error {
-                    SetupError::Left { cause, .. } => self.heard_goodbye(*cause),
-                    // An older gateway that lost its specimen cannot say more.
-                    SetupError::Refused { code, .. } => {
-                        self.may_be_lost |=
-                            *code == RefuseCode::NotReady && self.version < SAYS_LOST;
-                    }
-                    _ => {}
+                if let Some((code, text)) = error.goodbye() {
+                    self.heard_goodbye(code, text);
                 }
                 Err(self.fail(error.fault(), Detail::Said(error.to_string())))
             }
@@ -155,10 +149,10 @@ impl Live {
         self.last_words = said.words(cause, was_open);
     }
 
-    /// Asks for the goodbye, and hears what is said until it comes.
+    /// Requests the goodbye, and reads frames until it comes.
     fn hear_goodbye(&mut self, notice: Notice, patience: u64) -> Parting {
         let mut said = Parting::default();
-        // Who says it twice says more the second time.
+        // A second goodbye contains more than the first.
         let is_explained = self.detail.is_some();
         let until = self.transport.now().plus(patience);
         let mut ask_at = Nanos(0);
@@ -183,10 +177,7 @@ impl Live {
                 match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
                     Ok(Frame::Goodbye(answer)) => {
                         self.acknowledged = Some(true);
-                        // The cause of the retire again says nothing.
-                        if answer.cause != notice.cause {
-                            self.heard_goodbye(answer.cause.code());
-                        }
+                        self.heard_goodbye(answer.cause.code(), "");
                         said.cause = Some(answer.cause);
                         return said;
                     }
@@ -195,7 +186,7 @@ impl Live {
                     // Why it tripped, if it did.
                     Ok(Frame::Control(message)) => {
                         if let Ok(Control::Bye(bye)) = handshake::decode(message) {
-                            self.heard_goodbye(bye.cause);
+                            self.heard_goodbye(bye.cause, &bye.text);
                             if !bye.text.is_empty() && !is_explained {
                                 self.detail = Some(Detail::Said(bye.text.clone()));
                             }
@@ -215,7 +206,7 @@ impl Live {
     }
 }
 
-/// What a specimen says once it has been retired.
+/// The answer of a specimen that has been retired.
 #[derive(Debug, Default)]
 struct Parting {
     cause: Option<Cause>,
@@ -224,8 +215,8 @@ struct Parting {
 }
 
 impl Parting {
-    /// What of it is no plain goodbye, in words. `asked`: why it was retired, which it may say after us; `was_open`: it had said
-    /// before that its interlock is open.
+    /// Its unusual parts, in words. `asked`: why it was retired, which it may repeat; `was_open`: its interlock was reported
+    /// open before.
     fn words(self, asked: Cause, was_open: bool) -> Option<String> {
         let text = self.bye.as_ref().map(|bye| bye.text.trim());
         let text = text.filter(|text| !text.is_empty());

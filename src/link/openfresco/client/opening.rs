@@ -1,4 +1,4 @@
-//! What is said before the first command: sizes, and the questions that a server can answer. Nothing moves.
+//! Exchange before the first command: sizes, and the questions that a server can answer. Nothing moves.
 
 use super::Remote;
 use crate::openfresco::asking::{Asking, Came, pause, send};
@@ -26,7 +26,7 @@ impl Remote {
             match self.hear(until) {
                 Ok(Came::Ready) => return Ok(()),
                 Ok(_) => {}
-                // Nobody has the port yet: the hello has certainly not arrived, so it may be sent again.
+                // No program has the port yet: the hello has certainly not arrived, so it may be sent again.
                 Err(Lost::Link(LinkFault::Closed))
                     if hello && Nanos(os::monotonic_ns()) < until =>
                 {

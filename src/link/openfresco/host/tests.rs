@@ -7,7 +7,7 @@ fn host(law: &str, axes: usize, nature: Nature) -> Host {
     let law: SpecimenLaw = toml::from_str(law).unwrap();
     let law = Computed::new(law.build(axes).unwrap(), nature == Nature::Physical);
     let (stiffness, mass) = law.reference();
-    // Steps are bounded, as they must be for a first one of some length to what moves.
+    // Steps are bounded, as the first long step of a physical specimen requires.
     let limits = toml::from_str("command_step_m = { trip = 1.0 }").unwrap();
     let units = vec![AxisUnits::SI; axes];
     let served = ServedSpecimen::new("rig".into(), Box::new(law), units, stiffness, mass);
@@ -31,7 +31,7 @@ fn at<'a>(disp: &'a [f64], time: f64) -> Response<'a> {
 }
 
 #[test]
-fn iterations_start_from_the_committed_state_and_repeats_change_nothing() {
+fn iterations_start_from_the_commit() {
     let mut host = host(BILINEAR, 1, Nature::Simulated);
     host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01), &mut || true)
         .unwrap();
@@ -58,7 +58,7 @@ fn iterations_start_from_the_committed_state_and_repeats_change_nothing() {
 }
 
 #[test]
-fn a_formula_passes_over_a_repeat_and_what_moves_measures_anew() {
+fn formula_skips_a_repeated_command() {
     for (nature, evaluated) in [(Nature::Simulated, 1), (Nature::Physical, 2)] {
         let mut host = host(BILINEAR, 1, nature);
         for course in [Course::Step, Course::Repeat] {
@@ -71,7 +71,7 @@ fn a_formula_passes_over_a_repeat_and_what_moves_measures_anew() {
 }
 
 #[test]
-fn a_load_factor_that_falls_is_no_length_of_a_step() {
+fn falling_load_factor_is_no_step_length() {
     let law: SpecimenLaw =
         toml::from_str("law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }")
             .unwrap();
@@ -85,12 +85,12 @@ fn a_load_factor_that_falls_is_no_length_of_a_step() {
         &mut || true,
     )
     .unwrap();
-    // One step as the file says.
+    // One step as configured.
     assert!((host.response().force[0] - 10.0).abs() < 1e-12);
 }
 
 #[test]
-fn a_formula_follows_its_client_past_the_last_commit_and_what_moves_does_not() {
+fn formula_follows_past_the_last_commit() {
     for nature in [Nature::Simulated, Nature::Physical] {
         let mut host = host(BILINEAR, 1, nature);
         host.trial(Course::Step, &at(&[0.004], 0.02), Some(0.02), &mut || true)
@@ -114,7 +114,7 @@ fn a_formula_follows_its_client_past_the_last_commit_and_what_moves_does_not() {
 }
 
 #[test]
-fn only_commands_of_a_later_time_than_all_before_count_as_such() {
+fn only_later_times_count_as_new_commands() {
     let mut host = host(BILINEAR, 1, Nature::Simulated);
     for test in 0..2 {
         // A step of three tries, one that is taken back and cut, and the next one.
@@ -132,7 +132,7 @@ fn only_commands_of_a_later_time_than_all_before_count_as_such() {
 }
 
 #[test]
-fn a_time_that_cannot_be_is_refused() {
+fn impossible_time_is_refused() {
     let mut host = host(BILINEAR, 1, Nature::Simulated);
     for time in [1e300, -1e300] {
         let fault = host.trial(Course::Step, &at(&[0.001], time), Some(time), &mut || true);
@@ -141,7 +141,7 @@ fn a_time_that_cannot_be_is_refused() {
 }
 
 #[test]
-fn a_step_that_hardly_takes_time_passes_no_limit_that_is_not_there() {
+fn tiny_step_passes_no_missing_limit() {
     for time in [5e-324, 1e-200] {
         let mut host = host(BILINEAR, 1, Nature::Simulated);
         for _ in 0..2 {
@@ -153,9 +153,9 @@ fn a_step_that_hardly_takes_time_passes_no_limit_that_is_not_there() {
 }
 
 #[test]
-fn a_step_taken_back_is_forgotten_by_a_formula_and_refused_by_what_moves() {
+fn step_taken_back_is_refused_if_it_moved() {
     for nature in [Nature::Simulated, Nature::Physical] {
-        // Trials of what moves are judged elsewhere.
+        // Trials of physical specimens are judged elsewhere.
         let mut host = host(BILINEAR, 1, nature).iterating_within(Some(1.0));
         host.trial(Course::First, &at(&[0.0], 0.0), Some(0.0), &mut || true)
             .unwrap();
@@ -189,7 +189,7 @@ fn a_step_taken_back_is_forgotten_by_a_formula_and_refused_by_what_moves() {
 }
 
 #[test]
-fn a_new_client_finds_a_formula_virgin_and_a_rig_as_it_was_left() {
+fn new_client_finds_a_formula_virgin() {
     for (nature, left) in [(Nature::Simulated, 0.0), (Nature::Physical, 69.0)] {
         let mut host = host(BILINEAR, 1, nature);
         host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01), &mut || true)
@@ -201,8 +201,7 @@ fn a_new_client_finds_a_formula_virgin_and_a_rig_as_it_was_left() {
 }
 
 #[test]
-fn what_a_client_did_not_commit_before_it_went_is_forgotten_by_a_formula_and_stays_with_what_moves()
-{
+fn uncommitted_steps_of_a_formula_vanish() {
     for (nature, stands, force) in [
         (Nature::Simulated, 0.0, 0.0),
         (Nature::Physical, 0.01, 61.0),
@@ -220,7 +219,7 @@ fn what_a_client_did_not_commit_before_it_went_is_forgotten_by_a_formula_and_sta
     }
 }
 
-/// What moves, within limits.
+/// A physical specimen, within limits.
 fn limited(limits: &str) -> Host {
     let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
     let law = Computed::new(law.build(1).unwrap(), true);
@@ -231,7 +230,7 @@ fn limited(limits: &str) -> Host {
 }
 
 #[test]
-fn the_first_command_is_a_step_from_where_the_specimen_stands() {
+fn first_command_steps_from_the_position() {
     let mut host = limited("command_step_m = { trip = 0.00101 }");
     host.begin(&controller(), &mut || Ok(())).unwrap();
     for k in 1..=40 {
@@ -263,7 +262,7 @@ fn the_first_command_is_a_step_from_where_the_specimen_stands() {
 }
 
 #[test]
-fn a_first_command_whose_step_nothing_bounds_goes_a_twentieth_of_the_range_or_a_millimetre() {
+fn unbounded_first_step_is_small() {
     for (limits, holds, trips) in [
         ("command_disp_m = { trip = [-0.05, 0.05] }", 0.0049, 0.0051),
         (
@@ -291,7 +290,7 @@ fn a_first_command_whose_step_nothing_bounds_goes_a_twentieth_of_the_range_or_a_
             );
             if outcome.is_ok() {
                 host.commit();
-                // What follows is not judged so.
+                // Later commands are not judged like this.
                 let next = [disp.mul_add(2.0, 1e-4)];
                 let next = host.trial(Course::Step, &at(&next, 0.01), Some(0.01), &mut || true);
                 assert!(next.is_ok(), "{limits}: {next:?}");
@@ -307,7 +306,7 @@ fn a_first_command_whose_step_nothing_bounds_goes_a_twentieth_of_the_range_or_a_
 }
 
 #[test]
-fn the_speed_of_what_moves_is_judged_by_the_wall() {
+fn physical_speed_uses_wall_time() {
     // A millimetre in 0.02 s of test time, every 0.02 s or every 0.2 ms.
     for (period_ns, holds) in [(20_000_000, true), (200_000, false)] {
         let mut host = limited("command_vel_m_per_s = { trip = 0.11 }");
@@ -324,7 +323,7 @@ fn the_speed_of_what_moves_is_judged_by_the_wall() {
 }
 
 #[test]
-fn a_velocity_that_is_not_sent_is_the_difference_over_the_step() {
+fn missing_velocity_is_a_difference() {
     let mut host = host(
         "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 50.0 } }",
         1,
@@ -345,7 +344,7 @@ fn a_velocity_that_is_not_sent_is_the_difference_over_the_step() {
 }
 
 #[test]
-fn a_step_that_begins_where_the_last_one_ended_begins_with_its_tangent() {
+fn step_begins_with_the_last_tangent() {
     let mut host = host(BILINEAR, 1, Nature::Simulated);
     for (disp, tangent) in [(0.005, 8e3), (0.03, 400.0), (0.03, 400.0), (0.029, 8e3)] {
         host.trial(Course::Step, &at(&[disp], 0.01), Some(0.01), &mut || true)
@@ -371,7 +370,7 @@ fn matrices_come_row_by_row() {
 }
 
 #[test]
-fn what_moves_trips_at_a_second_target_of_a_step_and_a_formula_does_not() {
+fn second_target_trips_a_physical_specimen() {
     let go = |host: &mut Host, course, disp: f64, time: f64| {
         host.trial(course, &at(&[disp], time), Some(0.01), &mut || true)
     };

@@ -44,7 +44,7 @@ impl NativeConversation {
         };
         let cause = notice.cause.ending();
         self.commits_what_ends(cause);
-        // Zero is no number where no command was sent.
+        // Zero is not a valid number if no command was sent.
         if notice.sequence > 0 || self.commanded.sequence.is_some() {
             self.count.misses_up_to(notice.sequence);
         }
@@ -124,7 +124,7 @@ impl NativeConversation {
         })
     }
 
-    /// The client does not wait for answers: tells it, and that the session ends.
+    /// The client does not wait for answers: informs it, and ends the session.
     pub(super) fn too_far_ahead(&mut self, sequence: u64, channel: &mut Channel) -> TestEnd {
         let text = format!(
             "command {sequence} came before the two commands ahead of it were answered: with `serve.pace` a controller waits for the answer to \
@@ -179,7 +179,7 @@ impl NativeConversation {
         TestEnd::failed(format_args!("refused: {text}"))
     }
 
-    /// The link to the specimen is lost: tells the client why, and that the session ends.
+    /// The link to the specimen is lost: sends the client the reason, and ends the session.
     pub(super) fn lost_specimen(&mut self, trip: Trip, channel: &mut Channel) -> TestEnd {
         let text = self.served.whole(trip);
         self.say(Cause::Lost, &text, channel);
@@ -187,7 +187,7 @@ impl NativeConversation {
         TestEnd::failed(text)
     }
 
-    /// The operator of this server ends the test: tells the client.
+    /// The operator of this server ends the test: informs the client.
     pub(super) fn told_to_stop(&mut self, channel: &mut Channel) -> TestEnd {
         self.say_goodbye(Cause::Shutdown, channel);
         TestEnd::told_to_stop()
@@ -210,7 +210,7 @@ impl NativeConversation {
         send_last(channel, is_stream, frame, &mut self.last_frames);
     }
 
-    /// Closes the records of the session, and says what there is to report.
+    /// Closes the records of the session, and returns the report.
     pub(super) fn close(mut self, end: TestEnd, channel: &Channel) -> ServerEvent {
         let TestEnd {
             cause, mut text, ..
@@ -229,7 +229,7 @@ impl NativeConversation {
             .served
             .tripped()
             .filter(|trip| matches!(trip, Trip::Lost(_)));
-        // The log has the trip already, and says it before everything else.
+        // The log contains the trip already, before everything else.
         let what_else = match lost {
             Some(trip) if self.served.whole(trip) == text => "the controller was informed",
             _ => &text,

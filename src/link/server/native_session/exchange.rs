@@ -1,7 +1,7 @@
 //! The exchange of a native client's command with the specimen.
 //!
-//! The specimen may be on its way to a paced target for long. Meanwhile each tick reads the frames of the client, so that a hold, a
-//! retire or a goodbye is obeyed within a tick, and a client that is gone is noticed.
+//! The path of the specimen to a paced target may be long. Meanwhile each tick reads the frames of the client, so that a hold, a
+//! retire or a goodbye is obeyed within a tick, and a lost client is noticed.
 
 use super::ends::Wrong;
 use super::{MOST_READS, Message, NativeConversation, Reader};
@@ -20,9 +20,9 @@ use gusset_quantity::time::Nanos;
 use gusset_wire::handshake::{self, Arm, Control};
 use gusset_wire::native::Notice;
 
-/// Why a specimen comes to rest on its way to a target.
+/// Why a specimen comes to rest on its path to a target.
 enum Interruption {
-    /// The client is gone.
+    /// The client is lost.
     Gone(LinkFault),
     /// A frame failed a check.
     Wrong(Wrong),
@@ -89,7 +89,7 @@ impl NativeConversation {
         interruption.map_or(Ok(()), |why| self.interrupted(why, channel))
     }
 
-    /// The specimen rests where it was on its way: ends the test, or holds until the next command.
+    /// The specimen rests on its path: ends the test, or holds until the next command.
     fn interrupted(&mut self, why: Interruption, channel: &mut Channel) -> Result<(), TestEnd> {
         Err(match why {
             Interruption::Gone(fault) => channel.lost(self.codec.is_stream(), fault),
@@ -130,7 +130,7 @@ impl Ahead<'_> {
     /// Reads the frames that have come. Real-time: yes, but for the end of a session.
     ///
     /// # Errors
-    /// The specimen is to come to rest.
+    /// Why the specimen must come to rest.
     fn look(&mut self) -> Result<(), Interruption> {
         // Its last frames came before it closed, and are read first.
         let has_hung_up = self.link.has_hung_up();
@@ -186,7 +186,7 @@ impl Ahead<'_> {
                 }
                 Ok(())
             }
-            // Its answer is on its way.
+            // Its answer will follow.
             Message::Command(..) | Message::Nothing => Ok(()),
             Message::Control(message) => match handshake::decode(&message) {
                 // Its answer was lost, and a command has come since.

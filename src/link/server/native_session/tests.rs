@@ -72,17 +72,17 @@ impl Controller {
         Self::of(host().limited(limits), axis())
     }
 
-    /// The same of what this host offers.
+    /// A session with this host.
     fn of(host: Host, axis: Axis) -> Self {
         Self::over(host, axis, true)
     }
 
-    /// The same over a stream or datagrams.
+    /// A session over a stream or datagrams.
     fn over(host: Host, axis: Axis, stream: bool) -> Self {
         Self::at_rate(host, axis, stream, (1000, 1))
     }
 
-    /// The same at another rate.
+    /// A session at another rate.
     fn at_rate(host: Host, axis: Axis, stream: bool, rate: (u64, u64)) -> Self {
         let mut one = Self::greeting(host, axis, stream, rate);
         assert!(matches!(one.arm(0, 0.0), Some(Control::Arm(_))));
@@ -104,7 +104,7 @@ impl Controller {
     ) -> Self {
         let (clock, tap) = (SimClock::new(), Tap::default());
         let mut one = Self {
-            end: Simulated::new(host, clock.clone(), 0, stream).tapped(Arc::clone(&tap)),
+            end: Simulated::new(host, clock.clone(), 0, stream, Some(Arc::clone(&tap))),
             clock,
             encoder: Encoder::greeting(Side::Controller),
             decoder: Decoder::greeting(Side::Specimen),
@@ -198,7 +198,7 @@ impl Controller {
 const FINE: Result<Option<Status>, LinkFault> = Ok(Some(Status(0)));
 
 #[test]
-fn a_second_arm_must_name_the_place_where_the_specimen_stands() {
+fn second_arm_must_name_the_position() {
     for (before, place) in [(None, 0.05), (Some(0.0), 0.05), (Some(0.001), 0.0)] {
         let mut controller = Controller::armed("command_step_m = { trip = 0.002 }");
         if let Some(disp) = before {
@@ -213,7 +213,7 @@ fn a_second_arm_must_name_the_place_where_the_specimen_stands() {
 }
 
 #[test]
-fn a_command_from_before_the_second_arm_moves_nothing() {
+fn command_before_the_second_arm_is_void() {
     let mut controller = Controller::armed("");
     assert_eq!(controller.command(0, 0.001, 0.001), FINE);
     let again = controller.arm(10, 0.001);
@@ -226,7 +226,7 @@ fn a_command_from_before_the_second_arm_moves_nothing() {
 }
 
 #[test]
-fn test_time_that_cannot_be_ends_the_session() {
+fn impossible_test_time_ends_the_session() {
     for dt in [-1e-3, 1e13, 2.0] {
         let mut controller = Controller::armed("");
         assert_eq!(controller.command(0, 0.0, 0.001), FINE);
@@ -239,7 +239,7 @@ fn test_time_that_cannot_be_ends_the_session() {
 }
 
 #[test]
-fn a_speed_is_judged_by_the_announced_rate_whatever_test_time_is_said() {
+fn speed_is_judged_by_the_announced_rate() {
     let mut controller = Controller::armed("command_vel_m_per_s = { trip = 0.1 }");
     assert_eq!(controller.command(0, 0.0, 0.9), FINE);
     assert_eq!(controller.command(1, 0.00009, 1e-6), FINE, "slow motion");
@@ -249,7 +249,7 @@ fn a_speed_is_judged_by_the_announced_rate_whatever_test_time_is_said() {
     assert_eq!(into.disp, [0.00018], "it did not go there");
 }
 
-/// What a specimen across another link is told, in order.
+/// Messages that a specimen across another link receives, in order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Told {
     Command(u64),
@@ -321,7 +321,7 @@ impl Substructure for Beyond {
     }
 }
 
-/// A gateway to what is beyond, whose last words these are, and what that is told.
+/// A gateway to a specimen with this final message, and the messages that it receives.
 fn gateway(last_words: Option<&'static str>) -> (Host, Arc<Mutex<Vec<Told>>>) {
     let told = Arc::<Mutex<Vec<Told>>>::default();
     let heard = Arc::clone(&told);
@@ -341,7 +341,7 @@ fn gateway_to(beyond: impl Fn() -> Beyond + Send + Sync + 'static) -> Host {
 }
 
 #[test]
-fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command() {
+fn hold_follows_the_command_before_it() {
     let (host, told) = gateway(None);
     let mut controller = Controller::of(host, axis());
     let hold = |controller: &mut Controller, sequence: u64| {
@@ -356,7 +356,7 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
     controller.hear().unwrap().unwrap();
     let said = told.lock().unwrap().clone();
     assert_eq!(said, [Told::Command(first(&said)), Told::Hold]);
-    // The watchdog is not alarmed by what need not come.
+    // Missing frames that are not due do not alarm the watchdog.
     controller.clock.advance(600_000_000);
     assert!(controller.hear().unwrap().is_none());
     // One that was overtaken is over, and is not passed on at all.
@@ -369,9 +369,10 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
     assert_eq!(all[2..], [newest]);
 }
 
-/// Whether its commands before were passed on or not, and in a hold, too: what comes after a stop comes from rest.
+/// The stop applies whether earlier commands were passed on or not, and in a hold, too: the motion after it starts from
+/// rest.
 #[test]
-fn a_stop_before_a_way_out_is_passed_on_before_the_command_that_follows_it() {
+fn stop_precedes_the_return_command() {
     let (host, told) = gateway(None);
     let mut controller = Controller::of(host, axis());
     assert_eq!(controller.command(0, 0.0, 0.0), FINE);
@@ -401,9 +402,9 @@ fn a_stop_before_a_way_out_is_passed_on_before_the_command_that_follows_it() {
     );
 }
 
-/// The controller judges what comes after an operator's hold as if nothing had been between; after a stop it judges from rest.
+/// The controller judges the command after an operator's hold as without it; after a stop it judges from rest.
 #[test]
-fn only_a_stop_before_a_way_out_lets_what_comes_next_be_judged_from_rest() {
+fn only_a_stop_before_a_return_allows_rest() {
     for (cause, trips) in [
         (None, false),
         (Some(Cause::Operator), false),
@@ -430,7 +431,7 @@ fn only_a_stop_before_a_way_out_lets_what_comes_next_be_judged_from_rest() {
 }
 
 #[test]
-fn a_command_that_is_refused_does_not_change_where_the_pending_one_goes() {
+fn refused_command_keeps_the_pending_one() {
     for dt in [-0.02, 1000.0, f64::MAX] {
         let (host, _) = gateway(None);
         let mut controller = Controller::over(host, axis(), false);
@@ -452,7 +453,7 @@ fn a_command_that_is_refused_does_not_change_where_the_pending_one_goes() {
 }
 
 #[test]
-fn the_first_command_after_each_arm_is_where_that_said_or_moves_nothing() {
+fn first_command_must_match_the_arm() {
     for (again, disp, lost) in [
         (false, 0.0, 0),
         (false, 2e-3, 0),
@@ -460,7 +461,7 @@ fn the_first_command_after_each_arm_is_where_that_said_or_moves_nothing() {
         (true, 2e-3, 0),
         // The first step of a small motion.
         (false, 1e-4, 0),
-        // The first is lost: the next has a way.
+        // The first is lost: the next has a distance.
         (false, 2e-3, 1),
     ] {
         let (host, told) = gateway(None);
@@ -481,7 +482,7 @@ fn the_first_command_after_each_arm_is_where_that_said_or_moves_nothing() {
 }
 
 #[test]
-fn a_slow_rate_gives_the_first_commands_after_an_arm_no_more_time() {
+fn slow_rate_gives_no_extra_first_time() {
     // Ten seconds a command, of which 20 ms are there: 1 mm at 0.1 m/s is beyond.
     let (host, told) = gateway(None);
     let limits = toml::from_str("command_vel_m_per_s = { trip = 0.1 }").unwrap();
@@ -493,7 +494,7 @@ fn a_slow_rate_gives_the_first_commands_after_an_arm_no_more_time() {
 }
 
 #[test]
-fn a_computed_specimen_has_limits_and_a_trip_of_its_session_unless_it_remembers() {
+fn computed_trip_lasts_only_with_memory() {
     for remembers in [false, true] {
         let limits = toml::from_str("command_step_m = { trip = 0.002 }").unwrap();
         let first = host().limited(vec![limits]);
@@ -520,12 +521,12 @@ fn a_computed_specimen_has_limits_and_a_trip_of_its_session_unless_it_remembers(
 }
 
 #[test]
-fn a_latched_specimen_refuses_a_hello_with_its_trip() {
+fn latched_specimen_refuses_a_hello() {
     let (host, told) = gateway(None);
     host.latch()
         .set("far", "interlock", "the interlock is open");
     let clock = SimClock::new();
-    let mut end = Simulated::new(host, clock.clone(), 0, true);
+    let mut end = Simulated::new(host, clock.clone(), 0, true, None);
     let message = handshake::encode(&Control::Hello(hello(axis(), (1000, 1)))).unwrap();
     let mut frame = vec![0; LARGEST_FRAME];
     let length = Encoder::greeting(Side::Controller).control(&message, &mut frame);
@@ -572,7 +573,7 @@ impl Controller {
         said
     }
 
-    /// How the far end tells of the end.
+    /// Cause and text of the far end's goodbye.
     fn ended(&self) -> String {
         let tap = self.tap.lock().unwrap();
         let ended = tap.iter().rev().find_map(|tapped| match tapped {
@@ -587,7 +588,7 @@ impl Controller {
 }
 
 #[test]
-fn what_is_beyond_a_gateway_has_its_last_words_passed_on() {
+fn gateway_passes_on_the_final_message() {
     for (last_words, told) in [
         (None, vec!["goodbye Orderly"]),
         (
@@ -610,8 +611,8 @@ const FORCE: &str = "it tripped: axis 1: measured force 40.0 N, allowed 30.0 N (
 const OPEN: &str = "the interlock or emergency stop at the specimen is open";
 
 #[test]
-fn why_the_specimen_tripped_is_passed_on_by_a_gateway_that_tripped_with_it() {
-    // In its own words, or in ours, which are not said twice.
+fn gateway_passes_on_the_cause_of_a_trip() {
+    // In its own words, or in ours, without repetition.
     let once = ["bye 1: ", OPEN].concat();
     for (last_words, told) in [
         (
@@ -653,7 +654,7 @@ fn check() -> WiringCheck {
 
 /// A controller that speaks version 1 alone does not know the cause of a lost specimen.
 #[test]
-fn lost_specimen_is_told_by_its_code() {
+fn lost_specimen_is_reported_by_its_code() {
     for (highest, told) in [(1, Cause::Tripped), (2, Cause::Lost)] {
         let gateway = || {
             gateway_to(|| Beyond {
@@ -687,7 +688,7 @@ fn lost_specimen_is_told_by_its_code() {
 }
 
 #[test]
-fn why_the_specimen_tripped_while_it_was_tried_stands_in_the_refusal() {
+fn refusal_contains_the_cause_of_a_trip() {
     let (host, _) = gateway(Some(FORCE));
     let host = host.checked(check(), false);
     let refused = Controller::greeting(host, axis(), true, (1000, 1)).arm(0, 0.0);
@@ -700,7 +701,7 @@ fn why_the_specimen_tripped_while_it_was_tried_stands_in_the_refusal() {
 }
 
 #[test]
-fn a_controller_that_leaves_without_a_retire_is_told_of_in_its_own_words() {
+fn controller_without_retire_is_reported() {
     let leave = |with: &dyn Fn(&mut Controller) -> usize| {
         let mut controller = Controller::armed("");
         assert_eq!(controller.command(0, 0.0, 0.001), FINE);

@@ -23,7 +23,7 @@ const VISCOUS: &str = "law = { linear = { stiffness_n_per_m = 0, damping_n_s_per
 /// Doubles of a vector.
 const N: usize = 4;
 
-/// A client of one axis that commands displacements and, if it is `timed`, times, and wants forces.
+/// A client of one axis that commands displacements and, if it is `timed`, times, and requests forces.
 struct Client {
     codec: Codec,
     role: Role,
@@ -74,7 +74,7 @@ impl Client {
 }
 
 #[test]
-fn a_damper_whose_client_holds_its_command_is_at_rest_with_and_without_a_time() {
+fn held_damper_is_at_rest() {
     for role in [Role::Application, Role::Simulink] {
         for timed in [false, true] {
             let mut client = Client::new(role, VISCOUS, Nature::Simulated, timed);
@@ -101,7 +101,7 @@ fn a_damper_whose_client_holds_its_command_is_at_rest_with_and_without_a_time() 
 }
 
 #[test]
-fn a_step_taken_back_ends_the_test_of_what_moves_whoever_asks() {
+fn physical_step_taken_back_ends_the_test() {
     for role in [Role::Application, Role::Simulink] {
         for timed in [false, true] {
             for nature in [Nature::Simulated, Nature::Physical] {
@@ -131,7 +131,7 @@ fn a_step_taken_back_ends_the_test_of_what_moves_whoever_asks() {
 }
 
 #[test]
-fn what_moves_follows_a_client_without_commits_through_zero() {
+fn physical_test_passes_through_zero() {
     for nature in [Nature::Simulated, Nature::Physical] {
         let mut client = Client::new(Role::Application, LINEAR, nature, false);
         for disp in [0.0, 0.0005, 0.001, 0.0005, 0.0] {
@@ -144,7 +144,7 @@ fn what_moves_follows_a_client_without_commits_through_zero() {
 
 /// Two targets of one test time are trials in each protocol. A repeated target is allowed.
 #[test]
-fn a_client_that_iterates_is_recognised_by_its_time() {
+fn iterating_client_is_known_by_its_time() {
     for role in [Role::Application, Role::Controller, Role::Simulink] {
         for timed in [false, true] {
             let mut client = Client::new(role, LINEAR, Nature::Physical, timed);
@@ -178,7 +178,7 @@ fn a_trial_of_a_controller_is_not_accepted() {
 }
 
 #[test]
-fn a_commit_with_zeros_behind_it_leaves_the_steps_their_length() {
+fn zeros_after_a_commit_keep_step_lengths() {
     let mut client = Client::new(Role::Application, VISCOUS, Nature::Simulated, true);
     for k in 0..5 {
         let (disp, time) = (0.001 * f64::from(k), 0.01 * f64::from(k));
@@ -192,7 +192,7 @@ fn a_commit_with_zeros_behind_it_leaves_the_steps_their_length() {
 }
 
 #[test]
-fn a_return_to_the_start_is_told_and_leaves_the_specimen_at_its_committed_state() {
+fn return_to_the_start_is_reported() {
     const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
     let mut client = Client::new(Role::Application, BILINEAR, Nature::Simulated, true);
     client.step(0.0, 0.0);
@@ -205,7 +205,7 @@ fn a_return_to_the_start_is_told_and_leaves_the_specimen_at_its_committed_state(
 }
 
 #[test]
-fn a_load_factor_that_falls_in_a_step_ends_no_test() {
+fn falling_load_factor_ends_no_test() {
     for nature in [Nature::Simulated, Nature::Physical] {
         let mut client = Client::new(Role::Application, LINEAR, nature, true);
         client.step(0.0, 0.0);
@@ -250,7 +250,7 @@ impl Substructure for Stopping {
 }
 
 #[test]
-fn a_stop_request_ends_the_commands_of_one_piece() {
+fn stop_request_ends_one_piece() {
     let (events_in, events) = unbounded();
     let shared = Arc::new(Shared::new(events_in));
     let law: SpecimenLaw = toml::from_str(LINEAR).unwrap();

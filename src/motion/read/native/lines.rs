@@ -303,7 +303,7 @@ pub(super) fn unit_and_factor(word: &str) -> Option<(Unit, f64)> {
     }
 }
 
-/// The step of a column of times that must be uniform. The first row stands on line `first`.
+/// The step of a column of times that must be uniform. The first row is on line `first`.
 pub(super) fn uniform_step(file: &str, times: &[f64], first: usize) -> Result<f64, MotionError> {
     let (Some(start), Some(end)) = (times.first(), times.last()) else {
         return Err(MotionError::Empty { file: file.into() });

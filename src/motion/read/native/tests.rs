@@ -91,7 +91,7 @@ fn broken(file: &str, old: &str, new: &str) -> MotionError {
 }
 
 #[test]
-fn each_sample_is_recognised_and_read_with_its_unit_step_count_and_peak() {
+fn each_sample_is_recognised_and_read() {
     for sample in &SAMPLES {
         let Sample { file, text, .. } = sample;
         assert_eq!(detect("any.dat", text.as_bytes()), sample.format, "{file}");
@@ -135,7 +135,7 @@ fn each_sample_is_recognised_and_read_with_its_unit_step_count_and_peak() {
 }
 
 #[test]
-fn every_kind_of_line_end_and_trailing_blanks_are_read() {
+fn all_line_ends_and_blanks_are_read() {
     for sample in &SAMPLES {
         let wanted = read(sample.text, sample.column).unwrap();
         for end in ["\r\n", "   \n", "\r\r\n"] {
@@ -146,7 +146,7 @@ fn every_kind_of_line_end_and_trailing_blanks_are_read() {
 }
 
 #[test]
-fn several_components_without_a_choice_are_refused_with_their_names() {
+fn several_components_need_a_choice() {
     for (file, named) in [
         ("cosmos.V2c", "2 = \"Chan 2\" (90 deg)"),
         ("csmip.V2", "1 = \"Chan 1\" (H1)"),
@@ -180,7 +180,7 @@ fn several_components_without_a_choice_are_refused_with_their_names() {
 
 /// One acceleration beside its velocity and displacement is what a ground motion means.
 #[test]
-fn the_only_acceleration_of_a_file_needs_no_choice() {
+fn single_acceleration_needs_no_choice() {
     let text = sample("csmip.V2");
     let end = text
         .find("Corrected accelerogram   12345-S0001-01001.01       Chan  2")
@@ -191,7 +191,7 @@ fn the_only_acceleration_of_a_file_needs_no_choice() {
 }
 
 #[test]
-fn another_count_than_the_header_states_is_refused_with_both_numbers() {
+fn wrong_count_is_refused_with_both_numbers() {
     for (file, old, new, announced, found) in [
         (
             "knet.NS",
@@ -249,7 +249,7 @@ fn another_count_than_the_header_states_is_refused_with_both_numbers() {
 
 /// The duration of a header finds a step in the wrong unit, and a wrong length.
 #[test]
-fn a_stated_duration_is_compared() {
+fn stated_duration_is_compared() {
     for (file, old, new, stated, dt) in [
         (
             "cosmos.V2c",
@@ -372,7 +372,7 @@ fn variants_of_a_format_are_read() {
 
 /// A film: 16 points of the straight line a = 10 t at unequal times. The line between them is the line itself.
 #[test]
-fn points_of_a_film_at_unequal_times_are_read() {
+fn film_points_at_unequal_times_are_read() {
     let text = sample("usc.s0a");
     let mut head: String = text.lines().take(27).collect::<Vec<_>>().join("\n");
     let mut time = 0.0;
@@ -403,7 +403,7 @@ fn points_of_a_film_at_unequal_times_are_read() {
 
 /// Cut anywhere, a file is refused, or read in whole components only.
 #[test]
-fn a_truncated_file_never_yields_a_part_of_a_component() {
+fn truncated_file_never_gives_a_component() {
     for sample in &SAMPLES {
         let whole = read(sample.text, sample.column).unwrap();
         for end in (1..sample.text.len()).step_by(13) {
@@ -423,7 +423,7 @@ fn a_truncated_file_never_yields_a_part_of_a_component() {
 }
 
 #[test]
-fn variants_that_are_not_read_are_refused_with_the_reason() {
+fn unread_variants_are_refused_with_reasons() {
     for (file, old, new, word) in [
         ("cosmos.V2c", "cm/sec2 (04)", "counts (50)", "counts"),
         ("cosmos.V2c", "cm/sec2 (04)", "deg/s (24)", "translation"),
@@ -482,7 +482,7 @@ fn sac_and_mini_seed_are_refused_by_name() {
 }
 
 #[test]
-fn what_is_wrong_in_a_header_is_shown_with_its_line() {
+fn header_fault_is_shown_with_its_line() {
     for (file, old, new, line) in [
         ("knet.NS", "3920(gal)/6170801", "3920(gal)", 14),
         ("knet.NS", "100Hz", "0Hz", 11),
@@ -529,7 +529,7 @@ fn what_is_wrong_in_a_header_is_shown_with_its_line() {
 }
 
 #[test]
-fn a_stated_peak_that_the_values_do_not_reach_is_a_warning() {
+fn unreached_stated_peak_is_a_warning() {
     for (file, old, new) in [
         ("knet.NS", "(gal)   123.456", "(gal)   12.3456"),
         ("esm.ASC", "-76.543000\n", "-7.6543\n"),
@@ -548,7 +548,7 @@ fn a_stated_peak_that_the_values_do_not_reach_is_a_warning() {
 
 /// K-NET leaves the offset of the recorder in: it would integrate to a drift.
 #[test]
-fn the_offset_of_a_recorder_stays_and_is_a_warning_that_names_the_key() {
+fn recorder_offset_stays_with_a_warning() {
     let record = read(sample("kiknet.UD2"), None).unwrap();
     assert!((record.values[0] - 7.781).abs() < 1e-3);
     assert!(
@@ -559,7 +559,7 @@ fn the_offset_of_a_recorder_stays_and_is_a_warning_that_names_the_key() {
 }
 
 #[test]
-fn a_given_step_overrules_the_file_with_a_warning_and_a_time_column_does_not_apply() {
+fn given_step_overrules_with_a_warning() {
     let text = sample("esm.ASC");
     let options = ReadOptions {
         dt: Some(0.02),
@@ -577,7 +577,7 @@ fn a_given_step_overrules_the_file_with_a_warning_and_a_time_column_does_not_app
 
 /// Memory stays within a few times the size of a file, however many components it announces.
 #[test]
-fn a_file_of_too_many_components_is_refused() {
+fn file_of_too_many_components_is_refused() {
     let block = "1 points of accel data equally spaced at .01 sec, in g. (f5.1)\n  1.0\n";
     let text = format!("CORRECTED ACCELEROGRAM\n{}", block.repeat(1001));
     let error = read(&text, Some("Chan 1")).unwrap_err();
@@ -588,7 +588,7 @@ fn a_file_of_too_many_components_is_refused() {
 }
 
 #[test]
-fn ordinary_tables_are_not_taken_for_native_formats() {
+fn ordinary_tables_are_not_native_formats() {
     for text in [
         "# time [s] acc [g]\n0 0.1\n0.01 0.2\n",
         "Origin,Time\n0,1\n1,2\n",
@@ -606,7 +606,7 @@ fn ordinary_tables_are_not_taken_for_native_formats() {
 }
 
 #[test]
-fn touching_numbers_and_formats_are_parted_by_their_width() {
+fn touching_numbers_split_by_width() {
     for (format, width) in [
         ("(8f10.6)", 10),
         ("Format=(6F13.6)", 13),
@@ -624,7 +624,7 @@ fn touching_numbers_and_formats_are_parted_by_their_width() {
 }
 
 proptest! {
-    /// A sample with a piece cut out, doubled or replaced by what parsers look for never panics.
+    /// A sample with a piece removed, doubled or replaced by the parsers' keywords causes no panic.
     #[test]
     fn damaged_samples_never_panic(
         which in 0..SAMPLES.len(),
@@ -658,7 +658,7 @@ proptest! {
 }
 
 #[test]
-fn values_of_which_no_line_says_what_they_are_are_refused() {
+fn values_without_a_quantity_are_refused() {
     let without = |file: &str, mark: &str| {
         let mut left_out = false;
         let is_kept = |line: &&str| {

@@ -86,7 +86,7 @@ impl Branch {
         self.scale * self.reached(elapsed + self.rate * tau, u, self.rate * tau)
     }
 
-    /// z after the path `tau` of decay from `z` > 0, and what is left of the path when z vanishes before its end.
+    /// z after the path `tau` of decay from `z` > 0, and the remaining path when z vanishes before its end.
     #[inline]
     pub(super) fn shrink(&self, z: f64, tau: f64) -> (f64, f64) {
         let u = z / self.scale;
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn the_series_are_artanh_and_arctan_for_the_exponent_two() {
+    fn series_match_artanh_and_arctan() {
         // Roundoff: some tens of rounded terms, all positive, hence some 1e-15 relative.
         for i in 1..200 {
             let u = f64::from(i) / 200.0;
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn the_inverse_of_the_clock_is_its_inverse() {
+    fn inverse_of_the_clock_is_its_inverse() {
         for exponent in [1.0, 1.01, 1.5, 2.0, 2.5, 3.0, 7.3, 20.0, 100.0] {
             for i in 0..=60 {
                 // Saturating: u from 0 to 1 − 1e-3; an error of σ of 1e-15 is one of u of 1e-15 (1 − uⁿ).
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_numbers_stay_lost_and_end_in_bounded_time() {
+    fn nan_stays_nan_and_time_is_bounded() {
         for (c, exponent) in [(1.0, 2.5), (-0.3, 2.5), (0.0, 3.0), (1.0, 1.0), (-1.0, 2.0)] {
             let branch = Branch::new(1.0, c, exponent);
             assert!(branch.grow(f64::NAN, 0.1).is_nan());

@@ -8,7 +8,7 @@
 const COLUMNS: usize = 8;
 /// Largest difference of the last two columns, of 1 + |state|. The accepted column is orders better.
 const TOLERANCE: f64 = 1e-13;
-/// The same of the two columns before them: one small difference may be a coincidence.
+/// Largest difference of the two columns before them: one small difference may be a coincidence.
 const ON_THE_WAY: f64 = 1e-6;
 /// Inner steps, refused ones included: at most 73 slopes each.
 const BUDGET: u32 = 2048;
@@ -116,14 +116,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_circle_is_followed_to_roundoff() {
+    fn circle_is_followed_to_roundoff() {
         let end = integrate([1.0, 0.0], 7.0, |s| [-s[1], s[0]]).unwrap();
         assert!((end[0] - libm::cos(7.0)).abs() < 1e-13, "{end:?}");
         assert!((end[1] - libm::sin(7.0)).abs() < 1e-13, "{end:?}");
     }
 
     #[test]
-    fn what_leads_to_infinity_or_nowhere_ends() {
+    fn diverging_equation_ends() {
         assert_eq!(integrate([1.0], 2.0, |s| [s[0] * s[0]]), None);
         assert_eq!(integrate([f64::NAN], 2.0, |s| [s[0]]), None);
         assert_eq!(integrate([1.0], f64::NAN, |s| [s[0]]), None);

@@ -117,7 +117,7 @@ fn farthest(a: &[f64], b: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// What the fine Runge–Kutta rule itself may err by, in N, at h = 1/4000 of the yield displacement: (n h)⁴ on the
+/// Error bound of the fine Runge–Kutta rule itself, in N, at h = 1/4000 of the yield displacement: (n h)⁴ on the
 /// smooth stretches, and at each of the 4 sign changes of ζ, where β |ζ|ⁿ has a kink, one step's β hⁿ⁺¹/(n + 1).
 fn doubt(spec: &BoucWenSpec) -> f64 {
     let (n, h) = (spec.exponent, 1.0 / FINE);
@@ -129,7 +129,7 @@ fn doubt(spec: &BoucWenSpec) -> f64 {
 const FINE: f64 = 4000.0;
 
 #[test]
-fn closed_forms_and_series_solve_the_differential_equation() {
+fn unworn_law_solves_its_equation() {
     for (beta, gamma) in [(0.5, 0.5), (0.9, 0.1), (0.1, 0.9), (1.4, -0.4), (0.5, 0.0)] {
         for exponent in [1.0, 1.5, 2.0, 2.5, 7.0] {
             let spec = spec(beta, gamma, exponent);
@@ -141,7 +141,7 @@ fn closed_forms_and_series_solve_the_differential_equation() {
 }
 
 #[test]
-fn worn_laws_solve_the_differential_equation() {
+fn worn_laws_solve_their_equation() {
     for exponent in [1.0, 1.5, 2.0, 3.0] {
         let spec = worn(exponent);
         let wanted = runge_kutta(&spec, &PATH, FINE);
@@ -151,7 +151,7 @@ fn worn_laws_solve_the_differential_equation() {
 }
 
 #[test]
-fn without_wear_the_worn_integrator_gives_the_exact_solution() {
+fn worn_integrator_without_wear_is_exact() {
     // Two ways through one equation: extrapolation with rates of wear zero, and the closed forms.
     for exponent in [1.0, 1.5, 2.0, 2.5] {
         for (beta, gamma) in [(0.6, 0.4), (0.2, 0.8), (1.4, -0.4)] {
@@ -197,7 +197,7 @@ fn one_step_equals_many_partial_steps() {
 }
 
 #[test]
-fn a_long_step_of_a_worn_law_equals_many_short_ones() {
+fn long_worn_step_equals_many_short_ones() {
     // Steps of many yield displacements (1 mm each), as an isolator at a coarse rate or a trial of an iteration makes them.
     let paths = [3.0, 6.0, 7.0, 10.0, 15.0, 30.0]
         .into_iter()
@@ -233,7 +233,7 @@ fn a_long_step_of_a_worn_law_equals_many_short_ones() {
 }
 
 #[test]
-fn the_force_saturates_at_the_yield_force_and_the_post_yield_slope() {
+fn force_saturates_at_yield_and_slope() {
     for exponent in [1.0, 2.0, 2.5] {
         // From the virgin state far out: ζ = 1, F = α k x + (1 − α) F_y.
         let mut law = spec(0.5, 0.5, exponent).build().unwrap();
@@ -248,7 +248,7 @@ fn the_force_saturates_at_the_yield_force_and_the_post_yield_slope() {
 }
 
 #[test]
-fn the_hardening_ratio_is_that_of_the_design_notes() {
+fn hardening_ratio_is_as_documented() {
     let bound = |spec: BoucWenSpec| spec.build().unwrap().bound(Reach::default()).0.unwrap();
     let k = 1.19e6;
     // a + (1 − a) max(1, 2β/(β + γ)): 0.1 + 0.9 · 1.8 and 1.
@@ -267,7 +267,7 @@ fn the_hardening_ratio_is_that_of_the_design_notes() {
 }
 
 #[test]
-fn degradation_weakens_and_pinching_narrows_the_loop() {
+fn degradation_weakens_pinching_narrows() {
     let cycles: Vec<f64> = [4e-3, -4e-3].into_iter().cycle().take(12).collect();
     let mut tired = worn(2.0);
     tired.pinching = None;
@@ -293,7 +293,7 @@ fn degradation_weakens_and_pinching_narrows_the_loop() {
 }
 
 #[test]
-fn a_worn_step_beyond_all_bounds_is_not_a_number() {
+fn worn_step_beyond_all_bounds_is_nan() {
     let mut law = worn(2.0).build().unwrap();
     assert!(law.trial(1e9, 0.0, 0.0).is_nan());
     law.revert();
@@ -331,7 +331,7 @@ proptest! {
 
 /// The linear branches n = 1 against their exponentials, from zero to where they saturate, and across zero.
 #[test]
-fn the_linear_branches_are_exponentials_to_a_few_roundings() {
+fn linear_branches_are_exponentials() {
     let saturating = Branch::new(1.0, 1.0, 1.0);
     let steepening = Branch::new(1.0, -0.2, 1.0);
     for z in [

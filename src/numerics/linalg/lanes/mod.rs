@@ -45,7 +45,7 @@ impl Lanes {
 
     /// The best for vectors of `n` entries: the widest, unless they fill no wide register.
     #[must_use]
-    pub fn best_for(n: usize) -> Self {
+    pub(crate) fn best_for(n: usize) -> Self {
         if n < 8 { Lanes::Portable } else { Self::best() }
     }
 
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn every_path_turns_and_calculates_like_plain_loops() {
+    fn every_path_matches_plain_loops() {
         let mut block = [[0.0; 8]; 16];
         for (i, row) in block.iter_mut().enumerate() {
             for (j, value) in row.iter_mut().enumerate() {
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_that_are_missing_are_replaced_and_the_best_ones_exist() {
+    fn missing_lanes_are_replaced() {
         assert_eq!(Lanes::available().next(), Some(Lanes::Portable));
         assert!(Lanes::available().any(|lanes| lanes == Lanes::best()));
         assert_eq!(Lanes::Avx2.to_string(), "AVX2");

@@ -36,7 +36,7 @@ pub(super) fn eliminate(
     };
     for segment in 0..segments {
         let first = segment * length;
-        // Of the interface before: its diagonal, and what the rows of this segment take from it.
+        // The interface before: its diagonal, and the sum that the rows of this segment subtract from it.
         let before = first.checked_sub(1).map_or(1.0, |row| diagonal[row].abs());
         let (mut pivot, mut fill, mut taken) = (1.0, 0.0, 0.0);
         for (place, &own) in diagonal[first..].iter().take(length).enumerate() {
@@ -56,7 +56,7 @@ pub(super) fn eliminate(
             if place == length - 1 {
                 left.diagonal[segment] = pivot;
                 left.beside[segment] = across;
-                // Of the first segment nothing reaches further.
+                // The first segment has no interface before it.
                 put(segment, place, multiplier, 1.0, 0.0);
                 continue;
             }
@@ -79,7 +79,7 @@ pub(super) fn eliminate(
 }
 
 impl Eliminated {
-    /// True if what is left between interfaces is below all that a double can tell.
+    /// True if the coupling between interfaces is below the resolution of a double.
     fn interfaces_are_apart(&self, n: usize, length: usize) -> bool {
         // Only segments that end with an interface, but the first, lie between two.
         (1..n / length).all(|k| {

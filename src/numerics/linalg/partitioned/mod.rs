@@ -10,7 +10,7 @@
 //! ```
 //!
 //! where f is the fill between row i and the interface before the segment. Sixteen segments make a **tile**, one segment
-//! per lane. The interfaces are left with a tridiagonal system of their own.
+//! per lane. A separate tridiagonal system remains for the interfaces.
 //!
 //! The fill decays geometrically as far as the matrix is diagonally dominant. Rows where it has fallen below 2⁻⁶⁴ of
 //! its row and of its interface are left out, which no sum in doubles can see. Where that happens within a segment, the
@@ -66,7 +66,7 @@ pub(super) struct Partitioned {
     /// S: rows of a segment and its interface.
     length: usize,
     coefficients: Vec<Coefficients>,
-    /// Which coefficients each tile has.
+    /// Index of each tile's coefficients.
     of_tile: Vec<u32>,
     interfaces: Interfaces,
     /// y of each tile where the interfaces see each other, else of two tiles in turn.
@@ -78,7 +78,7 @@ pub(super) struct Partitioned {
     lanes: Lanes,
 }
 
-/// LDLᵀ of what is left for the interfaces.
+/// LDLᵀ of the remaining system of the interfaces.
 #[derive(Debug)]
 struct Interfaces {
     /// Between an interface and the one before; empty if they do not see each other.
@@ -129,6 +129,7 @@ impl Partitioned {
     }
 
     /// Instructions to use from now on; the bits stay the same.
+    #[cfg(any(test, feature = "test-doubles"))]
     pub(super) fn set_lanes(&mut self, lanes: Lanes) {
         self.lanes = lanes;
     }
@@ -184,7 +185,7 @@ impl Partitioned {
         }
     }
 
-    /// The last interface of a tile also hears from the first segment of the next one.
+    /// The last interface of a tile also receives a part from the first segment of the next one.
     fn take(&mut self, tile: usize, amount: f64) {
         if let Some(interfaces) = self.at_interfaces.get_mut(tile) {
             interfaces[SEGMENTS - 1] -= amount;

@@ -1,9 +1,9 @@
 //! The two sweeps over one tile: a group of segments side by side, eight rows at a time.
 //!
-//! Right-hand sides and solutions stand in the user's order, the rows of a segment one after the other; a block of eight
-//! rows of a group, as many segments as a register has lanes, is turned in registers. What a lane calculates does not
-//! depend on how many lanes a register has. `B` is the number of blocks of a segment where the compiler knows it, which
-//! takes the checks of all indices away; 0 where it does not.
+//! Right-hand sides and solutions are in the user's order, the rows of a segment one after the other. Registers
+//! transpose a block of eight rows of a group, which has as many segments as a register has lanes. The result of a lane
+//! does not depend on the number of lanes. `B` is the number of blocks of a segment where the compiler knows it, which
+//! removes all index checks; otherwise 0.
 
 use super::{Block, Coefficients, HEIGHT, SEGMENTS};
 use crate::linalg::Lanes;
@@ -17,7 +17,7 @@ pub(super) struct Down<'a> {
     pub(super) y: &'a mut [Block],
 }
 
-/// What the interfaces receive from the rows inside.
+/// Contributions of the inner rows to the interfaces.
 #[derive(Default)]
 pub(super) struct Received {
     /// Right-hand side of the interface at the end of each segment, as far as this tile knows it.
@@ -364,7 +364,7 @@ static EMPTY: Block = [Row::ZERO; HEIGHT];
 /// Rows that do not exist.
 static NOTHING: [f64; 8] = [0.0; 8];
 
-/// One number per segment, on a cache line of its own pair.
+/// One number per segment, on two cache lines.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
 pub(super) struct Row(pub(super) [f64; SEGMENTS]);

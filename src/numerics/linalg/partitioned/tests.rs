@@ -45,7 +45,7 @@ fn backward_error(matrix: &SymMatrix, x: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn every_size_about_segments_and_tiles_is_solved() {
+fn sizes_near_tile_bounds_are_solved() {
     // Rows per tile of the shortest length: 640. Sizes about blocks, segments and tiles, with fill that dies out within
     // a segment (ground = 1) and fill that never does (ground = 1e-6).
     let edges = [
@@ -69,7 +69,7 @@ fn every_size_about_segments_and_tiles_is_solved() {
 }
 
 #[test]
-fn a_segment_is_as_long_as_the_fill_reaches() {
+fn segment_is_as_long_as_the_fill() {
     // Per row the fill falls to ρ = 1 + g/2 − √(g + g²/4) (g = ground/link); 64 binary digits take 44.4/|ln ρ| rows.
     for (ground, length) in [(1.5, LENGTHS[0]), (0.2, LENGTHS[1]), (0.05, LENGTHS[2])] {
         let g: f64 = ground;
@@ -89,7 +89,7 @@ fn a_segment_is_as_long_as_the_fill_reaches() {
 }
 
 #[test]
-fn all_inner_tiles_of_a_uniform_chain_are_stored_once() {
+fn inner_tiles_of_uniform_chains_are_shared() {
     let factor = Partitioned::factor(&uniform(100_000, 1.5)).unwrap();
     assert_eq!(factor.of_tile.len(), 157);
     assert_eq!(factor.coefficients.len(), 3);
@@ -119,7 +119,7 @@ fn all_lanes_give_the_same_bits() {
 }
 
 #[test]
-fn rows_are_handed_over_once_in_order_with_the_bits_of_the_solve_in_place() {
+fn rows_are_handed_over_once_in_order() {
     for (n, ground) in [(1, 1.0), (640, 1.0), (2000, 1.0), (2000, 1e-6)] {
         let matrix = uniform(n, ground);
         let b = right_hand_side(n);
@@ -139,7 +139,7 @@ fn rows_are_handed_over_once_in_order_with_the_bits_of_the_solve_in_place() {
 }
 
 #[test]
-fn a_pivot_that_is_not_positive_is_named_wherever_it_stands() {
+fn bad_pivot_is_named_anywhere() {
     // Without links each pivot is its own diagonal entry: inside a segment, at an interface, at the ends.
     for bad in [0, 38, 39, 40, 639, 640, 1999] {
         let mut ground = vec![1.0; 2000];
@@ -158,7 +158,7 @@ proptest! {
 
     /// Random definite chains, sizes about the multiples of a segment and tiny ones, against dense Cholesky.
     #[test]
-    fn random_chains_are_solved_as_dense_algebra_solves_them(
+    fn random_chains_match_dense_algebra(
         multiple in 0usize..18,
         off in -2i64..3,
         exponent in -4.0f64..1.0,

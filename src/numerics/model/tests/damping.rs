@@ -15,7 +15,7 @@ fn ratios(structure: &Structure) -> Vec<f64> {
 }
 
 #[test]
-fn rayleigh_and_modal_damping_give_the_ratios_asked_for() {
+fn damping_rules_give_the_requested_ratios() {
     let spec = building(&[1e3, 2e3, 1.5e3], &[3e6, 2e6, 1e6], None);
     let by_modes = DampingSpec::RayleighRatio(RayleighRatioSpec {
         ratio: 0.03,
@@ -67,7 +67,7 @@ fn rayleigh_and_modal_damping_give_the_ratios_asked_for() {
 }
 
 #[test]
-fn damping_by_rule_acts_against_the_moving_base_too() {
+fn rule_damping_acts_against_a_moving_base() {
     // C = 0.5 M: a base velocity of 2 loads each mass with 0.5 m · 2.
     let rule = DampingSpec::Rayleigh(RayleighSpec {
         mass_coefficient_per_s: 0.5,
@@ -84,7 +84,7 @@ fn damping_by_rule_acts_against_the_moving_base_too() {
 }
 
 #[test]
-fn damping_by_rule_counts_elements_at_rest_and_specimens() {
+fn rule_damping_counts_elements_at_rest() {
     // Storey 1 left to an element, storey 2 to a specimen: the same C as the complete building.
     let rule = DampingSpec::Rayleigh(RayleighSpec {
         mass_coefficient_per_s: 0.0,
@@ -127,7 +127,7 @@ fn damping_by_rule_counts_elements_at_rest_and_specimens() {
     );
     assert_eq!(parted.element_names().collect::<Vec<_>>(), ["element 1"]);
 
-    // Mass whose inertia is in the measured force moves as well: the ratios that are asked for are those of the whole.
+    // Mass whose inertia is in the measured force moves as well: the requested ratios are those of the whole.
     let heavy = SpecimenShare {
         mass: &SymMatrix::zeros(3),
         mass_in_force: &SymMatrix::from_triplets(3, [(1, 1, 0.25)]),

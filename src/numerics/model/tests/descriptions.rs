@@ -1,9 +1,9 @@
-//! Descriptions: what they become, and what is said of bad ones.
+//! Descriptions: the structures that they give, and the errors of bad ones.
 
 use super::*;
 
 #[test]
-fn bad_descriptions_are_named_by_storey_key_and_file() {
+fn bad_descriptions_name_key_and_file() {
     let text = |spec: &StructureSpec| build(spec).unwrap_err().to_string();
     assert_eq!(
         text(&building(&[1.0, 1.0], &[1.0], None)),
@@ -164,7 +164,7 @@ fn bad_damping_rules_are_explained() {
 }
 
 #[test]
-fn storeys_are_rows_and_what_is_no_storey_is_an_error() {
+fn storeys_are_rows_or_an_error() {
     let spec = building(&[1.0, 1.0, 1.0], &[1.0, 1.0, 1.0], None);
     assert_eq!(spec.storey_row(1).unwrap(), [(0, 1.0)]);
     assert_eq!(spec.storey_row(3).unwrap(), [(1, -1.0), (2, 1.0)]);
@@ -185,7 +185,7 @@ fn storeys_are_rows_and_what_is_no_storey_is_an_error() {
 }
 
 #[test]
-fn a_structure_comes_from_matrix_files() {
+fn structure_is_read_from_matrix_files() {
     let spec = StructureSpec::Matrices(MatricesSpec {
         mass_file: Some("m.csv".to_owned()),
         stiffness_file: Some("k.mtx".to_owned()),
@@ -206,7 +206,7 @@ fn a_structure_comes_from_matrix_files() {
 }
 
 #[test]
-fn descriptions_are_read_from_toml_and_bad_ends_are_explained() {
+fn toml_descriptions_explain_bad_ends() {
     let spec: StructureSpec =
         toml::from_str("[shear_building]\nmass_kg = [1.0]\nstiffness_n_per_m = [2.0]\n").unwrap();
     assert_eq!(spec, building(&[1.0], &[2.0], None));
@@ -236,7 +236,7 @@ fn descriptions_are_read_from_toml_and_bad_ends_are_explained() {
 
 proptest! {
     #[test]
-    fn a_base_that_carries_everything_along_changes_no_internal_force(
+    fn rigid_base_motion_changes_no_force(
         x in proptest::collection::vec(-1.0f64..1.0, 3),
         v in proptest::collection::vec(-1.0f64..1.0, 3),
         disp in -5.0f64..5.0,

@@ -4,7 +4,7 @@ use super::*;
 use gusset_quantity::state::{Stateful, TestState};
 
 #[test]
-fn a_shear_building_has_the_matrices_of_the_textbook() {
+fn shear_building_has_textbook_matrices() {
     let structure = build(&building(
         &[1.0, 2.0, 3.0],
         &[10.0, 20.0, 30.0],
@@ -30,7 +30,7 @@ fn a_shear_building_has_the_matrices_of_the_textbook() {
 }
 
 #[test]
-fn a_chain_is_tied_to_the_base_below_and_free_above() {
+fn chain_is_tied_below_and_free_above() {
     let spec = StructureSpec::Chain(ChainSpec {
         dofs: 4,
         mass_kg: 150.0,
@@ -53,7 +53,7 @@ fn a_chain_is_tied_to_the_base_below_and_free_above() {
 }
 
 #[test]
-fn the_parts_of_a_structure_add_up_to_its_bounds() {
+fn structure_parts_add_up_to_its_bounds() {
     let spec = building(
         &[1.0, 2.0, 3.0],
         &[10.0, 20.0, 30.0],
@@ -86,7 +86,7 @@ fn elements_pull_their_ends_together() {
 }
 
 #[test]
-fn the_frame_at_rest_feels_the_base_and_the_ground_does_not() {
+fn inertial_frame_and_ground_differ() {
     let base = Base {
         disp: 0.5,
         vel: -2.0,
@@ -110,7 +110,7 @@ fn the_frame_at_rest_feels_the_base_and_the_ground_does_not() {
 }
 
 #[test]
-fn every_call_commits_once_and_a_restored_structure_goes_on() {
+fn every_call_commits_once() {
     let make = || {
         with_elements(vec![
             element(End::Ground, End::Dof(0), 1.0, 0.0, 0.0),
@@ -139,7 +139,7 @@ fn every_call_commits_once_and_a_restored_structure_goes_on() {
 }
 
 #[test]
-fn tangents_references_and_bounds_enter_the_matrices() {
+fn tangents_and_bounds_enter_the_matrices() {
     let mut hard = element(End::Dof(0), End::Dof(1), 100.0, 50.0, 7.0);
     hard.reach.disp = Some(0.4);
     let mut structure = with_elements(vec![hard]).unwrap();
@@ -161,7 +161,7 @@ fn tangents_references_and_bounds_enter_the_matrices() {
 }
 
 #[test]
-fn a_bound_that_needs_a_reach_names_its_element_and_a_declared_ratio_serves_instead() {
+fn missing_reach_is_named_or_ratio_serves() {
     let open = element(End::Ground, End::Dof(1), 100.0, 50.0, 7.0);
     let text = with_elements(vec![open])
         .unwrap()
@@ -209,7 +209,7 @@ fn elements_that_fit_nowhere_are_refused() {
 }
 
 #[test]
-fn matrices_that_make_no_structure_are_refused() {
+fn invalid_matrices_are_refused() {
     let two = || SymMatrix::diagonal(&[1.0, 1.0]);
     let new = |m, c, k, i| {
         Structure::new(m, c, k, i, Vec::new())
@@ -264,7 +264,7 @@ fn matrices_that_make_no_structure_are_refused() {
 }
 
 #[test]
-fn accelerations_are_missing_where_there_is_no_mass() {
+fn massless_dofs_have_no_acceleration() {
     let mut out = [0.0; 3];
     let mut diagonal = Acceleration::new(&SymMatrix::diagonal(&[2.0, 0.0, 4.0])).unwrap();
     diagonal.accel_into(&[1.0, 1.0, 1.0], &mut out);
@@ -277,7 +277,7 @@ fn accelerations_are_missing_where_there_is_no_mass() {
 }
 
 #[test]
-fn the_internal_force_allocates_nothing() {
+fn internal_force_allocates_nothing() {
     let n = 200;
     let elements: Vec<Element> = (0..n)
         .map(|i| element(End::Fixed, End::Dof(i), 3.0, 1.0, 0.1))

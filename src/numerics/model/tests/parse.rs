@@ -37,7 +37,7 @@ fn npy(major: u8, dictionary: &str, data: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn csv_takes_the_usual_separators_and_comments() {
+fn csv_separators_and_comments_are_read() {
     let expected = vec![vec![1.0, -2.5e3], vec![-2.5e3, 4.0]];
     for text in [
         "1,-2.5e3\n-2.5e3,4\n",
@@ -83,7 +83,7 @@ fn csv_mistakes_are_named_by_line_and_field() {
 }
 
 #[test]
-fn matrix_market_is_read_in_all_its_supported_forms() {
+fn all_matrix_market_forms_are_read() {
     let expected = vec![
         vec![4.0, -1.0, 0.0],
         vec![-1.0, 4.0, 2.0],
@@ -159,7 +159,7 @@ fn matrix_market_mistakes_are_named_by_line() {
 }
 
 #[test]
-fn npy_is_read_in_every_number_type_order_and_version() {
+fn all_npy_forms_are_read() {
     let expected = vec![vec![1.0, 2.0, 3.0], vec![4.0, 5.0, -6.0]];
     let by_rows = [1.0f64, 2.0, 3.0, 4.0, 5.0, -6.0];
     let by_columns = [1.0f64, 4.0, 2.0, 5.0, 3.0, -6.0];

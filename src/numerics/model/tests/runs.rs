@@ -7,7 +7,7 @@ use crate::law::{Law, LawSpec, Memoryless, Tangent};
 use crate::linalg::{Lanes, SymMatrix};
 use gusset_quantity::state::{Stateful, TestState, Visit};
 
-/// A law that does not say what it is: it cannot stand in a run.
+/// A law that does not reveal its form: it cannot be part of a run.
 #[derive(Debug)]
 struct Hidden(Box<dyn Law>);
 
@@ -128,7 +128,7 @@ const PARTS: [(usize, Option<usize>, usize, usize); 7] = [
 ];
 
 #[test]
-fn a_run_gives_the_bits_of_its_elements_one_by_one_on_all_lanes() {
+fn run_has_the_bits_of_its_elements() {
     let (mut runs, mut singles) = (
         structure(3000, &PARTS, false),
         structure(3000, &PARTS, true),
@@ -147,7 +147,7 @@ fn a_run_gives_the_bits_of_its_elements_one_by_one_on_all_lanes() {
 }
 
 #[test]
-fn names_matrices_and_tangents_of_a_run_are_those_of_its_elements() {
+fn run_has_the_matrices_of_its_elements() {
     let (mut runs, mut singles) = (
         structure(3000, &PARTS, false),
         structure(3000, &PARTS, true),
@@ -169,7 +169,7 @@ fn names_matrices_and_tangents_of_a_run_are_those_of_its_elements() {
     assert_eq!(all(&runs), all(&singles));
     assert_eq!(forces(&mut runs, 2), forces(&mut singles, 2));
     assert_eq!(all(&runs), all(&singles), "after the forces");
-    // Nobody asks any more: the tangents at rest.
+    // After `forget_tangents`: the tangents at rest.
     let rest = structure(3000, &PARTS, false).tangent_damping();
     let mut forgets = structure(3000, &PARTS, false);
     forgets.forget_tangents();
@@ -209,7 +209,7 @@ fn whole(structure: &mut Structure, salt: usize, base: Base, fresh: bool) -> Vec
 }
 
 #[test]
-fn some_rows_at_a_time_give_the_bits_of_all_rows_on_all_lanes() {
+fn rows_at_a_time_have_the_bits_of_all_rows() {
     let moves = Base {
         disp: 0.2,
         vel: -0.1,
@@ -241,7 +241,7 @@ fn some_rows_at_a_time_give_the_bits_of_all_rows_on_all_lanes() {
 /// A strip keeps its sliders out of its laws while it is stepped by rows: every reader gets them, and restored ones
 /// are used.
 #[test]
-fn a_strip_saves_restores_reverts_and_mixes_like_its_elements_one_by_one() {
+fn strip_behaves_like_its_elements() {
     let parts = [(4, None, 0, 40), (4, Some(40), 41, 30)];
     let (mut strips, mut singles) = (structure(120, &parts, false), structure(120, &parts, true));
     strips.forget_tangents();
@@ -278,7 +278,7 @@ fn a_strip_saves_restores_reverts_and_mixes_like_its_elements_one_by_one() {
 }
 
 #[test]
-fn the_reach_is_that_of_the_widest_matrix_and_run() {
+fn reach_is_the_widest_matrix_or_run() {
     let mut chain = structure(3000, &PARTS, false);
     assert_eq!(chain.reach(), usize::MAX, "tangents are kept");
     chain.forget_tangents();
@@ -293,7 +293,7 @@ proptest! {
 
     /// Any mixture of runs about the shortest length, gaps between them, either kind of ends.
     #[test]
-    fn any_mixture_of_elements_gives_the_same_bits(
+    fn any_mixture_of_elements_has_equal_bits(
         parts in prop::collection::vec((0usize..5, prop::option::of(0usize..40), 0usize..60, 1usize..40), 1..6)
     ) {
         let parts: Vec<_> = parts

@@ -1,8 +1,8 @@
 //! In discrete time: the recursion of the family with the command history appended to its state.
 //!
 //! The achieved displacement is d\[i − q\] and d\[i − q − 1\], weighed by linear interpolation, with τ = (q + φ) Δt. With several
-//! ticks a step the interpolation is between theirs, whose commands are made of some targets, as is their velocity. α is made
-//! of the total stiffness and damping, specimen included, as in a test.
+//! ticks a step the interpolation is between the commands of ticks, which are weighted sums of targets, as is their velocity. α
+//! follows from the total stiffness and damping, specimen included, as in a test.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -14,8 +14,8 @@ use super::super::{eigenvalues, unstable_roots};
 use super::late::Late;
 use super::{DelayError, Delayed};
 
-/// Longest delay that is looked at, in steps.
-pub const LONGEST_STEPS: usize = 96;
+/// Longest delay in the search, in steps.
+pub(crate) const LONGEST_STEPS: usize = 96;
 /// Growth per step below which a root counts as lying on the unit circle.
 const ROUNDOFF: f64 = 1e-10;
 /// Delays at which the eigenvalues confirm what the count of turns has found.
@@ -26,11 +26,11 @@ const LOOKS: u32 = 6;
 pub enum DiscreteLimit {
     /// At this delay in s.
     At(f64),
-    /// Not up to this delay in s, the longest that was looked at.
+    /// Not up to this delay in s, the longest in the search.
     Beyond(f64),
 }
 
-/// M_eff = M + Δt/2 C0 + Δt² K̃, with what the specimen adds.
+/// M_eff = M + Δt/2 C0 + Δt² K̃, with the specimen's contribution.
 fn effective(system: &Delayed, dt: f64, lambda: f64) -> DMatrix<f64> {
     let total = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
         own + system.rows.transpose() * of_specimen * &system.rows
@@ -80,7 +80,7 @@ pub fn recursion(
         .copy_from(&(&system.damping * -dt));
     let of_specimen = |matrix: &DMatrix<f64>, by: f64| system.rows.transpose() * matrix * -by;
     let inertia = DMatrix::identity(axes, axes) * system.specimen_mass;
-    // Kind of the history, steps back, and the force by what was commanded then.
+    // Kind of the history, steps back, and the force due to the command then.
     let mut parts = Vec::new();
     // The velocity is of the targets, or of those of the integrator.
     let (of_velocity, velocity) = match &late.slope {
@@ -151,12 +151,12 @@ struct Circle<'a> {
     marks: Vec<(f64, f64)>,
 }
 
-/// Smallest angle that is looked at, in rad.
+/// Smallest angle in the search, in rad.
 const SMALLEST: f64 = 1e-6;
 
 impl<'a> Circle<'a> {
-    /// `poles` are those of the recursion without delay. A mode of the structure stands at ω Δt in continuous time only: the
-    /// farther apart the two are, the surer a mark of the one misses the turn about the other.
+    /// `poles` are those of the recursion without delay. A mode of the structure has the angle ω Δt in continuous time only.
+    /// The more its pole differs from that, the more likely a mark at ω Δt misses the turn about the pole.
     fn new(system: &'a Delayed, dt: f64, lambda: f64, poles: &[Complex<f64>]) -> Self {
         // Upon the positive real axis the grid itself is fine enough; at zero there is but the history.
         let marked = |pole: &&Complex<f64>| pole.im > 0.0 || (pole.im == 0.0 && pole.re < 0.0);
@@ -184,7 +184,7 @@ impl<'a> Circle<'a> {
             let (sine, cosine) = libm::sincos(theta);
             let z = Complex::new(cosine, sine);
             let one = Complex::new(1.0, 0.0);
-            // Of 1 − cos θ nothing is lost.
+            // This form of 1 − cos θ loses no digits.
             let half = libm::sin(0.5 * theta);
             let difference = Complex::new(2.0 * half * half, sine);
             let second = Complex::new(-4.0 * half * half, 0.0) / (self.dt * self.dt);
@@ -226,7 +226,7 @@ impl<'a> Circle<'a> {
         let half = libm::sin(0.5 * theta);
         let difference = Complex::new(2.0 * half * half, libm::sin(theta));
         let back = Complex::new(1.0, 0.0) - difference;
-        // Of a long delay all but the last weights are zero.
+        // With a long delay all but the last weights are zero.
         let sum = |weights: &[f64]| {
             let none = weights.iter().take_while(|weight| **weight == 0.0).count();
             let weights = weights.get(none..).unwrap_or_default();
@@ -268,7 +268,7 @@ pub fn discrete(
     }
     let bound = 1.0 + ROUNDOFF.max(4.0 * (at_rest - 1.0));
     let by_eigenvalues = |delay: f64| Ok::<_, DelayError>(radius(delay)? > bound);
-    // Without damping there are poles on the circle itself, and the eigenvalues have to say it.
+    // Without damping there are poles on the circle itself, and the eigenvalues have to decide.
     let circle = (system.rows.nrows() == 1).then(|| Circle::new(system, dt, lambda, &poles));
     if let Some(circle) = circle.filter(Circle::is_damped) {
         let found = search(dt, hint, |delay| match circle.is_unstable(delay) {
@@ -331,7 +331,7 @@ fn search(
         low = delay;
     }
     let mut high = delay;
-    // Without damping there is no stable delay at all: the search for it ends a millionth of a step above zero.
+    // Without damping no delay is stable: the search for it ends a millionth of a step above zero.
     while high - low > 1e-7 * high && high > 1e-6 * dt {
         let middle = (low + high) / 2.0;
         if is_unstable(middle)? {

@@ -1,29 +1,30 @@
-//! What a late displacement is made of: targets of steps, weighed.
+//! A late displacement as a weighted sum of the targets of steps.
 
-/// Targets that the command of a tick is made of, at most.
+/// Most targets in the command of a tick.
 const TARGETS: usize = 5;
 
 /// The command of a tick by the targets, from the one that its step ends at back.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
-    /// Of the displacement.
+    /// Weights of the displacement.
     pub disp: [f64; TARGETS],
-    /// Of its change per step.
+    /// Weights of its change per step.
     pub slope: [f64; TARGETS],
 }
 
 /// A displacement that is late, and its velocity, by the targets.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Late {
-    /// Of the targets from the newest back.
+    /// Weights of the targets from the newest back.
     pub disp: Vec<f64>,
-    /// Of its change per step; none where it is that of the integrator's own velocity, with the weights of the displacement.
+    /// Weights of its change per step. `None` where the velocity is the integrator's own, with the weights of the
+    /// displacement.
     pub slope: Option<Vec<f64>>,
 }
 
 impl Late {
-    /// So many `steps` late, by linear interpolation between the commands of the `ticks` of a step, or between targets where
-    /// there are none.
+    /// A displacement `steps` steps late, by linear interpolation between the commands of the `ticks` of a step, or between
+    /// targets if `ticks` is empty.
     pub(crate) fn of(ticks: &[Weights], steps: f64) -> Self {
         let per_step = ticks.len().max(1);
         let back = steps * per_step as f64;
@@ -47,7 +48,7 @@ impl Late {
                 }
             }
         }
-        // Both are as long as the longer of what they need.
+        // Both get the length of the longer one.
         let is_used = |i: &usize| found.iter().any(|of| of[*i] != 0.0);
         let length = (0..found[0].len()).rev().find(is_used).map_or(1, |i| i + 1);
         let [mut disp, mut slope] = found;

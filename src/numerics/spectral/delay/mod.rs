@@ -1,21 +1,22 @@
 //! The delay of an achieved displacement at which a hybrid test becomes unstable.
 //!
-//! A delay τ acts like the negative dashpot −k_e τ beside the specimen. Three statements of the same question: [`sdof`]
-//! in closed form, [`continuous()`] by the frequency at which the loop gain is one, [`discrete()`] by the spectral radius of
+//! A delay τ acts like the negative dashpot −k_e τ beside the specimen. Two statements of the same question: [`continuous()`] by the frequency at which the loop gain is one, [`discrete()`] by the spectral radius of
 //! the recursion with its history of commands. Specimens are linear here, at their estimated stiffness and damping.
 
 mod continuous;
 mod discrete;
 mod late;
+#[cfg(test)]
 mod single;
 
 use nalgebra::{Complex, DMatrix};
 use thiserror::Error;
 
 pub use continuous::{Critical, continuous};
-pub use discrete::{DiscreteLimit, LONGEST_STEPS, discrete, recursion};
+pub use discrete::{DiscreteLimit, discrete, recursion};
 pub use late::Weights;
-pub use single::{critical_lag, sdof, sdof_estimate};
+#[cfg(test)]
+pub(crate) use single::{critical_lag, sdof, sdof_estimate};
 
 /// Growth over the largest pole that is roundoff: the double pole of a body that moves freely carries its square root.
 const AT_REST: f64 = 1e-6;
@@ -35,13 +36,13 @@ pub struct Delayed {
     pub specimen_stiffness: DMatrix<f64>,
     /// Damping of the specimen, r × r.
     pub specimen_damping: DMatrix<f64>,
-    /// Mass in kg that moves with each axis and whose inertia is in the specimen's force: as late as the rest of it, and not
+    /// Mass in kg that moves with each axis and whose inertia is in the specimen's force: as late as that force, and not
     /// part of M.
     pub specimen_mass: f64,
     /// K̃ of M_eff = M + (Δt/2) C0 + Δt² K̃, n × n, where it is not K0/λ.
     pub weighted: Option<DMatrix<f64>>,
-    /// What the commands of the ticks of a step are made of, from the one at the target back; empty where the specimen is commanded
-    /// once a step.
+    /// Weights of the commands of the ticks of a step, from the one at the target back; empty where the specimen is commanded once
+    /// a step.
     pub ticks: Vec<Weights>,
 }
 
@@ -119,9 +120,9 @@ pub enum DelayError {
     /// Δt or λ is not a positive number.
     #[error("{name} is {found}, but must be greater than 0")]
     Parameter {
-        /// Which.
+        /// The number.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: f64,
     },
 }

@@ -4,8 +4,7 @@ use std::f64::consts::TAU;
 
 /// Critical delay in s of one degree of freedom with natural frequency `omega` (rad/s, of the total stiffness),
 /// damping ratio `ratio` and the share `share` of its stiffness in the specimen. None if every delay is stable.
-#[must_use]
-pub fn sdof(ratio: f64, share: f64, omega: f64) -> Option<f64> {
+pub(crate) fn sdof(ratio: f64, share: f64, omega: f64) -> Option<f64> {
     let half = 1.0 - share - 2.0 * ratio * ratio;
     let radicand = half * half - (1.0 - 2.0 * share);
     if !(radicand >= 0.0 && share > 0.0 && omega > 0.0) {
@@ -25,16 +24,14 @@ pub fn sdof(ratio: f64, share: f64, omega: f64) -> Option<f64> {
 }
 
 /// τ_cr ≈ 2 ξ/(p ω): what a small delay's negative damping takes.
-#[must_use]
-pub fn sdof_estimate(ratio: f64, share: f64, omega: f64) -> f64 {
+pub(crate) fn sdof_estimate(ratio: f64, share: f64, omega: f64) -> f64 {
     2.0 * ratio / (share * omega)
 }
 
 /// Critical time constant T in s of a first-order lag: the smaller positive root of
 /// c k_n T² + (c² − m k_e) T + m c = 0, with mass m, damping c, numerical stiffness k_n and specimen stiffness k_e.
 /// None if every T is stable.
-#[must_use]
-pub fn critical_lag(mass: f64, damping: f64, numerical: f64, specimen: f64) -> Option<f64> {
+pub(crate) fn critical_lag(mass: f64, damping: f64, numerical: f64, specimen: f64) -> Option<f64> {
     let (a, b, c) = (
         damping * numerical,
         damping * damping - mass * specimen,

@@ -62,7 +62,7 @@ fn drawn(random: &mut Xoshiro256PlusPlus, kind: usize) -> DMatrix<f64> {
 /// Both ways are backward stable: trace and determinant are those of a matrix that differs by an ε or two of its norm for each
 /// sweep.
 #[test]
-fn both_ways_have_trace_and_determinant_and_agree() {
+fn both_methods_agree_on_invariants() {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(24);
     let mut stuck = [0; KINDS];
     for case in 0..2800 {
@@ -82,14 +82,14 @@ fn both_ways_have_trace_and_determinant_and_agree() {
             assert!((product - matrix.determinant()).norm() <= most, "{case}");
             let conjugate: Vec<Pole> = found.iter().map(Pole::conj).collect();
             assert_eq!(distance(found, &conjugate), 0.0, "{case}");
-            // The mean of what splits from a Jordan block stays where the block was.
+            // The mean of the poles that split from a Jordan block stays at the place of the block.
             assert!(kind != 3 || largest(found) > 1.0 - roundoff, "{case}");
         }
         let Some(by_itself) = by_itself else {
             stuck[kind] += 1;
             continue;
         };
-        // What is one pole k times is off by the k-th root of it: 0.1 for 14 times.
+        // A pole of multiplicity k is off by the k-th root of the tolerance: 0.1 for k = 14.
         let within = if kind == 0 { 1e-8 } else { 0.5 };
         assert!(distance(&by_itself, &always) < within, "{case}");
     }
@@ -99,7 +99,7 @@ fn both_ways_have_trace_and_determinant_and_agree() {
 }
 
 #[test]
-fn a_cyclic_permutation_has_the_roots_of_one() {
+fn cyclic_permutation_has_roots_of_one() {
     for n in 3..40 {
         let roots = (0..n).map(|k| Pole::from_polar(1.0, TAU * f64::from(k) / f64::from(n)));
         let roots: Vec<Pole> = roots.collect();
@@ -114,7 +114,7 @@ fn a_cyclic_permutation_has_the_roots_of_one() {
 }
 
 #[test]
-fn what_is_no_matrix_of_numbers_has_none_and_zero_has_zeros() {
+fn invalid_matrix_has_no_eigenvalues() {
     assert!(eigenvalues(&DMatrix::from_element(3, 3, f64::NAN)).is_none());
     assert_eq!(spectral_radius(&DMatrix::zeros(4, 4)), Some(0.0));
     assert_eq!(

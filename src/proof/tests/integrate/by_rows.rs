@@ -78,7 +78,7 @@ impl RowForces for Forces<'_> {
 }
 
 #[test]
-fn rows_at_a_time_give_the_bits_of_all_at_once() {
+fn rows_at_a_time_give_equal_bits() {
     // Factors in blocks whose ends do not see each other, in blocks whose ends do, and without blocks.
     // Zeros have the sign that 0 − K x − C v gives, too.
     let cases = [

@@ -24,7 +24,7 @@ fn lambda_is_a_positive_number_or_infinity() {
 }
 
 #[test]
-fn what_cannot_be_integrated_is_refused_with_numbers() {
+fn invalid_systems_are_refused_with_numbers() {
     let one = scalar(1.0);
     let four = Lambda::Finite(4.0);
     for dt in [0.0, -0.1, f64::NAN, f64::INFINITY] {
@@ -126,7 +126,7 @@ fn poles_are_those_of_table_1() {
 }
 
 #[test]
-fn free_vibration_has_the_numerical_period_and_no_damping() {
+fn free_vibration_is_undamped() {
     // 4 sin²(Ω̄/2) = Ω²/(1 + Ω²/λ): x[i] = x0 cos iΩ̄ + b sin iΩ̄ for ever, b from x[1].
     for lambda in [1.0, 4.0, 11.5, f64::INFINITY] {
         for omega in [0.1f64, 0.9, 1.7] {
@@ -154,7 +154,7 @@ fn free_vibration_has_the_numerical_period_and_no_damping() {
 }
 
 #[test]
-fn the_second_order_start_of_an_undamped_mode_is_exactly_a_cosine() {
+fn second_order_start_is_exactly_a_cosine() {
     // Even for a stiff mode (Ω = 30), where the published start overshoots.
     for (lambda, omega) in [(4.0, 0.3), (4.0, 30.0), (2.0, 30.0)] {
         let (k, c) = (scalar(omega * omega), scalar(0.0));
@@ -179,7 +179,7 @@ fn the_second_order_start_of_an_undamped_mode_is_exactly_a_cosine() {
 }
 
 #[test]
-fn the_published_start_overshoots_a_stiff_mode_by_the_known_envelope() {
+fn published_start_overshoots_a_stiff_mode() {
     // √(1 + Ω²/4) at λ = 4. The sawtooth phase drifts slowly: 4 Ω steps pass a quarter turn.
     let omega = 20.0f64;
     let (k, c) = (scalar(omega * omega), scalar(0.0));
@@ -238,7 +238,7 @@ fn errors(start: Start, lambda: f64, per_second: usize, free: bool) -> (f64, f64
 }
 
 #[test]
-fn orders_of_accuracy_are_those_of_the_theory() {
+fn orders_of_accuracy_match_theory() {
     for lambda in [2.0, 4.0, 11.5, f64::INFINITY] {
         let slope = |start, free| {
             let (coarse, fine) = (
@@ -276,7 +276,7 @@ fn orders_of_accuracy_are_those_of_the_theory() {
 }
 
 #[test]
-fn a_state_that_has_begun_is_not_started_anew() {
+fn started_state_is_not_started_again() {
     // Warming up on a copy leaves no trace, and a second method continues where the first one stopped.
     let (c, k) = (scalar(0.3), scalar(40.0));
     let start = State::new(vec![1.0], vec![-0.5]);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn the_recursion_equals_its_two_step_form() {
+fn recursion_equals_its_two_step_form() {
     // M_eff (x[i+1] − 2x[i] + x[i−1])/Δt² + R_d((x[i] − x[i−1])/Δt) + R_s(x[i]) = F[i], solved with dense LU.
     let system = Nonlinear::new();
     let dt = 0.02;
@@ -42,7 +42,7 @@ fn the_recursion_equals_its_two_step_form() {
 }
 
 #[test]
-fn the_discrete_energy_balance_closes_to_roundoff() {
+fn discrete_energy_balance_closes() {
     // ½ Δ(vᵀ M_eff v) = Σ ½ (x[i+1] − x[i−1])ᵀ r[i] for any law and λ.
     let system = Nonlinear::new();
     let dt = 0.02;
@@ -89,7 +89,7 @@ fn the_discrete_energy_balance_closes_to_roundoff() {
 }
 
 #[test]
-fn an_infinite_lambda_moves_like_explicit_newmark_from_rest() {
+fn infinite_lambda_is_explicit_newmark() {
     // γ = ½, β = 0; damping that the modes do not diagonalise; F[0] = 0.
     let system = Nonlinear::new();
     let (dt, steps) = (0.02, 400);
@@ -125,7 +125,7 @@ fn an_infinite_lambda_moves_like_explicit_newmark_from_rest() {
 }
 
 #[test]
-fn many_degrees_of_freedom_move_as_their_modes_do() {
+fn many_dofs_move_as_their_modes() {
     // Undamped: each mode is one degree of freedom with m = 1, k = ω², the same λ and Δt.
     let (m, k) = (Nonlinear::new().m, storeys(&[400.0, 300.0, 200.0]));
     let modes = gusset_numerics::linalg::modes(&k, &m).unwrap();

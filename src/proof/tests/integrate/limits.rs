@@ -1,9 +1,9 @@
-//! Where it is stable: the published limits, examples 4.1 and 4.2, and the choice of lambda.
+//! Limits of stability: the published limits, examples 4.1 and 4.2, and the choice of lambda.
 
 use super::*;
 
 #[test]
-fn the_linear_limit_is_where_the_paper_puts_it_whatever_the_damping() {
+fn linear_limit_is_as_published() {
     // (λ − 4) Ω² ≤ 4 λ: 1 % inside stays, 1 % outside grows as a sawtooth.
     for lambda in [5.0f64, 11.5, f64::INFINITY] {
         let limit = (4.0 / (1.0 - 4.0 / lambda)).sqrt();
@@ -28,7 +28,7 @@ fn the_linear_limit_is_where_the_paper_puts_it_whatever_the_damping() {
 }
 
 #[test]
-fn a_changed_tangent_is_stable_up_to_the_published_bound() {
+fn changed_tangent_has_the_published_bound() {
     // (41): λ (Ω_t² − 4 + 2 Δt (c_t − c_0)/m) ≤ 4 Ω0².
     let dt = 0.5;
     for (lambda, k0, c0, ct) in [
@@ -128,7 +128,7 @@ impl TwoStoreys {
 }
 
 #[test]
-fn example_4_1_has_the_published_frequencies_limit_and_behaviour() {
+fn example_4_1_is_as_published() {
     let found = gusset_numerics::linalg::frequencies(
         &storeys(&EXAMPLE_4_1.k),
         &SymMatrix::diagonal(&EXAMPLE_4_1.m),
@@ -155,7 +155,7 @@ fn example_4_1_has_the_published_frequencies_limit_and_behaviour() {
 }
 
 #[test]
-fn example_4_2_has_the_published_thresholds_and_behaviour() {
+fn example_4_2_is_as_published() {
     let limit = EXAMPLE_4_2
         .proof()
         .limit(f64::INFINITY, &[])
@@ -199,7 +199,7 @@ fn example_4_2_has_the_published_thresholds_and_behaviour() {
 }
 
 #[test]
-fn automatic_lambda_follows_its_rule_and_names_what_governs() {
+fn automatic_lambda_names_what_governs() {
     // Soft and well resolved: the accurate value.
     let mut proof = EXAMPLE_4_1.proof();
     proof.dt = 0.01;
@@ -262,7 +262,7 @@ fn automatic_lambda_follows_its_rule_and_names_what_governs() {
 }
 
 #[test]
-fn a_critical_shape_of_a_dof_without_mass_has_no_frequency() {
+fn massless_critical_shape_has_no_frequency() {
     let coupled = [(0, 0, 4e6), (0, 1, -2e6), (1, 1, 3e6)];
     let stiffness = SymMatrix::from_triplets(2, coupled);
     let proof = |mass: f64| StabilityProof {
@@ -290,7 +290,7 @@ fn a_critical_shape_of_a_dof_without_mass_has_no_frequency() {
 }
 
 #[test]
-fn what_no_lambda_can_hold_is_an_error_with_a_name() {
+fn case_without_a_stable_lambda_is_an_error() {
     // A damper that C0 does not know: 2 Δt c_max > 4 m and nothing in K0.
     let proof = StabilityProof {
         mass: SymMatrix::diagonal(&[1.0, 1.0]),

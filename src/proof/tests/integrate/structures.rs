@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_free_chain_drifts_straight_and_keeps_its_momentum() {
+fn free_chain_keeps_its_momentum() {
     // Free at both ends: K0 singular. Momentum Σ m v changes by roundoff only.
     let n = 40;
     let mut entries: Vec<_> = storeys(&vec![500.0; n]).entries().collect();
@@ -45,7 +45,7 @@ fn a_free_chain_drifts_straight_and_keeps_its_momentum() {
 }
 
 #[test]
-fn a_massless_joint_moves_as_the_statically_condensed_system_when_it_is_slow() {
+fn massless_joint_matches_condensation() {
     // Spring 100 to a massless joint, spring 300 on to a mass: k = 75. The joint's own pair of roots is bounded for
     // λ < 4; started in the static shape it is not excited beyond the truncation error of the slow motion.
     let m = SymMatrix::diagonal(&[0.0, 2.0]);
@@ -69,7 +69,7 @@ fn a_massless_joint_moves_as_the_statically_condensed_system_when_it_is_slow() {
 }
 
 #[test]
-fn advancing_allocates_nothing_and_repeats_to_the_bit() {
+fn advancing_repeats_without_allocation() {
     let system = Nonlinear::new();
     let make = || {
         Gui::new(
@@ -105,7 +105,7 @@ fn advancing_allocates_nothing_and_repeats_to_the_bit() {
 
 proptest! {
     #[test]
-    fn the_limit_is_the_pencil_eigenvalue_and_the_edge_of_the_unit_disc(proof in random_proof()) {
+    fn limit_is_the_pencil_eigenvalue(proof in random_proof()) {
         // λ_lim = 4/μ, μ largest eigenvalue of (Δt² K_max + 2 Δt (C_max − C0) − 4 M, Δt² K0), by Cholesky of K0.
         let dt = proof.dt;
         let a = proof.stiffness_bound.to_dense() * (dt * dt)
@@ -128,7 +128,7 @@ proptest! {
 }
 
 #[test]
-fn the_limit_of_a_long_chain_is_that_of_its_highest_mode() {
+fn limit_of_long_chain_is_its_highest_mode() {
     // Fixed-free, unit m and k: ω_max = 2 sin((2n − 1) π / (2 (2n + 1))); λ_lim = 4Ω²/(Ω² − 4), six digits at this size.
     let n = 1500;
     let k = storeys(&vec![1.0; n]);

@@ -102,7 +102,7 @@ fn examples() -> Vec<Value> {
 }
 
 #[test]
-fn every_row_has_a_variant_and_every_variant_a_row_and_its_line_comes_back() {
+fn table_and_variants_of_events_agree() {
     for example in examples() {
         let fields = example.as_object().unwrap();
         let event: Event = serde_json::from_value(example.clone()).unwrap();
@@ -126,7 +126,7 @@ fn every_row_has_a_variant_and_every_variant_a_row_and_its_line_comes_back() {
 }
 
 #[test]
-fn a_line_of_another_version_keeps_its_name_and_its_fields() {
+fn line_of_another_version_keeps_its_fields() {
     let line = json!({"tick": 3, "time": 0.5, "wall": "2025-03-04T09:12:07Z", "clock_ns": 1, "event": "sang", "song": 4});
     let read = EventLine::from(line.clone());
     assert_eq!(
@@ -145,7 +145,7 @@ fn a_line_of_another_version_keeps_its_name_and_its_fields() {
 }
 
 #[test]
-fn a_number_that_is_none_is_null_in_the_file_and_nan_when_it_is_read() {
+fn nan_is_null_in_the_file() {
     let reached = LimitReached {
         port: Some(0),
         axis: Some(0),
@@ -162,7 +162,7 @@ fn a_number_that_is_none_is_null_in_the_file_and_nan_when_it_is_read() {
 }
 
 #[test]
-fn every_limit_goes_through_its_events_with_its_key_and_unit() {
+fn every_limit_survives_its_events() {
     for limit in Limit::OF_AXIS.into_iter().chain(Limit::OF_TEST) {
         let reached = LimitReached {
             port: Some(1),
@@ -193,7 +193,7 @@ fn every_limit_goes_through_its_events_with_its_key_and_unit() {
 }
 
 #[test]
-fn a_sentence_names_the_specimen_and_rounds_its_numbers() {
+fn sentence_names_specimen_and_rounds() {
     let sentence = |line: Value| EventLine::from(line).sentence();
     let trip = json!({"event": "limit_trip", "specimen": 1, "name": "column", "axis": 2, "limit": "measured_force_n", "value": 70_043.014_535, "bound": 7e4});
     assert_eq!(

@@ -9,7 +9,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::Checksum;
 
-/// Copies plain files, and folders with what is in them.
+/// Copies plain files, and folders with their contents.
 pub(super) fn copy(from: &Path, to: &dyn Fn(&str) -> PathBuf) -> io::Result<()> {
     for entry in fs::read_dir(from)? {
         let entry = entry?;

@@ -44,7 +44,7 @@ const READERS: [(&str, &str); 2] = [
     ),
 ];
 
-/// Tables of the test file that say what is computed.
+/// Tables of the test file that describe the numerical part.
 const COMPUTED: [&str; 4] = ["time", "structure", "integrator", "excitation"];
 
 /// Makes the folder, which must not be there.
@@ -127,7 +127,7 @@ impl Drop for Staging {
     }
 }
 
-/// Which CSV there is, and of which columns.
+/// The CSV files, and the columns of each.
 fn sheets_of<'a>(plan: &'a Plan, test: &Test) -> Vec<(String, Vec<&'a Exposed>)> {
     let all = plan.columns();
     let some = |wanted: &dyn Fn(&str) -> bool| -> Vec<&'a Exposed> {

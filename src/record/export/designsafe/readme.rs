@@ -1,4 +1,4 @@
-//! What a reader of the folder is told first.
+//! README of the project folder.
 
 use crate::run::Run;
 

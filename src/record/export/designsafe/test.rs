@@ -1,11 +1,11 @@
-//! What the test file of a run says of its parts, and which columns are whose.
+//! Parts of a run according to its test file, and the columns of each.
 
 use std::fs;
 
 use crate::folder::slug;
 use crate::run::Run;
 
-/// What the test file says, if it can be read.
+/// The parsed test file, if it is readable.
 pub(super) struct Test {
     pub title: String,
     pub table: toml::Table,

@@ -1,5 +1,6 @@
-//! Where rows stand on the clock. A run has up to three grids of ticks: for trying directions, for what comes before t = 0,
-//! for the test; rows count from the first edge of theirs. Events of the kind `grid` say when that was on the loop's clock.
+//! Positions of rows on the clock. A run has up to three grids of ticks: for the wiring check, for the rest of the startup,
+//! and for the test. Rows count from the first edge of their grid. Events of the kind `grid` give the time of that edge on
+//! the loop's clock.
 
 use super::stamps::Stamped;
 use crate::{Event, EventLine, GridOf};
@@ -12,7 +13,7 @@ pub(super) struct Grid {
     /// The edge that is zero: the first of the grid of the first row.
     zero_ns: Option<u64>,
     begun: bool,
-    /// Without edges: where the row before stood, the shortest way between two, and how far rows are moved.
+    /// Without edges: position of the row before, the shortest time between two rows, and the shift of the rows.
     before: f64,
     shortest: f64,
     moved: f64,
@@ -66,7 +67,7 @@ impl Grid {
             let ns = edge as f64 - zero as f64;
             return row.later(ns / 1e3);
         }
-        // As earlier versions left it: a grid that begins anew is put right behind the one before.
+        // Records of earlier versions: a grid that restarts follows directly behind the one before.
         let at = row.release + self.moved;
         if at < self.before && row.is_stamped() && row.release == 0.0 {
             let way = if self.shortest.is_finite() {

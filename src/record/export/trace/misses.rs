@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::{Event, EventLine};
 
-/// A miss as its event tells it; µs from zero.
+/// A miss by its event; µs from zero.
 #[derive(Debug, Clone)]
 pub(super) struct Missed {
     pub deadline: f64,
@@ -46,7 +46,7 @@ impl Misses {
     }
 }
 
-/// What the slice of a miss is called, and what it says.
+/// Name and text of the slice of a miss.
 pub(super) fn words(missed: Option<&Missed>, late_us: f64) -> (String, Value) {
     let class = missed.and_then(|missed| missed.told.fields().get("class")?.as_str());
     let name = class.map_or_else(

@@ -1,4 +1,4 @@
-//! What a run did when, in the trace-event format of Chrome: opens in ui.perfetto.dev and chrome://tracing.
+//! Timeline of a run in the trace-event format of Chrome: opens in ui.perfetto.dev and chrome://tracing.
 //!
 //! Lines of the picture, in µs of wall time from the first edge. *Grid*: the edges, one slice per tick as long as a period.
 //! *Loop*: the phases of each tick: wake up, send, wait for the replies, compute, record, wait for the edge; what is behind a
@@ -33,7 +33,7 @@ use super::{ExportError, Exported, Notice};
 use crate::atomic::AtomicFile;
 use crate::run::Run;
 
-/// Ticks that are taken without being asked for: about 160 MB of text, which a browser still opens.
+/// Ticks of a trace without a window: about 160 MB of text, which a browser still opens.
 const MOST: u64 = 200_000;
 
 /// Lines of the picture. One would be taken for the process itself.
@@ -103,7 +103,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         if tick.state == WARMING_UP {
             continue;
         }
-        // Also behind the window: the row tells how long the recording of the one before took.
+        // Also behind the window: the row holds the recording time of the one before.
         shown.told(row.sequence, tick.record_before);
         if left == 0 {
             break;
@@ -112,7 +112,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
             continue;
         }
         left -= 1;
-        // The row that ends a test may stand in for a tick that was not made.
+        // The row that ends a test may belong to no tick.
         if !tick.is_stamped() || shown.is_behind(&tick) {
             continue;
         }

@@ -1,8 +1,8 @@
-//! Where the lines of `events.jsonl` stand on the grid of a trace.
+//! Places of the lines of `events.jsonl` on the grid of a trace.
 //!
-//! An event knows its step and the loop's clock; when zero was on that clock the `grid` events say. In folders of earlier
-//! versions a miss ties the two to the nanosecond, since it says how long after its edge it was seen; without a miss
-//! events may stand as much as a tick early there.
+//! An event knows its step and the loop's clock; the `grid` events give the time of zero on that clock. In folders of
+//! earlier versions a miss ties the two to the nanosecond, since it gives the time after its edge at which it was found.
+//! Without a miss, events may be up to a tick early there.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::export::plan::Choice;
 use crate::run::Run;
 use crate::{Event, EventLine};
 
-/// Where the steps of the events stand on the grid.
+/// Places of the events' steps on the grid.
 pub(super) struct Places {
     wanted: Vec<usize>,
     /// Step → first and last edge of it, and how many ticks it had.
@@ -63,7 +63,7 @@ impl Places {
         }
     }
 
-    /// As the summary has it; of an unfinished run the shortest way between two edges.
+    /// Period by the summary; for an unfinished run the shortest time between two edges.
     pub(crate) fn period_us(&self, run: &Run) -> f64 {
         let rate = run.summary().map(|summary| summary.rate_hz);
         rate.filter(|rate| *rate > 0.0 && rate.is_finite())
@@ -79,8 +79,8 @@ impl Places {
         self.wanted.iter().filter_map(|i| told.get(*i))
     }
 
-    /// When zero was on the loop's clock, µs, as far as events and rows tell: exact from a miss in a step of one tick, else
-    /// not later than this.
+    /// When zero was on the loop's clock, µs, as far as events and rows show it: exact from a miss in a step of one tick,
+    /// else not later than this.
     pub(crate) fn origin_us(&self, told: &[EventLine], period_us: f64) -> Option<f64> {
         let (mut exact, mut bound) = (Vec::new(), f64::INFINITY);
         for event in self.events(told) {

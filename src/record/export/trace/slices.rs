@@ -1,7 +1,7 @@
 //! The slices of the loop: the phases of tick after tick, without a gap and without an overlap.
 //!
-//! How long the recording of a tick took stands in the row behind it, and how long the loop then waited follows from the next
-//! edge: a tick is shown when the one behind it is known.
+//! The recording time of a tick is in the row behind it, and the loop's wait follows from the next edge. So a tick is shown
+//! when the next one is known.
 
 use std::io::Write;
 
@@ -23,7 +23,7 @@ pub(super) struct Tick {
 /// A tick whose end is not known yet.
 struct Open {
     tick: Tick,
-    /// Where its first phase begins: at its edge, or where the tick before was done.
+    /// Begin of its first phase: its edge, or the end of the tick before.
     begin: f64,
     /// When its row was handed over.
     pushed: Option<f64>,
@@ -42,7 +42,7 @@ impl Open {
 struct Next {
     /// Its edge.
     release: f64,
-    /// Where its first phase begins.
+    /// Begin of its first phase.
     begin: f64,
     /// False if rows are missing between the two.
     follows: bool,

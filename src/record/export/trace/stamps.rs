@@ -1,10 +1,10 @@
-//! The stamps of a tick, as they stand in its row.
+//! The stamps of a tick in its row.
 
 use crate::export::ExportError;
 use crate::layout::Layout;
 use gusset_quantity::catalog::column;
 
-/// Where the stamps of a tick stand in its row.
+/// Places of a tick's stamps in its row.
 pub(super) struct Stamps {
     step: usize,
     time: usize,
@@ -15,7 +15,7 @@ pub(super) struct Stamps {
     durations: [usize; 5],
 }
 
-/// A tick as its row tells it; µs, on the grid that the row counts from until [`super::grid::Grid`] has placed it.
+/// A tick by its row; µs, on the grid that the row counts from until [`super::grid::Grid`] has placed it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stamped {
     pub step: f64,
@@ -84,7 +84,7 @@ impl Stamped {
         self.release.is_finite() && self.ready.is_finite() && self.woke >= self.release
     }
 
-    /// The same, later by so much.
+    /// The stamps, shifted later by `us`.
     pub(crate) fn later(self, us: f64) -> Self {
         Self {
             release: self.release + us,

@@ -155,7 +155,7 @@ fn well_formed(trace: &Value) {
 }
 
 #[test]
-fn every_phase_of_a_tick_is_a_slice_and_together_they_cover_it() {
+fn slices_of_phases_cover_the_tick() {
     let home = home(&rows(), EVENTS);
     let (trace, _) = traced(&home, None, None);
     well_formed(&trace);
@@ -178,7 +178,7 @@ fn every_phase_of_a_tick_is_a_slice_and_together_they_cover_it() {
         ("send", 5_000),
         ("wait for replies", 200_000),
         ("compute", 100_000),
-        // It stands in the row behind: 4 µs and one more with every tick.
+        // It is in the row behind: 4 µs and one more with every tick.
         ("record", 6_000),
         ("wait for the edge", 679_000),
     ];
@@ -198,7 +198,7 @@ fn every_phase_of_a_tick_is_a_slice_and_together_they_cover_it() {
 }
 
 #[test]
-fn a_miss_lies_over_what_is_behind_the_deadline_and_names_its_cause() {
+fn miss_covers_the_time_after_its_deadline() {
     let home = home(&rows(), EVENTS);
     let (trace, _) = traced(&home, None, None);
     let line = on(&trace, 3);
@@ -224,7 +224,7 @@ fn a_miss_lies_over_what_is_behind_the_deadline_and_names_its_cause() {
         (&miss["args"]["late_us"], &miss["args"]["steal_ms"]),
         (&120.0.into(), &10.into())
     );
-    // Its event stands where the row was handed over.
+    // Its event lies where the row was handed over.
     let instant = events
         .iter()
         .find(|e| e["name"] == "deadline missed")
@@ -242,7 +242,7 @@ fn a_miss_lies_over_what_is_behind_the_deadline_and_names_its_cause() {
 }
 
 #[test]
-fn a_miss_whose_event_was_lost_is_seen_without_its_cause() {
+fn miss_without_an_event_has_no_cause() {
     let kept: Vec<&str> = EVENTS
         .lines()
         .filter(|line| !line.contains("\"miss\""))
@@ -255,7 +255,7 @@ fn a_miss_whose_event_was_lost_is_seen_without_its_cause() {
 }
 
 #[test]
-fn rows_before_the_test_stand_before_it_on_the_same_clock() {
+fn startup_rows_precede_the_test() {
     // Three ticks of the opening, 1 s before the test on the same clock; both count from their own first edge.
     let mut all: Vec<Vec<f64>> = (0..3).map(|k| tick(k, 100.0, f64::NAN)).collect();
     for row in &mut all {
@@ -277,7 +277,7 @@ fn rows_before_the_test_stand_before_it_on_the_same_clock() {
 }
 
 #[test]
-fn a_folder_of_an_earlier_version_gives_the_picture_that_it_can() {
+fn older_folder_gives_a_partial_picture() {
     // Neither the column nor the edge, and a file of other threads that no version reads any more.
     let kept = tempfile::tempdir().unwrap();
     let run = kept.path().join("run");
@@ -305,12 +305,12 @@ fn a_folder_of_an_earlier_version_gives_the_picture_that_it_can() {
         (named("record"), named("record, then wait for the edge")),
         (1, 10)
     );
-    // The miss knows its own end, and ties the events to the rows.
+    // The miss knows when it ended, and ties the events to the rows.
     assert!(line.contains(&("miss: taken away".to_owned(), 6_000_000, 6_120_000)));
 }
 
 #[test]
-fn window_ends_with_the_record_phase_that_a_later_row_holds() {
+fn window_ends_with_the_last_record_phase() {
     let home = home(&rows(), EVENTS);
     let (trace, exported) = traced(&home, Some(0.0029), Some(0.0051));
     well_formed(&trace);

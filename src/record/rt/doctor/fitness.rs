@@ -85,14 +85,14 @@ mod tests {
     }
 
     #[test]
-    fn machine_with_all_essentials_is_fit_for_hard_real_time() {
+    fn complete_machine_is_fit_for_real_time() {
         let (verdict, advice) = judged(&[("swap", Verdict::Fair)]);
         assert_eq!(verdict, Verdict::Good);
         assert!(advice.contains("gusset jitter"), "{advice}");
     }
 
     #[test]
-    fn one_poor_finding_leaves_simulation_and_the_most_important_comes_first() {
+    fn one_poor_finding_leaves_simulation() {
         let all = [
             ("steal", Verdict::Poor),
             ("hypervisor", Verdict::Poor),
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_essential_that_is_fair_or_unknown_allows_late_ticks() {
+    fn fair_or_unknown_item_allows_late_ticks() {
         for other in [Verdict::Fair, Verdict::Unknown] {
             let (verdict, advice) = judged(&[("kernel", other)]);
             assert_eq!(

@@ -1,4 +1,4 @@
-//! Findings that the kernel's files give: read, judged, nothing asked for.
+//! Findings from the kernel's files: read and assessed, without requests.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use crate::rt::throttle::Throttle;
 
 /// The directory tree that the kernel's files are read from.
 #[derive(Debug, Clone)]
-pub struct Tree {
+pub(crate) struct Tree {
     root: PathBuf,
 }
 
@@ -50,8 +50,8 @@ impl Tree {
 
 const CPU: &str = "sys/devices/system/cpu";
 
-/// All findings of this file, in the order of a report; `allowed`: the processors that the process may run on, where that is to
-/// be judged.
+/// All findings of this file, in the order of a report; `allowed`: the processors that the process may run on, if they are to
+/// be assessed.
 #[must_use]
 pub(crate) fn findings(tree: &Tree, allowed: Option<&[usize]>) -> Vec<Finding> {
     vec![
@@ -206,7 +206,7 @@ fn tickless(tree: &Tree) -> Finding {
     const TOPIC: &str = "tickless processors";
     let advice = "for rates above 10 kHz boot a kernel with NO_HZ_FULL and nohz_full=N rcu_nocbs=N";
     match tree.cpus(&format!("{CPU}/nohz_full")).as_deref() {
-        // "(null)" where the kernel could but was not told to.
+        // "(null)" where the kernel supports it but has no list.
         None | Some([]) => Finding::new(
             TOPIC,
             "none: the kernel's tick interrupts the loop",
@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tuned_laboratory_machine_is_good_throughout() {
+    fn tuned_machine_is_good_throughout() {
         let (_dir, tree) = machine(&[
             (
                 "proc/version",
@@ -480,7 +480,7 @@ mod tests {
     }
 
     #[test]
-    fn a_processor_that_may_not_be_used_is_none() {
+    fn forbidden_processor_does_not_count() {
         let (_dir, tree) = machine(&[("sys/devices/system/cpu/online", "0-3\n")]);
         let told = |allowed: &[usize]| {
             let finding = processors(&tree, Some(allowed));
@@ -503,7 +503,7 @@ mod tests {
     }
 
     #[test]
-    fn a_busy_desktop_in_a_virtual_machine_is_told_so() {
+    fn virtual_desktop_gets_poor_findings() {
         let (_dir, tree) = machine(&[
             (
                 "proc/version",
@@ -559,7 +559,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_that_says_nothing_is_unknown_and_not_an_error() {
+    fn silent_machine_is_unknown_not_an_error() {
         let (_dir, tree) = machine(&[]);
         for (topic, verdict) in verdicts(&tree) {
             // Without a list no processor is tickless.

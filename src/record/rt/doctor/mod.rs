@@ -1,8 +1,8 @@
-//! What this machine gives and lacks for real-time work, and what to do about it.
+//! Real-time abilities and shortcomings of this machine, and what to do about them.
 //!
-//! Every topic becomes one [`Finding`]. What the kernel says in files is read from a directory tree, so that
-//! other machines can be examined in tests; what can only be known by asking is asked for on a scratch thread and
-//! given back. Nothing is changed for good and nothing is printed.
+//! Every topic becomes one [`Finding`]. The kernel's files are read from a directory tree, so that tests can examine
+//! other machines. Abilities that only a request shows are requested on a scratch thread and given back. Nothing is
+//! changed for good and nothing is printed.
 
 use serde::Serialize;
 
@@ -13,13 +13,13 @@ pub mod fitness;
 pub mod machine;
 pub mod trial;
 
-pub use machine::Tree;
+pub(crate) use machine::Tree;
 
 /// How good a finding is for a real-time test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// As it should be.
+    /// Suitable for a real-time test.
     Good,
     /// Tests run; single ticks may be late.
     Fair,
@@ -62,7 +62,7 @@ impl Finding {
 #[must_use]
 pub fn examine(plan: RtPlan) -> Vec<Finding> {
     let tree = Tree::of_this_machine();
-    // Before anything is tried: that binds the threads it is tried on.
+    // Before the trial, which binds its threads.
     let mut findings = machine::findings(&tree, Some(&process_cpus()));
     findings.extend(trial::findings(plan));
     findings
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_finding_serialises_with_its_verdict_in_words() {
+    fn finding_serialises_with_its_verdict() {
         let json = serde_json::to_value(Finding::new("swap", "none", Verdict::Good, "")).unwrap();
         assert_eq!(
             json,

@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_refusal_becomes_a_finding_with_its_reason_and_advice() {
+    fn refusal_becomes_a_finding_with_advice() {
         let feature = Feature {
             want: Want::Policy,
             asked: "SCHED_FIFO, priority 90".into(),
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_are_good_by_capability_or_by_number() {
+    fn limits_are_good_by_capability_or_number() {
         let with = |nice, ipc_lock, rtprio, memlock| {
             limits(&Privileges {
                 nice,
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ticks_length_is_the_kernels_frequency() {
+    fn tick_length_is_the_kernel_frequency() {
         assert!(timers(1, 4_000_000).found.contains("250 Hz"));
         assert_eq!(timers(4_000_000, 4_000_000).verdict, Verdict::Poor);
     }

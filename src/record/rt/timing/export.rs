@@ -103,8 +103,8 @@ pub(crate) fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
 impl Timing {
     /// One object per quantity under its key, each with `count, min, p50, p90, p99, p99_9, max` in µs.
     ///
-    /// `wakeup_lateness` also tells `early` (wake-ups before the edge) and `swallowed` (ticks that stalls
-    /// swallowed, counted in it); `round_trip` has the same object for each specimen under `specimens`.
+    /// `wakeup_lateness` also has `early` (wake-ups before the edge) and `swallowed` (ticks skipped in stalls,
+    /// counted in it); `round_trip` has the same object for each specimen under `specimens`.
     #[must_use]
     pub fn to_json(&self) -> Value {
         self.json(false)
@@ -233,7 +233,7 @@ pub fn write_hgrm(histogram: &Histogram<u64>, out: &mut impl Write) -> io::Resul
     )
 }
 
-/// Cells of the finest range: the power of two that tells 2·10^digits values apart.
+/// Cells of the finest range: the power of two that resolves 2·10^digits values.
 const fn sub_buckets() -> u64 {
     (2 * 10u64.pow(BOUNDS.2 as u32)).next_power_of_two()
 }
@@ -326,7 +326,7 @@ mod tests {
     /// Worked by hand from the published algorithm: steps of 10 % up to the half, then of 5 % of the whole; the
     /// last cell is reached at 55 %, and the remaining steps in it are skipped.
     #[test]
-    fn the_percentile_file_of_two_values_is_as_published() {
+    fn percentile_file_of_two_values_is_known() {
         let mut h = histogram();
         h.saturating_record(1000);
         h.saturating_record(2000);
@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn the_percentile_file_of_nothing_still_has_its_frame() {
+    fn empty_percentile_file_has_its_frame() {
         let mut text = Vec::new();
         write_hgrm(&histogram(), &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_log_gives_every_histogram_back() {
+    fn interval_log_returns_every_histogram() {
         let mut timing = Timing::new(&["damper"], true, 0);
         for ns in [50, 60_000, 7_000_000] {
             timing.round_trip(0, ns);
@@ -385,7 +385,7 @@ mod tests {
         assert_eq!(tags.len(), Quantity::ALL.len());
     }
 
-    /// A reader of its own, so that the test does not lean on the writer's encoder.
+    /// A separate decoder, so that the test does not depend on the writer's encoder.
     fn base64(text: &str) -> Vec<u8> {
         let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
         let (mut out, mut bits, mut held) = (Vec::new(), 0u32, 0);

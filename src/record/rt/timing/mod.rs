@@ -5,11 +5,11 @@
 //! is never negative: an early wake-up counts as zero and is counted apart.
 //!
 //! **Stalls are not hidden.** When the loop is stalled for several periods and the grid is moved on by n ticks, those
-//! n ticks never happened, and a plain histogram would show one bad tick where n were due (coordinated
-//! omission). [`Timing::swallowed`] counts them: on the grid as it was before it was moved, tick k + j would
-//! have started j periods after tick k, so it was late by (late − j·T), and that is recorded in `wakeup_lateness` and
-//! `command_lateness` for every j from 1 to n. When missed ticks run back to back instead, each records its own
-//! lateness and nothing is to be added. `miss` holds one value per miss that really happened.
+//! n ticks never happened, and a plain histogram would show one bad tick where n were due (coordinated omission).
+//! [`Timing::swallowed`] counts them. On the grid before it was moved, tick k + j would have started j periods after
+//! tick k, so it was late by (late − j·T). That lateness is recorded in `wakeup_lateness` and `command_lateness` for
+//! every j from 1 to n. When missed ticks run back to back instead, each records its own lateness and nothing is
+//! added. `miss` holds one value per miss that really happened.
 //!
 //! Values are kept in nanoseconds with 3 significant digits, up to 10 s, and reported in microseconds.
 
@@ -81,7 +81,7 @@ impl Quantity {
 pub struct TickStamps {
     /// The loop was done with the tick before and began to wait.
     pub idle: Nanos,
-    /// Edge t_k, as it stood before any stretch that this tick causes.
+    /// Edge t_k, before any stretch that this tick causes.
     pub release: Nanos,
     /// First instruction after the wait.
     pub woke: Nanos,
@@ -100,9 +100,9 @@ pub struct TickStamps {
 /// A deadline miss.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Miss {
-    /// By how much, in nanoseconds.
+    /// Lateness, in nanoseconds.
     pub late_ns: u64,
-    /// What the stamps alone say about the cause.
+    /// Cause by the stamps alone.
     pub suspect: Suspect,
 }
 
@@ -133,7 +133,7 @@ pub struct Counts {
     pub misses: u64,
     /// Wake-ups before the edge, counted as lateness zero.
     pub early_wakeups: u64,
-    /// Ticks that a stall swallowed: they were due and never happened.
+    /// Ticks skipped in a stall: they were due and never happened.
     pub swallowed: u64,
 }
 
@@ -147,14 +147,13 @@ impl Timing {
         Self::with(specimens, awaits_peer, warmup_ticks, Tally::touched)
     }
 
-    /// The same for simulated time, in which nothing is late for a page of memory that is met for the first time: a short
-    /// test costs little.
+    /// Histograms for simulated time, whose memory pages need not be touched beforehand: a short test costs little.
     #[must_use]
     pub fn untouched(specimens: &[&str], awaits_peer: bool, warmup_ticks: u64) -> Self {
         Self::with(specimens, awaits_peer, warmup_ticks, Tally::new)
     }
 
-    /// Counts ticks and misses and keeps no histogram: for a loop whose clock tells nothing of any machine.
+    /// Counts ticks and misses and keeps no histogram: for a loop whose clock measures no machine.
     #[must_use]
     pub fn counting() -> Self {
         Self::with(&[], false, u64::MAX, Tally::none)
@@ -203,7 +202,7 @@ impl Timing {
         }
     }
 
-    /// Records one tick; tells of a missed deadline. Real-time: yes.
+    /// Records one tick; returns a missed deadline. Real-time: yes.
     #[inline]
     pub fn tick(&mut self, stamps: &TickStamps) -> Option<Miss> {
         let late_ns = stamps.pushed.since(stamps.deadline);
@@ -237,9 +236,9 @@ impl Timing {
     /// Counts `ticks` ticks that were due while the loop was stalled and that the grid was moved past.
     ///
     /// `late_ns` is the lateness, against the edge before it was moved, of the tick at which the stall showed: its
-    /// wake-up lateness, or its miss plus one period when the stall came after the wake-up. Tick j of the swallowed
-    /// ones (from 1) is recorded as late by `late_ns` − j·`period_ns`, not below zero. All are counted; beyond 1024
-    /// neighbours share one value, so that the work is bounded. Real-time: yes.
+    /// wake-up lateness, or its miss plus one period when the stall came after the wake-up. Skipped tick j (from 1)
+    /// is recorded as late by `late_ns` − j·`period_ns`, not below zero. All are counted; beyond 1024 neighbours
+    /// share one value, so that the work is bounded. Real-time: yes.
     pub fn swallowed(&mut self, late_ns: u64, period_ns: u64, ticks: u64) {
         const MOST_VALUES: u64 = 1024;
         if self.is_warming_up() {
@@ -344,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn each_quantity_runs_from_and_to_its_stamps() {
+    fn each_quantity_follows_its_stamps() {
         let mut timing = Timing::new(&["a"], false, 0);
         assert_eq!(timing.tick(&tick(10 * T, 1_000)), None);
         timing.round_trip(0, 145_000);
@@ -372,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_is_reported_with_its_size_and_leaves_no_slack() {
+    fn miss_has_a_size_and_no_slack() {
         let mut timing = Timing::new(&[], false, 0);
         let miss = timing.tick(&tick(10 * T, 850_000)).unwrap();
         assert_eq!(miss.late_ns, 50_000);
@@ -382,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn an_early_wakeup_is_lateness_zero_and_is_counted() {
+    fn early_wakeup_counts_as_lateness_zero() {
         let mut timing = Timing::new(&[], false, 0);
         let mut early = tick(10 * T, 0);
         early.woke = Nanos(10 * T - 300);
@@ -392,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stall_of_ten_ticks_counts_ten_and_each_with_its_own_lateness() {
+    fn stall_counts_each_tick_with_its_lateness() {
         let mut timing = Timing::new(&[], false, 0);
         // Ninety good ticks, then one that is late by 10.5 periods: the grid moves by ten ticks.
         for k in 0..90 {
@@ -412,13 +411,13 @@ mod tests {
                 "{j}"
             );
         }
-        // 11 of 101 ticks were late by 0.5 ms or more: the 95th percentile must show it. Without the ten
-        // swallowed ticks (1 bad in 91) it would read 0.
+        // 11 of 101 ticks were late by 0.5 ms or more: the 95th percentile must show it. Without the ten skipped
+        // ticks (1 bad in 91) it would read 0.
         assert!(histogram.value_at_quantile(0.95) >= 5 * T);
     }
 
     #[test]
-    fn a_stall_of_a_hundred_thousand_ticks_counts_them_all_in_bounded_work() {
+    fn huge_stall_is_counted_in_bounded_work() {
         let mut timing = Timing::new(&[], false, 0);
         let (period, ticks) = (50_000, 100_003);
         timing.swallowed(period * ticks, period, ticks);
@@ -431,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn warm_up_ticks_reach_no_histogram_and_are_counted_apart() {
+    fn warm_up_ticks_reach_no_histogram() {
         let mut timing = Timing::new(&["a"], false, 3);
         for k in 0..5 {
             timing.round_trip(0, 7);
@@ -447,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn round_trips_are_kept_by_specimen_and_merged() {
+    fn round_trips_are_kept_by_specimen() {
         let mut timing = Timing::new(&["left", "right"], true, 0);
         timing.round_trip(0, 100);
         timing.round_trip(1, 300);
@@ -461,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn values_beyond_ten_seconds_are_kept_as_the_largest() {
+    fn values_beyond_ten_seconds_are_clamped() {
         let mut timing = Timing::new(&["a"], false, 0);
         timing.round_trip(0, u64::MAX);
         let histogram = timing.histogram(Quantity::RoundTrip);

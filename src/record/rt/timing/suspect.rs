@@ -1,4 +1,4 @@
-//! Who is to blame for a miss, as far as the stamps of the tick can tell.
+//! First guess at the cause of a miss, from the stamps of the tick.
 //!
 //! A first guess, made at once in the loop from nothing but durations: no system call. Whether the thread
 //! was switched away is known to the sampler on another processor; the writer refines the guess with its evidence.
@@ -11,7 +11,8 @@
 //! * in any other part: taken away if the part took more than ten times as long as it typically does, else ours;
 //! * time lost by the tick before, which ended after this edge: what that tick was blamed on.
 //!
-//! Work that is longer than a tick is not excused by what came before it. If no single excess explains the miss, it is a late reply if the peer's reply came after the deadline, else ours.
+//! Work that is longer than a tick is not excused by earlier delays. If no single excess explains the miss, it is a late reply if
+//! the peer's reply came after the deadline, else ours.
 
 use super::TickStamps;
 
@@ -59,7 +60,7 @@ impl Median {
     /// The first samples are cold and moves are large; then they are small.
     const COLD: u32 = 64;
 
-    /// One more, after `seen`.
+    /// Adds one sample, after `seen` others.
     #[inline]
     fn learn(&mut self, ns: u64, seen: u32) {
         if ns == self.ns {
@@ -207,24 +208,24 @@ mod tests {
     }
 
     #[test]
-    fn a_long_reply_is_the_peers_where_there_is_one_and_taken_away_in_process() {
+    fn long_reply_is_late_only_with_a_peer() {
         assert_eq!(missed_with(true, 2, T), Suspect::LateReply);
         assert_eq!(missed_with(false, 2, T), Suspect::TakenAway);
     }
 
     #[test]
-    fn a_part_far_beyond_its_usual_time_is_taken_away_and_one_near_it_is_ours() {
+    fn part_far_beyond_usual_is_taken_away() {
         assert_eq!(missed_with(false, 3, 4 * T), Suspect::TakenAway);
         assert_eq!(missed_with(false, 3, T), Suspect::Ours);
         assert_eq!(missed_with(false, 4, T), Suspect::TakenAway);
     }
 
     #[test]
-    fn work_that_does_not_fit_into_a_tick_is_ours_though_the_tick_before_was_taken_away() {
+    fn too_long_work_is_ours_after_a_stall() {
         let mut typical = warmed(false);
         let stalled = tick(1000, [5 * T, 4_000, 30_000, 300_000, 2_000]);
         assert_eq!(typical.judge(&stalled, true), Suspect::TakenAway);
-        // Each tick begins late by what the one before took too long.
+        // Each tick begins late by the excess of the one before.
         let late = |took: u64| TickStamps {
             idle: Nanos(1001 * T + 400_000),
             woke: Nanos(1001 * T + 400_060),
@@ -240,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_that_is_always_too_long_is_ours() {
+    fn tick_that_is_always_too_long_is_ours() {
         let mut typical = Typical::new(false);
         let long = [60, 4_000, 30_000, 1_200_000, 2_000];
         for k in 0..200 {
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peer_that_is_always_too_slow_is_a_late_reply() {
+    fn always_slow_peer_is_a_late_reply() {
         let mut typical = Typical::new(true);
         let slow = [60, 4_000, 1_300_000, 1_000, 2_000];
         for k in 0..200 {
@@ -262,13 +263,13 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_that_begins_late_because_of_the_last_one_inherits_its_cause() {
+    fn late_begin_inherits_the_last_cause() {
         let mut typical = warmed(true);
         let mut parts = USUAL;
         parts[2] = 2 * T - 400_000;
         let first = tick(1000, parts);
         assert_eq!(typical.judge(&first, true), Suspect::LateReply);
-        // The next edge stood: the loop reached its wait 0.94 T after the edge, and compute makes it a miss.
+        // The next edge stayed: the loop reached its wait 0.94 T after the edge, and compute makes it a miss.
         let next = TickStamps {
             idle: first.pushed,
             ..tick(
@@ -286,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn the_running_median_settles_between_its_samples_and_shrugs_off_a_stall() {
+    fn running_median_settles_despite_a_stall() {
         let mut median = Median::default();
         median.learn(500_000, 0);
         for k in 0..5000u64 {

@@ -1,12 +1,12 @@
 //! A histogram in which a value that comes many times in a row, or in turns with another, costs an addition.
 //!
 //! Under the simulated clock most durations are the same tick after tick, or one of two where the period is no whole number
-//! of nanoseconds; under the real one nearly none is, and the difference is a comparison. What is read is what a plain
-//! histogram would hold.
+//! of nanoseconds; under the real one nearly none is, and the extra cost is a comparison. A reader gets the values of a
+//! plain histogram.
 
 use hdrhistogram::Histogram;
 
-/// Smallest value told apart, largest value, significant digits: 200 kB a histogram.
+/// Smallest resolved value, largest value, significant digits: 200 kB a histogram.
 pub(super) const BOUNDS: (u64, u64, u8) = (1, 10_000_000_000, 3);
 
 /// Values in nanoseconds.
@@ -18,7 +18,7 @@ pub(super) struct Tally {
     other: Waiting,
 }
 
-/// A value, and how often it came since it stands here and not in the histogram.
+/// A value, and its count since it was last added to the histogram.
 #[derive(Debug, Clone, Copy, Default)]
 struct Waiting {
     ns: u64,

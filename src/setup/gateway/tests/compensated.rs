@@ -119,7 +119,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
     let mut served = host.specimen(false).unwrap();
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
     // Before the first target the gateway reads the force at rest.
     told.lock().unwrap().clear();
@@ -198,7 +198,7 @@ fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
 }
 
 #[test]
-fn each_compensator_gives_the_commands_and_the_tracking_of_a_test() {
+fn gateway_compensates_like_a_test() {
     let mut lags = Vec::new();
     for compensation in ALL {
         let (told, tracking) = by_gateway(compensation);
@@ -240,7 +240,7 @@ fn each_compensator_gives_the_commands_and_the_tracking_of_a_test() {
 }
 
 #[test]
-fn a_session_finds_its_compensators_as_new() {
+fn session_starts_with_fresh_compensators() {
     let (table, rig) = (table_of("ats = { delay_s = 0.015 }"), lagging());
     let client = Client {
         accepted: None,
@@ -253,7 +253,7 @@ fn a_session_finds_its_compensators_as_new() {
     let mut served = host.specimen(false).unwrap();
     let mut go = || {
         told.lock().unwrap().clear();
-        let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+        let controller = unnamed();
         served.begin(&controller, &mut || Ok(())).unwrap();
         // It ends at zero, where the next session begins.
         for (sequence, target) in (0..).zip(targets().take(44).chain([0.0])) {
@@ -286,7 +286,7 @@ fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
     };
     let host = host_of(&table, client, rig).paced(Some(pacing));
     let mut served = host.specimen(false).unwrap();
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
     for (sequence, target) in (0..200).zip(targets().cycle()) {
         if sequence == 198 {
@@ -301,7 +301,7 @@ fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
 }
 
 #[test]
-fn a_late_client_teaches_a_compensator_only_if_the_specimen_rests_long_enough() {
+fn late_client_teaches_only_after_a_rest() {
     let late = 5_000_000;
     for settle_ticks in [0, 1, 10, 64] {
         let learns = swings(settle_ticks, late) != swings(settle_ticks, late + 7_000_000);
@@ -312,7 +312,7 @@ fn a_late_client_teaches_a_compensator_only_if_the_specimen_rests_long_enough() 
 }
 
 #[test]
-fn a_compensator_that_a_gateway_lacks_is_refused_by_its_key() {
+fn unsupported_compensator_is_refused() {
     let refused = |compensation: &str| {
         following(&table_of(compensation))
             .unwrap_err()
@@ -328,7 +328,7 @@ fn a_compensator_that_a_gateway_lacks_is_refused_by_its_key() {
 }
 
 #[test]
-fn a_controller_resumes_where_it_was_although_the_command_there_is_led_by_a_static_gain() {
+fn controller_resumes_with_a_static_gain() {
     let table = table_of("model_inverse = { coefficients = [1.25, 0.015] }");
     let host = |standing: Vec<f64>| {
         let rig = Rig {
@@ -347,10 +347,7 @@ fn a_controller_resumes_where_it_was_although_the_command_there_is_led_by_a_stat
         (told, host_of(&table, client, rig).paced(Some(PACED)))
     };
     let begin = |host: &Host, start: Vec<f64>| {
-        let controller = Controller {
-            start,
-            ..Controller::unnamed(([127, 0, 0, 1], 1).into())
-        };
+        let controller = Controller { start, ..unnamed() };
         let mut served = host.specimen(false).unwrap();
         let begun = served.begin(&controller, &mut || Ok(()));
         begun.map(|_| served)
@@ -367,7 +364,7 @@ fn a_controller_resumes_where_it_was_although_the_command_there_is_led_by_a_stat
     assert!((left + 6.25).abs() < 1e-9, "{left}");
     let stands = first.standing();
     assert!((stands[0] - 0.01).abs() < 1e-12, "{stands:?}");
-    // The specimen says that this command holds it.
+    // The specimen reports that this command holds it.
     let (told, next) = host(vec![left]);
     assert!(begin(&next, vec![0.0125]).is_err());
     let mut served = begin(&next, vec![0.01]).unwrap();

@@ -6,7 +6,7 @@ use gusset_quantity::catalog::ending::Cause;
 use gusset_record::Run;
 
 #[test]
-fn a_row_has_the_number_of_its_target_and_a_refused_target_has_a_row() {
+fn refused_target_has_a_row() {
     let root = tempfile::tempdir().unwrap();
     let table = PLATFORM.replace(
         "limits = { command_step_m = { trip = 0.5 } }",

@@ -73,7 +73,7 @@ fn next() -> impl Strategy<Value = Next> {
 /// Time of each command in ns, and where it sends the axis, in m.
 type Course = Vec<(u64, f64)>;
 
-/// What reached the rig: the targets of one client, from 0 on.
+/// Motion at the rig: the targets of one client, from 0 on.
 fn course(
     following: Option<Following>,
     settle_ticks: u32,
@@ -107,7 +107,7 @@ fn course(
     };
     let host = host_of(&table, client, rig).paced(Some(pacing));
     let mut served = host.specimen(false).unwrap();
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
     // The force at rest was asked for.
     told.lock().unwrap().clear();
@@ -198,7 +198,7 @@ proptest! {
     /// Speed and acceleration of the commands stay within those that the path and its limits promise, for every schedule. Commands are never
     /// closer than a tick, and the last one is at rest.
     #[test]
-    fn every_schedule_of_late_targets_moves_within_the_bounds_of_the_path(
+    fn late_targets_stay_within_the_bounds(
         settle_ticks in 0u32..4,
         targets in proptest::collection::vec((-1.0..1.0f64, next()), 1..25),
     ) {
@@ -208,8 +208,8 @@ proptest! {
         }
         prop_assert!(last_vel.abs() < 1e-9, "{last_vel}");
         let n = f64::from(TICKS);
-        // The ramp to the first target is half a cosine: π/2 of the mean speed, π²/2 of way/time². Its acceleration does not vanish
-        // at its ends, which a path of 10 ticks spreads over one tick.
+        // The ramp to the first target is half a cosine: π/2 of the mean speed, π²/2 of distance/time². Its acceleration does not
+        // vanish at its ends, which a path of 10 ticks spreads over one tick.
         let (speed, mut accel) = (1.875 * STEP_M / n, 7.7 * STEP_M / (n * n));
         if targets.iter().any(|(_, next)| matches!(next, Next::Dies(_))) {
             // A stop uses the declared acceleration of 700 m/s².
@@ -226,7 +226,7 @@ proptest! {
 
     /// A compensator leads the motion by its gain and no further: it never begins or ends with a jump.
     #[test]
-    fn a_compensated_schedule_begins_and_ends_without_a_jump(
+    fn compensated_schedule_has_no_jump(
         settle_ticks in 3u32..6,
         targets in proptest::collection::vec((-1.0..1.0f64, next()), 1..25),
     ) {

@@ -1,9 +1,9 @@
-//! Limits of speed and acceleration on the path of a paced client: before it begins, and when it is stopped on the way.
+//! Limits of speed and acceleration on the path of a paced client: before it begins, and when it is stopped.
 
 use super::*;
 use gusset_link::served::RecordSettings;
 
-/// A rig whose replies take two looks of the gateway.
+/// A rig whose replies take two polls of the gateway.
 #[derive(Clone)]
 struct Slow {
     rig: Rig,
@@ -50,7 +50,7 @@ fn begun(limits: &str, pacing: Pacing) -> (ServedSpecimen, Told) {
 }
 
 fn begin(served: &mut ServedSpecimen) {
-    let controller = Controller::unnamed(([127, 0, 0, 1], 1).into());
+    let controller = unnamed();
     served.begin(&controller, &mut || Ok(())).unwrap();
 }
 
@@ -91,7 +91,8 @@ const fn of(ticks: u32) -> Pacing {
     }
 }
 
-/// One target, which is wanted until this number of commands has left for it. The places and velocities of its commands.
+/// One target, which is wanted until this number of commands has left for it. Returns places and velocities of the
+/// commands.
 fn leads(
     served: &mut ServedSpecimen,
     told: &Told,
@@ -117,7 +118,7 @@ fn leads(
 }
 
 #[test]
-fn a_path_that_must_exceed_a_limit_is_refused_before_it_begins() {
+fn path_beyond_a_limit_is_refused_early() {
     // 10 mm in 20 ms.
     for (limits, quantity, needed) in [
         (
@@ -155,7 +156,7 @@ fn a_path_that_must_exceed_a_limit_is_refused_before_it_begins() {
 }
 
 #[test]
-fn a_stop_at_any_command_of_a_path_slows_down_within_its_limits() {
+fn stop_on_a_path_keeps_its_limits() {
     // 10/√3 of 10 mm in 40 ms squared are 36.1 m/s².
     let limits = "command_vel_m_per_s = { trip = 0.6 }, command_accel_m_per_s2 = { trip = 36.2 }";
     for is_ramp in [true, false] {
@@ -205,7 +206,7 @@ fn a_stop_of_a_slow_path_takes_a_few_ticks() {
 }
 
 #[test]
-fn a_stop_of_a_stretched_ramp_takes_a_quarter_of_a_second() {
+fn stop_of_stretched_ramp_takes_quarter_s() {
     // 1 m at 0.05 m/s at most: about 31 s.
     let (mut served, told) = begun("command_vel_m_per_s = { trip = 0.1 }", of(200));
     let (outcome, made) = leads(&mut served, &told, 1.0, 10_000);
@@ -219,7 +220,7 @@ fn a_stop_of_a_stretched_ramp_takes_a_quarter_of_a_second() {
 }
 
 #[test]
-fn a_first_ramp_without_a_limit_of_speed_takes_a_second() {
+fn first_ramp_without_a_speed_limit_is_1_s() {
     let (mut served, told) = begun("command_disp_m = { trip = [-1, 1] }", of(20));
     for (target, commands) in [(0.01, 1000), (0.02, 20)] {
         let (outcome, made) = leads(&mut served, &told, target, usize::MAX);
@@ -229,7 +230,7 @@ fn a_first_ramp_without_a_limit_of_speed_takes_a_second() {
 }
 
 #[test]
-fn replies_that_take_longer_than_a_period_are_counted_and_told_once() {
+fn late_replies_are_counted_reported_once() {
     for (takes_ns, missed) in [(900_000, 0), (1_400_000, 0), (1_600_000, 38)] {
         let folder = tempfile::tempdir().unwrap();
         let (served, told) = with_replies("command_vel_m_per_s = { trip = 5 }", of(20), takes_ns);

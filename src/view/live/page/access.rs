@@ -1,9 +1,9 @@
 //! Permission to view and to operate: tokens, and the host names that the server accepts.
 //!
-//! A browser can be made to send requests here by any other page that it has open. Three things keep such a page out: it
-//! can read nothing (no CORS header is ever sent), it cannot name this server (the `Host` must be an address, `localhost`
-//! or this machine, so that no name of an attacker's that resolves to us is answered), and it cannot operate (the control
-//! token is wanted in a header of its own, which no form can send; `Origin` and `Sec-Fetch-Site` must be ours).
+//! Any other page that a browser has open can make it send requests here. Three checks keep such a page out. It can read
+//! nothing: no CORS header is ever sent. It cannot name this server: the `Host` must be an address, `localhost` or this
+//! machine, so an attacker's name that resolves to us gets no answer. It cannot operate: the control token is required in
+//! a header that no form can send, and `Origin` and `Sec-Fetch-Site` must be ours.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -64,7 +64,7 @@ pub enum TokenError {
     Unusable {
         /// Which.
         path: String,
-        /// What.
+        /// The text.
         found: String,
     },
 }
@@ -202,7 +202,7 @@ impl AccessRules {
         let host = text(headers, header::HOST).ok_or(STRANGE_HOST)?;
         let name = without_port(host).ok_or(STRANGE_HOST)?;
         let ours = match name.parse::<IpAddr>() {
-            // A name server has no say over addresses.
+            // A name server cannot redirect addresses.
             Ok(ip) => !self.loopback || super::is_loopback(ip),
             Err(_) => {
                 let name = name.strip_suffix('.').unwrap_or(name);
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn only_addresses_and_own_names_are_answered_so_that_a_rebound_name_is_not() {
+    fn only_own_names_are_answered() {
         let (near, ..) = rules("127.0.0.1", false);
         let (far, ..) = rules("0.0.0.0", true);
         for (host, at_loopback, beyond) in [
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn another_site_can_neither_look_nor_operate_even_with_the_token() {
+    fn another_site_cannot_look_or_operate() {
         let (rules, control, _) = rules("127.0.0.1", false);
         let bearer = format!("Bearer {}", control.text());
         let with = |more: &[(&'static str, &str)]| {
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn looking_beyond_loopback_and_operating_anywhere_need_their_tokens() {
+    fn tokens_are_required_beyond_loopback() {
         let (near, control, _) = rules("127.0.0.1", false);
         let (far, far_control, view) = rules("10.0.0.5", true);
         let asked = |token: Option<&str>| match token {
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn a_token_may_be_typed_without_its_dashes_and_in_capitals() {
+    fn token_may_lack_dashes_and_have_capitals() {
         let token = Token::random().unwrap();
         let text = token.text();
         assert_eq!(text.len(), LENGTH + 4);
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn a_token_file_is_one_line_of_at_least_sixteen_letters() {
+    fn token_file_is_one_line_of_16_letters() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("token");
         let read = |text: &str| {

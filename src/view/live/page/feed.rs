@@ -1,8 +1,8 @@
-//! What viewers are sent: server-sent events, made once and handed to each of them.
+//! Events for viewers: server-sent events, made once and handed to each of them.
 //!
-//! Every viewer has a place in the history and takes from there what has come since, thirty times a second and as long as its
-//! connection takes bytes. A slow one is asked less often, gets more at a time, and skips what is no longer kept. Nothing
-//! is queued for it but what its connection has taken.
+//! Every viewer has a place in the history and takes new bins from there, thirty times a second and as long as its connection
+//! takes bytes. A slow viewer gets fewer and larger events, and skips bins that are no longer kept. Nothing is queued beyond
+//! the bytes that its connection has taken.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -103,7 +103,7 @@ impl Feed {
         self.made.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Brings up to date what was made, if it is old enough.
+    /// Updates the made events, if they are old enough.
     fn refreshed(&self) -> MutexGuard<'_, Made> {
         let mut made = self.made();
         let now = monotonic_ns();
@@ -249,7 +249,7 @@ impl Viewer {
         }
     }
 
-    /// What has come since the last event; nothing if that is nothing.
+    /// The bins since the last event; `None` if there are no new ones.
     fn event(&mut self) -> Option<String> {
         let Some(next) = self.next else {
             let (next, text) = self.feed.hello();

@@ -1,8 +1,8 @@
-//! The live page: one server on a thread of its own, off the loop's processor.
+//! The live page: one server on a separate thread, off the loop's processor.
 //!
-//! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
-//! have been put on their processors; open until every viewer has received the end and fetched the report. It closes after 0.9 s in
-//! which no viewer reads anything, and after five seconds at the latest.
+//! Bound before anything moves, so that a port in use counts as wrong usage. Served once the other threads are on their
+//! processors, and open until every viewer has received the end and fetched the report. It closes after 0.9 s in which no viewer
+//! reads anything, and after five seconds at the latest.
 //!
 //! | client | may |
 //! |---|---|
@@ -53,7 +53,7 @@ pub enum PageError {
     /// The address means nothing.
     #[error("the live page cannot be served at \"{address}\": {source}")]
     Address {
-        /// As it was given.
+        /// The address as given.
         address: String,
         /// The system's word.
         source: io::Error,
@@ -84,10 +84,10 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// An address as it is given: `ADDR:PORT`, or one of the two.
+/// Parses an address: `ADDR:PORT`, or one of the two.
 ///
 /// # Errors
-/// It is none, in words.
+/// Why it is not an address, in words.
 pub fn parse_address(text: &str) -> Result<String, String> {
     let wanted = || {
         format!(
@@ -128,8 +128,8 @@ pub struct LivePage {
 }
 
 impl LivePage {
-    /// Takes the port. `address` is what [`parse_address`] made; `view` is the viewing token beyond loopback, a
-    /// fresh one if none is given.
+    /// Takes the port. `address` is a result of [`parse_address`]; `view` is the viewing token beyond loopback, a fresh
+    /// one if none is given.
     ///
     /// # Errors
     /// See [`PageError`].
@@ -187,7 +187,7 @@ impl LivePage {
         }
     }
 
-    /// What operating the test takes.
+    /// The token for operating the test.
     #[must_use]
     pub const fn control_token(&self) -> &Token {
         &self.control
@@ -325,7 +325,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_address_may_be_a_port_an_address_or_both_and_a_test_file_is_none() {
+    fn address_may_be_a_port_or_both() {
         for (given, made) in [
             ("8080", "127.0.0.1:8080"),
             ("0.0.0.0", "0.0.0.0:4824"),
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_taken_port_is_told_with_what_to_do() {
+    fn taken_port_is_reported_with_a_remedy() {
         let holder = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = holder.local_addr().unwrap().to_string();
         let said = LivePage::bind(&address, None).unwrap_err().to_string();
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn loopback_is_open_and_everything_else_is_not() {
+    fn only_loopback_is_open() {
         let near = LivePage::bind("127.0.0.1:0", None).unwrap();
         assert!(near.is_open() && near.link().ends_with('/'));
         let far = LivePage::bind("0.0.0.0:0", None).unwrap();
@@ -394,7 +394,7 @@ mod tests {
 
     /// A request that waited until its sender gave up must not move a specimen later.
     #[test]
-    fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
+    fn command_of_a_closed_page_is_dropped() {
         use std::io::Write;
         use std::net::TcpStream;
 
@@ -449,7 +449,7 @@ mod tests {
 
     /// It has received the address of the report, and never fetches it.
     #[test]
-    fn a_viewer_that_does_not_read_delays_no_end() {
+    fn silent_viewer_delays_no_end() {
         use std::io::{Read, Write};
         use std::net::TcpStream;
 
@@ -475,7 +475,7 @@ mod tests {
     }
 
     #[test]
-    fn the_room_of_lambda_is_found_also_while_nobody_looks() {
+    fn lambda_margin_is_found_without_viewers() {
         use crate::live::{AxisView, Snapshot};
 
         let (board, limit) = board(gusset_control::engine::PhaseCell::default());

@@ -211,7 +211,7 @@ async fn operate(
             why: why.map(Word::from),
         })
     };
-    // Without the token, no answer says which requests exist.
+    // Without the token, no answer reveals which requests exist.
     let is_one = REQUESTS.contains(&what.as_str());
     if let Err(refusal) = site.access.control(&headers) {
         if is_one && let Some(times) = site.refused.count(monotonic_ns()) {
@@ -290,7 +290,7 @@ fn unsent(request: Operator, connection: &Connection) -> Option<&'static str> {
 
 const OVER: &str = "the test is over";
 
-/// Why the loop would not hear this where it is seen, if it would not.
+/// Why the loop would ignore this request in its present state, if it would.
 fn unheard(request: Operator, seen: Glimpse) -> Option<&'static str> {
     match seen.phase {
         _ if request == Operator::Stop => None,
@@ -326,7 +326,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_loop_would_not_hear_is_not_accepted() {
+    fn request_the_loop_ignores_is_refused() {
         for phase in Phase::ALL {
             for unconfirmed in [false, true] {
                 let seen = Glimpse {
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_are_told_one_by_one_and_then_every_ten_seconds_with_their_number() {
+    fn refusals_are_reported_then_summed() {
         let refused = Refusals::default();
         for _ in 0..ONE_BY_ONE {
             assert_eq!(refused.count(5), Some(1));

@@ -1,9 +1,10 @@
 //! What two ends agree on, and the secret that they share.
 
 use super::*;
+use crate::handshake::layout::layout_text;
 
 #[test]
-fn a_specimen_says_on_what_the_ends_disagree() {
+fn refusal_names_the_disagreement() {
     assert_eq!(agree(&hello(), &terms()), Ok(2));
     type Change = fn(&mut Hello, &mut Terms);
     let table: [(Change, RefuseCode, &str); 14] = [
@@ -83,7 +84,7 @@ fn a_specimen_says_on_what_the_ends_disagree() {
 }
 
 #[test]
-fn the_highest_version_in_common_is_spoken() {
+fn highest_common_version_is_spoken() {
     let mut old_and_new = hello();
     let mut ours = terms();
     for ((a, b), (c, d), expected) in [
@@ -106,7 +107,7 @@ fn the_highest_version_in_common_is_spoken() {
 }
 
 #[test]
-fn a_controller_does_not_take_a_welcome_that_changed_the_terms() {
+fn controller_refuses_changed_terms() {
     let hello = hello();
     assert_eq!(check_welcome(&hello, &welcome(&hello)), Ok(()));
     let table: [fn(&mut Welcome); 8] = [
@@ -127,7 +128,7 @@ fn a_controller_does_not_take_a_welcome_that_changed_the_terms() {
 }
 
 #[test]
-fn limits_narrower_than_what_was_promised_are_found_and_those_that_differ_by_rounding_are_not() {
+fn narrower_limits_are_found_past_rounding() {
     let mut hello = hello();
     let found = |hello: &Hello, change: fn(&mut Limits)| {
         let mut welcome = welcome(hello);
@@ -203,7 +204,7 @@ fn keyed_greeting(key: &PreSharedKey) -> (Vec<u8>, Vec<u8>, SessionKey) {
 }
 
 #[test]
-fn two_ends_with_the_same_secret_get_the_same_session_key() {
+fn equal_secrets_give_equal_session_keys() {
     let (hello_bytes, welcome_bytes, at_specimen) = keyed_greeting(&secret(1));
     verify_hello(&hello_bytes, &secret(1)).unwrap();
     let Ok(Control::Hello(hello)) = decode(&hello_bytes) else {
@@ -233,7 +234,7 @@ fn two_ends_with_the_same_secret_get_the_same_session_key() {
 }
 
 #[test]
-fn who_has_another_secret_is_refused_by_both_ends() {
+fn other_secret_is_refused_by_both_ends() {
     let (hello, welcome, session) = keyed_greeting(&secret(1));
     assert_eq!(
         verify_hello(&hello, &secret(2)),
@@ -251,7 +252,7 @@ fn who_has_another_secret_is_refused_by_both_ends() {
             found: Side::Specimen
         })
     );
-    // Who has no key sends zeros.
+    // A controller without a key sends zeros.
     let mut unproven = hello.clone();
     unproven[4..36].fill(0);
     assert!(verify_hello(&unproven, &secret(1)).is_err());
@@ -260,7 +261,7 @@ fn who_has_another_secret_is_refused_by_both_ends() {
 }
 
 #[test]
-fn any_changed_bit_of_a_greeting_breaks_its_proof() {
+fn changed_greeting_breaks_its_proof() {
     let (hello, welcome, session) = keyed_greeting(&secret(1));
     for bit in 32..hello.len() * 8 {
         let mut changed = hello.clone();
@@ -282,10 +283,10 @@ fn any_changed_bit_of_a_greeting_breaks_its_proof() {
 }
 
 #[test]
-fn a_replayed_hello_gives_no_key_for_the_frames_that_follow() {
+fn replayed_hello_gives_no_session_key() {
     let key = secret(1);
     let (hello, _, first) = keyed_greeting(&key);
-    // The specimen answers the recorded Hello with a nonce of its own: the old key signs nothing of the new session.
+    // The server answers the recorded Hello with its own nonce: the old key signs nothing of the new session.
     verify_hello(&hello, &key).unwrap();
     let second = key.session(&[3; 32], &[5; 32], 100);
     let mut encoder = Encoder::new(Side::Controller, 1, 100, Some(first)).unwrap();
@@ -301,7 +302,7 @@ fn a_replayed_hello_gives_no_key_for_the_frames_that_follow() {
 }
 
 #[test]
-fn the_layout_hash_sees_names_units_and_order_but_no_limits() {
+fn layout_hash_covers_all_but_limits() {
     let base = layout_hash(&[axis("a"), axis("b")]);
     assert_ne!(base, layout_hash(&[axis("b"), axis("a")]));
     assert_ne!(base, layout_hash(&[axis("a")]));
@@ -323,7 +324,7 @@ fn texts() -> impl Strategy<Value = String> {
 
 proptest! {
     #[test]
-    fn any_sane_message_comes_back_as_it_was(
+    fn any_sane_message_reads_back(
         names in prop::collection::hash_set(texts(), 1..20),
         software in texts(),
         nonce: [u8; 32],
@@ -358,7 +359,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(5000))]
 
     #[test]
-    fn arbitrary_bytes_never_panic_nor_allocate_beyond_the_limit(
+    fn arbitrary_bytes_never_overallocate(
         variant in 0_u8..6,
         start in 0_usize..5,
         bytes in prop::collection::vec(any::<u8>(), 0..600),

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn an_arm_and_a_sampling_fraction_have_these_bytes() {
+fn arm_and_sampling_have_known_bytes() {
     let arm = Control::Arm(Arm {
         session: 0x0807_0605_0403_0201,
         first_sequence: 9,
@@ -36,7 +36,7 @@ fn messages_come_back_as_they_were() {
 }
 
 #[test]
-fn every_truncation_and_every_trailing_byte_is_an_error() {
+fn truncation_and_trailing_bytes_are_errors() {
     for message in all() {
         let mut bytes = encode(&message).unwrap();
         for end in 0..bytes.len() {
@@ -61,7 +61,7 @@ fn every_truncation_and_every_trailing_byte_is_an_error() {
 }
 
 #[test]
-fn a_claim_of_four_billion_entries_is_refused_without_allocating_them() {
+fn huge_claimed_length_allocates_nothing() {
     // Arm: variant, session, sequence, then the length of the list.
     for claim in [u64::from(u32::MAX), u64::MAX, LIMIT as u64 / 8 + 1] {
         let mut bytes = vec![3, 0, 0, 0];
@@ -88,7 +88,7 @@ fn a_claim_of_four_billion_entries_is_refused_without_allocating_them() {
 }
 
 #[test]
-fn the_largest_welcome_that_may_be_fits_the_limit() {
+fn largest_welcome_fits_the_limit() {
     let name = |index: usize| format!("{index:0>width$}", width = NAME_LIMIT);
     let axes: Vec<_> = (0..MAX_AXES).map(|index| axis(&name(index))).collect();
     let mut big = welcome(&hello());
@@ -104,7 +104,7 @@ fn the_largest_welcome_that_may_be_fits_the_limit() {
 }
 
 #[test]
-fn nonsense_is_refused_when_it_leaves_and_when_it_comes() {
+fn nonsense_is_refused_in_both_directions() {
     let fails = |change: &dyn Fn(&mut Hello)| {
         let mut message = hello();
         change(&mut message);

@@ -1,9 +1,9 @@
-//! Every byte where the table has it.
+//! Checks every byte against the table.
 
 use super::*;
 
 #[test]
-fn the_lengths_are_those_of_the_table() {
+fn frame_lengths_match_the_table() {
     assert_eq!(HEADER_LEN, 32);
     for axes in [1, 2, 64] {
         assert_eq!(frame_len(Kind::Command, axes, false), 56 + 16 * axes + 4);
@@ -21,7 +21,7 @@ fn the_lengths_are_those_of_the_table() {
 }
 
 #[test]
-fn a_measurement_has_these_bytes() {
+fn measurement_has_known_bytes() {
     // By hand from the table; the CRC-32 of the 192 bytes before it from another program (zlib).
     let mut expected = Vec::new();
     expected.extend(b"GUST\x01\x02\x02\x00");
@@ -63,7 +63,7 @@ fn a_measurement_has_these_bytes() {
 }
 
 #[test]
-fn the_mac_is_keyed_blake3_cut_to_sixteen_bytes() {
+fn mac_is_keyed_blake3_cut_to_16_bytes() {
     // The published test vector of BLAKE3: this key, no input.
     let vector = blake3::keyed_hash(b"whats the Elvish word for friend", b"");
     assert_eq!(
@@ -82,7 +82,7 @@ fn the_mac_is_keyed_blake3_cut_to_sixteen_bytes() {
 }
 
 #[test]
-fn no_byte_of_a_frame_is_left_as_the_buffer_was() {
+fn every_byte_of_a_frame_is_written() {
     for side in [Side::Controller, Side::Specimen] {
         for keyed in [false, true] {
             let (mut first, _) = ends(side, 3, keyed);
@@ -110,7 +110,7 @@ fn no_byte_of_a_frame_is_left_as_the_buffer_was() {
 }
 
 #[test]
-fn the_marks_of_the_loop_are_nobodys_to_say_on_a_link() {
+fn marks_of_the_loop_never_reach_a_link() {
     let (mut specimen, _) = ends(Side::Specimen, 1, false);
     let (_, mut controller) = ends(Side::Specimen, 1, false);
     let mut out = [0; 1000];

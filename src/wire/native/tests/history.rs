@@ -37,7 +37,7 @@ fn four_lost_replies_in_a_row_cost_nothing() {
 }
 
 #[test]
-fn a_second_sample_of_the_same_command_replaces_the_first_in_the_history() {
+fn second_sample_replaces_the_first() {
     let (mut encoder, mut decoder) = ends(Side::Specimen, 1, false);
     let mut out = [0; 300];
     let mut length = 0;
@@ -63,7 +63,7 @@ fn a_second_sample_of_the_same_command_replaces_the_first_in_the_history() {
 }
 
 #[test]
-fn the_data_path_allocates_nothing() {
+fn data_path_allocates_nothing() {
     for keyed in [false, true] {
         let (mut controller, mut at_specimen) = ends(Side::Controller, 3, keyed);
         let (mut specimen, mut at_controller) = ends(Side::Specimen, 3, keyed);
@@ -181,7 +181,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(5000))]
 
     #[test]
-    fn arbitrary_bytes_never_panic_and_never_pass(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+    fn arbitrary_bytes_never_panic_or_pass(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let _ = split(&bytes);
         for keyed in [false, true] {
             let (_, mut decoder) = ends(Side::Controller, 2, keyed);
@@ -191,7 +191,7 @@ proptest! {
 
     /// A header that is right, so that the checks behind it are reached.
     #[test]
-    fn arbitrary_content_in_a_right_envelope_never_panics(
+    fn arbitrary_content_never_panics(
         kind in prop::sample::select(&Kind::ALL[..]),
         axes in 0_u16..70,
         content in prop::collection::vec(any::<u8>(), 0..700),

@@ -1,9 +1,9 @@
-//! What is refused, and by which word.
+//! Refused frames and the error of each.
 
 use super::*;
 
 #[test]
-fn every_truncation_needs_more_or_names_what_is_missing() {
+fn truncated_frame_names_the_missing_part() {
     for (side, keyed, frame) in every_frame() {
         let (_, mut decoder) = ends(side, 2, keyed);
         for end in 0..frame.len() {
@@ -46,7 +46,7 @@ fn flipping_any_one_bit_is_detected() {
 }
 
 #[test]
-fn a_forger_who_mends_the_checksum_is_found_by_the_mac() {
+fn mac_finds_a_forged_checksum() {
     for (side, keyed, frame) in every_frame().filter(|(_, keyed, _)| *keyed) {
         for bit in 0..(frame.len() - CRC_LEN) * 8 {
             let mut forged = frame.clone();
@@ -61,7 +61,7 @@ fn a_forger_who_mends_the_checksum_is_found_by_the_mac() {
 }
 
 #[test]
-fn another_key_no_key_or_an_unwanted_key_is_refused() {
+fn wrong_or_unwanted_key_is_refused() {
     let frame = &all_frames(Side::Controller, 2, true)[0];
     let mut other = Decoder::new(Side::Controller, 2, SESSION, Some(key(1))).unwrap();
     assert_eq!(other.open(frame).err(), Some(WireError::Mac));
@@ -85,7 +85,7 @@ fn another_key_no_key_or_an_unwanted_key_is_refused() {
 }
 
 #[test]
-fn replays_reflections_and_frames_of_other_sessions_are_refused() {
+fn replays_and_foreign_frames_are_refused() {
     for keyed in [false, true] {
         let (mut encoder, mut decoder) = ends(Side::Controller, 1, keyed);
         let mut frames = Vec::new();
@@ -241,7 +241,7 @@ fn each_wrong_field_has_its_own_error() {
 }
 
 #[test]
-fn a_force_that_is_not_a_number_is_refused_by_both_ends() {
+fn nan_force_is_refused_by_both_ends() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let (mut encoder, mut decoder) = ends(Side::Specimen, 2, false);
         let mut measured = measurement(2, 1, 5.0);
@@ -276,7 +276,7 @@ fn a_force_that_is_not_a_number_is_refused_by_both_ends() {
 }
 
 #[test]
-fn another_protocol_shows_with_its_first_bytes() {
+fn other_protocol_shows_in_its_first_bytes() {
     assert_eq!(split(b""), Ok(Progress::NeedMore));
     assert_eq!(split(b"GU"), Ok(Progress::NeedMore));
     assert!(matches!(
@@ -293,7 +293,7 @@ fn another_protocol_shows_with_its_first_bytes() {
 }
 
 #[test]
-fn a_length_from_the_wire_is_bounded_before_it_is_waited_for() {
+fn length_is_bounded_before_waiting() {
     for length in [0_u32, 31, 35, LARGEST_FRAME as u32 + 1, u32::MAX] {
         let mut frame = all_frames(Side::Controller, 1, false).pop().unwrap();
         frame[8..12].copy_from_slice(&length.to_le_bytes());
@@ -308,7 +308,7 @@ fn a_length_from_the_wire_is_bounded_before_it_is_waited_for() {
 }
 
 #[test]
-fn before_a_session_only_control_frames_pass_and_they_may_repeat() {
+fn only_control_frames_precede_a_session() {
     let mut encoder = Encoder::greeting(Side::Controller);
     let mut out = [0; 100];
     let length = encoder.control(b"hello", &mut out).unwrap();
@@ -334,7 +334,7 @@ fn before_a_session_only_control_frames_pass_and_they_may_repeat() {
 }
 
 #[test]
-fn an_end_does_not_write_what_only_the_other_may_write() {
+fn each_end_writes_only_its_own_kinds() {
     let (mut specimen, _) = ends(Side::Specimen, 1, false);
     let notice = Notice {
         sequence: 0,

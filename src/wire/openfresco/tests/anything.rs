@@ -1,9 +1,10 @@
 //! No allocation, no panic, whatever comes.
 
 use super::*;
+use crate::openfresco::vector::write_vector;
 
 #[test]
-fn the_exchange_allocates_nothing_after_the_set_up() {
+fn exchange_allocates_nothing_after_set_up() {
     let sizes = Sizes::full(2, 1).unwrap();
     let settings = ClientSettings {
         dialect: ClientDialect::Application,
@@ -94,7 +95,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
     #[test]
-    fn arbitrary_bytes_never_panic_in_any_machine(
+    fn arbitrary_bytes_never_panic(
         set_up: bool,
         chunks in prop::collection::vec(plausible(), 1..30),
         udp: bool,
@@ -141,7 +142,7 @@ proptest! {
     }
 
     #[test]
-    fn commands_and_answers_come_back_as_they_were(
+    fn commands_and_answers_come_back_unchanged(
         n in 1_usize..20,
         spare in 0_usize..20,
         disp in prop::collection::vec(-1e9_f64..1e9, 20),

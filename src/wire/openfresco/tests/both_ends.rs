@@ -17,7 +17,7 @@ fn deliver(server: &mut Server, bytes: &[u8], message: usize) -> Vec<Event> {
 }
 
 #[test]
-fn our_client_and_our_server_understand_each_other_at_the_smallest_n() {
+fn client_and_server_agree_at_smallest_n() {
     for carrier in [Carrier::Stream, Carrier::Datagrams] {
         for greeting in [
             UdpGreeting::NONE,
@@ -109,7 +109,7 @@ fn our_client_and_our_server_understand_each_other_at_the_smallest_n() {
 }
 
 #[test]
-fn a_client_sends_nothing_while_an_answer_is_owed_and_takes_nothing_unasked() {
+fn client_is_silent_while_an_answer_is_owed() {
     let settings = ClientSettings {
         dialect: ClientDialect::Application,
         carrier: Carrier::Stream,
@@ -158,7 +158,7 @@ fn a_client_sends_nothing_while_an_answer_is_owed_and_takes_nothing_unasked() {
 }
 
 #[test]
-fn an_adapter_gets_commands_and_force_requests_and_nothing_else() {
+fn adapter_gets_commands_and_force_requests() {
     let settings = ClientSettings {
         dialect: ClientDialect::Adapter,
         carrier: Carrier::Stream,
@@ -201,7 +201,7 @@ fn an_adapter_gets_commands_and_force_requests_and_nothing_else() {
 }
 
 #[test]
-fn our_shadow_and_our_actor_understand_each_other() {
+fn shadow_and_actor_understand_each_other() {
     let none = UdpGreeting::NONE;
     let both = UdpGreeting::expected_by(Program::OldOpenFrescoSite);
     let hello = UdpGreeting::expected_by(Program::OpenFrescoSite);
@@ -270,7 +270,7 @@ fn our_shadow_and_our_actor_understand_each_other() {
 }
 
 #[test]
-fn a_shadow_of_another_version_says_which() {
+fn shadow_of_another_version_is_refused() {
     let mut shadow = Shadow::new(shadow_settings(Carrier::Stream, UdpGreeting::NONE)).unwrap();
     shadow.open().unwrap();
     shadow.feed(&[1, 0, 0, 0]).unwrap();
@@ -290,7 +290,7 @@ fn a_shadow_of_another_version_says_which() {
 }
 
 #[test]
-fn an_actor_takes_a_later_setup_in_the_length_that_holds() {
+fn actor_takes_a_later_setup() {
     let mut actor = actor();
     assert!(matches!(
         actor.feed(&vector(3, &[3.0, 0.5])),
@@ -315,7 +315,7 @@ fn an_actor_takes_a_later_setup_in_the_length_that_holds() {
 }
 
 #[test]
-fn an_actor_refuses_what_the_real_one_would_die_of() {
+fn actor_refuses_fatal_messages() {
     for wish in [0.0, -1.0, 2.5, 65_537.0, 1e300, f64::NAN] {
         let mut actor = Actor::new(Carrier::Stream, ONE, 7.0);
         actor.feed(&[1, 0, 0, 0]).unwrap();

@@ -1,4 +1,4 @@
-//! What commands mean, told by the commands of real analyses: displacements, velocities and times are those of OpenSees
+//! Meaning of commands, tested with those of real analyses: displacements, velocities and times are those of OpenSees
 //! 3.7.1, rounded.
 
 use super::*;
@@ -20,7 +20,7 @@ fn committed(disp: f64, vel: f64, time: f64) -> Server {
 }
 
 #[test]
-fn a_scheme_that_evaluates_between_two_steps_takes_back_to_the_later_one() {
+fn scheme_between_steps_takes_back_to_later() {
     // HHT and GeneralizedAlpha: what was committed at 0.499 is the step to 0.5.
     for (base, ahead) in [(0.499, 0.509), (0.498, 0.508)] {
         let mut server = committed(0.0073, 0.20, base);
@@ -36,7 +36,7 @@ fn a_scheme_that_evaluates_between_two_steps_takes_back_to_the_later_one() {
 }
 
 #[test]
-fn a_scheme_that_evaluates_beyond_a_step_takes_back_to_the_earlier_one() {
+fn scheme_past_a_step_takes_back_to_earlier() {
     // WilsonTheta and Collocation: what was committed at 0.4942 is the step to 0.49, and a shorter one ends before 0.4942.
     let mut server = committed(0.0055, 0.19, 0.4942);
     assert_eq!(moving(&mut server, 0.0055, -0.38, 0.5042), Course::Step);
@@ -49,7 +49,7 @@ fn a_scheme_that_evaluates_beyond_a_step_takes_back_to_the_earlier_one() {
 }
 
 #[test]
-fn a_look_ahead_from_where_it_stands_is_nothing_to_take_back() {
+fn look_ahead_is_not_a_step_back() {
     let mut server = committed(0.0055, 0.19, 0.4942);
     assert_eq!(moving(&mut server, 0.0055, -0.38, 0.5042), Course::Step);
     assert_ne!(moving(&mut server, 0.0055, 0.19, 0.49), Course::TakenBack);
@@ -59,7 +59,7 @@ fn a_look_ahead_from_where_it_stands_is_nothing_to_take_back() {
 }
 
 #[test]
-fn a_displacement_too_close_to_be_sent_again_is_that_of_the_last_commit() {
+fn unsent_displacement_is_the_last_commit() {
     let mut server = committed(0.1, 0.2, 0.02);
     assert_eq!(moving(&mut server, 0.3, 0.3, 0.04), Course::Step);
     let back = 0.1 + 2e-16;
@@ -68,7 +68,7 @@ fn a_displacement_too_close_to_be_sent_again_is_that_of_the_last_commit() {
 }
 
 #[test]
-fn a_load_factor_may_fall_in_a_step_and_from_step_to_step() {
+fn load_factor_may_fall() {
     // DisplacementControl past the peak of a softening storey.
     let mut server = generic();
     trial(&mut server, 0.0, 0.0);
@@ -90,7 +90,7 @@ fn a_load_factor_may_fall_in_a_step_and_from_step_to_step() {
 }
 
 #[test]
-fn what_does_not_move_in_an_analysis_under_displacement_control_is_never_taken_back() {
+fn unmoved_steps_are_never_taken_back() {
     let mut server = generic();
     trial(&mut server, 0.0, 0.0);
     for load in [7.0, 5.0, 6.0, 4.0] {
@@ -100,7 +100,7 @@ fn what_does_not_move_in_an_analysis_under_displacement_control_is_never_taken_b
 }
 
 #[test]
-fn time_and_motion_that_run_back_past_the_last_commit_are_told_apart() {
+fn reversal_past_a_commit_is_recognised() {
     let mut server = committed(0.1, 0.2, 0.02);
     moving(&mut server, 0.12, 0.3, 0.03);
     commit(&mut server, 0.03);
@@ -114,7 +114,7 @@ fn time_and_motion_that_run_back_past_the_last_commit_are_told_apart() {
 }
 
 #[test]
-fn a_held_command_is_a_new_step_unless_its_time_stands_still() {
+fn held_command_is_a_step_if_time_moves() {
     let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
     server
         .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2]))

@@ -18,7 +18,7 @@ fn generic_tcp_commits_by_moving_on() {
 }
 
 #[test]
-fn lines_of_an_init_file_are_passed_over_and_kept_for_the_log() {
+fn init_file_lines_are_skipped_and_logged() {
     let mut line = vec![0xEE; 16_385];
     line[0] = 2;
     line[1..14].copy_from_slice(b"gain=1.25 mm\0");
@@ -34,9 +34,6 @@ fn lines_of_an_init_file_are_passed_over_and_kept_for_the_log() {
             while !rest.is_empty() {
                 let (used, event) = server.feed(rest).unwrap();
                 rest = &rest[used..];
-                if event == Event::InitLine {
-                    assert_eq!(server.init_line(), b"gain=1.25 mm");
-                }
                 if !matches!(event, Event::NeedMore | Event::Ready(_)) {
                     events.push(event);
                 }
@@ -54,7 +51,7 @@ fn lines_of_an_init_file_are_passed_over_and_kept_for_the_log() {
 }
 
 #[test]
-fn simulink_polls_are_told_apart_by_the_exact_double() {
+fn simulink_polls_differ_by_exact_doubles() {
     let mut machine = Simulink::new(Carrier::Stream, ONE);
     let sizes = sizes_bytes([1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 4]);
     assert!(matches!(
@@ -104,7 +101,7 @@ fn two_axes(order: Option<SignalOrder>) -> Simulink {
 }
 
 #[test]
-fn simulink_signals_come_and_go_in_the_named_order() {
+fn simulink_signals_follow_the_named_order() {
     for (order, disp, vel, answer) in [
         (
             SignalOrder::ByAxis,
@@ -139,7 +136,7 @@ fn simulink_signals_come_and_go_in_the_named_order() {
 }
 
 #[test]
-fn simulink_signals_of_several_axes_and_quantities_are_refused_without_an_order() {
+fn simulink_signals_need_an_order() {
     let mut commanded = TWO_BY_TWO;
     commanded[5..10].copy_from_slice(&[0, 0, 0, 2, 0]);
     let mut measured = TWO_BY_TWO;
@@ -169,7 +166,7 @@ fn simulink_signals_of_several_axes_and_quantities_are_refused_without_an_order(
 
 /// OpenFresco's user may put the time into any control point: d1 t d2.
 #[test]
-fn a_time_beside_several_axes_is_placed_by_quantity_or_refused() {
+fn time_is_placed_by_quantity_or_refused() {
     let commanded = [2, 0, 0, 0, 1, 2, 0, 0, 0, 0, 8];
     let measured = [2, 0, 0, 0, 0, 0, 0, 0, 2, 1, 8];
     for counts in [commanded, measured] {
@@ -193,7 +190,7 @@ fn a_time_beside_several_axes_is_placed_by_quantity_or_refused() {
 }
 
 #[test]
-fn an_old_simulink_is_refused_where_it_sends_other_signals_than_it_announces() {
+fn misannounced_old_simulink_is_refused() {
     let by_axis = Some(SignalOrder::ByAxis);
     let by_quantity = Some(SignalOrder::ByQuantity);
     for (order, counts, is_served) in [
@@ -221,7 +218,7 @@ fn an_old_simulink_is_refused_where_it_sends_other_signals_than_it_announces() {
 // ---- UDP -------------------------------------------------------------------------------------------
 
 #[test]
-fn a_server_recognises_the_hello_and_does_without_it() {
+fn server_works_with_or_without_hello() {
     let sizes = sizes_bytes([1, 1, 1, 0, 1, 0, 0, 0, 1, 0, 8]);
     let mut with = Server::new(ServerDialect::Application, Carrier::Datagrams, ONE);
     for _ in 0..2 {
@@ -236,7 +233,7 @@ fn a_server_recognises_the_hello_and_does_without_it() {
 }
 
 #[test]
-fn pieces_are_added_up_and_answers_go_in_the_same_pieces() {
+fn pieces_are_joined_and_answered_alike() {
     let mut server = Server::new(ServerDialect::Application, Carrier::Datagrams, ONE);
     server
         .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 256]))
@@ -270,7 +267,7 @@ fn pieces_are_added_up_and_answers_go_in_the_same_pieces() {
 }
 
 #[test]
-fn the_table_of_udp_greetings() {
+fn udp_greetings_match_the_table() {
     let greeting = UdpGreeting::expected_by;
     let hello = UdpGreeting {
         hello: true,

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn several_trials_between_two_commits_are_iterations_of_one_step() {
+fn trials_between_commits_are_iterations() {
     let mut server = generic();
     assert_eq!(trial(&mut server, 0.0, 0.0), Course::First);
     assert_eq!(message(&mut server, &[15.0]), Event::Matrix(Matrix::Mass));
@@ -20,7 +20,7 @@ fn several_trials_between_two_commits_are_iterations_of_one_step() {
 }
 
 #[test]
-fn a_request_may_come_before_the_first_command_and_any_number_of_times() {
+fn requests_may_come_at_any_time() {
     let mut server = generic();
     assert_eq!(
         message(&mut server, &[10.0, 9.9]),
@@ -38,7 +38,7 @@ fn a_request_may_come_before_the_first_command_and_any_number_of_times() {
             message(&mut server, &[10.0, 9.9]),
             Event::Read(Reading::Force)
         );
-        // The stale doubles of a request are not looked at.
+        // The stale doubles of a request are ignored.
         assert_eq!(server.trial().unwrap().disp, [0.5]);
         server.answer(&response).unwrap();
     }
@@ -48,7 +48,7 @@ fn a_request_may_come_before_the_first_command_and_any_number_of_times() {
 }
 
 #[test]
-fn a_commit_without_a_new_command_moves_time_on() {
+fn commit_alone_moves_time_on() {
     let mut server = generic();
     trial(&mut server, 0.1, 0.01);
     assert_eq!(commit(&mut server, 0.01), 1);
@@ -60,7 +60,7 @@ fn a_commit_without_a_new_command_moves_time_on() {
 }
 
 #[test]
-fn a_step_that_is_taken_back_is_told_apart() {
+fn step_taken_back_is_recognised() {
     let mut server = generic();
     trial(&mut server, 0.0, 0.0);
     trial(&mut server, 0.1, 0.02);
@@ -84,7 +84,7 @@ fn a_step_that_is_taken_back_is_told_apart() {
 }
 
 #[test]
-fn time_that_begins_anew_after_a_commit_is_no_step_back() {
+fn time_restart_is_no_step_back() {
     let mut server = generic();
     trial(&mut server, 0.1, 1.0);
     commit(&mut server, 1.0);
@@ -100,7 +100,7 @@ fn time_that_begins_anew_after_a_commit_is_no_step_back() {
 }
 
 #[test]
-fn without_a_time_a_step_back_shows_in_the_displacement() {
+fn untimed_step_back_shows_in_displacement() {
     let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
     server
         .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2]))
@@ -127,7 +127,7 @@ fn without_a_time_a_step_back_shows_in_the_displacement() {
 }
 
 #[test]
-fn a_client_without_times_and_commits_may_go_through_zero() {
+fn untimed_client_may_go_through_zero() {
     let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
     server
         .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2]))
@@ -135,7 +135,7 @@ fn a_client_without_times_and_commits_may_go_through_zero() {
     let path = [0.0, 0.005, 0.01, 0.005, 0.0, -0.005, 0.0];
     let courses = path.map(|disp| server.feed(&vector(2, &[3.0, disp])).unwrap().1);
     assert!(!courses.contains(&Event::Trial(Course::TakenBack)));
-    // From its first commit on it is judged as every other.
+    // From its first commit on it is classified like every other.
     server.feed(&vector(2, &[5.0])).unwrap();
     for (disp, course) in [(0.005, Course::Step), (0.0, Course::TakenBack)] {
         let (_, event) = server.feed(&vector(2, &[3.0, disp])).unwrap();
@@ -144,7 +144,7 @@ fn a_client_without_times_and_commits_may_go_through_zero() {
 }
 
 #[test]
-fn a_commit_time_before_its_command_is_ignored() {
+fn commit_time_before_command_is_ignored() {
     // Matlab's elements commit with zeros behind the action.
     let mut server = generic();
     trial(&mut server, 0.0, 0.0);
@@ -163,7 +163,7 @@ fn a_commit_time_before_its_command_is_ignored() {
 }
 
 #[test]
-fn a_return_to_the_start_after_a_commit_is_a_reset_and_a_step_taken_back_is_none() {
+fn return_to_start_after_commit_is_a_reset() {
     let mut server = generic();
     assert_eq!(trial(&mut server, 0.0, 0.0), Course::First);
     assert_eq!(trial(&mut server, 0.1, 0.02), Course::Step);
@@ -192,7 +192,7 @@ fn a_return_to_the_start_after_a_commit_is_a_reset_and_a_step_taken_back_is_none
 }
 
 #[test]
-fn zeros_of_a_client_whose_commits_never_left_the_start_are_no_reset() {
+fn zeros_before_any_motion_are_no_reset() {
     // The client announces a time and always sends 0.
     let mut server = generic();
     for disp in [0.0, 0.005, 0.01, 0.005, 0.0] {
@@ -219,7 +219,7 @@ fn zeros_of_a_client_whose_commits_never_left_the_start_are_no_reset() {
 }
 
 #[test]
-fn an_answer_holds_the_complete_layout_whatever_was_asked() {
+fn answer_always_holds_the_whole_layout() {
     let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
     let sizes = sizes_bytes([1, 1, 1, 0, 1, 1, 1, 1, 1, 1, 6]);
     server.feed(&sizes).unwrap();
@@ -236,7 +236,7 @@ fn an_answer_holds_the_complete_layout_whatever_was_asked() {
         let answer = doubles(server.answer(&response).unwrap());
         assert_eq!(answer, [0.1, 0.2, 0.3, 0.4, 0.5, 0.0]);
     }
-    // One request, one answer; and only of the kind that was asked for.
+    // One request, one answer; and only of the requested kind.
     assert!(matches!(
         server.answer(&response),
         Err(WireError::Order { .. })
@@ -263,7 +263,7 @@ fn an_answer_holds_the_complete_layout_whatever_was_asked() {
 }
 
 #[test]
-fn a_matrix_that_does_not_fit_into_n_ends_the_connection() {
+fn too_large_matrix_ends_the_connection() {
     let mut server = Server::new(
         ServerDialect::Application,
         Carrier::Stream,
@@ -284,7 +284,7 @@ fn a_matrix_that_does_not_fit_into_n_ends_the_connection() {
 }
 
 #[test]
-fn unknown_actions_are_reported_and_not_answered_and_nonsense_ends_the_connection() {
+fn unknown_actions_are_reported() {
     let mut server = generic();
     for code in [1.0, 2.0, 4.0, 4.1, 16.0, 50.0, 98.0] {
         assert_eq!(message(&mut server, &[code]), Event::Ignored(code));
@@ -301,7 +301,7 @@ fn unknown_actions_are_reported_and_not_answered_and_nonsense_ends_the_connectio
 }
 
 #[test]
-fn a_command_that_is_not_a_number_never_reaches_the_specimen() {
+fn nan_command_never_reaches_the_specimen() {
     let mut server = generic();
     trial(&mut server, 0.25, 0.01);
     assert_eq!(
@@ -315,7 +315,7 @@ fn a_command_that_is_not_a_number_never_reaches_the_specimen() {
 }
 
 #[test]
-fn after_the_end_nothing_is_understood_any_more() {
+fn messages_after_the_end_are_ignored() {
     let mut server = generic();
     assert_eq!(message(&mut server, &[99.0]), Event::Finished);
     assert_eq!(server.feed(&vector(8, &[99.0])), Ok((64, Event::NeedMore)));
@@ -323,7 +323,7 @@ fn after_the_end_nothing_is_understood_any_more() {
 }
 
 #[test]
-fn messages_may_be_cut_and_joined_anywhere_on_a_stream() {
+fn messages_may_be_split_anywhere() {
     let mut stream = sizes_bytes([1, 1, 1, 0, 1, 0, 0, 0, 1, 0, 8]);
     for values in [
         [3.0, 0.5, 0.0, 0.0, 0.1],

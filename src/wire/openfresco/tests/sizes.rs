@@ -1,9 +1,10 @@
 //! The sizes that open a session, and the vectors that follow.
 
 use super::*;
+use crate::openfresco::vector::{read_matrix, write_action, write_matrix, write_vector};
 
 #[test]
-fn the_sizes_are_these_44_bytes() {
+fn sizes_have_known_bytes() {
     let sizes = Sizes::generic_client(1, 256).unwrap();
     let mut out = [0xAA; 50];
     assert_eq!(sizes.write(&mut out), Ok(44));
@@ -19,7 +20,7 @@ fn the_sizes_are_these_44_bytes() {
 }
 
 #[test]
-fn n_is_raised_to_what_commands_answers_and_matrices_need() {
+fn n_is_raised_to_the_need() {
     let n = |sizes: Result<Sizes, WireError>| sizes.unwrap().data_size();
     assert_eq!(n(Sizes::generic_client(1, 5)), 5);
     assert_eq!(n(Sizes::generic_client(4, 1)), 16);
@@ -30,7 +31,7 @@ fn n_is_raised_to_what_commands_answers_and_matrices_need() {
 }
 
 #[test]
-fn nonsense_in_the_sizes_is_refused_with_the_number_that_is_wrong() {
+fn bad_sizes_are_refused_with_the_number() {
     let good = [2, 2, 2, 0, 1, 2, 0, 0, 2, 0, 16];
     assert!(Sizes::parse(&sizes_bytes(good)).is_ok());
     for (index, value, field) in [
@@ -113,7 +114,7 @@ fn sizes_must_fit_the_interface() {
 }
 
 #[test]
-fn a_client_that_commands_forces_is_refused_at_its_sizes() {
+fn commanded_forces_are_refused_at_sizes() {
     let three = Interface { axes: 3, forces: 3 };
     let daq = Counts::new(3, 3, 3, 3, 1);
     // OpenFresco's bearing with and without force control.
@@ -151,7 +152,7 @@ fn a_client_that_commands_forces_is_refused_at_its_sizes() {
 // ---- vectors ---------------------------------------------------------------------------------------
 
 #[test]
-fn a_command_has_these_doubles_and_zeros_behind_whatever_the_buffer_held() {
+fn command_is_padded_with_zeros() {
     let counts = Counts::new(2, 2, 2, 0, 1);
     let response = Response {
         disp: &[1.0, 2.0],

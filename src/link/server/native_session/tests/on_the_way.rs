@@ -1,4 +1,4 @@
-//! A client leaves, holds or runs ahead while the specimen is on its way to a paced target: the specimen comes to rest at once.
+//! A client disconnects, holds or runs ahead during the specimen's path to a paced target: the specimen comes to rest at once.
 //!
 //! The rig acts for the client when a command reaches it. So nothing depends on the time that passes.
 
@@ -181,7 +181,7 @@ impl Caller {
 }
 
 #[test]
-fn a_client_that_leaves_on_the_way_is_obeyed() {
+fn leaving_client_ends_the_motion() {
     for kind in ["retire", "goodbye", "close"] {
         let mut caller = Caller::armed();
         let target = caller.command(1, 0.01);
@@ -203,7 +203,7 @@ fn a_client_that_leaves_on_the_way_is_obeyed() {
 }
 
 #[test]
-fn a_hold_on_the_way_is_obeyed_and_the_next_target_goes_on() {
+fn hold_during_a_motion_is_obeyed() {
     let mut caller = Caller::armed();
     let target = caller.command(1, 0.01);
     let frame = caller.notice("hold", 1);
@@ -237,7 +237,7 @@ fn a_hold_on_the_way_is_obeyed_and_the_next_target_goes_on() {
 }
 
 #[test]
-fn a_hold_that_comes_with_a_target_keeps_it_back() {
+fn hold_with_a_target_keeps_it_back() {
     let mut caller = Caller::armed();
     let mut both = caller.command(1, 0.01);
     both.extend(caller.notice("hold", 1));
@@ -247,7 +247,7 @@ fn a_hold_that_comes_with_a_target_keeps_it_back() {
 }
 
 #[test]
-fn one_target_may_wait_and_two_are_refused() {
+fn second_waiting_target_is_refused() {
     for further in [1, 2] {
         let mut caller = Caller::armed();
         let target = caller.command(1, 0.01);
@@ -270,7 +270,7 @@ fn one_target_may_wait_and_two_are_refused() {
 
 /// As many targets as the connection takes, and its end behind them.
 #[test]
-fn a_client_that_is_gone_is_seen_before_its_queue() {
+fn lost_client_is_seen_before_its_queue() {
     for heartbeats in [false, true] {
         let mut caller = Caller::armed();
         let target = caller.command(1, 0.01);

@@ -1,5 +1,5 @@
-//! What the record of a test says of its course: the faults that were played on it, a hold and its end, what was lost on the
-//! way; and that a script is played anew after each arming.
+//! The record of a test reports its course: injected faults, a hold and its end, losses on the link. A script restarts after
+//! each arming.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use gusset_record::summary::{Status as Ended, Summary};
 
 const TITLE: &str = "the fault";
 const SAID: &str = "FAULTS are played: the fault";
-/// The bytes of a script are kept as they are, whatever they say.
+/// The bytes of a script are kept unchanged, whatever they contain.
 const BYTES: &str = "# a script\n";
 
 fn scripted(fault: &str) -> Host {
@@ -52,7 +52,7 @@ impl Controller {
         self.hear().unwrap().unwrap();
     }
 
-    /// Whether the last test left the specimen where only its own end knows.
+    /// Whether only the server knows the specimen's position after the last test.
     fn lost_it(&self) -> bool {
         let tap = self.tap.lock().unwrap();
         let lost = tap.iter().rev().find_map(|tapped| match tapped {
@@ -67,7 +67,7 @@ impl Controller {
 }
 
 #[test]
-fn a_record_says_that_faults_were_played_and_keeps_their_script() {
+fn record_keeps_the_fault_script() {
     let root = tempfile::tempdir().unwrap();
     let root = root.path();
     let host = scripted("at = 1\nkind = { bias = { force_n = 500.0 } }");
@@ -86,7 +86,7 @@ fn a_record_says_that_faults_were_played_and_keeps_their_script() {
 }
 
 #[test]
-fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
+fn record_of_an_unbegun_test_keeps_faults() {
     let root = tempfile::tempdir().unwrap();
     let host = scripted("kind = { elsewhere = { disp_m = 0.01 } }").recorded(kept(root.path()));
     let controller = crate::served::Controller::unnamed(([127, 0, 0, 1], 1).into());
@@ -98,7 +98,7 @@ fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
 }
 
 #[test]
-fn a_hold_stands_in_the_record_with_its_end_and_commands_that_were_lost_are_the_links() {
+fn record_shows_holds_and_lost_commands() {
     let root = tempfile::tempdir().unwrap();
     let mut controller = Controller::of(host().recorded(kept(root.path())), axis());
     assert_eq!(controller.command(0, 0.0, 0.001), FINE);
@@ -124,7 +124,7 @@ fn a_hold_stands_in_the_record_with_its_end_and_commands_that_were_lost_are_the_
 }
 
 #[test]
-fn what_was_sent_and_not_passed_on_at_the_end_is_missed() {
+fn last_unsent_command_is_recorded_missing() {
     // The last that came is pending when the retire does, which counts one more.
     for (last, missed) in [(2, 2), (3, 3), (0, 2)] {
         let root = tempfile::tempdir().unwrap();
@@ -148,7 +148,7 @@ fn what_was_sent_and_not_passed_on_at_the_end_is_missed() {
 }
 
 #[test]
-fn what_is_kept_back_by_a_trip_was_not_sent_and_has_no_measurement() {
+fn kept_back_command_has_no_measurement() {
     let root = tempfile::tempdir().unwrap();
     let limits = toml::from_str("command_step_m = { trip = 0.002 }").unwrap();
     let host = host().limited(vec![limits]).recorded(kept(root.path()));
@@ -169,7 +169,7 @@ fn what_is_kept_back_by_a_trip_was_not_sent_and_has_no_measurement() {
 }
 
 #[test]
-fn what_happens_once_happens_after_each_arming() {
+fn single_fault_repeats_after_each_arming() {
     let mut controller = Controller::of(
         scripted("at = 2\nkind = { hangs = { ticks = 3.0 } }"),
         axis(),
@@ -188,7 +188,7 @@ fn what_happens_once_happens_after_each_arming() {
 }
 
 #[test]
-fn who_closed_the_connection_and_where_a_formula_stays_is_said_as_it_is() {
+fn record_shows_who_closed_the_connection() {
     for (kind, words) in [
         ("closed", "is cut: a fault that is played (closed)"),
         ("goodbye", "the specimen's end has been switched off"),

@@ -1,4 +1,5 @@
-//! An OpenFresco client leaves or runs ahead while the specimen is on its way to a paced target: the specimen comes to rest at once.
+//! An OpenFresco client disconnects or runs ahead during the specimen's path to a paced target: the specimen comes to rest at
+//! once.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -22,7 +23,7 @@ fn doubles(values: &[f64]) -> Vec<u8> {
         .collect()
 }
 
-/// Serves a client that commands 0 and 10 mm, and sends `early` with that. On the way to 10 mm it does `act`. It
+/// Serves a client that commands 0 and 10 mm, and sends `early` with that. During the path to 10 mm it does `act`. It
 /// closes after this number of answers. Returns how its test ended, and the commands of the rig.
 fn served(
     role: Role,
@@ -94,7 +95,7 @@ fn served(
 }
 
 #[test]
-fn a_client_that_leaves_or_hurries_on_the_way_is_obeyed() {
+fn hurried_or_leaving_client_is_obeyed() {
     let too_far = End::Refused(ExchangeFault::TooFarAhead);
     for role in [Role::Application, Role::Controller] {
         for (kind, expected) in [
@@ -137,7 +138,7 @@ fn a_client_that_leaves_or_hurries_on_the_way_is_obeyed() {
 
 /// OpenSees commits a step and sends the next target before it asks for an answer.
 #[test]
-fn a_further_target_before_a_request_may_wait() {
+fn further_target_before_a_request_waits() {
     let early = doubles(&[5.0, 0.0, 3.0, 0.011, 10.0, 0.0]);
     let (end, told) = served(Role::Application, &early, 1, |_| {});
     assert_eq!(end, End::Vanished);

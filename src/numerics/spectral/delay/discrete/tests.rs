@@ -55,9 +55,9 @@ fn drawn(random: &mut Xoshiro256PlusPlus) -> (Delayed, f64, f64) {
     (system, fastest / high, lambda)
 }
 
-/// Every structure against its own recursion, whose eigenvalues are asked at delay after delay.
+/// Checks every structure against its own recursion, by eigenvalues at delay after delay.
 #[test]
-fn no_shorter_delay_than_the_critical_one_lets_the_recursion_grow() {
+fn recursion_is_stable_below_critical_delay() {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(20);
     let mut below_the_grid = 0;
     for case in 0..120 {
@@ -92,7 +92,7 @@ fn no_shorter_delay_than_the_critical_one_lets_the_recursion_grow() {
 
 /// 11.3 Hz at Ω = 0.69 with ξ = 0.07 %: in continuous time 60 µs.
 #[test]
-fn a_lightly_damped_mode_of_few_steps_bears_no_more_than_in_continuous_time() {
+fn discrete_limit_is_below_continuous_one() {
     let scalar = |value: f64| DMatrix::from_element(1, 1, value);
     let (mass, specimen) = (547.621_053_729_506_1, 904_973.016_346_698_6);
     let system = Delayed {
@@ -115,10 +115,10 @@ fn a_lightly_damped_mode_of_few_steps_bears_no_more_than_in_continuous_time() {
     assert!((found / expected - 1.0).abs() < 0.15, "{found} {expected}");
 }
 
-/// Three axes that are alike, each between the ground and a mass of its own: what one of them bears is what all of them bear. The
-/// history of their commands is where an iteration without a foreign shift stands still.
+/// Three axes that are alike, each between the ground and a separate mass: the critical delay of one is that of all. On the
+/// history of their commands, an iteration without an exceptional shift stalls.
 #[test]
-fn axes_that_are_alike_bear_what_one_of_them_does() {
+fn alike_axes_share_a_critical_delay() {
     let alike = |axes: usize, damps: bool| {
         let all = |value: f64| DMatrix::identity(axes, axes) * value;
         Delayed {
@@ -140,7 +140,7 @@ fn axes_that_are_alike_bear_what_one_of_them_does() {
                 other => panic!("{axes} {dt} {damps}: {other:?}"),
             };
             let (one, three) = (found(1), found(3));
-            // Of several axes it is the delay at which they grow by more than roundoff, which is a little longer.
+            // For several axes it is the delay at which they grow by more than roundoff, which is a little longer.
             assert!(
                 (three / one - 1.0).abs() < 1e-4,
                 "{dt} {damps}: {three} {one}"
@@ -149,11 +149,11 @@ fn axes_that_are_alike_bear_what_one_of_them_does() {
     }
 }
 
-/// A way of ten ticks a step, as it is made by the recursion itself: simulated tick by tick, the response grows above the critical
+/// A path of ten ticks a step, computed by the recursion itself. Simulated tick by tick, the response grows above the critical
 /// delay and decays below it.
 #[test]
-fn between_targets_the_delay_is_one_of_the_way_of_the_ticks() {
-    // Of a cubic from target to target whose slopes are backward differences of second order.
+fn delay_between_targets_is_that_of_ticks() {
+    // Weights of a cubic from target to target whose slopes are backward differences of second order.
     let ticks = 10;
     let weights = |back: usize| {
         let u = 1.0 - back as f64 / ticks as f64;

@@ -23,7 +23,7 @@ fn slopes(way: Way) -> (f64, f64) {
 }
 
 #[test]
-fn every_method_has_the_order_it_claims() {
+fn every_method_has_its_stated_order() {
     for way in DIRECT {
         let (disp, vel) = slopes(way);
         assert!(
@@ -48,7 +48,7 @@ fn every_method_has_the_order_it_claims() {
 }
 
 #[test]
-fn linear_free_vibration_obeys_the_recursion_of_the_family() {
+fn free_vibration_obeys_the_recursion() {
     // A1 x[i+2] + A2 x[i+1] + A3 x[i] = 0, equation (27), with λ = 4, 6, ∞, ∞ and 4.
     for (way, lambda) in DIRECT
         .into_iter()
@@ -80,7 +80,7 @@ fn shake(t: f64, out: &mut [f64]) {
 }
 
 #[test]
-fn methods_reduce_to_each_other_where_they_should() {
+fn methods_reduce_to_each_other() {
     let run = |way| course(way, &mut frame(), (0.05, 400), State::at_rest(3), shake);
     let size = distance(&run(Way::Family(4.0)).disp, &vec![vec![0.0; 3]; 401]);
     let kr = |rho| AlphaWeights::kr(rho).unwrap();

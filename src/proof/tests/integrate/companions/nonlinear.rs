@@ -64,7 +64,7 @@ fn push(t: f64, out: &mut [f64]) {
 }
 
 #[test]
-fn nonlinear_systems_converge_to_one_answer_and_stay_in_equilibrium() {
+fn nonlinear_systems_converge_to_one_answer() {
     let run = |way, steps: usize| {
         let dt = 2.0 / steps as f64;
         course(way, &mut nonlinear(), (dt, steps), State::at_rest(2), push)
@@ -107,9 +107,9 @@ fn nonlinear_systems_converge_to_one_answer_and_stay_in_equilibrium() {
 }
 
 #[test]
-fn only_the_alpha_methods_damp_what_is_too_fast_for_the_step() {
-    // Ω = 1e4: the first steps overshoot, later ones shrink by ρ a step, or not at all. The undamped ones turn by
-    // π − 4/Ω a step, so that forty steps stay near a peak.
+fn only_alpha_methods_damp_fast_modes() {
+    // Ω = 1e4: the first steps overshoot, later ones shrink by ρ a step, or stay. The undamped ones turn by π − 4/Ω a
+    // step, so that forty steps stay near a peak.
     let dt = 1e4;
     let stiff = || linear(scalar(1.0), scalar(0.0), scalar(1.0));
     let tail = |way| {
@@ -138,7 +138,7 @@ fn only_the_alpha_methods_damp_what_is_too_fast_for_the_step() {
 }
 
 #[test]
-fn a_massless_joint_follows_statically_where_nothing_divides_by_the_mass() {
+fn massless_joint_follows_statically() {
     let joint = || {
         linear(
             SymMatrix::diagonal(&[1.0, 0.0, 2.0]),
@@ -175,7 +175,7 @@ fn a_massless_joint_follows_statically_where_nothing_divides_by_the_mass() {
 }
 
 #[test]
-fn what_finds_no_equilibrium_says_step_residual_and_place() {
+fn lost_equilibrium_names_step_and_dof() {
     let mut structure = nonlinear();
     let newton = NewtonSettings {
         iterations: 1,
@@ -212,7 +212,7 @@ fn what_finds_no_equilibrium_says_step_residual_and_place() {
 }
 
 #[test]
-fn parameters_outside_their_range_are_refused_with_numbers() {
+fn bad_parameters_are_refused_with_numbers() {
     for rho in [-0.1, 1.1, f64::NAN] {
         for refused in [AlphaWeights::kr(rho), AlphaWeights::mkr(rho)] {
             let text = refused.unwrap_err().to_string();
@@ -241,7 +241,7 @@ fn parameters_outside_their_range_are_refused_with_numbers() {
 }
 
 #[test]
-fn an_alpha_step_allocates_nothing_and_does_not_depend_on_who_stepped_before() {
+fn alpha_step_allocates_nothing() {
     let structure = frame();
     let weights = AlphaWeights::kr(0.5).unwrap();
     let make = || {
@@ -263,7 +263,7 @@ fn an_alpha_step_allocates_nothing_and_does_not_depend_on_who_stepped_before() {
         }
     });
     assert_eq!(counted.count_total, 0);
-    // The memory is the state's: another instance goes on with the same bits.
+    // The memory belongs to the state: another instance continues with identical bits.
     let mut other = make();
     let mut copy = state.clone();
     method.advance(&mut state, &r, &mut reported);

@@ -48,7 +48,7 @@ impl Test {
         visit.numbers(&mut self.inertia);
     }
 
-    /// Takes the step after `step`; all that is seen of it.
+    /// Takes the step after `step`; returns all observable values.
     fn step(&mut self, step: u64) -> Vec<u64> {
         let mut reported = vec![0.0; 2];
         let mut forces = Loaded::new(&mut self.structure, load);
@@ -70,7 +70,7 @@ impl Test {
 }
 
 #[test]
-fn every_method_continues_from_a_restored_state_with_the_same_bits() {
+fn restored_methods_have_equal_bits() {
     let kr = |rho| AlphaWeights::kr(rho).unwrap();
     let more = [
         Way::Alpha(kr(0.5)),
@@ -103,7 +103,7 @@ fn every_method_continues_from_a_restored_state_with_the_same_bits() {
 
 /// The state of a method does not fit another method, although both have the same number of values.
 #[test]
-fn a_state_of_another_method_is_refused() {
+fn state_of_another_method_is_refused() {
     let mut one = Test::new(Way::Newmark(NewmarkBeta::Average));
     let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
     let mut other = Test::new(Way::Chang);

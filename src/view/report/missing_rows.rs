@@ -1,4 +1,4 @@
-//! Tests of what a page makes of rows that are missing, of ticks between two steps, and of the row that tripped.
+//! Tests of a page with missing rows, with ticks between two steps, and with the row that tripped.
 
 use super::synthetic::{RATE, columns, hybrid};
 use super::*;
@@ -13,7 +13,7 @@ fn holey() -> RunView {
 }
 
 #[test]
-fn what_needs_every_step_is_left_out_where_some_are_missing_and_the_page_says_so() {
+fn missing_steps_drop_dependent_parts() {
     let (whole, run) = (hybrid(8.0, 6), holey());
     let digest = run.digested();
     assert_eq!(digest.passed.missing_steps, 2000);
@@ -37,7 +37,7 @@ fn what_needs_every_step_is_left_out_where_some_are_missing_and_the_page_says_so
 }
 
 #[test]
-fn metrics_are_null_with_a_reason_where_steps_are_missing() {
+fn missing_steps_give_null_metrics() {
     let run = holey();
     assert_eq!(
         tracking_metrics(&run),
@@ -104,7 +104,7 @@ fn served(time_of: impl Fn(u32) -> f64) -> RunView {
 }
 
 #[test]
-fn a_controller_that_stands_before_its_first_step_leaves_no_row_out() {
+fn waiting_controller_leaves_no_row_out() {
     let run = served(|step| 0.01 * f64::from(step));
     let axis = run.digested().axes[0].clone();
     assert_eq!(axis.dt, Some(0.01));
@@ -123,10 +123,10 @@ fn a_controller_that_stands_before_its_first_step_leaves_no_row_out() {
 }
 
 #[test]
-fn what_a_server_kept_back_is_no_motion_and_no_way_out() {
+fn kept_back_commands_are_no_motion() {
     let whole = served(|step| 0.01 * f64::from(step));
     let mut tripped = served(|step| 0.01 * f64::from(step));
-    // From here on its controller went on as it liked; old measurements were repeated.
+    // From here on its controller moved freely; old measurements were repeated.
     let kept_back = [8.0, f64::NAN, 0.0, 0.3, 0.0, 1e5];
     for row in 180..216 {
         let places = [1, 2, 3, 4, 5, 6];
@@ -146,8 +146,8 @@ fn what_a_server_kept_back_is_no_motion_and_no_way_out() {
 }
 
 #[test]
-fn rows_at_uneven_times_are_not_said_to_be_missing() {
-    // One that slows down and goes on.
+fn uneven_rows_are_not_missing() {
+    // A controller that slows down and continues.
     let slow = |step: u32| 0.01 * f64::from(step) - 0.005 * f64::from(u8::from(step > 100));
     let run = served(slow);
     assert_eq!(run.digested().axes[0].dt, None);
@@ -157,19 +157,19 @@ fn rows_at_uneven_times_are_not_said_to_be_missing() {
 }
 
 #[test]
-fn lines_and_loops_break_where_steps_are_missing() {
+fn lines_and_loops_break_at_missing_steps() {
     let run = holey();
     let digest = run.digested();
     let rows = rows::Rows::new(&digest);
     for name in ["x1", "ground", "meas_1_1"] {
         let (time, values) = (rows.time_of(name).unwrap(), rows.get(name).unwrap());
-        let holes: Vec<f64> = time
+        let gaps: Vec<f64> = time
             .iter()
             .zip(values.iter())
             .filter(|(_, v)| v.is_nan())
             .map(|(t, _)| *t)
             .collect();
-        assert_eq!(holes, [(2999.0 + 5000.0) / 2.0 / RATE], "{name}");
+        assert_eq!(gaps, [(2999.0 + 5000.0) / 2.0 / RATE], "{name}");
     }
     let axis = &digest.axes[0];
     assert_eq!(axis.hysteresis.0.iter().filter(|x| x.is_nan()).count(), 1);
@@ -223,7 +223,7 @@ fn in_ticks() -> RunView {
 }
 
 #[test]
-fn a_specimen_is_judged_by_every_tick_and_by_the_row_that_tripped_and_a_structure_by_its_steps() {
+fn every_tick_judges_a_specimen() {
     let run = in_ticks();
     let digest = run.digested();
     let axis = &digest.axes[0];
@@ -249,8 +249,8 @@ fn a_specimen_is_judged_by_every_tick_and_by_the_row_that_tripped_and_a_structur
 }
 
 #[test]
-fn a_trip_without_a_tick_of_its_own_leaves_all_ticks_to_be_judged() {
-    // Where the last tick was, and as older recordings have it: where the last step ended.
+fn trip_without_a_tick_keeps_all_ticks() {
+    // At the time of the last tick, or, as in older recordings, at the end of the last step.
     for back in [0.0, 0.075] {
         let mut run = in_ticks();
         let time = run.data[3][39];
@@ -266,7 +266,7 @@ fn a_trip_without_a_tick_of_its_own_leaves_all_ticks_to_be_judged() {
 }
 
 #[test]
-fn a_hold_is_in_the_loops_and_not_in_the_grid() {
+fn hold_is_in_the_loops_not_in_the_grid() {
     let mut run = in_ticks();
     let whole = run.digested().axes[0].tracking;
     for _ in 0..5 {
@@ -285,7 +285,7 @@ fn a_hold_is_in_the_loops_and_not_in_the_grid() {
 }
 
 #[test]
-fn of_many_storeys_nothing_is_left_out_without_being_said() {
+fn many_storeys_report_what_is_omitted() {
     let mut names = vec!["state".to_owned(), "step".to_owned(), "time".to_owned()];
     for letter in ["x", "v", "a"] {
         names.extend((1..=30).map(|dof| format!("{letter}{dof}")));
@@ -325,7 +325,7 @@ fn of_many_storeys_nothing_is_left_out_without_being_said() {
 }
 
 #[test]
-fn what_is_left_is_the_mean_of_the_last_rows_and_not_of_their_extremes() {
+fn residual_is_a_mean_of_the_last_rows() {
     let names = ["state", "step", "time", "x1"];
     let rows = 200_000u32;
     // A spike in every ten rows: extremes are ten times too large.
@@ -375,7 +375,7 @@ impl metrics::energy::Model for Mass {
 }
 
 #[test]
-fn numbers_of_a_long_test_are_those_of_single_rows_though_its_pictures_are_thinned() {
+fn long_tests_count_single_rows() {
     let names = [
         "state",
         "step",
@@ -429,7 +429,7 @@ fn numbers_of_a_long_test_are_those_of_single_rows_though_its_pictures_are_thinn
 }
 
 #[test]
-fn a_picture_of_a_simulated_run_shows_no_timing() {
+fn simulated_run_has_no_timing_picture() {
     let mut run = hybrid(2.0, 0);
     assert!(hero_svg(&run).contains("Wake-up lateness"));
     run.summary = Some(serde_json::json!({"clock": "simulated"}).into());

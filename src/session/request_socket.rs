@@ -1,11 +1,10 @@
-//! The operator's desk: a socket in the run folder, through which other programs speak to a running test.
+//! The operator's control socket in the run folder, through which other programs control a running test.
 //!
-//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Who lets a test go on
-//! names the hold that he ends: `{"request": "continue", "hold": 1}`. Nothing here can hold
-//! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Nobody
-//! waits at the desk for another, nor its end for anybody. Who asks keeps apart a test that is over from one that does not
-//! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak
-//! ([`gusset_record::rt::control_socket`]).
+//! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. A `continue` names
+//! the hold that it ends: `{"request": "continue", "hold": 1}`. Nothing here can delay the loop: it polls a bounded
+//! channel of requests and writes its phase into an atomic. No client waits for another, and closing waits for no client.
+//! The client distinguishes a finished test from one that does not answer: the second may still move. Only the user who
+//! started the test may connect ([`gusset_record::rt::control_socket`]).
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -33,24 +32,25 @@ const LONGEST_ANSWER: u64 = 16_384;
 /// Callers that are listened to at once. If one more comes, the one that has been here longest without a request is closed: no
 /// caller waits for a silent one.
 const MOST_CALLERS: usize = 64;
-/// Until what cannot be done just now is tried again.
+/// Pause before a failed operation is repeated.
 const BREATH: Duration = Duration::from_millis(10);
 
-/// What can be asked of a running test.
+/// Requests to a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "request", deny_unknown_fields)]
 pub enum Request {
-    /// End in an orderly way.
+    /// End cleanly.
     Stop,
-    /// Let test time stand still.
+    /// Stop test time.
     Hold,
-    /// Go on after a hold. Nothing is confirmed by it. Refused if another hold stands by now, and if its sender has left.
+    /// Continue after a hold. It confirms nothing. Refused if another hold is active by now, and if its sender has
+    /// disconnected.
     Continue {
         /// The hold that it ends ([`Glimpse::hold_number`]).
         hold: u32,
     },
     /// Confirms the readings of the sensors. Accepted only while the test waits for that. It ends no hold. Refused if its
-    /// sender has left.
+    /// sender has disconnected.
     Confirm,
     /// Where in its life it is.
     Phase,
@@ -64,11 +64,11 @@ impl Request {
     }
 }
 
-/// What the test answers.
+/// Answer of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answer {
-    /// False if the queue of requests is full, the phase one in which this is not heard, or the hold that it names not the
-    /// latest. An end is always heard.
+    /// False if the queue of requests is full, the phase does not allow the request, or its hold is not the latest. A stop
+    /// is always accepted.
     pub accepted: bool,
     /// Where the test was when it was asked.
     #[serde(flatten)]
@@ -78,23 +78,23 @@ pub struct Answer {
 /// Why there is no answer.
 #[derive(Debug, Error)]
 pub enum Unanswered {
-    /// Nobody listens there: no test runs, or none any more.
+    /// Nothing listens there: no test runs, or no longer.
     #[error("no test is running here: {0}")]
     Over(io::Error),
-    /// Somebody may listen there, and speaks to others only.
+    /// Another user's test may listen there.
     #[error("only who started the test may speak to it: {0}")]
     Barred(io::Error),
-    /// Somebody may listen there who did not answer.
+    /// A test may listen there, but did not answer.
     #[error("the test does not answer ({})", in_words(.error))]
     Silent {
-        /// The request lies in the socket. The test carries it out when it comes to it, unless it lets specimens move.
+        /// The request is in the socket. The test carries it out later, unless it lets specimens move.
         left: bool,
         /// The system's word.
         error: io::Error,
     },
 }
 
-/// What the system calls a resource that is not there just now is time that has passed.
+/// The system calls an elapsed time limit a resource that is unavailable.
 fn in_words(error: &io::Error) -> String {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::TimedOut => format!("{} s", PATIENCE.as_secs()),
@@ -112,7 +112,7 @@ impl Unanswered {
 
 /// The listening end; closed and removed when dropped.
 #[derive(Debug)]
-pub struct Desk {
+pub struct RequestSocket {
     /// The thread ends when this does.
     open: Option<UnixStream>,
     thread: Option<JoinHandle<()>>,
@@ -121,7 +121,7 @@ pub struct Desk {
 /// Makes the answer to a caller whose line is whole; an error closes the connection.
 type Serve = Box<dyn FnMut(&Caller) -> io::Result<Vec<u8>> + Send>;
 
-impl Desk {
+impl RequestSocket {
     /// Listens in `folder`.
     ///
     /// # Errors
@@ -163,7 +163,7 @@ impl Desk {
             }
         };
         let thread = std::thread::Builder::new()
-            .name("gusset-desk".into())
+            .name("gusset-requests".into())
             .spawn(work)?;
         Ok(Self {
             open: Some(open),
@@ -172,26 +172,26 @@ impl Desk {
     }
 }
 
-impl Drop for Desk {
+impl Drop for RequestSocket {
     fn drop(&mut self) {
         self.open = None;
         if let Some(thread) = self.thread.take() {
-            // It waits for nothing but this and what comes, and removes the socket.
+            // It only waits for this and for clients, and removes the socket.
             let _ = thread.join();
         }
     }
 }
 
-/// The desk's thread: it waits for all at once, and for each only so long.
+/// The thread of the control socket: it waits for all clients at once, and for each for a limited time.
 struct Counter {
     socket: ControlSocket,
-    /// Readable when the desk closes.
+    /// Readable when the control socket closes.
     closed: UnixStream,
     callers: Vec<Caller>,
     serve: Serve,
 }
 
-/// Who has come and not said a whole line.
+/// A client that has not sent a whole line yet.
 pub(super) struct Caller {
     stream: UnixStream,
     pub(super) line: Vec<u8>,
@@ -199,7 +199,7 @@ pub(super) struct Caller {
 }
 
 impl Counter {
-    /// Waits until there is something to do; false if the desk closes.
+    /// Waits until there is work; false if the control socket closes.
     fn waits(&self) -> bool {
         let mut ends = vec![PollFd::new(&self.closed, PollFlags::IN)];
         ends.push(PollFd::new(&self.socket, PollFlags::IN));
@@ -226,7 +226,7 @@ impl Counter {
         for mut caller in callers {
             match caller.hear() {
                 Heard::Part if monotonic_ns() < caller.until_ns => self.callers.push(caller),
-                // Whoever speaks nonsense or not at all gets no answer.
+                // An invalid or silent client gets no answer.
                 Heard::Part => {}
                 Heard::Whole => {
                     let answer = (self.serve)(&caller);
@@ -287,7 +287,7 @@ enum Heard {
 }
 
 impl Caller {
-    /// True if the other end is closed. One that only says nothing more still listens.
+    /// True if the other end is closed. A client that only sends nothing more still listens.
     fn has_left(&self) -> bool {
         let mut end = [PollFd::new(&self.stream, PollFlags::empty())];
         let looked = poll(&mut end, Some(&Timespec::default()));
@@ -295,7 +295,7 @@ impl Caller {
         looked.is_err() || end.iter().any(|end| end.revents().contains(PollFlags::HUP))
     }
 
-    /// What has come by now.
+    /// Reads the bytes that have arrived.
     fn hear(&mut self) -> Heard {
         let mut bytes = [0; LONGEST];
         let room = bytes.get_mut(self.line.len()..).unwrap_or_default();
@@ -346,8 +346,8 @@ pub(super) fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Res
 pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     let stream = connect(folder, SOCKET, PATIENCE).map_err(|error| match error.kind() {
         ErrorKind::PermissionDenied => Unanswered::Barred(error),
-        // The socket goes with its test; where that was killed it stays behind, and nobody listens. One that has claimed the
-        // folder does not listen yet, or its socket was deleted.
+        // The socket is removed with its test. After a kill it stays behind, but nothing listens. A test that has claimed
+        // the folder may not listen yet, or its socket was deleted.
         ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::ConnectionRefused
             if !is_claimed(folder) =>
         {
@@ -359,7 +359,7 @@ pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     read_line(&stream).map_err(Unanswered::silent(true))
 }
 
-/// A connection to a desk. One that is not taken up in time is not waited for.
+/// A connection to a control socket. It must be accepted in time.
 pub(super) fn reach(folder: &Path, name: &str) -> io::Result<UnixStream> {
     connect(folder, name, PATIENCE)
 }
@@ -374,14 +374,14 @@ mod tests {
     use gusset_record::RunFolder;
 
     #[test]
-    fn a_request_reaches_the_queue_and_the_socket_goes_with_the_desk() {
+    fn request_reaches_the_queue() {
         let home = tempfile::tempdir().unwrap();
         // Longer than an address of a socket may be.
         let folder = home.path().join("a".repeat(100)).join("b".repeat(100));
         std::fs::create_dir_all(&folder).unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let phase = PhaseCell::default();
-        let desk = Desk::open(&folder, sender, phase.clone()).unwrap();
+        let request_socket = RequestSocket::open(&folder, sender, phase.clone()).unwrap();
         phase.set(Phase::Running);
         let answer = ask(&folder, Request::Hold).unwrap();
         assert!(answer.accepted);
@@ -396,18 +396,18 @@ mod tests {
         let heard: Vec<Operator> = receiver.try_iter().collect();
         let [hold, go_on, stop] = [Operator::Hold, Operator::EndHold(0), Operator::Stop];
         assert_eq!(heard, [hold, go_on, stop, stop]);
-        drop(desk);
+        drop(request_socket);
         let over = ask(&folder, Request::Phase).unwrap_err();
         assert!(matches!(over, Unanswered::Over(_)), "{over}");
         assert!(!folder.join(SOCKET).exists());
     }
 
     #[test]
-    fn what_is_held_is_seen_and_the_way_out_is_not_held() {
+    fn hold_is_visible_and_shutdown_is_not_held() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         let held = Glimpse {
             phase: Phase::Ramping,
             hold: true,
@@ -430,11 +430,11 @@ mod tests {
     }
 
     #[test]
-    fn what_was_read_is_confirmed_by_that_word_alone_and_while_it_is_asked() {
+    fn only_confirm_confirms_readings() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         for (hold, unconfirmed) in [(false, false), (true, false), (true, true), (false, true)] {
             let seen = Glimpse {
                 phase: Phase::Zeroing,
@@ -455,7 +455,7 @@ mod tests {
     }
 
     #[test]
-    fn who_does_not_answer_is_not_over_and_who_is_over_does_not_answer() {
+    fn silent_test_is_not_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path();
         let over = ask(path, Request::Stop).unwrap_err();
@@ -478,7 +478,7 @@ mod tests {
     }
 
     #[test]
-    fn a_test_whose_socket_is_gone_is_not_over_as_long_as_it_has_claimed_its_folder() {
+    fn claimed_folder_without_socket_is_running() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("run");
         let folder = RunFolder::create(&path).unwrap();
@@ -494,10 +494,10 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_gets_no_answer_and_the_desk_stays_open() {
+    fn nonsense_gets_no_answer() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let _desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, PhaseCell::default()).unwrap();
         for text in [
             "",
             "GET / HTTP/1.1\r\n\r\n",
@@ -518,11 +518,11 @@ mod tests {
     }
 
     #[test]
-    fn a_continue_ends_the_hold_that_it_names_and_no_other() {
+    fn continue_ends_only_the_hold_it_names() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
-        let _desk = Desk::open(folder.path(), sender, cell.clone()).unwrap();
+        let _socket = RequestSocket::open(folder.path(), sender, cell.clone()).unwrap();
         let second = Glimpse {
             hold: true,
             stands: true,
@@ -541,9 +541,9 @@ mod tests {
         assert_eq!(receiver.try_recv(), Ok(Operator::EndHold(2)));
     }
 
-    /// What waits behind a full desk until its sender has given up must not move a specimen later.
+    /// A command that waits in a full queue until its sender has disconnected must not move a specimen later.
     #[test]
-    fn what_lets_specimens_move_is_dropped_once_its_sender_has_left_and_a_stop_is_not() {
+    fn command_of_a_lost_sender_is_dropped() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(8);
         let cell = PhaseCell::default();
@@ -566,21 +566,21 @@ mod tests {
             stream.shutdown(std::net::Shutdown::Write).unwrap();
             here.extend(stays.then_some(stream));
         }
-        let _desk = Desk::on(socket, sender, cell).unwrap();
+        let _socket = RequestSocket::on(socket, sender, cell).unwrap();
         let heard: Vec<_> = (0..3).map(|_| receiver.recv().unwrap()).collect();
         assert_eq!(heard, [Operator::Hold, Operator::Stop, Operator::Confirm]);
         assert!(receiver.try_recv().is_err());
     }
 
     #[test]
-    fn a_desk_whose_folder_was_moved_leaves_that_of_another_test_alone_and_takes_its_own_with_it() {
+    fn moved_folder_keeps_its_own_socket() {
         let home = tempfile::tempdir().unwrap();
         let (path, moved) = (home.path().join("run"), home.path().join("moved"));
         let open = || {
             fs::create_dir(&path).unwrap();
             let (sender, receiver) = crossbeam_channel::bounded(4);
-            let desk = Desk::open(&path, sender, PhaseCell::default()).unwrap();
-            (desk, receiver)
+            let request_socket = RequestSocket::open(&path, sender, PhaseCell::default()).unwrap();
+            (request_socket, receiver)
         };
         let (first, _first_hears) = open();
         fs::rename(&path, &moved).unwrap();
@@ -592,7 +592,7 @@ mod tests {
         assert!(ask(&path, Request::Hold).unwrap().accepted);
         assert_eq!(second_hears.try_recv(), Ok(Operator::Hold));
 
-        // Somebody's file of that name is none of its own.
+        // Another file of that name is not its socket.
         let (third, _third_hears) = {
             fs::rename(&path, home.path().join("second")).unwrap();
             open()
@@ -604,16 +604,17 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_those_who_say_nothing_and_they_are_not_waited_for_without_end() {
+    fn silent_clients_delay_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
+        let request_socket =
+            RequestSocket::open(folder.path(), sender, PhaseCell::default()).unwrap();
         let call = || UnixStream::connect(folder.path().join(SOCKET)).unwrap();
-        // Each of them alone would be waited for as long as the one who speaks waits in all.
+        // Each of them alone would delay the next client until its own time limit.
         let silent: Vec<UnixStream> = (0..8).map(|_| call()).collect();
         assert!(ask(folder.path(), Request::Stop).unwrap().accepted);
         assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
-        // One who says something all the time, but no line, has no more time than others.
+        // A client that keeps sending bytes, but no line, has no more time than others.
         let mut slow = call();
         let is_hung_up = (0..120).any(|_| {
             crate::pause(Duration::from_millis(100));
@@ -629,7 +630,7 @@ mod tests {
         assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
         drop(crowd);
         let mut last = call();
-        drop(desk);
+        drop(request_socket);
         assert!(matches!(last.read(&mut [0]), Ok(0) | Err(_)));
     }
 }

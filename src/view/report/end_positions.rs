@@ -1,4 +1,4 @@
-//! Where a test left its specimens, in sentences.
+//! End positions of the specimens, in sentences.
 
 use super::RunView;
 use super::axis_end::{AxisEnd, FORCE, MEASURED};
@@ -7,10 +7,10 @@ use super::scale::{AS_SEEN, Scale, own_unit};
 use super::text::{plural, quantity};
 use crate::TestFile;
 
-/// Specimens that are told of one by one.
+/// Specimens that are listed one by one.
 const MOST_TOLD: usize = 8;
 
-/// How each specimen was left, the gravest first; nothing where the summary does not tell.
+/// The end position of each specimen, the gravest first; empty if the summary does not contain them.
 pub(super) fn sentences(run: &RunView, rows: &Rows<'_>) -> Vec<String> {
     let test = &run.test.file;
     let left = run.summary.iter().flat_map(|summary| &summary.left);
@@ -74,7 +74,7 @@ fn how_words(how: &str) -> String {
     }
 }
 
-/// The end of one axis in words. Where the rows are not whole, it went on from where they show it last.
+/// The end of one axis in words. If rows are missing, it moved on from the place that they show last.
 fn words(end: &AxisEnd, rows: &Rows<'_>, test: &TestFile, is_whole: bool) -> String {
     let own = |value: f64, kind: &str| quantity(value, own_unit(rows, test, end.axis, kind));
     let [command, measured, force] = [
@@ -99,7 +99,7 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, test: &TestFile, is_whole: bool) -> Str
     };
     let seen = Scale::of(rows, test, end.axis).map_or("", |_| AS_SEEN);
     let seen = |force: f64| quantity(force, rows.unit(&end.axis.column("force"))) + seen;
-    // Of a test that ran its own forces are told.
+    // A test that ran has its own forces.
     if let Some(force) = end.on_the_way_in.filter(|_| rows.passed().ticks == 0) {
         text += &format!(", largest force before the first step {}", seen(force));
     }
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
     use serde_json::{Value, json};
 
-    /// One row before the test, three of it, a trip, then the way out, on which the force goes on to grow.
+    /// One row before the test, three of it, a trip, then the shutdown, during which the force grows further.
     fn led_away(left: &str) -> RunView {
         let names = [
             "step",
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_says_where_a_specimen_was_left_and_what_force_the_way_out_took() {
+    fn page_shows_end_position_and_force() {
         let page = render(&led_away("reached")).replace("&quot;", "\"");
         for part in [
             "Specimen \"column\" was moved to its end position (`at_end` of the test file); last command sent 28.0\u{a0}mm, last measurements received \
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_damaged_record_the_last_row_that_can_be_read_is_no_end() {
+    fn damaged_record_has_no_known_end() {
         let mut run = led_away("reached");
         run.data.iter_mut().for_each(|column| column.truncate(3));
         run.flaws.damaged = vec!["the rows end at 0.1 s".to_owned()];
@@ -195,7 +195,7 @@ mod tests {
         assert!(!page.contains("last command") && !page.contains("last measurements"));
     }
 
-    /// The same, the specimen itself in other units, at another scale or wired the other way.
+    /// An axis with a specimen in other units, at another scale or wired the other way.
     fn at_its_own_end(table: &str, metres: f64, newtons: f64) -> String {
         let mut run = led_away("reached");
         run.test = (run.test.text + table).into();
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn command_and_measurement_that_a_specimen_was_left_with_are_of_its_own_end() {
+    fn end_values_are_those_of_the_specimen() {
         let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n";
         let page = at_its_own_end(units, 1e3, 1e-3);
         let left = "last command sent 28.0\u{a0}mm, last measurements received 27.0\u{a0}mm and 30.0\u{a0}kN";
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_specimen_that_stayed_has_no_way_out_and_of_many_the_gravest_are_told() {
+    fn specimen_that_stayed_has_no_return_move() {
         let mut run = led_away("stayed");
         run.data.iter_mut().for_each(|column| column.truncate(4));
         let page = render(&run);

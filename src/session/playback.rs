@@ -1,4 +1,5 @@
-//! The recorded rows of a test, fed to the loop in place of its specimens, and compared with what the loop makes of them.
+//! The recorded rows of a test, fed to the loop in place of its specimens, and compared with the rows that the loop
+//! makes.
 //!
 //! The rows contain all decisions of the test: the commands of the operator, stale measurements, and when a slow specimen
 //! answered. So each of them happens again in the same row. Checkpoints are compared as they come. Columns are found by
@@ -24,10 +25,10 @@ use gusset_record::{
     WarmUpRows,
 };
 
-/// Columns that say where within a step a row stands.
+/// Columns that place a row within a step.
 const MOMENT: [&str; 2] = ["sub_tick", "time"];
 
-/// A checkpoint that came out as it was recorded.
+/// A checkpoint that was replayed as recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Verified {
     /// Its step.
@@ -36,7 +37,7 @@ pub(super) struct Verified {
     pub rows: u64,
 }
 
-/// The first number that came out otherwise.
+/// The first number that was not reproduced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
     /// Row, from 0.
@@ -60,7 +61,7 @@ pub(super) struct Recording {
 }
 
 impl Recording {
-    /// Of a run folder.
+    /// The recording of a run folder.
     pub(crate) fn of(run: &Run) -> Result<Self, ReplayError> {
         let path = run.path().join("samples.bin");
         let samples = match File::open(&path) {
@@ -84,11 +85,11 @@ impl Recording {
 }
 
 /// The recorded rows, as far as the loop has come.
-pub(super) struct Tape {
+pub(super) struct Playback {
     journal: Journal<Box<dyn Read + Send>>,
     /// Compared columns: name, place in the recording, place in the rows of the loop.
     compared: Vec<(String, usize, usize)>,
-    /// The row that comes; empty if none is left.
+    /// The next row; empty after the last.
     coming: Vec<f64>,
     /// The row before it.
     passed: Vec<f64>,
@@ -109,23 +110,23 @@ pub(super) struct Tape {
     before: Option<(f64, f64)>,
     /// Rows after which it is enough.
     until: u64,
-    /// Whether the rows from the test's end on are none of this.
+    /// Whether to ignore the rows from the test's end on.
     only_the_test: bool,
     checkpoints: Option<Checkpoints>,
     pub verified: Option<Verified>,
     operator: Sender<Operator>,
     pub difference: Option<Difference>,
-    /// What ends the rows before the end of the recording.
+    /// Cause that ends the rows before the end of the recording.
     pub short: Option<String>,
-    /// The rows ended while the loop would have gone on: they do not say how the test ended.
+    /// The rows ended while the loop would have continued: they do not show how the test ended.
     pub ran_out: bool,
     /// At the end of the rows the loop continues into the next tick: a trip before a command leaves has no row.
     pub goes_on: bool,
 }
 
-impl Tape {
+impl Playback {
     /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line. The loop begins with the first of
-    /// `rows`: what comes before it is passed over, and need not be complete but for the row right before it.
+    /// `rows`. The rows before it are passed over, and only the one right before it must be complete.
     pub(crate) fn new(
         recording: Recording,
         layout: &Layout,
@@ -135,7 +136,7 @@ impl Tape {
         only_the_test: bool,
     ) -> Self {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
-        let mut tape = Self {
+        let mut playback = Self {
             journal: recording.journal,
             compared: compared(layout.columns(), &experiment.columns()),
             coming: Vec::new(),
@@ -160,10 +161,10 @@ impl Tape {
             ran_out: false,
             goes_on: false,
         };
-        tape.pass_over(rows.start);
-        tape.fill();
-        tape.say();
-        tape
+        playback.pass_over(rows.start);
+        playback.fill();
+        playback.say();
+        playback
     }
 
     /// Passes over the rows with numbers below `rows`: the loop has their state already.
@@ -186,12 +187,12 @@ impl Tape {
         }
     }
 
-    /// How the recording ends, as far as it was read.
+    /// How the recording ends, if it was read that far.
     pub(crate) const fn end(&self) -> Option<gusset_record::End> {
         self.journal.end()
     }
 
-    /// True if nothing is left to feed.
+    /// True after the last row to feed.
     pub(crate) fn is_over(&self) -> bool {
         let Some(next) = self.next() else {
             return true;
@@ -220,13 +221,13 @@ impl Tape {
         (!self.coming.is_empty()).then_some(&self.coming)
     }
 
-    /// Whether the row that comes is that of a test's end, or of the way out: only there a specimen can be lost.
+    /// Whether the next row belongs to a test's end or shutdown: only there a specimen can be lost.
     pub(crate) fn is_over_next(&self) -> bool {
         let state = at(self.next(), self.places[0]);
         [Phase::Tripped.code(), Phase::Leaving.code(), NOT_AWAITED].contains(&state)
     }
 
-    /// How a specimen was lost that the row that comes says is lost.
+    /// How a specimen was lost that the next row marks as lost.
     pub(crate) fn fault_next(&self) -> LinkFault {
         match Cause::of_column(at(self.next(), self.places[3])) {
             Some(Cause::LinkNotFinite) => LinkFault::NotFinite,
@@ -240,7 +241,7 @@ impl Tape {
         at(self.next(), self.places[0]) == NOT_AWAITED
     }
 
-    /// Whether anybody has answered since the row before: there was an exchange.
+    /// Whether any specimen has answered since the row before: there was an exchange.
     pub(crate) fn has_an_answer_next(&self) -> bool {
         let (before, next) = (Some(&self.passed), self.next());
         let mut places = self.sequences.iter();
@@ -259,7 +260,7 @@ impl Tape {
         }
     }
 
-    /// True if the loop ends by itself after the row before: it was that of the last step, of the way out, or of a trip.
+    /// True if the loop ends by itself after the row before: that of the last step, of the shutdown, or of a trip.
     fn ends_by_itself(&self) -> bool {
         self.before.is_some_and(|(state, step)| {
             let is_last = state == Phase::Running.code() && step >= self.steps as f64;
@@ -267,7 +268,7 @@ impl Tape {
         })
     }
 
-    /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
+    /// Repeats the operator's commands before the next row. After a difference the loop may end.
     fn say(&mut self) {
         let commands = if self.difference.is_some() {
             OperatorCommands::STOP
@@ -295,8 +296,8 @@ impl Tape {
         }
     }
 
-    /// Older recordings have the rows of a test's end and of its way out at the end of the last step, wherever between two steps
-    /// the test stood then.
+    /// Older recordings place the rows of a test's end and shutdown at the end of the last step, wherever between two steps the
+    /// test was.
     fn stands_at_a_step(&self) -> bool {
         let next = self.next();
         let [step, sub_tick, time] = [0, 1, self.places[2]].map(|place| at(next, place));
@@ -304,7 +305,7 @@ impl Tape {
         is_after_the_test(state) && sub_tick == 0.0 && time.to_bits() == (step * self.dt).to_bits()
     }
 
-    /// Compares the row that was just made, and says what the operator said before the next.
+    /// Compares the row that was just made, and repeats the operator's commands before the next.
     fn compare(&mut self, made: &[f64]) {
         if self.coming.is_empty() {
             return;
@@ -373,7 +374,7 @@ fn compared(recorded: &[Column], made: &[Column]) -> Vec<(String, usize, usize)>
     pairs.collect()
 }
 
-/// The checkpoints of a recording, read as the replay comes to them.
+/// The checkpoints of a recording, read as the replay reaches them.
 struct Checkpoints {
     events: EventLines,
     /// The next one: its step and digest.
@@ -404,10 +405,10 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// The recorded digest of the checkpoint of this step, if it has one. Steps are asked for in their order.
+    /// The recorded digest of the checkpoint of this step, if it has one. Call this with ascending steps.
     fn of_step(&mut self, step: u64) -> Option<u64> {
         while self.coming.as_ref().is_some_and(|(at, _)| *at < step) {
-            // What cannot be read any more proves nothing.
+            // Unreadable checkpoints prove nothing.
             self.read().ok()?;
         }
         let (_, digest) = self.coming.as_ref().filter(|(at, _)| *at == step)?;
@@ -420,19 +421,19 @@ fn is_after_the_test(state: f64) -> bool {
     Part::Trip.has(state) || state == Phase::Leaving.code()
 }
 
-/// A number of a row; NaN where there is none.
+/// A number of a row; NaN if it is missing.
 pub(super) fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
     row.and_then(|row| row.get(index))
         .copied()
         .unwrap_or(f64::NAN)
 }
 
-/// One tape for the recorder and all specimens. The lock is never contended: all are on one thread.
-pub(super) type Shared = Arc<Mutex<Tape>>;
+/// One replay source for the recorder and all specimens. The lock is never contended: all are on one thread.
+pub(super) type Shared = Arc<Mutex<Playback>>;
 
-pub(super) fn with<T>(tape: &Shared, act: impl FnOnce(&mut Tape) -> T) -> T {
-    match tape.lock() {
-        Ok(mut tape) => act(&mut tape),
+pub(super) fn with<T>(playback: &Shared, act: impl FnOnce(&mut Playback) -> T) -> T {
+    match playback.lock() {
+        Ok(mut playback) => act(&mut playback),
         Err(poisoned) => act(&mut poisoned.into_inner()),
     }
 }
@@ -443,20 +444,20 @@ pub(super) struct Comparing(pub Shared);
 impl Recorder for Comparing {
     /// Where the rows of the test come next, nothing of the warm-up was kept.
     fn warm_up(&mut self) -> WarmUpRows {
-        with(&self.0, |tape| match tape.phase() {
+        with(&self.0, |playback| match playback.phase() {
             Some(state) if Part::Test.has(state) => WarmUpRows::Never,
             _ => WarmUpRows::AsTheyCome,
         })
     }
 
     fn row(&mut self, row: &[f64]) -> bool {
-        with(&self.0, |tape| tape.compare(row));
+        with(&self.0, |playback| playback.compare(row));
         true
     }
 
     fn event(&mut self, event: TimedEvent) -> bool {
         if let Event::Checkpoint { digest, .. } = event.kind {
-            with(&self.0, |tape| tape.check(event.tick, digest));
+            with(&self.0, |playback| playback.check(event.tick, digest));
         }
         true
     }
@@ -471,7 +472,7 @@ mod tests {
         [structure.shear_building]\nmass_kg = [1e3]\nstiffness_n_per_m = [1e5]\n";
 
     /// The rows of `numbers`, each with its number as step and time, and the state of a running test.
-    fn tape(numbers: &[u64], rows: Range<u64>) -> Tape {
+    fn playback(numbers: &[u64], rows: Range<u64>) -> Playback {
         let loaded = gusset_config::parse("test.toml".as_ref(), TEST.to_owned(), &[]).unwrap();
         let experiment = gusset_setup::build(&loaded).unwrap().experiment;
         let layout = Layout::new(experiment.columns()).unwrap();
@@ -487,28 +488,28 @@ mod tests {
         let samples = Box::new(std::io::Cursor::new(bytes));
         let recording = Recording::without_checkpoints(samples, &layout);
         let (operator, _) = crossbeam_channel::bounded(4);
-        Tape::new(recording, &layout, &experiment, operator, rows, true)
+        Playback::new(recording, &layout, &experiment, operator, rows, true)
     }
 
     #[test]
     fn a_recording_can_begin_with_any_row() {
         for first in 0..6 {
-            let tape = tape(&[0, 1, 2, 3, 4, 5, 6], first..6);
-            assert_eq!((tape.row, tape.short.as_deref()), (first, None));
-            assert_eq!(at(tape.next(), 0), first as f64);
+            let playback = playback(&[0, 1, 2, 3, 4, 5, 6], first..6);
+            assert_eq!((playback.row, playback.short.as_deref()), (first, None));
+            assert_eq!(at(playback.next(), 0), first as f64);
             let before = (first > 0).then(|| (Phase::Running.code(), first as f64 - 1.0));
-            assert_eq!(tape.before, before);
-            assert!(!tape.is_over());
+            assert_eq!(playback.before, before);
+            assert!(!playback.is_over());
         }
-        assert!(tape(&[0, 1, 2, 3], 3..3).is_over());
+        assert!(playback(&[0, 1, 2, 3], 3..3).is_over());
     }
 
     /// Rows that were lost long before are no trouble; the one right before the first, and the first itself, are needed.
     #[test]
-    fn only_the_rows_around_the_first_one_are_needed() {
+    fn only_rows_around_the_first_are_needed() {
         let of = |numbers: &[u64]| {
-            let tape = tape(numbers, 4..9);
-            (tape.short.is_none(), tape.next().is_some())
+            let playback = playback(numbers, 4..9);
+            (playback.short.is_none(), playback.next().is_some())
         };
         assert_eq!(of(&[0, 3, 4, 5]), (true, true));
         assert_eq!(of(&[3, 4, 5]), (true, true));

@@ -1,12 +1,12 @@
 //! Which rows are physics: the ends of steps for the structure, every tick of the test for its specimens; and where some are
 //! missing.
 //!
-//! Invariant: a step's end is a row of state 3; ticks are these, those between two steps (11, 12, 13), those of a hold (6) and the
-//! one that tripped the running test (8). If that one came to the end of a step, the displacement there is in its row, and no velocity
-//! and no acceleration: it is among the ends of steps, and no step that was made. Of the way in are rows of states 1, 2, 4, 5 and 10
-//! and a trip before the first tick, of the way out those of state 7 and any other trip. A server leads nothing out: in its record
-//! rows of state 8 are commands that were not passed on. Rows that are missing part what stands before
-//! from what stands behind.
+//! Invariant: the end of a step is a row of state 3. Ticks are these rows, those between two steps (11, 12, 13), those of a hold
+//! (6) and the one that tripped the running test (8). If that one is at the end of a step, its row holds the displacement there,
+//! but no velocity and no acceleration: it counts among the ends of steps, but not as a step that was made. The startup has rows
+//! of states 1, 2, 4, 5 and 10 and a trip before the first tick. The shutdown has those of state 7 and any other trip. A server
+//! has no shutdown: in its record rows of state 8 are commands that were not passed on. Missing rows separate the rows before
+//! them from those behind.
 
 use gusset_quantity::catalog::phase::{Part, Phase, Stage};
 
@@ -32,7 +32,7 @@ pub(super) struct Gap {
 /// Rows of a block that follow one another.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Stretch {
-    /// What is missing before them.
+    /// Rows that are missing before them.
     pub gap: Option<Gap>,
     /// Their places in the block.
     pub rows: Vec<usize>,
@@ -70,7 +70,7 @@ impl Course {
         (first >= 0.0 && last >= first).then_some((first as u64, last as u64))
     }
 
-    /// One more row; what is missing before it. `step` is not a number where steps do not count it.
+    /// Takes one more row; returns the gap before it. `step` is NaN where steps do not count it.
     fn follow(&mut self, time: f64, step: f64) -> Option<Gap> {
         self.rows += 1;
         self.first = self.first.or(Some(step));
@@ -112,7 +112,7 @@ pub(super) fn is_even(time: &[f64], dt: f64) -> bool {
 
 /// Sorts rows as they pass.
 #[derive(Debug, Clone)]
-pub(super) struct Sieve {
+pub(super) struct RowFilter {
     state: Option<usize>,
     step: Option<usize>,
     time: Option<usize>,
@@ -126,19 +126,19 @@ pub(super) struct Sieve {
     before: u64,
     leaving: u64,
     kept_back: u64,
-    /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
+    /// Places of the rows of the startup, and of the shutdown, in the block that was sorted last.
     early: Vec<usize>,
     out: Vec<usize>,
 }
 
-/// What has passed.
+/// Counts of sorted rows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Passed {
     /// Steps that were made, by their ends.
     pub steps: u64,
     /// Ticks of the test, these among them.
     pub ticks: u64,
-    /// Rows before the test, and of the way out.
+    /// Rows before the test, and of the shutdown.
     pub before: u64,
     pub leaving: u64,
     /// Commands that a server did not pass on.
@@ -148,14 +148,14 @@ pub(super) struct Passed {
     pub missing_ticks: u64,
     /// Numbers of the first and the last end of a step, where they are known.
     pub range: Option<(u64, u64)>,
-    /// Test time from step to step in s, as it is known or as the first two are apart.
+    /// Test time from step to step in s, as known or as between the first two.
     pub step_s: Option<f64>,
     /// True if all steps are this far from the next.
     pub is_even: bool,
 }
 
-impl Sieve {
-    /// For blocks in which state, step and time stand at these places; of rows without a state all are ends of steps.
+impl RowFilter {
+    /// For blocks with state, step and time at these places; without a state all rows are ends of steps.
     pub(crate) fn new(
         places: [Option<usize>; 3],
         step_s: Option<f64>,
@@ -188,7 +188,7 @@ impl Sieve {
         }
     }
 
-    /// The same for a server's record, if it is one.
+    /// For a server's record, if it is one.
     pub(crate) const fn of_a_server(mut self, is_served: bool) -> Self {
         self.is_served = is_served;
         self
@@ -238,12 +238,12 @@ impl Sieve {
         found
     }
 
-    /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
+    /// Places of the rows of the startup, and of the shutdown, in the block that was sorted last.
     pub(crate) fn ways(&self) -> [&[usize]; 2] {
         [&self.early, &self.out]
     }
 
-    /// What has passed so far.
+    /// Counts so far.
     pub(crate) fn passed(&self) -> Passed {
         Passed {
             steps: self.steps.rows - self.cut_short,
@@ -281,12 +281,12 @@ mod tests {
         ticks: u64,
         block: usize,
     ) -> (Vec<Gap>, Vec<f64>, Vec<Gap>, Vec<f64>, Passed) {
-        let mut sieve = Sieve::new([Some(0), Some(1), Some(2)], step_s, ticks);
+        let mut row_filter = RowFilter::new([Some(0), Some(1), Some(2)], step_s, ticks);
         let (mut gaps, mut times) = ([vec![], vec![]], [vec![], vec![]]);
         for part in rows.chunks(block) {
             let column = |of: fn(&(f64, f64, f64)) -> f64| part.iter().map(of).collect();
             let block: Vec<Vec<f64>> = vec![column(|r| r.2), column(|r| r.0), column(|r| r.1)];
-            for (kind, stretches) in sieve.sort(&block).iter().enumerate() {
+            for (kind, stretches) in row_filter.sort(&block).iter().enumerate() {
                 for stretch in stretches {
                     gaps[kind].extend(stretch.gap);
                     times[kind].extend(stretch.of(&block[2]));
@@ -294,11 +294,11 @@ mod tests {
             }
         }
         let ([a, c], [b, d]) = (gaps, times);
-        (a, b, c, d, sieve.passed())
+        (a, b, c, d, row_filter.passed())
     }
 
     #[test]
-    fn ticks_of_the_test_are_told_from_ends_of_steps_and_from_all_else() {
+    fn ticks_are_separated_from_step_ends() {
         let rows = [
             (0.0, 0.0, Phase::Zeroing.code()),
             (0.0, 0.0, TRIPPED),
@@ -314,22 +314,22 @@ mod tests {
             (2.0, 2.5, 7.0),
         ];
         for block in [1, 5, 100] {
-            let (gaps, steps, holes, ticks, passed) = sorted(&rows, Some(1.0), 2, block);
+            let (gaps, steps, missing, ticks, passed) = sorted(&rows, Some(1.0), 2, block);
             assert_eq!(steps, [0.0, 1.0, 2.0]);
             assert_eq!(ticks, [0.0, 0.5, 1.0, 1.2, 1.2, 1.7, 2.0, 2.5]);
-            assert!(gaps.is_empty() && holes.is_empty());
+            assert!(gaps.is_empty() && missing.is_empty());
             assert!(passed.is_even && passed.missing_ticks == 0);
-            // The zeroing and a trip before the test; the one that repeats itself and the way out.
+            // The zeroing and a trip before the test; the repeated trip and the shutdown.
             assert_eq!((passed.before, passed.leaving), (2, 2));
         }
     }
 
     #[test]
-    fn a_trip_at_the_end_of_a_step_is_where_the_structure_came_to_and_no_step_that_was_made() {
+    fn trip_at_a_step_end_is_no_step() {
         let running = [(0.0, 0.0, RUNNING), (1.0, 1.0, RUNNING)];
         for (trip, ends) in [
             ((2.0, 2.0, TRIPPED), vec![0.0, 1.0, 2.0]),
-            // Between two steps; and one of which only what had been is on record.
+            // Between two steps; and one whose row only repeats earlier values.
             ((1.0, 1.5, TRIPPED), vec![0.0, 1.0]),
             ((1.0, 1.0, TRIPPED), vec![0.0, 1.0]),
         ] {
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_steps_and_ticks_are_counted_and_part_the_rows() {
+    fn missing_steps_are_counted() {
         let running = |step: f64| (step, 0.25 * step, RUNNING);
         let rows: Vec<_> = (0..10)
             .filter(|k| !(4..7).contains(k))
@@ -351,12 +351,12 @@ mod tests {
             .collect();
         // As the interval is known, and as the first two rows show it.
         for step_s in [Some(0.25), None] {
-            let (gaps, steps, holes, _, passed) = sorted(&rows, step_s, 1, 3);
+            let (gaps, steps, missing, _, passed) = sorted(&rows, step_s, 1, 3);
             let gap = Gap {
                 time: 0.25 * 5.0,
                 rows: 3,
             };
-            assert_eq!((gaps, holes), (vec![gap], vec![gap]));
+            assert_eq!((gaps, missing), (vec![gap], vec![gap]));
             assert_eq!(steps.len(), 7);
             assert_eq!((passed.missing_steps, passed.missing_ticks), (3, 3));
             assert_eq!(passed.range, Some((0, 9)));
@@ -369,8 +369,8 @@ mod tests {
             (0.0, 0.75, 11.0),
             (1.0, 1.0, RUNNING),
         ];
-        let (gaps, _, holes, _, passed) = sorted(&rows, Some(1.0), 4, 100);
-        assert_eq!((gaps.len(), holes.len(), passed.missing_ticks), (0, 1, 1));
+        let (gaps, _, missing, _, passed) = sorted(&rows, Some(1.0), 4, 100);
+        assert_eq!((gaps.len(), missing.len(), passed.missing_ticks), (0, 1, 1));
         assert!(passed.is_even);
     }
 }
