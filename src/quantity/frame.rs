@@ -1,18 +1,13 @@
 //! Frames of reference: where a displacement, a velocity, a force or a stiffness counts.
 //!
 //! The same motion has other numbers in each frame. A value that goes from one part of the loop to another carries its frame in its
-//! type, without cost. The parts that know units, gains and geometry convert between frames; nothing else does.
+//! type, without cost. Only parts that know units, gains and geometry convert between frames: `Axis` between structure and axis, the
+//! guard between axis and specimen, the loading unit between pose and strokes, `ClientScale` of a server between client and axis.
+//! Arithmetic inside one part is with bare numbers of its frame.
 //!
-//! A command in the unit of an axis cannot be taken for a deformation in metres:
-//!
-//! ```compile_fail,E0308
-//! use gusset_quantity::frame::{AtAxis, AtStructure};
-//!
-//! fn send(command: AtAxis<&[f64]>) {}
-//!
-//! let deformation = AtStructure(&[0.01][..]);
-//! send(deformation);
-//! ```
+//! A bare number gets a frame only where it comes to be: in such a conversion, or at the outer edge, which is an integrator, a codec,
+//! the test file, or a recorded run. A value in a frame can be read as a bare number everywhere. To give a number another frame is
+//! a conversion.
 
 use std::ops::{Deref, DerefMut};
 
@@ -27,10 +22,18 @@ macro_rules! frame {
         pub struct $name<T>(pub T);
 
         impl<T> $name<T> {
-            /// The same value, borrowed.
+            /// A part of it, in the same frame.
             #[inline]
-            pub const fn as_ref(&self) -> $name<&T> {
-                $name(&self.0)
+            pub fn part<P: ?Sized>(&self, part: impl FnOnce(&T) -> &P) -> $name<&P> {
+                $name(part(&self.0))
+            }
+        }
+
+        impl<'a, T: Copy> $name<&'a [T]> {
+            /// One entry after the other, in the same frame.
+            #[inline]
+            pub fn each(self) -> impl Iterator<Item = $name<T>> + Clone + use<'a, T> {
+                self.0.iter().map(|entry| $name(*entry))
             }
         }
 

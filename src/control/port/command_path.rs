@@ -12,9 +12,9 @@ use super::loading_unit::LoadingUnit;
 use super::ramp::Ramp;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
-use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_actuator::compensation::Parameter;
 use gusset_actuator::geometry::MOST;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::state;
 
 /// Which moment the velocity that belongs to a target is of.
@@ -178,13 +178,13 @@ impl CommandPath {
     #[inline]
     #[must_use]
     pub fn sent(&self) -> AtAxis<&[f64]> {
-        AtAxis(&self.sent)
+        self.sent.part(Vec::as_slice)
     }
 
     /// The last command with zero velocities. Real-time: yes.
     #[inline]
-    pub(crate) fn last_at_rest(&self) -> AtAxis<[&[f64]; 2]> {
-        AtAxis([&self.sent, &self.still])
+    pub(crate) fn last_at_rest(&self) -> [AtAxis<&[f64]>; 2] {
+        [&self.sent, &self.still].map(|of| of.part(Vec::as_slice))
     }
 
     /// The target of the next step. Real-time: yes.
@@ -281,7 +281,7 @@ impl CommandPath {
 
     #[inline]
     fn land(&mut self) {
-        self.target.copy_from(self.path.goal());
+        AxisMotion::copy(&mut self.target, self.path.goal());
         self.velocity_of = VelocityOf::Integrator;
     }
 
@@ -346,7 +346,7 @@ impl CommandPath {
     /// The next command is the last one: nothing moves.
     pub(crate) fn stand_still(&mut self) {
         self.clearance = Clearance::Unjudged;
-        self.command.rest_at(&self.sent);
+        AxisMotion::rest_at(&mut self.command, self.sent.part(Vec::as_slice));
     }
 
     /// The next command is at these displacements; its velocity stays. For the begin of a ramp.
@@ -355,21 +355,21 @@ impl CommandPath {
     }
 
     /// The next command is this many m of the structure's behind the last. Real-time: yes.
-    pub(crate) fn go_back(&mut self, steps: impl Iterator<Item = f64>, axes: &[Axis]) {
+    pub(crate) fn go_back(&mut self, steps: impl Iterator<Item = AtStructure<f64>>, axes: &[Axis]) {
         self.clearance = Clearance::Unjudged;
         let commands = self.command.iter_mut();
         let steps = self.sent.iter().zip(axes).zip(steps);
-        for ((command, vel), ((sent, axis), step)) in commands.zip(steps) {
+        for ((command, vel), ((sent, axis), AtStructure(step))) in commands.zip(steps) {
             *command = sent - axis.disp_gain * step;
             *vel = 0.0;
         }
     }
 
     /// The next command is these steps after the last, in the unit of each axis, in a tick of `tick` s. Real-time: yes.
-    pub(crate) fn coast(&mut self, steps: impl Iterator<Item = f64>, tick: f64) {
+    pub(crate) fn coast(&mut self, steps: impl Iterator<Item = AtAxis<f64>>, tick: f64) {
         self.clearance = Clearance::Unjudged;
         let commands = self.command.iter_mut();
-        for ((command, vel), (sent, step)) in commands.zip(self.sent.iter().zip(steps)) {
+        for ((command, vel), (sent, AtAxis(step))) in commands.zip(self.sent.iter().zip(steps)) {
             *command = sent + step;
             *vel = step / tick;
         }
@@ -377,17 +377,21 @@ impl CommandPath {
 
     /// A ramp goes from the last command to the next one. A loading unit goes from pose to pose.
     pub(crate) fn begin_ramp(&mut self, axes: &[Axis], unit: Option<&mut LoadingUnit>) {
-        self.ramp.begin(AtAxis([&self.sent, &self.command.disp]));
+        let ends = [
+            self.sent.part(Vec::as_slice),
+            self.command.part(AxisMotion::disp),
+        ];
+        self.ramp.begin(ends);
         if let Some(unit) = unit {
             let mut strokes = [[0.0; MOST]; 2];
-            let ends = [&*self.sent, &self.command.disp];
             for (strokes, commands) in strokes.iter_mut().zip(ends) {
-                for (stroke, (axis, command)) in strokes.iter_mut().zip(axes.iter().zip(commands)) {
-                    *stroke = axis.deformation(AtAxis(*command)).0;
+                for (stroke, (axis, command)) in
+                    strokes.iter_mut().zip(axes.iter().zip(commands.each()))
+                {
+                    *stroke = axis.deformation(command).0;
                 }
             }
-            let [from, to] = &strokes;
-            unit.begin_way(AtStructure([from, to]));
+            unit.begin_way(strokes.each_ref().map(|strokes| AtStructure(&strokes[..])));
         }
     }
 
@@ -409,8 +413,8 @@ impl CommandPath {
 
     /// The specimen stands here, in its own unit: others than this port moved it.
     pub(crate) fn stands_at(&mut self, disp: AtAxis<&[f64]>) {
-        for (sent, disp) in self.sent.iter_mut().zip(*disp) {
-            *sent = *disp;
+        for (sent, disp) in self.sent.iter_mut().zip(disp.each()) {
+            *sent = disp.0;
         }
     }
 
@@ -420,7 +424,7 @@ impl CommandPath {
     }
 
     /// True in a test that resumes an interrupted one.
-    pub(crate) const fn is_resumed(&self) -> bool {
+    pub(crate) fn is_resumed(&self) -> bool {
         !self.resumed_from.is_empty()
     }
 
@@ -453,9 +457,10 @@ impl CommandPath {
 
     /// The answer to a command is there, or an old one in place of it. Real-time: yes.
     #[inline]
-    pub(crate) fn hear(&mut self, axes: &[Axis], raw: &[f64], is_fresh: bool) {
+    pub(crate) fn hear(&mut self, axes: &[Axis], raw: AtAxis<&[f64]>, is_fresh: bool) {
         if let Some(compensators) = &mut self.compensators {
-            compensators.hear(axes, &self.sent, raw, is_fresh);
+            let sent = self.sent.part(Vec::as_slice);
+            compensators.hear(axes, sent, raw, is_fresh);
         }
     }
 }

@@ -251,7 +251,7 @@ impl Exchange {
         &mut self,
         sequence: u64,
         [time, dt]: [f64; 2],
-        AtAxis([disp, vel]): AtAxis<[&[f64]; 2]>,
+        [AtAxis(disp), AtAxis(vel)]: [AtAxis<&[f64]>; 2],
     ) -> Result<(), LinkFault> {
         if !self.state.may_be_commanded() {
             return Err(LinkFault::Refused);
@@ -350,7 +350,11 @@ impl Exchange {
     }
 
     /// Asks what [`Exchange::arm`] waits for, and does not wait.
-    pub(crate) fn ask_to_arm(&mut self, sequence: u64, command: AtAxis<&[f64]>) -> Result<(), LinkFault> {
+    pub(crate) fn ask_to_arm(
+        &mut self,
+        sequence: u64,
+        command: AtAxis<&[f64]>,
+    ) -> Result<(), LinkFault> {
         self.substructure
             .ask_to_arm(self.numbers.first(sequence), &command)
     }
@@ -364,7 +368,7 @@ impl Exchange {
     ) -> Result<bool, LinkFault> {
         self.has_answered = false;
         let number = self.numbers.first(sequence);
-        self.substructure.arm(number, command, wanted)
+        self.substructure.arm(number, &command, wanted)
     }
 
     /// True if the answer is here, or comes within `wait_ns` of wall time. Real-time: yes.
@@ -564,7 +568,7 @@ mod tests {
     }
 
     fn send(exchange: &mut Exchange) -> Result<(), LinkFault> {
-        exchange.send(0, [0.0; 2], [&[0.0], &[0.0]])
+        exchange.send(0, [0.0; 2], [AtAxis(&[0.0]), AtAxis(&[0.0])])
     }
 
     #[test]

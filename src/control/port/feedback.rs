@@ -117,13 +117,13 @@ impl Feedback {
         AtStructure(&self.peak)
     }
 
-    pub(crate) fn peak_before_last(&self) -> &[f64] {
-        &self.peak_before_last
+    pub(crate) fn peak_before_last(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.peak_before_last)
     }
 
     /// Largest |force| of every exchange before the test, N.
-    pub(crate) fn peak_at_startup(&self) -> &[f64] {
-        &self.peak_at_startup
+    pub(crate) fn peak_at_startup(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.peak_at_startup)
     }
 
     /// True if the raw measurement answers the command of the exchange. Real-time: yes.
@@ -230,11 +230,11 @@ impl Feedback {
     /// Moves a stale force along tangents from where it was measured to its target. Real-time: yes.
     pub(crate) fn extrapolate(
         &mut self,
-        tangents: impl Iterator<Item = f64>,
+        tangents: impl Iterator<Item = AtStructure<f64>>,
         target: AtStructure<&[f64]>,
     ) {
         let axes = self.force.iter_mut().zip(*target).zip(&self.disp);
-        for (((force, target), measured), stiffness) in axes.zip(tangents) {
+        for (((force, target), measured), AtStructure(stiffness)) in axes.zip(tangents) {
             *force += stiffness * (target - measured);
         }
     }

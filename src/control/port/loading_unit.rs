@@ -15,8 +15,8 @@ use super::axis::dots;
 use super::axis_motion::AxisMotion;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
-use gusset_quantity::frame::{AtPose, AtStructure};
 use gusset_actuator::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
+use gusset_quantity::frame::{AtPose, AtStructure};
 use gusset_quantity::state;
 
 /// One row of B: what a coordinate is of the structure's displacements.
@@ -89,7 +89,10 @@ impl LoadingUnit {
 
     /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.
     fn go(&mut self, pose: AtPose<&[f64; MOST]>, strokes: &mut AtStructure<AxisMotion>) {
-        let AxisMotion { disp: target, vel: target_vel } = &mut strokes.0;
+        let AxisMotion {
+            disp: target,
+            vel: target_vel,
+        } = &mut strokes.0;
         let placed = self.geometry.place(*pose, &mut self.aim);
         self.fault = placed
             .and_then(|()| self.geometry.within_reach(&self.aim))
@@ -129,12 +132,12 @@ impl LoadingUnit {
     /// Goes along prescribed coordinates. Real-time: yes.
     pub(crate) fn seek_at(
         &mut self,
-        along: &mut impl Iterator<Item = (f64, f64)>,
+        along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>,
         strokes: &mut AtStructure<AxisMotion>,
     ) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);
-        for ((value, rate), (disp, vel)) in each.take(self.rows.len()).zip(along) {
+        for ((value, rate), AtStructure((disp, vel))) in each.take(self.rows.len()).zip(along) {
             (*value, *rate) = (disp, vel);
         }
         self.go(AtPose(&pose), strokes);
@@ -170,8 +173,8 @@ impl LoadingUnit {
     }
 
     /// It is led from the first of these strokes in m to the second. Real-time: yes.
-    pub(crate) fn begin_way(&mut self, strokes: AtStructure<[&[f64]; 2]>) {
-        self.bend.begin(&self.geometry, *strokes);
+    pub(crate) fn begin_way(&mut self, strokes: [AtStructure<&[f64]>; 2]) {
+        self.bend.begin(&self.geometry, strokes);
     }
 
     /// Bends of the strokes at a share of the way: see [`Bend::at`]. Real-time: yes.
@@ -186,7 +189,11 @@ impl LoadingUnit {
     }
 
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
-    pub(crate) fn resolve(&mut self, measured: AtStructure<&[f64]>, force: AtStructure<&[f64]>) -> Result<(), Fault> {
+    pub(crate) fn resolve(
+        &mut self,
+        measured: AtStructure<&[f64]>,
+        force: AtStructure<&[f64]>,
+    ) -> Result<(), Fault> {
         self.found = self.aim;
         let found = self.geometry.find_for_forces(*measured, &mut self.found);
         self.is_unknown = found.is_err();
@@ -231,7 +238,7 @@ impl LoadingUnit {
     }
 
     /// The way to zero force from where the platform was sent last, in m, if its actuators turn beside the specimen.
-    pub(crate) fn unloading_from(&self, strokes: &[f64]) -> Option<PlatformUnloading> {
+    pub(crate) fn unloading_from(&self, strokes: AtStructure<&[f64]>) -> Option<PlatformUnloading> {
         let turns = self.geometry.is_exact() && self.law_at == LawPlace::Platform;
         turns
             .then(|| PlatformUnloading::new(&self.geometry, strokes).ok())
@@ -239,8 +246,8 @@ impl LoadingUnit {
     }
 
     /// Where its poses bend the way of an actuator, the distance in m for which that is nowhere faster; else 0.
-    pub(crate) fn steepest(&self, axis: usize) -> f64 {
-        self.bend.steepest(axis)
+    pub(crate) fn steepest(&self, axis: usize) -> AtStructure<f64> {
+        AtStructure(self.bend.steepest(axis))
     }
 
     /// Each coordinate: pose that the structure asks for, measured pose, force. Real-time: yes.
@@ -457,7 +464,7 @@ mod tests {
             let [x, y] = exchange(&mut port);
             assert!(x.abs() < 1e-13 && y <= last, "{x} {y}");
             last = y;
-            for ((from, to), rate) in before.iter().zip(port.path().sent()).zip(rates) {
+            for ((from, to), rate) in before.iter().zip(*port.path().sent()).zip(rates) {
                 let speed = (to - from) / 0.01;
                 fastest = fastest.max(speed.abs());
                 assert!(
@@ -470,7 +477,7 @@ mod tests {
             way.end() == Some(Ok(())) && fastest > 0.45 && fastest < 0.5,
             "{fastest}"
         );
-        assert_eq!(port.path().sent(), [0.0, 0.0], "to the last bit");
+        assert_eq!(*port.path().sent(), [0.0, 0.0], "to the last bit");
     }
 
     /// A platform that is soft along x and stiff along y, behind two actuators that turn.
@@ -528,11 +535,11 @@ mod tests {
         let mut way = port.begin_return_move(true, 0.001).unwrap();
         let mut last = first;
         while port.go_on(&mut way) {
-            for (from, to) in port.path().sent().iter().zip(port.command()) {
+            for (from, to) in port.path().sent().iter().zip(*port.command()) {
                 assert!((to - from).abs() <= 2e-4 * (1.0 + 1e-9), "{from} {to}");
             }
             last = exchange(&mut port);
-            for force in port.feedback().force() {
+            for force in *port.feedback().force() {
                 assert!(force.abs() <= 1.01 * most, "{force} beside {most}");
             }
         }

@@ -29,10 +29,9 @@ impl Ramp {
     }
 
     /// The next ramp goes from one place to the other.
-    pub(crate) fn begin(&mut self, ends: AtAxis<[&[f64]; 2]>) {
-        let AtAxis([from, to]) = ends;
-        self.from.copy_from_slice(from);
-        self.to.copy_from_slice(to);
+    pub(crate) fn begin(&mut self, [from, to]: [AtAxis<&[f64]>; 2]) {
+        self.from.copy_from_slice(&from);
+        self.to.copy_from_slice(&to);
     }
 
     /// Part of the way at this share (0 … 1) of the time. Real-time: yes.
@@ -46,7 +45,13 @@ impl Ramp {
     }
 
     /// Makes the command at a share of a ramp that takes `seconds` of test time. Real-time: yes.
-    pub(crate) fn go_to(&self, share: f64, seconds: f64, axes: &[Axis], command: &mut AtAxis<AxisMotion>) {
+    pub(crate) fn go_to(
+        &self,
+        share: f64,
+        seconds: f64,
+        axes: &[Axis],
+        command: &mut AtAxis<AxisMotion>,
+    ) {
         let way = Self::way(share);
         let rate = Self::rate([share, seconds]);
         let ends = self.from.iter().zip(&*self.to);

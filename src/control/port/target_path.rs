@@ -41,7 +41,7 @@ impl TargetPath {
 
     /// Everything has rested at `target`, which is the goal.
     pub(crate) fn begin(&mut self, target: &AtStructure<AxisMotion>) {
-        self.goal.copy_from(target);
+        AxisMotion::copy(&mut self.goal, target);
         self.interpolation.rest(&target.disp);
     }
 

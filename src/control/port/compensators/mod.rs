@@ -427,13 +427,19 @@ impl Compensators {
 
     /// The answer to a command is there, or an old one in place of it. `sent` and `raw` are in the specimen's units. Real-time: yes.
     #[inline]
-    pub(crate) fn hear(&mut self, axes: &[Axis], sent: &[f64], raw: &[f64], is_fresh: bool) {
+    pub(crate) fn hear(
+        &mut self,
+        axes: &[Axis],
+        sent: AtAxis<&[f64]>,
+        raw: AtAxis<&[f64]>,
+        is_fresh: bool,
+    ) {
         if self.activity != LeadActivity::Awaiting {
             return;
         }
         self.activity = LeadActivity::Running;
         let undisturbed = self.course == LeadCourse::Undisturbed;
-        let axes = axes.iter().zip(sent).zip(raw);
+        let axes = axes.iter().zip(*sent).zip(*raw);
         for (((axis, sent), raw), made) in axes.zip(&mut self.axes) {
             let command = (sent - axis.disp_offset) * made.metres;
             let measured = (raw - axis.measured_offset - axis.disp_offset) * made.metres;

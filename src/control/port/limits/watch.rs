@@ -5,8 +5,8 @@ use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
 use super::{AxisLimits, Found, Hit};
-use gusset_quantity::frame::AtSpecimen;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtSpecimen;
 use gusset_quantity::state;
 
 /// One axis: its limits, the bounds within which no value is beyond a level, and its past values.
@@ -154,7 +154,11 @@ impl Watch {
 
     /// The same, added to `found`. Real-time: yes.
     #[inline]
-    pub(crate) fn judge_command(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>, found: &mut Found) {
+    pub(crate) fn judge_command(
+        &mut self,
+        disp: impl Iterator<Item = AtSpecimen<f64>>,
+        found: &mut Found,
+    ) {
         let (pace, sent) = (self.pace(), self.sent);
         let aims = self.targets == Targets::AreTold;
         for ((index, axis), AtSpecimen(disp)) in self.axes.iter_mut().enumerate().zip(disp) {
@@ -196,8 +200,8 @@ impl Watch {
     /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side,
     /// and not while an actuator only goes on to where the last command has sent it. `noise` of the displacement sensors in m, one
     /// per axis, as far as it is known.
-    pub(crate) fn excuse(&mut self, noise: impl Iterator<Item = f64>) {
-        for (Axis { past, .. }, noise) in self.axes.iter_mut().zip(noise) {
+    pub(crate) fn excuse(&mut self, noise: impl Iterator<Item = AtSpecimen<f64>>) {
+        for (Axis { past, .. }, AtSpecimen(noise)) in self.axes.iter_mut().zip(noise) {
             past.trips.excuse(past.stands, past.command[0], noise);
         }
         self.leaves = true;
@@ -227,15 +231,15 @@ impl Watch {
 
     /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
     #[must_use]
-    pub(crate) fn jump(&self, axis: usize) -> Option<[f64; 2]> {
-        self.axes.get(axis)?.past.jump
+    pub(crate) fn jump(&self, axis: usize) -> Option<AtSpecimen<[f64; 2]>> {
+        self.axes.get(axis)?.past.jump.map(AtSpecimen)
     }
 
     /// Change in m from the last command but one to the last; 0 before the second.
     #[must_use]
-    pub(crate) fn last_step(&self, axis: usize) -> f64 {
+    pub(crate) fn last_step(&self, axis: usize) -> AtSpecimen<f64> {
         let axis = self.axes.get(axis).filter(|_| self.sent >= 2);
-        axis.map_or(0.0, |Axis { past, .. }| past.command[0] - past.command[1])
+        AtSpecimen(axis.map_or(0.0, |Axis { past, .. }| past.command[0] - past.command[1]))
     }
 
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
@@ -315,9 +319,12 @@ impl Watch {
 
     /// Judges a fresh measurement: (displacement, force) per axis. Real-time: yes.
     #[inline]
-    pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)> + Clone) -> Found {
+    pub fn measured(
+        &mut self,
+        values: impl Iterator<Item = AtSpecimen<(f64, f64)>> + Clone,
+    ) -> Found {
         let mut found = Found::default();
-        let values = values.map(|(disp, force)| (disp, force, disp));
+        let values = values.map(|AtSpecimen((disp, force))| AtSpecimen((disp, force, disp)));
         self.judge_measured(values, &mut found);
         found
     }
@@ -332,10 +339,9 @@ impl Watch {
     ) {
         let seen_before = self.measured;
         // All of them first: what one axis feels another may have done.
-        let any = self.leaves && self.goes_on(values.clone().map(|AtSpecimen((.., stands))| stands));
-        for ((index, axis), AtSpecimen(values)) in
-            self.axes.iter_mut().enumerate().zip(values)
-        {
+        let any =
+            self.leaves && self.goes_on(values.clone().map(|AtSpecimen((.., stands))| stands));
+        for ((index, axis), AtSpecimen(values)) in self.axes.iter_mut().enumerate().zip(values) {
             let Axis {
                 limits,
                 inner,
