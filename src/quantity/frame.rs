@@ -1,13 +1,13 @@
 //! Frames of reference: where a displacement, a velocity, a force or a stiffness counts.
 //!
-//! The same motion has other numbers in each frame. A value that goes from one part of the loop to another carries its frame in its
+//! One motion has other numbers in each frame. A value that goes from one part of the loop to another carries its frame in its
 //! type, without cost. Only parts that know units, gains and geometry convert between frames: `Axis` between structure and axis, the
 //! guard between axis and specimen, the loading unit between pose and strokes, `ClientScale` of a server between client and axis.
 //! Arithmetic inside one part is with bare numbers of its frame.
 //!
-//! A bare number gets a frame only where it comes to be: in such a conversion, or at the outer edge, which is an integrator, a codec,
-//! the test file, or a recorded run. A value in a frame can be read as a bare number everywhere. To give a number another frame is
-//! a conversion.
+//! A bare number gets a frame only where it comes to be: in such a conversion, where a part hands out its own numbers, or at the outer
+//! edge, which is an integrator, a codec, the test file or a recorded run. A value in a frame can be read as a bare number
+//! everywhere. To give a number of one frame another frame is a conversion.
 
 use std::ops::{Deref, DerefMut};
 

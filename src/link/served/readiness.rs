@@ -563,7 +563,7 @@ impl<'a> Readiness<'a> {
         format!("{of}: the force at rest is no number").into()
     }
 
-    /// The numbers of our own command for a place of the axes.
+    /// Numbers of the server's command for a place of the axes.
     fn deformations(&self, place: AtAxis<&[f64]>) -> Vec<f64> {
         if self.served.identity.scale.is_of_axes() {
             return place.to_vec();
