@@ -108,6 +108,7 @@ pub(crate) fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -
 mod tests {
     use super::*;
     use gusset_control::port::limits::Watch;
+    use gusset_quantity::frame::AtSpecimen;
 
     const MM_KN: AxisUnits = AxisUnits {
         metres: 1e-3,
@@ -152,9 +153,12 @@ mod tests {
         let kept = kept(&announce(&limits(), &MM_KN, None), &MM_KN);
         let tripped = |disp: f64, force: f64| {
             let mut watch = Watch::new(vec![kept], 1.0);
-            let command = watch.command(std::iter::once(disp)).trip.is_some();
+            let command = watch
+                .command(std::iter::once(AtSpecimen(disp)))
+                .trip
+                .is_some();
             let measured = watch
-                .measured(std::iter::once((disp, force)))
+                .measured(std::iter::once(AtSpecimen((disp, force))))
                 .trip
                 .is_some();
             (command, measured)
@@ -165,9 +169,14 @@ mod tests {
         assert_eq!(tripped(-0.050_001, 151e3), (true, true));
         // 1 s from one command to the next.
         let mut watch = Watch::new(vec![kept.with(Limit::CommandDisp, Range::NONE)], 1.0);
-        watch.stands_at(std::iter::once(0.0));
-        assert_eq!(watch.command(std::iter::once(0.3)).trip, None);
-        assert!(watch.command(std::iter::once(0.300_001)).trip.is_some());
+        watch.stands_at(std::iter::once(AtSpecimen(0.0)));
+        assert_eq!(watch.command(std::iter::once(AtSpecimen(0.3))).trip, None);
+        assert!(
+            watch
+                .command(std::iter::once(AtSpecimen(0.300_001)))
+                .trip
+                .is_some()
+        );
     }
 
     #[test]

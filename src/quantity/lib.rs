@@ -11,6 +11,7 @@
 
 pub mod catalog;
 pub mod finding;
+pub mod frame;
 pub mod state;
 pub mod substructure;
 pub mod text;

@@ -14,6 +14,7 @@ use gusset_config::ClockChoice;
 use gusset_control::engine::{Control, Experiment, Operator};
 use gusset_control::port::Port;
 use gusset_quantity::catalog::event::Remark;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 use gusset_record::{Event, FolderError, Run, Writer};
 
@@ -31,7 +32,7 @@ fn in_words(numbers: &[f64]) -> String {
 pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderError> {
     // Positions reported to an interrupted test were valid then only.
     for port in &mut *ports {
-        port.startup_mut().report_position(&[]);
+        port.startup_mut().report_position(AtAxis(&[]));
     }
     for event in run.event_lines()? {
         let Some(event) = event? else {
@@ -47,7 +48,7 @@ pub(super) fn put_standing(run: &Run, ports: &mut [Port]) -> Result<(), FolderEr
         };
         let standing: Result<Vec<f64>, _> = said.split(' ').map(str::parse).collect();
         if let (Ok(standing), Some(port)) = (standing, ports.get_mut(port as usize)) {
-            port.startup_mut().report_position(&standing);
+            port.startup_mut().report_position(AtAxis(&standing));
         }
     }
     Ok(())
@@ -141,7 +142,10 @@ pub(super) fn connect(
                         port: number,
                         peer: introduction.peer.clone(),
                         measures_disp: introduction.repeats_the_command.then_some(false),
-                        standing: port.startup().standing().map(in_words),
+                        standing: port
+                            .startup()
+                            .standing()
+                            .map(|standing| in_words(&standing)),
                     });
                 }
             }

@@ -12,6 +12,7 @@ use super::checksum::{read, rows_sha256, same};
 use super::replay_error::ReplayError;
 use gusset_control::engine::Place;
 use gusset_control::port::Port;
+use gusset_quantity::frame::AtAxis;
 use gusset_record::Run;
 use gusset_record::summary::Peak;
 
@@ -203,7 +204,7 @@ impl Origin {
         for (port, axes) in ports.iter_mut().zip(&self.left) {
             if port.exchange().is_remote() {
                 let commands: Vec<f64> = axes.iter().map(|axis| number(&axis[0])).collect();
-                port.stands_at(&commands);
+                port.stands_at(AtAxis(&commands));
             }
         }
     }

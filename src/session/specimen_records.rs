@@ -98,7 +98,7 @@ impl SpecimenRecords {
             before.trip.is_none() && resumed.is_some_and(|folder| place.runs.contains(folder))
         });
         if !before.is_empty() && goes_on.is_none() {
-            let words = before.words(standing).join("; ");
+            let words = before.words(&standing).join("; ");
             return Err(format!(
                 "{words}. Look at the specimen, then `gusset reset {reset}`"
             ));

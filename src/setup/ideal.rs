@@ -17,6 +17,7 @@ use gusset_numerics::integrate::{
 };
 use gusset_numerics::linalg::{Spd, SymMatrix};
 use gusset_numerics::model::{Base, Structure};
+use gusset_quantity::frame::AtStructure;
 
 /// Parts in which a static load is applied.
 const PARTS: u32 = 20;
@@ -436,7 +437,7 @@ impl IdealPort {
             IdealLaw::Law(law) => {
                 let own = self.disp.iter_mut().zip(&mut self.vel);
                 for ((axis, (d, v)), (metres, _)) in self.axes.iter().zip(own).zip(&self.units) {
-                    *d = axis.command(*d) * metres;
+                    *d = axis.command(AtStructure(*d)).0 * metres;
                     *v *= axis.vel_gain * metres;
                 }
                 law.trial(&self.disp, &self.vel, dt, &mut self.force);

@@ -10,6 +10,7 @@ use gusset_control::engine::{InitialForce, Intake, Numerical, StartupSettings, T
 use gusset_control::port::limits::Bound;
 use gusset_control::port::{Axis, Exit, Exits, Reference, Zero};
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtAxis;
 
 /// Default wall time in s over which sensors are averaged.
 const ZERO_S: f64 = 0.2;
@@ -258,7 +259,7 @@ pub(super) fn exits(
         ExitChoice::ZeroDisplacement => Exit::ZeroDisp,
         ExitChoice::SafeDisplacement => {
             let axes = safe.unwrap_or_default().iter().zip(metres);
-            Exit::Safe(axes.map(|(disp, metres)| disp / metres).collect())
+            Exit::Safe(AtAxis(axes.map(|(disp, metres)| disp / metres).collect()))
         }
     };
     Ok(Exits {
@@ -293,7 +294,7 @@ pub(super) fn warn_of_force(
     }
     let deformed = safe.iter().zip(axes).zip(units);
     let deformed: Vec<f64> = deformed
-        .map(|((disp, axis), (metres, _))| axis.deformation(disp / metres))
+        .map(|((disp, axis), (metres, _))| axis.deformation(AtAxis(disp / metres)).0)
         .collect();
     let at = path("specimen").index(index);
     let limits = table.limits_of(axes.len());

@@ -5,6 +5,7 @@ use super::gear;
 use super::specimens::loading::loading_of;
 use gusset_config::{ServedFile, SpecimenTable};
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::units::AxisUnits;
 
 /// Trip levels of one axis, or the range that they allow for one signal of the client. Infinite without a level.
@@ -88,7 +89,7 @@ fn geared(table: &SpecimenTable, index: usize) -> (gusset_control::port::Axis, (
 /// Deformation in m and force in N at the structure of the limits of an axis.
 fn at_structure(table: &SpecimenTable, index: usize, own: &ServedLimit) -> [[f64; 2]; 2] {
     let (axis, (metres, newtons)) = geared(table, index);
-    let disp = own.disp.map(|end| axis.deformation(end / metres));
+    let disp = own.disp.map(|end| axis.deformation(AtAxis(end / metres)).0);
     let force = own
         .force
         .map(|end| axis.force_gain * (end / newtons - axis.force_offset));

@@ -26,6 +26,7 @@ use gusset_link::openfresco::Remote;
 use gusset_numerics::model::StructureSpec;
 use gusset_numerics::spectral::delay::Weights;
 use gusset_proof::Attached;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Substructure;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
@@ -497,7 +498,7 @@ pub(super) fn build(site: &mut Site<'_>, specs: Vec<PortSpec>) -> Result<Vec<Por
         // deformation: it is not queried.
         if site.trial.is_some() && stands {
             let unbent = port.path().sent().to_vec();
-            port.startup_mut().report_position(&unbent);
+            port.startup_mut().report_position(AtAxis(&unbent));
         }
         ports.push(port);
     }

@@ -11,6 +11,7 @@ use gusset_control::port::limits::{AxisLimits, Bound, Hit, Range};
 use gusset_control::port::{Axis, AxisSpec, Exit, Exits, PortSpec, Reference, UnloadFailure, Zero};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::SimClock;
 use gusset_record::{Event, Word};
@@ -283,7 +284,7 @@ fn return_ramps_are_slow_and_reach_the_goal() {
     for (exit, end) in [
         (Exit::ZeroForce, 0.0),
         (Exit::ZeroDisp, 0.0),
-        (Exit::Safe(vec![0.003]), 0.003),
+        (Exit::Safe(AtAxis(vec![0.003])), 0.003),
     ] {
         let (run, way) = after_a_trip(exit.clone());
         assert_eq!(phases(&run)[3..], ["tripped", "leaving", "safe"]);
@@ -331,7 +332,7 @@ fn led_after_its_end(bound: f64) -> Lab {
         .set(Limit::CommandDisp, Range::trip([-bound, bound]));
     lab.exits = Exits {
         on_trip: Exit::Freeze,
-        at_end: Exit::Safe(vec![0.3]),
+        at_end: Exit::Safe(AtAxis(vec![0.3])),
         speed: 0.5,
     };
     lab
@@ -558,7 +559,11 @@ fn unknown_zero_prevents_the_return_move() {
 /// The shutdown begins at once from a test in motion, at 0.1 m/s and more: the stop alone is 100 m/s².
 #[test]
 fn shutdown_keeps_its_own_limits() {
-    for exit in [Exit::ZeroDisp, Exit::ZeroForce, Exit::Safe(vec![0.01])] {
+    for exit in [
+        Exit::ZeroDisp,
+        Exit::ZeroForce,
+        Exit::Safe(AtAxis(vec![0.01])),
+    ] {
         let mut lab = Lab::new(SHORT);
         lab.limits
             .set(Limit::MeasuredForce, Range::trip([-2000.0, 2000.0]));
@@ -591,7 +596,7 @@ fn nothing_is_estimated_in_the_shutdown() {
     lab.limits.set(Limit::AddedEnergy, Bound::trip(1.0));
     lab.exits = Exits {
         on_trip: Exit::Freeze,
-        at_end: Exit::Safe(vec![0.05]),
+        at_end: Exit::Safe(AtAxis(vec![0.05])),
         speed: 0.05,
     };
     let (run, way) = lab.run();

@@ -11,6 +11,7 @@ use gusset_control::port::{
     Axis, AxisSpec, Exit, Exits, Pace, Port, PortSpec, Reference, WiringCheck, Zero,
 };
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::time::SimClock;
 use gusset_record::Event;
 
@@ -88,7 +89,7 @@ fn specimen_elsewhere_is_checked_and_ramped() {
         let (run, way) = led(&more, |mut spec| {
             slowly(&mut spec);
             let mut port = spec.build().unwrap();
-            port.startup_mut().report_position(&[stands]);
+            port.startup_mut().report_position(AtAxis(&[stands]));
             *port.startup_mut().wiring_mut() = WiringCheck::Probe {
                 amplitude: vec![0.001],
                 stiffness: vec![STIFFNESS],
@@ -137,12 +138,12 @@ fn no_specimen_moves_before_all_answered() {
             };
             let axis = rig::storey(number);
             let mut exits = Exits {
-                on_trip: Exit::Safe(vec![0.002]),
+                on_trip: Exit::Safe(AtAxis(vec![0.002])),
                 speed: 0.5,
                 ..Exits::default()
             };
             if stops.is_some() {
-                exits.at_end = Exit::Safe(vec![0.002]);
+                exits.at_end = Exit::Safe(AtAxis(vec![0.002]));
             }
             rig::attach_leaving(&mut experiment, axis, exits, &log, act);
         }
@@ -396,7 +397,7 @@ fn per_step_velocity_uses_the_step_in_test() {
         let limits = AxisLimits::NONE.with(Limit::CommandVel, Bound::trip(0.02));
         (spec.axes[0].limits, spec.tick) = (limits, PERIOD);
         (spec.per_step, spec.step) = (true, Some(10.0 * PERIOD));
-        (spec.exits.at_end, spec.exits.speed) = (Exit::Safe(vec![0.05]), 0.1);
+        (spec.exits.at_end, spec.exits.speed) = (Exit::Safe(AtAxis(vec![0.05])), 0.1);
         spec.build().unwrap()
     });
     assert!(largest_step(&way) > 0.02 * PERIOD, "{}", largest_step(&way));
@@ -452,7 +453,7 @@ fn startup_tick_uses_its_share_of_the_step() {
 fn a_short_ramp_is_no_jump() {
     let (run, way) = led("safety.zero_s = 0.005\nsafety.ramp_s = 0.001", |spec| {
         let mut port = spec.build().unwrap();
-        port.startup_mut().report_position(&[0.02]);
+        port.startup_mut().report_position(AtAxis(&[0.02]));
         port
     });
     assert_eq!(run.outcome.ending, Ending::Completed);

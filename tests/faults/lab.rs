@@ -10,6 +10,7 @@ use gusset_control::engine::{Connected, Control, Notice, Operator, Outcome, Phas
 use gusset_link::fault::StallingClock;
 use gusset_link::server::{Host, Simulated, Tap, Tapped};
 use gusset_link::{NativeSetup, Transport};
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_record::{Column, Event, FolderImage, Layout, Recorder, TimedEvent};
 use gusset_session::{Replay, ending, replay_rows};
@@ -198,7 +199,7 @@ pub fn play(
         let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;
         for (port, stood) in again.ports.iter_mut().zip(&recorded.stood) {
             port.startup_mut()
-                .report_position(stood.as_deref().unwrap_or_default());
+                .report_position(AtAxis(stood.as_deref().unwrap_or_default()));
         }
         let rows = Box::new(std::io::Cursor::new(recorded.samples.clone()));
         replay_rows(again, &recorded.layout, rows).map_err(|error| error.to_string())?
@@ -215,7 +216,7 @@ pub fn perform(prepared: Prepared, wires: Wires<'_>, extra: Extra<'_>) -> Result
     let stood = experiment
         .ports
         .iter()
-        .map(|port| port.startup().standing().map(<[f64]>::to_vec))
+        .map(|port| port.startup().standing().map(|stands| stands.to_vec()))
         .collect();
     let (into, requests) = crossbeam_channel::bounded(16);
     let (notices, told) = crossbeam_channel::bounded(16);

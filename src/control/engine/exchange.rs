@@ -442,7 +442,7 @@ impl Engine<'_> {
         let port = port_at(self.ports, index)?;
         while let Some(sequence) = port.recover() {
             let age = self.exchanges.sequence().saturating_sub(sequence);
-            for (axis, force) in (0..).zip(port.feedback().recovered()) {
+            for (axis, force) in (0..).zip(*port.feedback().recovered()) {
                 let event = Event::Recovered {
                     port: index as u32,
                     axis,

@@ -81,7 +81,7 @@ impl Waits {
                 .exchange()
                 .has_answered()
                 .then(|| port.feedback().raw());
-            rest.sent(port.path().sent(), port.command(), raw);
+            rest.sent([port.path().sent(), port.command()], raw);
         }
     }
 
@@ -102,7 +102,7 @@ impl Waits {
                 return Err(Stop::DoesNotFollow {
                     port: index,
                     axis,
-                    sent: value(port.path().sent()),
+                    sent: value(&port.path().sent()),
                     read: value(&port.feedback().raw().disp),
                 });
             }

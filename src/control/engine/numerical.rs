@@ -9,6 +9,7 @@ use gusset_motion::{Excitation, Prescribed};
 use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
 use gusset_numerics::linalg::Aligned;
 use gusset_numerics::model::{Acceleration, Base, Motion, Structure};
+use gusset_quantity::frame::AtStructure;
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, TestState, Visit};
 
@@ -78,12 +79,12 @@ pub(super) fn seek_along(histories: &[Option<Prescribed>], step: usize, ports: &
     }
 }
 
-fn at(history: Option<&Prescribed>, step: usize) -> (f64, f64) {
+fn at(history: Option<&Prescribed>, step: usize) -> AtStructure<(f64, f64)> {
     let (disp, vel) = history.map_or((&[][..], &[][..]), |history| history.at(step));
-    (
+    AtStructure((
         disp.first().copied().unwrap_or(0.0),
         vel.first().copied().unwrap_or(0.0),
-    )
+    ))
 }
 
 impl Numerical {

@@ -44,10 +44,10 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
         else {
             return;
         };
-        *target = at(port.target(), axis);
-        *command = at(port.path().sent(), axis);
-        *measured = at(port.feedback().disp(), axis);
-        *force = at(port.feedback().force(), axis);
+        *target = at(&port.target(), axis);
+        *command = at(&port.path().sent(), axis);
+        *measured = at(&port.feedback().disp(), axis);
+        *force = at(&port.feedback().force(), axis);
         *raw_disp = at(&raw.disp, axis);
         *raw_force = at(&raw.force, axis);
         *kt = stiffness;

@@ -15,6 +15,7 @@ use super::stepping::Stepping;
 use super::warm_up::WarmUp;
 use super::{Peaks, Stop};
 use crate::port::{Port, Reading};
+use gusset_quantity::frame::AtAxis;
 use gusset_record::{Event, GridOf, Standing};
 
 /// Multiple of the noise of a reading beyond which it differs, and share of it up to which a difference is roundoff.
@@ -99,21 +100,24 @@ fn expected_force(
     reading: &Reading,
 ) -> [f64; 2] {
     let way = ways.get(axis).copied().unwrap_or(f64::NAN);
-    let expected = place.force + port.elastic_force_of(axis, way);
+    let expected = place.force + port.elastic_force_of(axis, AtAxis(way)).0;
     let others = ways.iter().enumerate();
     let others = others.map(|(other, way)| if other == axis { 0.0 } else { *way });
     let others: Vec<f64> = others.collect();
-    let noise = NOISE * port.elastic_force_of(axis, reading.disp_noise).abs();
+    let noise = NOISE
+        * port
+            .elastic_force_of(axis, AtAxis(reading.disp_noise))
+            .abs();
     let explained = if port.startup().has_relative_disp(axis) {
         place.within
     } else {
         place.way_lost
     };
     let explained = way.abs().min(explained.max(0.0)).copysign(way);
-    let yields = port.elastic_force_of(axis, explained);
+    let AtAxis(yields) = port.elastic_force_of(axis, AtAxis(explained));
     let has_yielded = (reading.force - expected) * yields < 0.0;
     let yields = if has_yielded { yields.abs() } else { 0.0 };
-    let coupled = port.most_force_of(axis, &others);
+    let AtAxis(coupled) = port.most_force_of(axis, AtAxis(&others));
     [expected, place.force_within + coupled + noise + yields]
 }
 
@@ -189,7 +193,7 @@ impl Resumption {
     fn compare_positions(&self, engine: &mut Engine<'_>) -> Result<(), Stop> {
         for (index, (port, places)) in engine.ports.iter().zip(&self.left).enumerate() {
             let stands = port.startup().standing().unwrap_or(port.path().sent());
-            let axes = stands.iter().zip(port.path().sent()).zip(places);
+            let axes = stands.iter().zip(*port.path().sent()).zip(places);
             for (axis, ((found, left), place)) in axes.enumerate() {
                 let stands_there = (found - left).abs() <= place.within;
                 if !stands_there && !self.accepts_changed {

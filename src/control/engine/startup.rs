@@ -12,6 +12,7 @@ use super::warm_up::WarmUp;
 use super::wiring_check::WiringCheck;
 use super::{Resumption, Stop};
 use crate::port::Port;
+use gusset_quantity::frame::AtAxis;
 use gusset_record::{Event, GridOf};
 
 /// Repetitions of the numerical path on scratch state before the first edge.
@@ -120,8 +121,9 @@ impl Startup {
             for (axis, bound) in bounds.iter().enumerate().take(all.len()) {
                 let newtons = port.guard().newtons_of(axis);
                 let noise = port.startup().reading(axis).force_noise * newtons;
-                let (force, slack) = port.unexplained_force(axis, &all, STIFFNESS_SHARE);
-                let resolution = port.stiffness_at_specimen(axis) * RESOLUTION_M;
+                let AtAxis((force, slack)) =
+                    port.unexplained_force(axis, AtAxis(&all), STIFFNESS_SHARE);
+                let resolution = port.stiffness_at_specimen(axis).0 * RESOLUTION_M;
                 let most = bound.most_n + NOISE * noise + resolution + slack * newtons;
                 let force = force * newtons;
                 if force.abs() > most {

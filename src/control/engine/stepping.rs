@@ -370,7 +370,12 @@ impl Stepping {
             digest.add_list(self.memory.words().iter().copied());
         }
         for port in &*engine.ports {
-            for value in port.feedback().force().iter().chain(port.feedback().disp()) {
+            for value in port
+                .feedback()
+                .force()
+                .iter()
+                .chain(*port.feedback().disp())
+            {
                 digest.add(value.to_bits());
             }
         }

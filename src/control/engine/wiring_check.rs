@@ -12,6 +12,7 @@ use super::tick::Tick;
 use super::{Ending, Side, Stop};
 use crate::port::{Port, Probe};
 use gusset_numerics::integrate::State;
+use gusset_quantity::frame::AtStructure;
 use gusset_record::rt::timing::TickStamps;
 use gusset_record::{Event, GridOf};
 
@@ -122,7 +123,7 @@ impl WiringCheck {
             }
             Side::Prescribed(_) => {
                 for port in &mut *engine.ports {
-                    port.aim_at(&mut std::iter::repeat((0.0, 0.0)));
+                    port.aim_at(&mut std::iter::repeat(AtStructure((0.0, 0.0))));
                 }
             }
         }

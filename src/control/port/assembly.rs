@@ -7,6 +7,7 @@ use super::probe::SIGMAS;
 use super::retrace::Tick;
 use super::*;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtSpecimen;
 use gusset_quantity::state::TestState;
 
 // Construction.
@@ -87,7 +88,7 @@ impl Port {
     /// The specimen cannot take part.
     pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         let mut introduction = self.exchange.connect()?;
-        self.startup.learn_position(&introduction.standing);
+        self.startup.learn_position(AtAxis(&introduction.standing));
         let expected = self.expected();
         let warnings = expected.warnings(&introduction);
         introduction.warnings.extend(warnings);
@@ -118,7 +119,7 @@ impl Port {
     }
 
     /// Where the specimen stands, in its own unit, one value per axis: it was moved there by others than this port.
-    pub fn stands_at(&mut self, disp: &[f64]) {
+    pub fn stands_at(&mut self, disp: AtAxis<&[f64]>) {
         self.path.stands_at(disp);
     }
 
@@ -128,7 +129,7 @@ impl Port {
     /// The specimen is gone.
     pub fn ask_to_arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
         self.exchange
-            .ask_to_arm(sequence, &self.path.command().disp)
+            .ask_to_arm(sequence, self.path.command().part(AxisMotion::disp))
     }
 
     /// The last agreement before commands move the specimen; command `sequence` is the next. False if the user does not want it any
@@ -141,7 +142,7 @@ impl Port {
         sequence: u64,
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<bool, LinkFault> {
-        let command = &self.path.command().disp;
+        let command = self.path.command().part(AxisMotion::disp);
         self.exchange.arm(sequence, command, wanted)
     }
 
@@ -150,17 +151,20 @@ impl Port {
     #[must_use]
     pub(crate) fn probe(&self) -> Option<Probe> {
         let reported = self.startup.standing().map(|standing| {
-            let axes = standing.iter().zip(&self.axes);
-            let deformed = axes.map(|(disp, axis)| axis.deformation(*disp));
-            deformed.collect::<Vec<f64>>()
+            let axes = standing.each().zip(&self.axes);
+            let deformed = axes.map(|(disp, axis)| axis.deformation(disp).0);
+            AtStructure(deformed.collect::<Vec<f64>>())
         });
-        let start = reported.as_deref().unwrap_or_else(|| self.target());
+        let start = reported
+            .as_ref()
+            .map(|reported| reported.part(Vec::as_slice));
+        let start = start.unwrap_or_else(|| self.target());
         self.startup.wiring().probe(start)
     }
 
     /// Makes the next command of a probe, `share` of an exchange after the last; false at its end. Real-time: yes.
     pub(crate) fn aim_probe(&mut self, probe: &mut Probe, share: f64) -> bool {
-        let target = self.path.target_mut();
+        let AtStructure(target) = self.path.target_mut();
         let goes_on = probe.go_on(share, &mut target.disp, &mut target.vel);
         self.path.follow_target(&self.axes);
         goes_on
@@ -169,7 +173,7 @@ impl Port {
     /// Gives a probe what was measured, unless it is old. Real-time: yes.
     pub(crate) fn take_probe(&self, probe: &mut Probe) {
         if self.feedback.is_fresh() {
-            probe.take(self.feedback.disp(), self.feedback.force());
+            probe.take(&self.feedback.disp(), &self.feedback.force());
         } else {
             probe.give_again();
         }
@@ -181,7 +185,7 @@ impl Port {
         let period_s = probe.period_ns() as f64 * 1e-9;
         let sent = |index: usize| {
             let axis = self.axes.get(index).zip(self.path.sent().get(index));
-            axis.map_or(f64::NAN, |(axis, sent)| axis.deformation(*sent))
+            axis.map_or(f64::NAN, |(axis, sent)| axis.deformation(AtAxis(*sent)).0)
         };
         let brake = |index: usize| {
             let gain = self.axes.get(index).map_or(1.0, |axis| axis.disp_gain);
@@ -235,8 +239,9 @@ impl Port {
 }
 
 /// Target, displacement and force of a specimen at rest.
-fn at_rest<'a>(path: &'a CommandPath, feedback: &'a Feedback) -> [&'a [f64]; 3] {
-    [&path.target().disp, feedback.disp(), feedback.force()]
+fn at_rest<'a>(path: &'a CommandPath, feedback: &'a Feedback) -> [AtStructure<&'a [f64]>; 3] {
+    let target = path.target().part(AxisMotion::disp);
+    [target, feedback.disp(), feedback.force()]
 }
 
 // Zero, initial force, and the estimates that begin there.
@@ -290,31 +295,33 @@ impl Port {
     pub(crate) fn unexplained_force(
         &self,
         axis: usize,
-        measured: &[[f64; 2]],
+        measured: AtAxis<&[[f64; 2]]>,
         share: f64,
-    ) -> (f64, f64) {
+    ) -> AtAxis<(f64, f64)> {
         self.stiffness
             .unexplained_force(axis, &self.axes, measured, share)
     }
 
     /// Initial stiffness of an axis at the specimen's own scale, N/m.
     #[must_use]
-    pub(crate) fn stiffness_at_specimen(&self, axis: usize) -> f64 {
-        let own = self.elastic_force_of(axis, 1.0);
-        (own * self.guard.newtons_of(axis) / self.guard.metres_of(axis)).abs()
+    pub(crate) fn stiffness_at_specimen(&self, axis: usize) -> AtSpecimen<f64> {
+        let AtAxis(own) = self.elastic_force_of(axis, AtAxis(1.0));
+        AtSpecimen((own * self.guard.newtons_of(axis) / self.guard.metres_of(axis)).abs())
     }
 
     /// Change of the force of an axis whose displacement changes by `way`, by its initial stiffness; both in the specimen's own units.
     #[must_use]
-    pub(crate) fn elastic_force_of(&self, axis: usize, way: f64) -> f64 {
+    pub(crate) fn elastic_force_of(&self, axis: usize, way: AtAxis<f64>) -> AtAxis<f64> {
         let known = self.axes.get(axis);
-        known.map_or(0.0, |known| self.stiffness.elastic_force(axis, known, way))
+        known.map_or(AtAxis(0.0), |known| {
+            self.stiffness.elastic_force(axis, known, way)
+        })
     }
 
     /// The most that the force of an axis can change where the axes are displaced by `ways`, both in the specimen's own units and
     /// by its initial stiffness: |kᵢⱼ| is at most √(kᵢᵢ kⱼⱼ).
     #[must_use]
-    pub(crate) fn most_force_of(&self, axis: usize, ways: &[f64]) -> f64 {
+    pub(crate) fn most_force_of(&self, axis: usize, ways: AtAxis<&[f64]>) -> AtAxis<f64> {
         self.stiffness.most_force(axis, &self.axes, ways)
     }
 
@@ -448,10 +455,10 @@ impl Port {
     pub(crate) fn brake(&mut self, brake: &mut Brake) -> bool {
         let goes_on = brake.go_on();
         if goes_on {
-            let steps = self.guard.last_steps().iter();
+            let steps = self.guard.last_steps().each();
             let share = brake.share();
             self.path
-                .coast(steps.map(|step| share * step), brake.tick_s());
+                .coast(steps.map(|step| AtAxis(share * step.0)), brake.tick_s());
         }
         goes_on
     }
@@ -487,14 +494,15 @@ impl Port {
                 };
                 return Some(ReturnMove::unload(&from, speed, tick));
             }
-            Exit::ZeroDisp => self.axes.iter().map(|axis| axis.disp_offset).collect(),
+            Exit::ZeroDisp => AtAxis(self.axes.iter().map(|axis| axis.disp_offset).collect()),
             Exit::Safe(disp) => disp.clone(),
         };
-        self.path.command_place(&goal);
+        self.path.command_place(goal.part(Vec::as_slice));
         self.begin_ramp();
-        let ends = self.path.sent().iter().zip(self.command()).enumerate();
+        let ends = self.path.sent().iter().zip(*self.command()).enumerate();
         let times = ends.map(|(axis, (from, to))| {
-            let distance = (to - from).abs().max(self.steepest(axis)) * self.guard.metres_of(axis);
+            let distance = (to - from).abs().max(self.steepest(axis).0);
+            let distance = AtSpecimen(distance * self.guard.metres_of(axis));
             self.guard.cosine_time(axis, distance, speed)
         });
         let seconds = times.fold(0.0, f64::max);
@@ -531,13 +539,13 @@ impl Port {
         self.path.command_place(retrace.start());
         self.path.begin_ramp(&self.axes, None);
         let retrace = self.retrace.as_ref()?;
-        let ends = self.path.sent().iter().zip(retrace.start()).enumerate();
+        let ends = self.path.sent().iter().zip(*retrace.start()).enumerate();
         let times = ends.filter(|(_, (from, to))| from != to);
         let times = times.map(|(axis, (from, to))| {
             let metres = self.guard.metres_of(axis);
             let speed = retrace.step(axis) * metres / self.guard.command_time(tick);
             self.guard
-                .cosine_time(axis, (to - from).abs() * metres, speed)
+                .cosine_time(axis, AtSpecimen((to - from).abs() * metres), speed)
         });
         let seconds = times.fold(0.0, f64::max);
         Some(ReturnMove::ramp(seconds, tick))

@@ -3,6 +3,7 @@
 //! Invariant: both directions use the same gains, so a command that is followed exactly comes back as its own target.
 
 use super::error::PortError;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::state;
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
@@ -87,22 +88,23 @@ impl Axis {
     /// The command in the specimen's unit for d in m at the structure. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn command(&self, deformation: f64) -> f64 {
-        self.disp_gain * deformation + self.disp_offset
+    pub fn command(&self, deformation: AtStructure<f64>) -> AtAxis<f64> {
+        AtAxis(self.disp_gain * deformation.0 + self.disp_offset)
     }
 
     /// d in m at the structure for which this is the command, in the specimen's unit. Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn deformation(&self, command: f64) -> f64 {
-        (command - self.disp_offset) / self.disp_gain
+    pub fn deformation(&self, command: AtAxis<f64>) -> AtStructure<f64> {
+        AtStructure((command.0 - self.disp_offset) / self.disp_gain)
     }
 
     /// Displacement in m and force in N at the structure of a measurement in the specimen's units. Real-time: yes.
     #[inline]
-    pub(super) fn at_structure(&self, disp: f64, force: f64) -> (f64, f64) {
+    pub(super) fn at_structure(&self, raw: AtAxis<(f64, f64)>) -> AtStructure<(f64, f64)> {
+        let AtAxis((disp, force)) = raw;
         let disp = (disp - self.measured_offset - self.disp_offset) / self.disp_gain;
-        (disp, self.force_gain * (force - self.force_offset))
+        AtStructure((disp, self.force_gain * (force - self.force_offset)))
     }
 
     /// b·x and b·v, relative to the base. Real-time: yes.

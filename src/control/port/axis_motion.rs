@@ -2,9 +2,10 @@
 
 use super::axis::Axis;
 use super::loading_unit::LoadingUnit;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::state;
 
-/// One value per axis, of displacements and of their velocities.
+/// One value per axis, of displacements and of their velocities, in the frame of [`gusset_quantity::frame`] that stands round it.
 #[derive(Debug, Clone)]
 pub(crate) struct AxisMotion {
     pub disp: Vec<f64>,
@@ -22,17 +23,16 @@ impl AxisMotion {
         }
     }
 
-    /// Takes the values of another of as many axes. Real-time: yes.
+    /// Displacements. Real-time: yes.
     #[inline]
-    pub(crate) fn copy_from(&mut self, other: &Self) {
-        self.disp.copy_from_slice(&other.disp);
-        self.vel.copy_from_slice(&other.vel);
+    pub(crate) fn disp(&self) -> &[f64] {
+        &self.disp
     }
 
-    /// Takes displacements, at rest. Real-time: yes.
-    pub(crate) fn rest_at(&mut self, disp: &[f64]) {
-        self.disp.copy_from_slice(disp);
-        self.vel.fill(0.0);
+    /// Velocities. Real-time: yes.
+    #[inline]
+    pub(crate) fn vel(&self) -> &[f64] {
+        &self.vel
     }
 
     /// Takes displacement and velocity of one axis after the other. Real-time: yes.
@@ -44,38 +44,57 @@ impl AxisMotion {
         }
     }
 
-    /// Takes the deformations that the structure's [displacement, velocity] asks for, of a base that moves by [displacement, velocity];
-    /// of the actuators of a loading unit the strokes. Real-time: yes.
+    /// Displacement and velocity of one axis after the other, to be changed. Real-time: yes.
     #[inline]
-    pub(crate) fn seek(
-        &mut self,
-        axes: &[Axis],
-        unit: Option<&mut LoadingUnit>,
-        state: [&[f64]; 2],
-        base: [f64; 2],
-    ) {
-        match unit {
-            Some(unit) => unit.seek(state, base, &mut self.disp, &mut self.vel),
-            None => self.take(axes.iter().map(|axis| axis.dots(state, base))),
-        }
-    }
-
-    /// Takes prescribed deformations, of one axis after the other; with a loading unit of one coordinate after the other.
-    /// Real-time: yes.
-    pub(crate) fn seek_at(
-        &mut self,
-        unit: Option<&mut LoadingUnit>,
-        along: &mut impl Iterator<Item = (f64, f64)>,
-    ) {
-        match unit {
-            Some(unit) => unit.seek_at(along, &mut self.disp, &mut self.vel),
-            None => self.take(along),
-        }
+    pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = (&mut f64, &mut f64)> {
+        self.disp.iter_mut().zip(&mut self.vel)
     }
 
     /// Displacement and velocity of one axis after the other. Real-time: yes.
     #[inline]
     pub(crate) fn iter(&self) -> impl Iterator<Item = (&f64, &f64)> + Clone {
         self.disp.iter().zip(&self.vel)
+    }
+
+    /// A command takes displacements, at rest. Real-time: yes.
+    pub(crate) fn rest_at(command: &mut AtAxis<Self>, disp: AtAxis<&[f64]>) {
+        command.disp.copy_from_slice(&disp);
+        command.vel.fill(0.0);
+    }
+
+    /// A target takes the values of another of as many axes. Real-time: yes.
+    #[inline]
+    pub(crate) fn copy(target: &mut AtStructure<Self>, other: &AtStructure<Self>) {
+        target.disp.copy_from_slice(&other.disp);
+        target.vel.copy_from_slice(&other.vel);
+    }
+
+    /// A target takes the deformations that the structure's [displacement, velocity] asks for, of a base that moves by [displacement,
+    /// velocity]; of the actuators of a loading unit the strokes. Real-time: yes.
+    #[inline]
+    pub(crate) fn seek(
+        target: &mut AtStructure<Self>,
+        axes: &[Axis],
+        unit: Option<&mut LoadingUnit>,
+        state: [&[f64]; 2],
+        base: [f64; 2],
+    ) {
+        match unit {
+            Some(unit) => unit.seek(state, base, target),
+            None => target.take(axes.iter().map(|axis| axis.dots(state, base))),
+        }
+    }
+
+    /// A target takes prescribed deformations, of one axis after the other; with a loading unit of one coordinate after the other.
+    /// Real-time: yes.
+    pub(crate) fn seek_at(
+        target: &mut AtStructure<Self>,
+        unit: Option<&mut LoadingUnit>,
+        along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>,
+    ) {
+        match unit {
+            Some(unit) => unit.seek_at(along, target),
+            None => target.take(along.map(|AtStructure(motion)| motion)),
+        }
     }
 }

@@ -12,6 +12,7 @@
 //! goes straight as before. Where the poses in between cannot be, all of it does.
 
 use gusset_actuator::geometry::{Fault, Geometry, MOST, Placed};
+use gusset_quantity::frame::AtStructure;
 
 /// Parts of a way after each of which it is looked at before it is gone.
 const PARTS: u32 = 16;
@@ -38,17 +39,21 @@ impl Bend {
     }
 
     /// The next way leads from the first of these strokes, in m, to the second.
-    pub(crate) fn begin(&mut self, geometry: &Geometry, strokes: [&[f64]; 2]) {
+    pub(crate) fn begin(&mut self, geometry: &Geometry, strokes: [AtStructure<&[f64]>; 2]) {
         // In a linear geometry straight strokes are straight poses.
         self.is_possible = geometry.is_exact();
         self.steepest = [0.0; MOST];
         self.is_possible = self.is_possible && self.look(geometry, strokes).is_ok();
     }
 
-    fn look(&mut self, geometry: &Geometry, strokes: [&[f64]; 2]) -> Result<(), Fault> {
+    fn look(
+        &mut self,
+        geometry: &Geometry,
+        strokes: [AtStructure<&[f64]>; 2],
+    ) -> Result<(), Fault> {
         let mut placed = geometry.reference();
         for (end, strokes) in self.ends.iter_mut().zip(strokes) {
-            geometry.find(strokes, &mut placed)?;
+            geometry.find(&strokes, &mut placed)?;
             // Its strokes to the last bit, so that nothing is left of the bend there.
             let pose = *placed.pose();
             geometry.place(&pose, &mut placed)?;

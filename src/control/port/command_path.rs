@@ -14,6 +14,7 @@ use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use gusset_actuator::compensation::Parameter;
 use gusset_actuator::geometry::MOST;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::state;
 
 /// Which moment the velocity that belongs to a target is of.
@@ -54,10 +55,10 @@ state! { enum InForce { Motion, Repetition } }
 #[derive(Debug)]
 pub struct CommandPath {
     /// Deformation that the structure asks for: B·x; of an actuator the stroke for the pose B·x.
-    target: AxisMotion,
+    target: AtStructure<AxisMotion>,
     velocity_of: VelocityOf,
     /// The target of the tick in which it was reached.
-    kept_target: Vec<f64>,
+    kept_target: AtStructure<Vec<f64>>,
     /// The target of the next step.
     path: TargetPath,
     /// It is commanded once a step.
@@ -65,15 +66,15 @@ pub struct CommandPath {
     ramp: Ramp,
     compensators: Option<Compensators>,
     /// The next command.
-    command: AxisMotion,
+    command: AtAxis<AxisMotion>,
     clearance: Clearance,
     /// The last command.
-    sent: Vec<f64>,
+    sent: AtAxis<Vec<f64>>,
     in_force: InForce,
     /// Zero velocities.
-    still: Vec<f64>,
+    still: AtAxis<Vec<f64>>,
     /// The last command of an interrupted test; empty without one.
-    resumed_from: Vec<f64>,
+    resumed_from: AtAxis<Vec<f64>>,
 }
 
 // When a step is closed no target is kept, and no ramp is under way.
@@ -89,19 +90,19 @@ impl CommandPath {
     pub(crate) fn new(axes: &[Axis]) -> Self {
         let n = axes.len();
         Self {
-            target: AxisMotion::zeros(n),
+            target: AtStructure(AxisMotion::zeros(n)),
             velocity_of: VelocityOf::default(),
-            kept_target: vec![0.0; n],
+            kept_target: AtStructure(vec![0.0; n]),
             path: TargetPath::new(n),
             per_step: false,
             ramp: Ramp::new(n),
             compensators: None,
-            command: AxisMotion::zeros(n),
+            command: AtAxis(AxisMotion::zeros(n)),
             clearance: Clearance::Unjudged,
-            sent: axes.iter().map(|axis| axis.disp_offset).collect(),
+            sent: AtAxis(axes.iter().map(|axis| axis.disp_offset).collect()),
             in_force: InForce::Repetition,
-            still: vec![0.0; n],
-            resumed_from: Vec::new(),
+            still: AtAxis(vec![0.0; n]),
+            resumed_from: AtAxis(Vec::new()),
         }
     }
 
@@ -141,13 +142,13 @@ impl CommandPath {
     }
 
     #[inline]
-    pub(crate) const fn target(&self) -> &AxisMotion {
+    pub(crate) const fn target(&self) -> &AtStructure<AxisMotion> {
         &self.target
     }
 
     /// Where a target is to be written. Real-time: yes.
     #[inline]
-    pub(crate) const fn target_mut(&mut self) -> &mut AxisMotion {
+    pub(crate) const fn target_mut(&mut self) -> &mut AtStructure<AxisMotion> {
         &mut self.target
     }
 
@@ -162,13 +163,13 @@ impl CommandPath {
     }
 
     #[inline]
-    pub(crate) const fn command(&self) -> &AxisMotion {
+    pub(crate) const fn command(&self) -> &AtAxis<AxisMotion> {
         &self.command
     }
 
     /// Where a command is to be written: its clearance is revoked. Real-time: yes.
     #[inline]
-    const fn command_mut(&mut self) -> &mut AxisMotion {
+    const fn command_mut(&mut self) -> &mut AtAxis<AxisMotion> {
         self.clearance = Clearance::Unjudged;
         &mut self.command
     }
@@ -176,25 +177,25 @@ impl CommandPath {
     /// The last command, in the specimen's unit.
     #[inline]
     #[must_use]
-    pub fn sent(&self) -> &[f64] {
-        &self.sent
+    pub fn sent(&self) -> AtAxis<&[f64]> {
+        self.sent.part(Vec::as_slice)
     }
 
     /// The last command with zero velocities. Real-time: yes.
     #[inline]
-    pub(crate) fn last_at_rest(&self) -> [&[f64]; 2] {
-        [&self.sent, &self.still]
+    pub(crate) fn last_at_rest(&self) -> [AtAxis<&[f64]>; 2] {
+        [&self.sent, &self.still].map(|of| of.part(Vec::as_slice))
     }
 
     /// The target of the next step. Real-time: yes.
     #[inline]
-    pub(crate) const fn goal(&self) -> &AxisMotion {
+    pub(crate) const fn goal(&self) -> &AtStructure<AxisMotion> {
         self.path.goal()
     }
 
     /// Where the target of the next step is to be written. Real-time: yes.
     #[inline]
-    pub(crate) const fn goal_mut(&mut self) -> &mut AxisMotion {
+    pub(crate) const fn goal_mut(&mut self) -> &mut AtStructure<AxisMotion> {
         self.path.goal_mut()
     }
 
@@ -238,10 +239,10 @@ impl CommandPath {
     #[inline]
     pub(crate) fn follow_target(&mut self, axes: &[Axis]) {
         self.clearance = Clearance::Unjudged;
-        let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
+        let commands = self.command.iter_mut();
         let targets = self.target.iter();
         for (((command, command_vel), (disp, vel)), axis) in commands.zip(targets).zip(axes) {
-            *command = axis.command(*disp);
+            *command = axis.command(AtStructure(*disp)).0;
             *command_vel = axis.vel_gain * vel;
         }
     }
@@ -280,7 +281,7 @@ impl CommandPath {
 
     #[inline]
     fn land(&mut self) {
-        self.target.copy_from(self.path.goal());
+        AxisMotion::copy(&mut self.target, self.path.goal());
         self.velocity_of = VelocityOf::Integrator;
     }
 
@@ -303,7 +304,7 @@ impl CommandPath {
             // A whole step in one tick: the integrator's own velocity belongs to it.
             self.land();
         } else {
-            let targets = self.target.disp.iter_mut().zip(&mut self.target.vel);
+            let targets = self.target.iter_mut();
             for (axis, (target, target_vel)) in targets.enumerate() {
                 let point = self.path.at(axis, tick.share);
                 *target = point.disp;
@@ -345,30 +346,30 @@ impl CommandPath {
     /// The next command is the last one: nothing moves.
     pub(crate) fn stand_still(&mut self) {
         self.clearance = Clearance::Unjudged;
-        self.command.rest_at(&self.sent);
+        AxisMotion::rest_at(&mut self.command, self.sent.part(Vec::as_slice));
     }
 
     /// The next command is at these displacements; its velocity stays. For the begin of a ramp.
-    pub(crate) fn command_place(&mut self, disp: &[f64]) {
-        self.command_mut().disp.copy_from_slice(disp);
+    pub(crate) fn command_place(&mut self, disp: AtAxis<&[f64]>) {
+        self.command_mut().disp.copy_from_slice(&disp);
     }
 
     /// The next command is this many m of the structure's behind the last. Real-time: yes.
-    pub(crate) fn go_back(&mut self, steps: impl Iterator<Item = f64>, axes: &[Axis]) {
+    pub(crate) fn go_back(&mut self, steps: impl Iterator<Item = AtStructure<f64>>, axes: &[Axis]) {
         self.clearance = Clearance::Unjudged;
-        let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
+        let commands = self.command.iter_mut();
         let steps = self.sent.iter().zip(axes).zip(steps);
-        for ((command, vel), ((sent, axis), step)) in commands.zip(steps) {
+        for ((command, vel), ((sent, axis), AtStructure(step))) in commands.zip(steps) {
             *command = sent - axis.disp_gain * step;
             *vel = 0.0;
         }
     }
 
     /// The next command is these steps after the last, in the unit of each axis, in a tick of `tick` s. Real-time: yes.
-    pub(crate) fn coast(&mut self, steps: impl Iterator<Item = f64>, tick: f64) {
+    pub(crate) fn coast(&mut self, steps: impl Iterator<Item = AtAxis<f64>>, tick: f64) {
         self.clearance = Clearance::Unjudged;
-        let commands = self.command.disp.iter_mut().zip(&mut self.command.vel);
-        for ((command, vel), (sent, step)) in commands.zip(self.sent.iter().zip(steps)) {
+        let commands = self.command.iter_mut();
+        for ((command, vel), (sent, AtAxis(step))) in commands.zip(self.sent.iter().zip(steps)) {
             *command = sent + step;
             *vel = step / tick;
         }
@@ -376,17 +377,21 @@ impl CommandPath {
 
     /// A ramp goes from the last command to the next one. A loading unit goes from pose to pose.
     pub(crate) fn begin_ramp(&mut self, axes: &[Axis], unit: Option<&mut LoadingUnit>) {
-        self.ramp.begin(&self.sent, &self.command.disp);
+        let ends = [
+            self.sent.part(Vec::as_slice),
+            self.command.part(AxisMotion::disp),
+        ];
+        self.ramp.begin(ends);
         if let Some(unit) = unit {
             let mut strokes = [[0.0; MOST]; 2];
-            let ends = [&self.sent, &self.command.disp];
             for (strokes, commands) in strokes.iter_mut().zip(ends) {
-                for (stroke, (axis, command)) in strokes.iter_mut().zip(axes.iter().zip(commands)) {
-                    *stroke = axis.deformation(*command);
+                for (stroke, (axis, command)) in
+                    strokes.iter_mut().zip(axes.iter().zip(commands.each()))
+                {
+                    *stroke = axis.deformation(command).0;
                 }
             }
-            let [from, to] = &strokes;
-            unit.begin_way([from, to]);
+            unit.begin_way(strokes.each_ref().map(|strokes| AtStructure(&strokes[..])));
         }
     }
 
@@ -407,9 +412,9 @@ impl CommandPath {
     }
 
     /// The specimen stands here, in its own unit: others than this port moved it.
-    pub(crate) fn stands_at(&mut self, disp: &[f64]) {
-        for (sent, disp) in self.sent.iter_mut().zip(disp) {
-            *sent = *disp;
+    pub(crate) fn stands_at(&mut self, disp: AtAxis<&[f64]>) {
+        for (sent, disp) in self.sent.iter_mut().zip(disp.each()) {
+            *sent = disp.0;
         }
     }
 
@@ -419,7 +424,7 @@ impl CommandPath {
     }
 
     /// True in a test that resumes an interrupted one.
-    pub(crate) const fn is_resumed(&self) -> bool {
+    pub(crate) fn is_resumed(&self) -> bool {
         !self.resumed_from.is_empty()
     }
 
@@ -452,9 +457,10 @@ impl CommandPath {
 
     /// The answer to a command is there, or an old one in place of it. Real-time: yes.
     #[inline]
-    pub(crate) fn hear(&mut self, axes: &[Axis], raw: &[f64], is_fresh: bool) {
+    pub(crate) fn hear(&mut self, axes: &[Axis], raw: AtAxis<&[f64]>, is_fresh: bool) {
         if let Some(compensators) = &mut self.compensators {
-            compensators.hear(axes, &self.sent, raw, is_fresh);
+            let sent = self.sent.part(Vec::as_slice);
+            compensators.hear(axes, sent, raw, is_fresh);
         }
     }
 }

@@ -10,6 +10,7 @@ use super::feedback::Feedback;
 use super::initial_stiffness::InitialStiffness;
 use super::limits::Estimated;
 use super::tangent::{Point, Tangent};
+use gusset_quantity::frame::AtStructure;
 use gusset_quantity::state;
 
 /// Noise levels that a change must exceed to count for a tangent.
@@ -93,7 +94,7 @@ pub(crate) struct Observation<'a> {
 
 impl Estimates {
     /// Of axes with this k̂ and what is declared of them, in an integration with the step `dt`.
-    pub(crate) fn new(stiffness: &[f64], declared: &[Declared], dt: f64) -> Self {
+    pub(crate) fn new(stiffness: AtStructure<&[f64]>, declared: &[Declared], dt: f64) -> Self {
         let estimate = |(stiffness, declared): (&f64, &Declared)| Estimate {
             tangent: Tangent::new(*stiffness, declared.damping, declared.damping_bound > 0.0),
             declared: *declared,
@@ -112,8 +113,8 @@ impl Estimates {
     }
 
     /// Restarts with the declared values: the wiring check is not part of the test.
-    pub(crate) fn restart(&mut self, stiffness: &[f64]) {
-        for (axis, stiffness) in self.axes.iter_mut().zip(stiffness) {
+    pub(crate) fn restart(&mut self, stiffness: AtStructure<&[f64]>) {
+        for (axis, stiffness) in self.axes.iter_mut().zip(*stiffness) {
             let with_damping = axis.tangent.with_damping();
             axis.tangent = Tangent::new(*stiffness, axis.declared.damping, with_damping);
         }
@@ -146,16 +147,19 @@ impl Estimates {
 
     /// The tangent stiffness of each axis in N/m, between 0 and the larger of k̂ and the declared bound; k̂ where there is no
     /// number. Real-time: yes.
-    pub(crate) fn bounded<'a>(&'a self, stiffness: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.axes.iter().zip(stiffness).map(|(axis, initial)| {
+    pub(crate) fn bounded<'a>(
+        &'a self,
+        stiffness: AtStructure<&'a [f64]>,
+    ) -> impl Iterator<Item = AtStructure<f64>> + 'a {
+        self.axes.iter().zip(*stiffness).map(|(axis, initial)| {
             // NaN, where no bound is declared, is passed over.
             let most = initial.max(axis.declared.stiffness_bound);
             let tangent = axis.tangent.stiffness();
-            if tangent.is_finite() && most >= 0.0 {
+            AtStructure(if tangent.is_finite() && most >= 0.0 {
                 tangent.clamp(0.0, most)
             } else {
                 *initial
-            }
+            })
         })
     }
 
@@ -191,7 +195,7 @@ impl Estimates {
         let moves = path.moves();
         let counts = self.energy == EnergyCount::On;
         let measured = feedback.disp();
-        let values = measured.iter().zip(feedback.force());
+        let values = measured.iter().zip(*feedback.force());
         let values = values.zip(&path.target().disp);
         let motion = path.command().vel.iter().zip(*axes);
         for (index, ((estimate, ((disp, force), target)), (vel, axis))) in
@@ -464,7 +468,7 @@ mod tests {
             let mut port = port(spring(stiffness, 0), declared, AxisLimits::NONE, DT);
             go(&mut port, 200, swing);
             let mut tangents = port.estimates.bounded(port.stiffness.own());
-            tangents.next().unwrap()
+            tangents.next().unwrap().0
         };
         assert_eq!(bounded(-3e5, f64::NAN), 0.0);
         assert_eq!(bounded(3e5, 2e5), 2e5);

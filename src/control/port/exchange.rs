@@ -5,6 +5,7 @@
 
 use super::exchange_state::ExchangeState;
 use super::link_numbers::LinkNumbers;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::substructure::{
@@ -250,7 +251,7 @@ impl Exchange {
         &mut self,
         sequence: u64,
         [time, dt]: [f64; 2],
-        [disp, vel]: [&[f64]; 2],
+        [AtAxis(disp), AtAxis(vel)]: [AtAxis<&[f64]>; 2],
     ) -> Result<(), LinkFault> {
         if !self.state.may_be_commanded() {
             return Err(LinkFault::Refused);
@@ -349,21 +350,25 @@ impl Exchange {
     }
 
     /// Asks what [`Exchange::arm`] waits for, and does not wait.
-    pub(crate) fn ask_to_arm(&mut self, sequence: u64, command: &[f64]) -> Result<(), LinkFault> {
+    pub(crate) fn ask_to_arm(
+        &mut self,
+        sequence: u64,
+        command: AtAxis<&[f64]>,
+    ) -> Result<(), LinkFault> {
         self.substructure
-            .ask_to_arm(self.numbers.first(sequence), command)
+            .ask_to_arm(self.numbers.first(sequence), &command)
     }
 
     /// The last agreement before commands move the specimen; false if it was not `wanted` any more.
     pub(crate) fn arm(
         &mut self,
         sequence: u64,
-        command: &[f64],
+        command: AtAxis<&[f64]>,
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<bool, LinkFault> {
         self.has_answered = false;
         let number = self.numbers.first(sequence);
-        self.substructure.arm(number, command, wanted)
+        self.substructure.arm(number, &command, wanted)
     }
 
     /// True if the answer is here, or comes within `wait_ns` of wall time. Real-time: yes.
@@ -563,7 +568,7 @@ mod tests {
     }
 
     fn send(exchange: &mut Exchange) -> Result<(), LinkFault> {
-        exchange.send(0, [0.0; 2], [&[0.0], &[0.0]])
+        exchange.send(0, [0.0; 2], [AtAxis(&[0.0]), AtAxis(&[0.0])])
     }
 
     #[test]

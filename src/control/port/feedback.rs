@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use super::axis::Axis;
 use super::rest::Rest;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::state;
 use gusset_quantity::substructure::{Freshness, LinkFault, Measurement, Status};
 
@@ -93,36 +94,36 @@ impl Feedback {
     /// Measured displacement, brought back to the structure's metres.
     #[inline]
     #[must_use]
-    pub fn disp(&self) -> &[f64] {
-        &self.disp
+    pub fn disp(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.disp)
     }
 
     /// Restoring force in N that enters equilibrium.
     #[inline]
     #[must_use]
-    pub fn force(&self) -> &[f64] {
-        &self.force
+    pub fn force(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.force)
     }
 
     /// Force of an answer that was recovered last, N.
     #[inline]
-    pub(crate) fn recovered(&self) -> &[f64] {
-        &self.recovered
+    pub(crate) fn recovered(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.recovered)
     }
 
     /// Largest |force| of the test so far, N.
     #[must_use]
-    pub fn peak(&self) -> &[f64] {
-        &self.peak
+    pub fn peak(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.peak)
     }
 
-    pub(crate) fn peak_before_last(&self) -> &[f64] {
-        &self.peak_before_last
+    pub(crate) fn peak_before_last(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.peak_before_last)
     }
 
     /// Largest |force| of every exchange before the test, N.
-    pub(crate) fn peak_at_startup(&self) -> &[f64] {
-        &self.peak_at_startup
+    pub(crate) fn peak_at_startup(&self) -> AtStructure<&[f64]> {
+        AtStructure(&self.peak_at_startup)
     }
 
     /// True if the raw measurement answers the command of the exchange. Real-time: yes.
@@ -175,7 +176,7 @@ impl Feedback {
             at_structure.zip(raw).zip(axes)
         {
             (*raw.0, *raw.1) = (*new_disp, *new_force);
-            (*measured, *force) = axis.at_structure(*new_disp, *new_force);
+            (*measured, *force) = axis.at_structure(AtAxis((*new_disp, *new_force))).0;
             finite &= force.is_finite();
         }
         if is_fresh {
@@ -195,7 +196,7 @@ impl Feedback {
             raw.zip(read).zip(at_structure.zip(axes))
         {
             (*raw.0, *raw.1) = (*disp, *force);
-            (*at_structure.0, *at_structure.1) = axis.at_structure(*disp, *force);
+            (*at_structure.0, *at_structure.1) = axis.at_structure(AtAxis((*disp, *force))).0;
         }
         copy(&self.raw, &mut self.incoming);
     }
@@ -208,7 +209,7 @@ impl Feedback {
         };
         let at_structure = self.disp.iter_mut().zip(&mut self.force);
         for (((measured, force), axis), (disp, raw)) in at_structure.zip(axes).zip(means) {
-            (*measured, *force) = axis.at_structure(disp, raw);
+            (*measured, *force) = axis.at_structure(AtAxis((disp, raw))).0;
         }
         true
     }
@@ -227,9 +228,13 @@ impl Feedback {
     }
 
     /// Moves a stale force along tangents from where it was measured to its target. Real-time: yes.
-    pub(crate) fn extrapolate(&mut self, tangents: impl Iterator<Item = f64>, target: &[f64]) {
-        let axes = self.force.iter_mut().zip(target).zip(&self.disp);
-        for (((force, target), measured), stiffness) in axes.zip(tangents) {
+    pub(crate) fn extrapolate(
+        &mut self,
+        tangents: impl Iterator<Item = AtStructure<f64>>,
+        target: AtStructure<&[f64]>,
+    ) {
+        let axes = self.force.iter_mut().zip(*target).zip(&self.disp);
+        for (((force, target), measured), AtStructure(stiffness)) in axes.zip(tangents) {
             *force += stiffness * (target - measured);
         }
     }

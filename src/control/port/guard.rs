@@ -9,6 +9,7 @@ use super::brake::Brake;
 use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
 use super::startup::{SAME, Startup};
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::{AtAxis, AtSpecimen, AtStructure};
 use gusset_quantity::state;
 use gusset_quantity::substructure::Measurement;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -29,7 +30,7 @@ pub struct Guard {
     /// Metres and newtons in one unit of each axis.
     units: Vec<(f64, f64)>,
     /// Steps of all axes from which a brake begins, in the specimen's units.
-    last_steps: Box<[f64]>,
+    last_steps: AtAxis<Box<[f64]>>,
     /// Wall time in s from command to command of a specimen of whole steps: beside the test, and in it.
     ticks: Option<[f64; 2]>,
     /// The watch of an interrupted test over a specimen of whole steps: its commands were, and will be, a step apart.
@@ -52,7 +53,7 @@ impl Guard {
             recorded: recorded(&limits),
             declared: limits.clone(),
             watch: Watch::new(limits, tick),
-            last_steps: vec![0.0; units.len()].into(),
+            last_steps: AtAxis(vec![0.0; units.len()].into()),
             units,
             ticks: None,
             interrupted: None,
@@ -159,10 +160,12 @@ impl Guard {
 
     /// Judges a command. Real-time: yes.
     #[inline]
-    pub(super) fn judge_command(&mut self, command: &AxisMotion) -> Found {
+    pub(super) fn judge_command(&mut self, command: &AtAxis<AxisMotion>) -> Found {
         let mut found = Found::default();
-        self.watch
-            .judge_command(Self::metres(&self.units, &command.disp), &mut found);
+        self.watch.judge_command(
+            Self::metres(&self.units, command.part(AxisMotion::disp)),
+            &mut found,
+        );
         for (axis, vel) in command.vel.iter().enumerate() {
             if !vel.is_finite() {
                 found.trip.get_or_insert(Hit {
@@ -183,11 +186,11 @@ impl Guard {
         &mut self,
         raw: &Measurement,
         axes: &[Axis],
-        sent: &[f64],
+        sent: AtAxis<&[f64]>,
         startup: &Startup,
     ) -> Found {
         let values = raw.disp.iter().zip(&raw.force).zip(self.units.iter());
-        let axes = axes.iter().zip(sent).enumerate();
+        let axes = axes.iter().zip(*sent).enumerate();
         let values = values.zip(axes).map(
             |(((disp, force), (metres, newtons)), (index, (axis, sent)))| {
                 // Before the zero is taken the sensor's offset is no following error.
@@ -196,7 +199,7 @@ impl Guard {
                 } else {
                     disp - axis.measured_offset
                 };
-                (disp * metres, force * newtons, stands * metres)
+                AtSpecimen((disp * metres, force * newtons, stands * metres))
             },
         );
         let mut found = Found::default();
@@ -231,12 +234,12 @@ impl Guard {
 
     /// A command leaves. Real-time: yes.
     #[inline]
-    pub(super) fn sent(&mut self, disp: &[f64]) {
+    pub(super) fn sent(&mut self, disp: AtAxis<&[f64]>) {
         self.watch.sent(Self::metres(&self.units, disp));
     }
 
     /// The last command, `disp`, leaves once more: where none has left, it is where the specimen stands. Real-time: yes.
-    pub(super) fn sent_again(&mut self, disp: &[f64]) {
+    pub(super) fn sent_again(&mut self, disp: AtAxis<&[f64]>) {
         if self.watch.was_told() {
             self.watch.sent_again();
         } else {
@@ -245,34 +248,34 @@ impl Guard {
     }
 
     /// The position before the first command is `disp`.
-    pub(super) fn stands_at(&mut self, disp: &[f64]) {
+    pub(super) fn stands_at(&mut self, disp: AtAxis<&[f64]>) {
         self.watch.stands_at(Self::metres(&self.units, disp));
     }
 
     /// The specimen is found at `disp`: the next command is a step from there.
-    pub fn is_found_at(&mut self, disp: &[f64]) {
+    pub fn is_found_at(&mut self, disp: AtAxis<&[f64]>) {
         self.watch.is_found_at(Self::metres(&self.units, disp));
     }
 
     /// True if `disp` is the last command once more. Real-time: yes.
-    pub(super) fn is_at(&self, disp: &[f64]) -> bool {
+    pub(super) fn is_at(&self, disp: AtAxis<&[f64]>) -> bool {
         self.watch.is_at(Self::metres(&self.units, disp))
     }
 
     /// The specimen came to where it stands with these velocities, for `seconds`. Real-time: yes.
-    pub(super) fn came_with(&mut self, vel: &[f64], seconds: f64) {
-        let steps = Self::metres(&self.units, vel).map(|vel| vel * seconds);
+    pub(super) fn came_with(&mut self, vel: AtAxis<&[f64]>, seconds: f64) {
+        let steps = Self::metres(&self.units, vel).map(|vel| AtSpecimen(vel.0 * seconds));
         self.watch.came_by(steps);
     }
 
     /// Steps begin at `goal`.
-    pub(super) fn aims_from(&mut self, axes: &[Axis], goal: &[f64]) {
+    pub(super) fn aims_from(&mut self, axes: &[Axis], goal: AtStructure<&[f64]>) {
         self.watch.aims_from(Self::goals(&self.units, axes, goal));
     }
 
     /// The next step goes to `goal`. Real-time: yes.
     #[inline]
-    pub(super) fn aims_at(&mut self, axes: &[Axis], goal: &[f64]) {
+    pub(super) fn aims_at(&mut self, axes: &[Axis], goal: AtStructure<&[f64]>) {
         self.watch.aims_at(Self::goals(&self.units, axes, goal));
     }
 
@@ -306,7 +309,8 @@ impl Guard {
     /// The specimen is moved back from what it tripped at.
     pub(super) fn excuse(&mut self, startup: &Startup) {
         let noise = self.units.iter().enumerate();
-        let noise = noise.map(|(axis, (metres, _))| startup.reading(axis).disp_noise * metres);
+        let noise =
+            noise.map(|(axis, (metres, _))| AtSpecimen(startup.reading(axis).disp_noise * metres));
         self.watch.excuse(noise);
         self.force_is_unknown |= self.watch.has_tripped(Limit::SensorForce);
     }
@@ -322,7 +326,7 @@ impl Guard {
     }
 
     /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
-    pub(super) fn jump(&self, axis: usize) -> Option<[f64; 2]> {
+    pub(super) fn jump(&self, axis: usize) -> Option<AtSpecimen<[f64; 2]>> {
         self.watch.jump(axis)
     }
 
@@ -344,7 +348,7 @@ impl Guard {
         let mut ticks: f64 = 0.0;
         for axis in 0..self.units.len() {
             let metres = self.metres_of(axis);
-            let step = self.watch.last_step(axis) / metres;
+            let step = self.watch.last_step(axis).0 / metres;
             let most = self.brake_accel(axis) * tick * tick / metres;
             ticks = ticks.max((step.abs() / most).ceil());
             self.last_steps[axis] = step;
@@ -354,13 +358,18 @@ impl Guard {
     }
 
     /// The steps of all axes from which a brake begins, in the specimen's units.
-    pub(super) fn last_steps(&self) -> &[f64] {
-        &self.last_steps
+    pub(super) fn last_steps(&self) -> AtAxis<&[f64]> {
+        self.last_steps.part(|steps| &**steps)
     }
 
     /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis
     /// may use.
-    pub(super) fn cosine_time(&self, axis: usize, distance: f64, speed: f64) -> f64 {
+    pub(super) fn cosine_time(
+        &self,
+        axis: usize,
+        AtSpecimen(distance): AtSpecimen<f64>,
+        speed: f64,
+    ) -> f64 {
         // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
         let by_speed = FRAC_PI_2 * distance / speed;
         by_speed.max(PI * (0.5 * distance / self.way_accel(axis)).sqrt())
@@ -371,16 +380,16 @@ impl Guard {
     /// both are the same. `steepest`: see [`super::loading_unit::LoadingUnit::steepest`], in the unit of the axis.
     pub(super) fn way_time(
         &self,
-        [from, to]: [&[f64]; 2],
-        steepest: impl Fn(usize) -> f64,
+        [from, to]: [AtAxis<&[f64]>; 2],
+        steepest: impl Fn(usize) -> AtAxis<f64>,
         [share, tick]: [f64; 2],
         [shortest, unbounded]: [f64; 2],
     ) -> f64 {
         let mut time: f64 = 0.0;
-        let axes = from.iter().zip(to).zip(&self.declared);
+        let axes = from.iter().zip(*to).zip(&self.declared);
         for (axis, ((from, to), limits)) in axes.enumerate() {
             // Along poses it may be faster than along the chord, or go there and back.
-            let distance = (to - from).abs().max(steepest(axis));
+            let distance = (to - from).abs().max(steepest(axis).0);
             // Roundoff of the static load is no distance.
             if distance > SAME * from.abs().max(to.abs()) {
                 let distance = distance * self.metres_of(axis);
@@ -395,7 +404,7 @@ impl Guard {
                 } else {
                     shortest.max(unbounded)
                 };
-                let least = self.cosine_time(axis, distance, speed);
+                let least = self.cosine_time(axis, AtSpecimen(distance), speed);
                 time = time.max(shortest).max(least);
             }
         }
@@ -403,8 +412,12 @@ impl Guard {
     }
 
     #[inline]
-    fn metres<'a>(units: &'a [(f64, f64)], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        disp.iter().zip(units).map(|(disp, unit)| disp * unit.0)
+    fn metres<'a>(
+        units: &'a [(f64, f64)],
+        disp: AtAxis<&'a [f64]>,
+    ) -> impl Iterator<Item = AtSpecimen<f64>> + 'a {
+        let axes = disp.0.iter().zip(units);
+        axes.map(|(disp, unit)| AtSpecimen(disp * unit.0))
     }
 
     /// The structure's deformations as the specimen's axes go, in m.
@@ -412,12 +425,12 @@ impl Guard {
     fn goals<'a>(
         units: &'a [(f64, f64)],
         axes: &'a [Axis],
-        goal: &'a [f64],
-    ) -> impl Iterator<Item = f64> + 'a {
+        goal: AtStructure<&'a [f64]>,
+    ) -> impl Iterator<Item = AtSpecimen<f64>> + 'a {
         let gears = axes.iter().zip(units);
         gears
-            .zip(goal)
-            .map(|((axis, unit), goal)| axis.disp_gain * unit.0 * goal)
+            .zip(goal.0)
+            .map(|((axis, unit), goal)| AtSpecimen(axis.disp_gain * unit.0 * goal))
     }
 }
 

@@ -5,6 +5,7 @@ use super::exchange::{OnStale, WaitRules};
 use super::startup::{SAME, Startup};
 use super::stiffness::{Opinion, compare_stiffness};
 use super::wiring_check::WiringCheck;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::substructure::{Introduction, LinkFault, Unavailable};
 use gusset_quantity::units::quantity;
 
@@ -12,7 +13,7 @@ use gusset_quantity::units::quantity;
 pub(super) struct Expectation<'a> {
     pub name: &'a str,
     pub axes: &'a [Axis],
-    pub stiffness: &'a [f64],
+    pub stiffness: AtStructure<&'a [f64]>,
     pub startup: &'a Startup,
     pub wait: Option<WaitRules>,
     pub is_remote: bool,
@@ -24,7 +25,10 @@ impl Expectation<'_> {
     /// Warnings about position, wiring and stale forces. The startup has learned the reported position already.
     pub(crate) fn warnings(&self, found: &Introduction) -> Vec<String> {
         let name = self.name;
-        let mut warnings: Vec<String> = self.contradiction(&found.standing).into_iter().collect();
+        let mut warnings: Vec<String> = self
+            .contradiction(AtAxis(&found.standing))
+            .into_iter()
+            .collect();
         if matches!(self.startup.wiring(), WiringCheck::Unchecked) && !found.simulated {
             warnings.push(format!(
                 "specimen \"{name}\": NOTHING CHECKS WHICH WAY ROUND IT IS WIRED before the test moves it: give `probe_m` in \
@@ -50,7 +54,7 @@ impl Expectation<'_> {
         if reported.len() != n * n {
             return Ok(warnings);
         }
-        for (j, (axis, ours)) in self.axes.iter().zip(self.stiffness).enumerate() {
+        for (j, (axis, ours)) in self.axes.iter().zip(*self.stiffness).enumerate() {
             let reported = reported.get(j * n + j).copied();
             let theirs = reported.unwrap_or(0.0) * axis.force_gain * axis.disp_gain;
             let number = j + 1;
@@ -120,9 +124,9 @@ impl Expectation<'_> {
     }
 
     /// The specimen reports a position, and the test file states another.
-    fn contradiction(&self, reported: &[f64]) -> Option<String> {
+    fn contradiction(&self, reported: AtAxis<&[f64]>) -> Option<String> {
         let stated = self.startup.stated()?;
-        let mut axes = reported.iter().zip(stated);
+        let mut axes = reported.iter().zip(*stated);
         let is_elsewhere = axes.any(|(reported, stated)| {
             // Written as "is there", so that NaN is elsewhere.
             let is_there = (reported - stated).abs() <= SAME * reported.abs().max(stated.abs());
@@ -130,9 +134,9 @@ impl Expectation<'_> {
         });
         is_elsewhere.then(|| {
             format!(
-                "specimen \"{}\": it reports the position {reported:?}, and `stands_at_m` gives {stated:?} (unit of the axis): the \
+                "specimen \"{}\": it reports the position {:?}, and `stands_at_m` gives {:?} (unit of the axis): the \
                  reported position is used",
-                self.name
+                self.name, *reported, *stated
             )
         })
     }

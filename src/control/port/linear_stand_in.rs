@@ -5,6 +5,7 @@
 
 use super::axis::Axis;
 use super::row_product::product;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -62,7 +63,7 @@ impl Substructure for LinearStandIn {
         let moved = self.deformation.iter_mut().zip(&mut self.rate);
         let told = command.disp.iter().zip(command.vel);
         for ((axis, (deformation, rate)), (disp, vel)) in self.axes.iter().zip(moved).zip(told) {
-            *deformation = axis.deformation(*disp);
+            *deformation = axis.deformation(AtAxis(*disp)).0;
             *rate = vel / axis.vel_gain;
         }
         Ok(())

@@ -12,9 +12,11 @@
 use std::ops::Range;
 
 use super::axis::dots;
+use super::axis_motion::AxisMotion;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
 use gusset_actuator::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
+use gusset_quantity::frame::{AtPose, AtStructure};
 use gusset_quantity::state;
 
 /// One row of B: what a coordinate is of the structure's displacements.
@@ -86,8 +88,12 @@ impl LoadingUnit {
     }
 
     /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.
-    fn go(&mut self, pose: &[f64; MOST], target: &mut [f64], target_vel: &mut [f64]) {
-        let placed = self.geometry.place(pose, &mut self.aim);
+    fn go(&mut self, pose: AtPose<&[f64; MOST]>, strokes: &mut AtStructure<AxisMotion>) {
+        let AxisMotion {
+            disp: target,
+            vel: target_vel,
+        } = &mut strokes.0;
+        let placed = self.geometry.place(*pose, &mut self.aim);
         self.fault = placed
             .and_then(|()| self.geometry.within_reach(&self.aim))
             .err();
@@ -113,54 +119,53 @@ impl LoadingUnit {
         &mut self,
         state: [&[f64]; 2],
         base: [f64; 2],
-        target: &mut [f64],
-        target_vel: &mut [f64],
+        strokes: &mut AtStructure<AxisMotion>,
     ) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);
         for (row, (value, rate)) in self.rows.iter().zip(each) {
             (*value, *rate) = dots(&row.row, row.base, state, base);
         }
-        self.go(&pose, target, target_vel);
+        self.go(AtPose(&pose), strokes);
     }
 
     /// Goes along prescribed coordinates. Real-time: yes.
     pub(crate) fn seek_at(
         &mut self,
-        along: &mut impl Iterator<Item = (f64, f64)>,
-        target: &mut [f64],
-        target_vel: &mut [f64],
+        along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>,
+        strokes: &mut AtStructure<AxisMotion>,
     ) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);
-        for ((value, rate), (disp, vel)) in each.take(self.rows.len()).zip(along) {
+        for ((value, rate), AtStructure((disp, vel))) in each.take(self.rows.len()).zip(along) {
             (*value, *rate) = (disp, vel);
         }
-        self.go(&pose, target, target_vel);
+        self.go(AtPose(&pose), strokes);
     }
 
     /// The strokes in m of a pose.
-    pub(crate) fn strokes_for(&self, pose: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub(crate) fn strokes_for(&self, pose: AtPose<&[f64]>) -> Result<AtStructure<Vec<f64>>, Fault> {
         let mut placed = self.geometry.reference();
-        self.geometry.place(pose, &mut placed)?;
+        self.geometry.place(*pose, &mut placed)?;
         self.geometry.within_reach(&placed)?;
-        Ok(placed.strokes()[..self.geometry.actuators()].to_vec())
+        let strokes = placed.strokes()[..self.geometry.actuators()].to_vec();
+        Ok(AtStructure(strokes))
     }
 
     /// The pose in which the actuators have these strokes in m, from the reference pose on.
-    pub(crate) fn pose_at(&self, strokes: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub(crate) fn pose_at(&self, strokes: AtStructure<&[f64]>) -> Result<AtPose<Vec<f64>>, Fault> {
         let placed = self.found_at(strokes)?;
-        Ok(placed.pose()[..self.rows.len()].to_vec())
+        Ok(AtPose(placed.pose()[..self.rows.len()].to_vec()))
     }
 
-    fn found_at(&self, strokes: &[f64]) -> Result<Placed, Fault> {
+    fn found_at(&self, strokes: AtStructure<&[f64]>) -> Result<Placed, Fault> {
         let mut placed = self.geometry.reference();
-        self.geometry.find(strokes, &mut placed)?;
+        self.geometry.find(*strokes, &mut placed)?;
         Ok(placed)
     }
 
     /// The actuators have these strokes in m: the next pose is sought from there. Impossible strokes change nothing.
-    pub(crate) fn stands_at(&mut self, strokes: &[f64]) {
+    pub(crate) fn stands_at(&mut self, strokes: AtStructure<&[f64]>) {
         if let Ok(placed) = self.found_at(strokes) {
             (self.aim, self.found) = (placed, placed);
             self.rates = [0.0; MOST];
@@ -168,7 +173,7 @@ impl LoadingUnit {
     }
 
     /// It is led from the first of these strokes in m to the second. Real-time: yes.
-    pub(crate) fn begin_way(&mut self, strokes: [&[f64]; 2]) {
+    pub(crate) fn begin_way(&mut self, strokes: [AtStructure<&[f64]>; 2]) {
         self.bend.begin(&self.geometry, strokes);
     }
 
@@ -184,14 +189,18 @@ impl LoadingUnit {
     }
 
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
-    pub(crate) fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
+    pub(crate) fn resolve(
+        &mut self,
+        measured: AtStructure<&[f64]>,
+        force: AtStructure<&[f64]>,
+    ) -> Result<(), Fault> {
         self.found = self.aim;
-        let found = self.geometry.find_for_forces(measured, &mut self.found);
+        let found = self.geometry.find_for_forces(*measured, &mut self.found);
         self.is_unknown = found.is_err();
         found?;
         let n = self.rows.len();
         match self.force.get_mut(..n) {
-            Some(forces) => self.geometry.pose_forces(&self.found, force, forces),
+            Some(forces) => self.geometry.pose_forces(&self.found, *force, forces),
             None => self.force = [f64::NAN; MOST],
         }
         Ok(())
@@ -229,7 +238,7 @@ impl LoadingUnit {
     }
 
     /// The way to zero force from where the platform was sent last, in m, if its actuators turn beside the specimen.
-    pub(crate) fn unloading_from(&self, strokes: &[f64]) -> Option<PlatformUnloading> {
+    pub(crate) fn unloading_from(&self, strokes: AtStructure<&[f64]>) -> Option<PlatformUnloading> {
         let turns = self.geometry.is_exact() && self.law_at == LawPlace::Platform;
         turns
             .then(|| PlatformUnloading::new(&self.geometry, strokes).ok())
@@ -237,8 +246,8 @@ impl LoadingUnit {
     }
 
     /// Where its poses bend the way of an actuator, the distance in m for which that is nowhere faster; else 0.
-    pub(crate) fn steepest(&self, axis: usize) -> f64 {
-        self.bend.steepest(axis)
+    pub(crate) fn steepest(&self, axis: usize) -> AtStructure<f64> {
+        AtStructure(self.bend.steepest(axis))
     }
 
     /// Each coordinate: pose that the structure asks for, measured pose, force. Real-time: yes.
@@ -455,7 +464,7 @@ mod tests {
             let [x, y] = exchange(&mut port);
             assert!(x.abs() < 1e-13 && y <= last, "{x} {y}");
             last = y;
-            for ((from, to), rate) in before.iter().zip(port.path().sent()).zip(rates) {
+            for ((from, to), rate) in before.iter().zip(*port.path().sent()).zip(rates) {
                 let speed = (to - from) / 0.01;
                 fastest = fastest.max(speed.abs());
                 assert!(
@@ -468,7 +477,7 @@ mod tests {
             way.end() == Some(Ok(())) && fastest > 0.45 && fastest < 0.5,
             "{fastest}"
         );
-        assert_eq!(port.path().sent(), [0.0, 0.0], "to the last bit");
+        assert_eq!(*port.path().sent(), [0.0, 0.0], "to the last bit");
     }
 
     /// A platform that is soft along x and stiff along y, behind two actuators that turn.
@@ -526,11 +535,11 @@ mod tests {
         let mut way = port.begin_return_move(true, 0.001).unwrap();
         let mut last = first;
         while port.go_on(&mut way) {
-            for (from, to) in port.path().sent().iter().zip(port.command()) {
+            for (from, to) in port.path().sent().iter().zip(*port.command()) {
                 assert!((to - from).abs() <= 2e-4 * (1.0 + 1e-9), "{from} {to}");
             }
             last = exchange(&mut port);
-            for force in port.feedback().force() {
+            for force in *port.feedback().force() {
                 assert!(force.abs() <= 1.01 * most, "{force} beside {most}");
             }
         }

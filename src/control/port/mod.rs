@@ -5,6 +5,28 @@
 //! their own. The port itself holds the operations that need several parts. Invariant: no command leaves that was not
 //! judged. The last command may leave again, at rest.
 //! Limits: no clock, no thread, no file; every value of a tick can be read, so that the row hides nothing.
+//!
+//! A value that leaves or enters a port carries its frame: see [`gusset_quantity::frame`]. A target in metres becomes a command:
+//!
+//! ```
+//! use gusset_control::port::ReceivedPort;
+//!
+//! fn send(port: &mut ReceivedPort) {
+//!     let command = port.commands_for(port.goal()).unwrap();
+//!     port.begin_commands(0, command.part(Vec::as_slice));
+//! }
+//! ```
+//!
+//! A command in the unit of an axis cannot be sent as metres:
+//!
+//! ```compile_fail,E0308
+//! use gusset_control::port::ReceivedPort;
+//!
+//! fn send(port: &mut ReceivedPort) {
+//!     let command = port.commands_for(port.command()).unwrap();
+//!     port.begin_commands(0, command.part(Vec::as_slice));
+//! }
+//! ```
 
 mod assembly;
 mod axis;
@@ -84,12 +106,14 @@ pub use gusset_quantity::catalog::phase::Stage;
 
 use std::ops::Range;
 
+use axis_motion::AxisMotion;
 use command_path::CommandPath;
 use estimates::{Estimates, Observation};
 use exchange::Exchange;
 use exchange_state::Loss;
 use feedback::Feedback;
 use gusset_actuator::geometry::{Fault, Geometry};
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::state;
 use gusset_quantity::state::TestState;
 use gusset_quantity::substructure::{
@@ -254,15 +278,15 @@ impl Port {
     pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
         let target = self.path.target_mut();
         let unit = self.loading_unit.as_deref_mut();
-        target.seek(&self.axes, unit, [disp, vel], [base_disp, base_vel]);
+        AxisMotion::seek(target, &self.axes, unit, [disp, vel], [base_disp, base_vel]);
         self.path.prepare(&self.axes);
     }
 
     /// Makes the next command from prescribed deformations: takes displacement and velocity of one axis (or of one coordinate
     /// of the loading unit) after the other from `along`. Real-time: yes.
-    pub fn aim_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
+    pub fn aim_at(&mut self, along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>) {
         let target = self.path.target_mut();
-        target.seek_at(self.loading_unit.as_deref_mut(), along);
+        AxisMotion::seek_at(target, self.loading_unit.as_deref_mut(), along);
         self.path.prepare(&self.axes);
     }
 
@@ -271,13 +295,13 @@ impl Port {
     pub(crate) fn seek(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
         let goal = self.path.goal_mut();
         let unit = self.loading_unit.as_deref_mut();
-        goal.seek(&self.axes, unit, [disp, vel], [base_disp, base_vel]);
+        AxisMotion::seek(goal, &self.axes, unit, [disp, vel], [base_disp, base_vel]);
     }
 
     /// The target of the next step, from prescribed deformations. Real-time: yes.
-    pub(crate) fn seek_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
+    pub(crate) fn seek_at(&mut self, along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>) {
         let goal = self.path.goal_mut();
-        goal.seek_at(self.loading_unit.as_deref_mut(), along);
+        AxisMotion::seek_at(goal, self.loading_unit.as_deref_mut(), along);
     }
 
     /// The target is the first one of the test; everything has rested there.
@@ -286,13 +310,15 @@ impl Port {
         if self.path.is_per_step() {
             self.exchange.state_mut().pend();
         }
-        self.guard.aims_from(&self.axes, &self.path.goal().disp);
+        let goal = self.path.goal().part(AxisMotion::disp);
+        self.guard.aims_from(&self.axes, goal);
     }
 
     /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
     #[inline]
     pub(crate) fn know(&mut self, share: f64) {
-        self.guard.aims_at(&self.axes, &self.path.goal().disp);
+        let goal = self.path.goal().part(AxisMotion::disp);
+        self.guard.aims_at(&self.axes, goal);
         self.path.know(share, &self.axes);
         if self.path.is_per_step() {
             self.exchange.state_mut().pend();
@@ -353,9 +379,11 @@ impl Port {
     }
 
     /// Where its poses bend the way of an actuator, the distance in its own unit for which that is nowhere faster; else 0.
-    fn steepest(&self, axis: usize) -> f64 {
+    fn steepest(&self, axis: usize) -> AtAxis<f64> {
         let unit = self.loading_unit.as_deref().zip(self.axes.get(axis));
-        unit.map_or(0.0, |(unit, of)| (unit.steepest(axis) * of.disp_gain).abs())
+        AtAxis(unit.map_or(0.0, |(unit, of)| {
+            (unit.steepest(axis).0 * of.disp_gain).abs()
+        }))
     }
 
     /// Judges the next command. It may leave only if nothing trips. Real-time: yes.
@@ -382,10 +410,13 @@ impl Port {
             return Err(LinkFault::Refused);
         }
         let command = self.path.command();
-        self.guard.sent(&command.disp);
+        let motion = [
+            command.part(AxisMotion::disp),
+            command.part(AxisMotion::vel),
+        ];
+        self.guard.sent(motion[0]);
         self.feedback.mark_command();
         self.tracking.note_sent(Some(dt));
-        let motion = [&*command.disp, &*command.vel];
         let outcome = self.exchange.send(sequence, [time, dt], motion);
         if outcome.is_err() {
             self.feedback.note_unsent();
@@ -436,7 +467,7 @@ impl Port {
         let (is_fresh, is_finite) = self.feedback.take(answer, &self.axes)?;
         self.exchange.note_answer(is_fresh, is_finite);
         let raw = self.feedback.raw();
-        self.path.hear(&self.axes, &raw.disp, is_fresh);
+        self.path.hear(&self.axes, AtAxis(&raw.disp), is_fresh);
         match (is_finite, is_fresh) {
             (false, _) => Err(LinkFault::NotFinite),
             (true, true) => Ok(Freshness::Fresh),
@@ -487,7 +518,7 @@ impl Port {
     /// Moves a stale force along the known tangent, within its bounds, from the measured displacement to the target. Real-time: yes.
     pub(crate) fn extrapolate(&mut self) {
         let tangents = self.estimates.bounded(self.stiffness.own());
-        let target = &self.path.target().disp;
+        let target = self.path.target().part(AxisMotion::disp);
         self.feedback.extrapolate(tangents, target);
     }
 
@@ -573,8 +604,8 @@ impl Port {
     /// Deformation that the structure asks for: B·x, in m; of an actuator the stroke for the pose B·x.
     #[inline]
     #[must_use]
-    pub fn target(&self) -> &[f64] {
-        &self.path.target().disp
+    pub fn target(&self) -> AtStructure<&[f64]> {
+        self.path.target().part(AxisMotion::disp)
     }
 
     /// Velocity of the target in m/s (it belongs to t − Δt/2 with the published start).
@@ -588,8 +619,8 @@ impl Port {
     /// The next command, in the specimen's unit.
     #[inline]
     #[must_use]
-    pub fn command(&self) -> &[f64] {
-        &self.path.command().disp
+    pub fn command(&self) -> AtAxis<&[f64]> {
+        self.path.command().part(AxisMotion::disp)
     }
 
     /// The loading unit, if its axes are actuators of one.

@@ -5,6 +5,8 @@
 //! went. It shows that by its displacement, however small its scale is, or by its force. Play and sticking are overcome within a few
 //! ways. Limits: the structure's units.
 
+use gusset_quantity::frame::AtStructure;
+
 /// So many ways in a row, all to one side, are not gone by one that does not follow.
 const IN_A_ROW: u32 = 5;
 /// It follows if its displacement has changed by this share of the ways ...
@@ -83,11 +85,11 @@ impl MotionCheck {
     /// axis (from 0) that does not follow; ways shorter than `least` are not judged. All in the structure's units. Real-time: yes.
     pub(super) fn rests(
         &mut self,
-        [target, disp, force]: [&[f64]; 3],
-        stiffness: &[f64],
+        [target, disp, force]: [AtStructure<&[f64]>; 3],
+        stiffness: AtStructure<&[f64]>,
         least: f64,
     ) -> Option<usize> {
-        let values = target.iter().zip(disp).zip(force);
+        let values = target.iter().zip(*disp).zip(*force);
         let at = values.map(|((target, disp), force)| AtRest {
             target: *target,
             disp: *disp,

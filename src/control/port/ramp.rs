@@ -1,5 +1,6 @@
 //! A ramp before or after the test: along half a cosine from the last command to the next one.
 
+use gusset_quantity::frame::AtAxis;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::axis::Axis;
@@ -14,23 +15,23 @@ pub const SHARE_OF_SPEED: f64 = 0.5;
 /// Where the last ramp began, and where it goes, in the specimen's units.
 #[derive(Debug)]
 pub(super) struct Ramp {
-    from: Vec<f64>,
-    to: Vec<f64>,
+    from: AtAxis<Vec<f64>>,
+    to: AtAxis<Vec<f64>>,
 }
 
 impl Ramp {
     /// For `axes` axes; none yet.
     pub(crate) fn new(axes: usize) -> Self {
         Self {
-            from: vec![0.0; axes],
-            to: vec![0.0; axes],
+            from: AtAxis(vec![0.0; axes]),
+            to: AtAxis(vec![0.0; axes]),
         }
     }
 
     /// The next ramp goes from one place to the other.
-    pub(crate) fn begin(&mut self, from: &[f64], to: &[f64]) {
-        self.from.copy_from_slice(from);
-        self.to.copy_from_slice(to);
+    pub(crate) fn begin(&mut self, [from, to]: [AtAxis<&[f64]>; 2]) {
+        self.from.copy_from_slice(&from);
+        self.to.copy_from_slice(&to);
     }
 
     /// Part of the way at this share (0 … 1) of the time. Real-time: yes.
@@ -44,11 +45,17 @@ impl Ramp {
     }
 
     /// Makes the command at a share of a ramp that takes `seconds` of test time. Real-time: yes.
-    pub(crate) fn go_to(&self, share: f64, seconds: f64, axes: &[Axis], command: &mut AxisMotion) {
+    pub(crate) fn go_to(
+        &self,
+        share: f64,
+        seconds: f64,
+        axes: &[Axis],
+        command: &mut AtAxis<AxisMotion>,
+    ) {
         let way = Self::way(share);
         let rate = Self::rate([share, seconds]);
-        let ends = self.from.iter().zip(&self.to);
-        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        let ends = self.from.iter().zip(&*self.to);
+        let commands = command.iter_mut();
         for (((command, vel), (from, to)), axis) in commands.zip(ends).zip(axes) {
             // The end is met to the last bit.
             *command = if share < 1.0 {
@@ -65,10 +72,10 @@ impl Ramp {
         at: [f64; 2],
         axes: &[Axis],
         bends: impl Iterator<Item = (f64, f64)>,
-        command: &mut AxisMotion,
+        command: &mut AtAxis<AxisMotion>,
     ) {
         let rate = Self::rate(at);
-        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        let commands = command.iter_mut();
         for (((command, vel), axis), (bend, slope)) in commands.zip(axes).zip(bends) {
             *command += axis.disp_gain * bend;
             *vel += rate * slope * axis.vel_gain;

@@ -5,6 +5,7 @@
 
 use super::error::fits;
 use super::*;
+use gusset_quantity::frame::AtPose;
 
 /// A port whose commands another controller sends. Nothing is estimated.
 #[derive(Debug)]
@@ -100,13 +101,13 @@ impl ReceivedPort {
     }
 
     /// The specimen is at `disp`, in its own unit. The next command has the number `sequence`, and leads away from there.
-    pub fn begin_commands(&mut self, sequence: u64, disp: &[f64]) {
+    pub fn begin_commands(&mut self, sequence: u64, disp: AtAxis<&[f64]>) {
         self.guard.is_found_at(disp);
         self.path.stands_at(disp);
         self.stand_still();
         let strokes = self.deformations_at(disp);
         if let Some(unit) = &mut self.loading_unit {
-            unit.stands_at(&strokes);
+            unit.stands_at(strokes.part(Vec::as_slice));
         }
         self.exchange.renumber(sequence);
         self.feedback.forget_number();
@@ -115,13 +116,14 @@ impl ReceivedPort {
     /// True if the next command is the last one once more. Real-time: yes.
     #[must_use]
     pub fn repeats(&self) -> bool {
-        self.guard.is_at(&self.path.command().disp)
+        self.guard.is_at(self.command())
     }
 
     /// The specimen came to where it stands with the velocities of the next command, for `seconds`. Real-time: yes.
     pub fn came_with_command(&mut self, seconds: f64) {
         let port = &mut self.0;
-        port.guard.came_with(&port.path.command().vel, seconds);
+        let vel = port.path.command().part(AxisMotion::vel);
+        port.guard.came_with(vel, seconds);
     }
 }
 
@@ -136,24 +138,25 @@ impl ReceivedPort {
 
     /// Makes the next command from deformations of the axes in m, of a loading unit from the strokes of its actuators: displacement
     /// and velocity of one axis after the other. Nothing is compensated. Real-time: yes.
-    pub fn aim_axes(&mut self, along: impl Iterator<Item = (f64, f64)>) {
+    pub fn aim_axes(&mut self, along: impl Iterator<Item = AtStructure<(f64, f64)>>) {
         self.leave_pose();
         let port = &mut self.0;
+        let along = along.map(|AtStructure(motion)| motion);
         port.path.target_mut().take(along);
         port.path.follow_target(&port.axes);
     }
 
     /// The target that was sought last: deformations of the axes in m, of a loading unit the strokes of its actuators. Real-time: yes.
     #[must_use]
-    pub fn goal(&self) -> &[f64] {
-        &self.path.goal().disp
+    pub fn goal(&self) -> AtStructure<&[f64]> {
+        self.path.goal().part(AxisMotion::disp)
     }
 
     /// Writes the commands that hold the axes at the target that was sought last, in the specimen's unit. Real-time: yes.
-    pub fn write_goal(&self, into: &mut [f64]) {
+    pub fn write_goal(&self, into: &mut AtAxis<Vec<f64>>) {
         let goal = self.axes.iter().zip(&self.path.goal().disp).enumerate();
         for (to, (index, (axis, disp))) in into.iter_mut().zip(goal) {
-            *to = axis.command(self.static_gain(index) * disp);
+            *to = axis.command(AtStructure(self.static_gain(index) * disp)).0;
         }
     }
 
@@ -186,13 +189,13 @@ impl ReceivedPort {
 
     /// Velocities of the next command, in the specimen's unit. Real-time: yes.
     #[must_use]
-    pub fn command_vel(&self) -> &[f64] {
-        &self.path.command().vel
+    pub fn command_vel(&self) -> AtAxis<&[f64]> {
+        self.path.command().part(AxisMotion::vel)
     }
 
     /// Displacement in m (or rad) and force in N (or N m) of one signal after the other, as measured last, with its number from 0.
     /// [`Port::resolve_pose`] finds those of a loading unit. Real-time: yes.
-    pub fn read_signals(&self, mut read: impl FnMut(usize, f64, f64)) {
+    pub fn read_signals(&self, mut read: impl FnMut(usize, AtStructure<(f64, f64)>)) {
         if self.loading_unit.is_some() {
             for (index, (_, [_, disp, force])) in self
                 .loading_unit()
@@ -200,13 +203,13 @@ impl ReceivedPort {
                 .flat_map(LoadingUnit::pose)
                 .enumerate()
             {
-                read(index, disp, force);
+                read(index, AtStructure((disp, force)));
             }
             return;
         }
-        let measured = self.feedback.disp().iter().zip(self.feedback.force());
+        let measured = self.feedback.disp().iter().zip(*self.feedback.force());
         for (index, (disp, force)) in measured.enumerate() {
-            read(index, *disp, *force);
+            read(index, AtStructure((*disp, *force)));
         }
     }
 
@@ -224,37 +227,41 @@ impl ReceivedPort {
     ///
     /// # Errors
     /// The actuators cannot have this pose.
-    pub fn commands_for(&self, signals: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub fn commands_for(&self, signals: AtStructure<&[f64]>) -> Result<AtAxis<Vec<f64>>, Fault> {
         let strokes = match &self.loading_unit {
-            Some(unit) => unit.strokes_for(signals)?,
-            None => signals.to_vec(),
+            Some(unit) => unit.strokes_for(AtPose(*signals))?,
+            None => AtStructure(signals.to_vec()),
         };
-        let axes = self.axes.iter().zip(strokes).enumerate();
-        let commands =
-            axes.map(|(index, (axis, disp))| axis.command(self.static_gain(index) * disp));
-        Ok(commands.collect())
+        let axes = self.axes.iter().zip(&*strokes).enumerate();
+        let commands = axes.map(|(index, (axis, disp))| {
+            axis.command(AtStructure(self.static_gain(index) * disp)).0
+        });
+        Ok(AtAxis(commands.collect()))
     }
 
     /// Signals in m or rad of axes that the commands `disp` hold, in the specimen's own unit.
     ///
     /// # Errors
     /// The actuators cannot have these strokes.
-    pub fn signals_at(&self, disp: &[f64]) -> Result<Vec<f64>, Fault> {
+    pub fn signals_at(&self, disp: AtAxis<&[f64]>) -> Result<AtStructure<Vec<f64>>, Fault> {
         let mut strokes = self.deformations_at(disp);
         for (index, stroke) in strokes.iter_mut().enumerate() {
             *stroke /= self.static_gain(index);
         }
         match &self.loading_unit {
-            Some(unit) => unit.pose_at(&strokes),
+            Some(unit) => {
+                let AtPose(pose) = unit.pose_at(strokes.part(Vec::as_slice))?;
+                Ok(AtStructure(pose))
+            }
             None => Ok(strokes),
         }
     }
 
     /// Deformations of the axes in m, or strokes of a loading unit, at the position `disp` of the specimen, in its own unit.
     #[must_use]
-    pub fn deformations_at(&self, disp: &[f64]) -> Vec<f64> {
-        let axes = self.axes.iter().zip(disp);
-        axes.map(|(axis, disp)| axis.deformation(*disp)).collect()
+    pub fn deformations_at(&self, disp: AtAxis<&[f64]>) -> AtStructure<Vec<f64>> {
+        let axes = self.axes.iter().zip(disp.each());
+        AtStructure(axes.map(|(axis, disp)| axis.deformation(disp).0).collect())
     }
 
     /// Compares the stiffness that the specimen reports with k̂, at the structure's scale.
@@ -288,7 +295,7 @@ impl ReceivedPort {
     }
 
     /// See `Port::seek_at`.
-    pub fn seek_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
+    pub fn seek_at(&mut self, along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>) {
         self.0.seek_at(along)
     }
 

@@ -6,6 +6,7 @@
 //! specimen's own units; no clock, readings are counted.
 
 use super::probe::{Average, SIGMAS};
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Measurement;
 
 /// Time of a block of readings in s, and the fewest readings: of fewer a steady drift could pass for noise.
@@ -114,7 +115,7 @@ impl Rest {
     }
 
     /// It is sent from one command to another; `raw` is what was measured before, if anything was. Real-time: yes.
-    pub(crate) fn sent(&mut self, from: &[f64], to: &[f64], raw: Option<&Measurement>) {
+    pub(crate) fn sent(&mut self, [from, to]: [AtAxis<&[f64]>; 2], raw: Option<&Measurement>) {
         if let (false, Some(raw)) = (self.has_origin, raw) {
             let values = raw.disp.iter().zip(&raw.force);
             for (axis, (disp, force)) in self.axes.iter_mut().zip(values) {
@@ -124,7 +125,7 @@ impl Rest {
             self.has_origin = true;
         }
         let mut rests = true;
-        for (axis, (from, to)) in self.axes.iter_mut().zip(from.iter().zip(to)) {
+        for (axis, (from, to)) in self.axes.iter_mut().zip(from.iter().zip(*to)) {
             let way = to - from;
             // What the balance leaves of roundoff is no way.
             axis.size = from.abs().max(to.abs());
@@ -288,7 +289,7 @@ mod tests {
             raw.disp[0] = disp(number);
             raw.force[0] = 1e6 * raw.disp[0];
         };
-        rest.sent(&[0.0], &[1.0], Some(&raw));
+        rest.sent([AtAxis(&[0.0]), AtAxis(&[1.0])], Some(&raw));
         assert!(!rest.rests());
         read(&mut raw, 0);
         rest.led(&raw);
@@ -309,7 +310,7 @@ mod tests {
         // Nor later, where it is not led: it is known.
         let mut raw = Measurement::zeros(1);
         (raw.disp[0], raw.force[0]) = (1.0, 1e6);
-        rest.sent(&[1.0], &[1.001], Some(&raw));
+        rest.sent([AtAxis(&[1.0]), AtAxis(&[1.001])], Some(&raw));
         (raw.disp[0], raw.force[0]) = (1.001, 1.001e6);
         assert!(rest.take(&raw));
     }
@@ -318,7 +319,7 @@ mod tests {
     fn the_force_of_a_damper_counts_where_it_does_not_move_any_more() {
         let mut rest = Rest::new(1, PERIOD);
         let mut raw = Measurement::zeros(1);
-        rest.sent(&[0.0], &[1.0], Some(&raw));
+        rest.sent([AtAxis(&[0.0]), AtAxis(&[1.0])], Some(&raw));
         (raw.disp[0], raw.force[0]) = (1.0, 3e5);
         rest.led(&raw);
         raw.force[0] = 1e5;

@@ -5,6 +5,7 @@
 
 use super::passed::Passed;
 use super::probe::WayBack;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Measurement;
 
 /// Rest before the return, in s, and in ticks at least.
@@ -26,9 +27,9 @@ enum Stage {
 #[derive(Debug)]
 pub(super) struct Retrace {
     /// Its first command.
-    start: Vec<f64>,
+    start: AtAxis<Vec<f64>>,
     /// Its last command, and the largest change from one to the next.
-    last: Vec<f64>,
+    last: AtAxis<Vec<f64>>,
     steps: Vec<f64>,
     forces: Vec<Passed>,
     /// Five standard deviations of each force.
@@ -38,10 +39,10 @@ pub(super) struct Retrace {
 
 impl Retrace {
     /// A motion that begins at `start`.
-    pub(crate) fn new(start: &[f64], noise: Vec<f64>) -> Self {
+    pub(crate) fn new(start: AtAxis<&[f64]>, noise: Vec<f64>) -> Self {
         Self {
-            start: start.to_vec(),
-            last: start.to_vec(),
+            start: AtAxis(start.to_vec()),
+            last: AtAxis(start.to_vec()),
             steps: vec![0.0; start.len()],
             forces: vec![Passed::NOTHING; start.len()],
             noise,
@@ -50,8 +51,8 @@ impl Retrace {
     }
 
     /// The first command.
-    pub(crate) fn start(&self) -> &[f64] {
-        &self.start
+    pub(crate) fn start(&self) -> AtAxis<&[f64]> {
+        self.start.part(Vec::as_slice)
     }
 
     /// Largest change of an axis from one command to the next.
@@ -60,8 +61,8 @@ impl Retrace {
     }
 
     /// A command of the motion, and its measurement if that is a fresh one. Real-time: yes.
-    pub(crate) fn pass(&mut self, sent: &[f64], measured: Option<&Measurement>) {
-        let commands = self.last.iter_mut().zip(&mut self.steps).zip(sent);
+    pub(crate) fn pass(&mut self, sent: AtAxis<&[f64]>, measured: Option<&Measurement>) {
+        let commands = self.last.iter_mut().zip(&mut self.steps).zip(*sent);
         for ((last, step), sent) in commands {
             *step = step.max((sent - *last).abs());
             *last = *sent;

@@ -14,6 +14,7 @@ use super::loading_unit::LoadingUnit;
 use super::startup::Startup;
 use super::unloading::{Leg, PlatformUnloading, UnloadFailure, Unloading};
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::{AtAxis, AtSpecimen, AtStructure};
 
 /// Where a specimen is left.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -26,7 +27,7 @@ pub enum Exit {
     /// At zero deformation.
     ZeroDisp,
     /// At these displacements, one per axis, in the specimen's unit.
-    Safe(Vec<f64>),
+    Safe(AtAxis<Vec<f64>>),
 }
 
 /// Where and how fast.
@@ -106,8 +107,8 @@ impl ReturnMove {
         if let Some((platform, unit)) = platform.as_mut().zip(from.unit) {
             let force = from.observed.feedback.force();
             let slower = platform.slower(legs.iter().map(|leg| leg.by_speed));
-            let turned = platform.forces(unit.geometry(), force);
-            for ((leg, turned), force) in legs.iter_mut().zip(turned).zip(force) {
+            let turned = platform.forces(unit.geometry(), &force);
+            for ((leg, turned), force) in legs.iter_mut().zip(turned).zip(*force) {
                 leg.by_speed *= slower;
                 leg.slew *= slower;
                 if let Some([before, _]) = &mut leg.jump {
@@ -158,18 +159,19 @@ impl ReturnMove {
                 let raw = feedback.raw();
                 let raw = raw.disp.iter().zip(&raw.force);
                 let answers = axes.iter().zip(raw);
-                let answers = answers.map(|(axis, (disp, force))| axis.at_structure(*disp, *force));
+                let answers = answers
+                    .map(|(axis, (disp, force))| axis.at_structure(AtAxis((*disp, *force))).0);
                 let answers = is_known.then_some(answers);
                 let geometry = unit.as_deref().map(LoadingUnit::geometry);
                 let Some((platform, geometry)) = platform.as_deref_mut().zip(geometry) else {
                     let goes_on = unloading.go_on(answers);
-                    path.go_back(unloading.steps(), axes);
+                    path.go_back(unloading.steps().map(AtStructure), axes);
                     return goes_on;
                 };
                 let answers = answers.and_then(|answers| platform.answer(geometry, answers).ok());
                 let goes_on = unloading.go_on(answers);
                 let steps = platform.go_back(geometry, unloading.steps());
-                path.go_back(steps.into_iter(), axes);
+                path.go_back(steps.into_iter().map(AtStructure), axes);
                 goes_on
             }
         }
@@ -188,11 +190,10 @@ impl ReturnStart<'_> {
     /// The unloading of a platform from where it was sent last.
     fn platform(&self) -> Option<PlatformUnloading> {
         let axes = self.observed.axes.iter();
-        let strokes = axes.zip(self.observed.path.sent());
-        let strokes: Vec<f64> = strokes
-            .map(|(axis, sent)| axis.deformation(*sent))
-            .collect();
-        self.unit?.unloading_from(&strokes)
+        let strokes = axes.zip(self.observed.path.sent().each());
+        let strokes = strokes.map(|(axis, sent)| axis.deformation(sent).0);
+        let strokes: AtStructure<Vec<f64>> = AtStructure(strokes.collect());
+        self.unit?.unloading_from(strokes.part(Vec::as_slice))
     }
 
     /// Data of an axis before it is unloaded.
@@ -201,7 +202,7 @@ impl ReturnStart<'_> {
         let axis = self.observed.axes.get(index).unwrap_or(&plain);
         let units = self.guard.units().get(index);
         let (metres, newtons) = units.copied().unwrap_or((1.0, 1.0));
-        let force = |raw: f64| axis.at_structure(0.0, raw / newtons).1;
+        let force = |raw: f64| axis.at_structure(AtAxis((0.0, raw / newtons))).1;
         // From metres of the specimen to metres of the structure.
         let disp = 1.0 / (metres * axis.disp_gain.abs());
         let limits = self.guard.declared().get(index);
@@ -215,8 +216,9 @@ impl ReturnStart<'_> {
             largest: peak.map_or(0.0, |force| force.abs()),
             noise: (axis.force_gain * self.startup.reading(index).force_noise).abs(),
             meant: [one.min(other), one.max(other)],
-            jump: jump
-                .map(|[before, most]| [force(before), (axis.force_gain * most / newtons).abs()]),
+            jump: jump.map(|AtSpecimen([before, most])| {
+                [force(before), (axis.force_gain * most / newtons).abs()]
+            }),
             by_speed: speed * tick * disp,
             slew: self.guard.way_accel(index) * tick * tick * disp,
         }

@@ -16,6 +16,7 @@ use super::{
     Reference, WaitRules, WiringCheck,
 };
 use gusset_actuator::geometry::{Geometry, LawPlace};
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::substructure::Substructure;
 
 /// One axis of a specimen, with everything that is declared of it.
@@ -239,8 +240,9 @@ impl PortSpec {
                 .iter()
                 .zip(&units)
                 .map(|(disp, (metres, _))| disp / metres);
-            startup.state_position(stated.collect());
+            startup.state_position(AtAxis(stated.collect()));
         }
+        let stiffness = InitialStiffness::new(AtStructure(stiffness), &self.coupling);
         let mut exchange = Exchange::new(self.substructure);
         exchange.set_wait(self.wait);
         let loading_unit = self
@@ -249,8 +251,8 @@ impl PortSpec {
         Port {
             name: self.name,
             feedback: Feedback::new(axes.len()),
-            estimates: Estimates::new(&stiffness, &declared, self.dt),
-            stiffness: InitialStiffness::new(stiffness, &self.coupling),
+            estimates: Estimates::new(stiffness.own(), &declared, self.dt),
+            stiffness,
             loading_unit,
             path,
             exchange,

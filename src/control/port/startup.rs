@@ -6,6 +6,7 @@
 use super::axis::Axis;
 use super::sensor_zero::{DispZero, Reading, ReadingSums, Reference, Zero};
 use super::wiring_check::WiringCheck;
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::state;
 use gusset_quantity::substructure::Measurement;
 
@@ -28,9 +29,9 @@ pub struct Startup {
     sums: Vec<ReadingSums>,
     zero_is_taken: bool,
     /// Where the specimen reports that it stands.
-    standing: Option<Vec<f64>>,
+    standing: Option<AtAxis<Vec<f64>>>,
     /// Where the test file says that a specimen stands which does not report it.
-    stated: Option<Vec<f64>>,
+    stated: Option<AtAxis<Vec<f64>>>,
     wiring: WiringCheck,
     /// The test file says that a computation answers, and no machine.
     is_computed: bool,
@@ -143,9 +144,9 @@ impl Startup {
 
     /// Puts the zero of every relative channel into `axes`: commands count from `sent`, measurements from where it took the
     /// specimen.
-    pub(crate) fn take_zero(&mut self, axes: &mut [Axis], sent: &[f64]) {
+    pub(crate) fn take_zero(&mut self, axes: &mut [Axis], sent: AtAxis<&[f64]>) {
         let declared = self.references.iter().zip(&self.sums);
-        for ((axis, sent), (reference, sums)) in axes.iter_mut().zip(sent).zip(declared) {
+        for ((axis, sent), (reference, sums)) in axes.iter_mut().zip(*sent).zip(declared) {
             let reading = sums.reading();
             if reference.disp == Zero::Relative {
                 axis.disp_offset = *sent;
@@ -184,29 +185,33 @@ impl Startup {
 
     /// Position that the specimen reports, or else the one that the test file states.
     #[must_use]
-    pub fn standing(&self) -> Option<&[f64]> {
-        self.standing.as_deref()
+    pub fn standing(&self) -> Option<AtAxis<&[f64]>> {
+        self.standing
+            .as_ref()
+            .map(|standing| standing.part(Vec::as_slice))
     }
 
     /// The specimen reports this position; another number of values than axes clears it.
-    pub fn report_position(&mut self, disp: &[f64]) {
-        self.standing = (disp.len() == self.references.len()).then(|| disp.to_vec());
+    pub fn report_position(&mut self, disp: AtAxis<&[f64]>) {
+        self.standing = (disp.len() == self.references.len()).then(|| AtAxis(disp.to_vec()));
     }
 
     /// The specimen has reported this; where it reports nothing the stated position counts.
-    pub(crate) fn learn_position(&mut self, reported: &[f64]) {
+    pub(crate) fn learn_position(&mut self, reported: AtAxis<&[f64]>) {
         match self.stated.clone() {
-            Some(stated) if reported.is_empty() => self.report_position(&stated),
+            Some(stated) if reported.is_empty() => self.report_position(stated.part(Vec::as_slice)),
             _ => self.report_position(reported),
         }
     }
 
     /// Where the test file says that the specimen stands.
-    pub(crate) fn stated(&self) -> Option<&[f64]> {
-        self.stated.as_deref()
+    pub(crate) fn stated(&self) -> Option<AtAxis<&[f64]>> {
+        self.stated
+            .as_ref()
+            .map(|stated| stated.part(Vec::as_slice))
     }
 
-    pub(crate) fn state_position(&mut self, disp: Vec<f64>) {
+    pub(crate) fn state_position(&mut self, disp: AtAxis<Vec<f64>>) {
         self.stated = Some(disp);
     }
 

@@ -2,12 +2,13 @@
 
 use super::axis_motion::AxisMotion;
 use super::interpolation::{Interpolation, Order, PathPoint};
+use gusset_quantity::frame::AtStructure;
 use gusset_quantity::state;
 
 /// Where the target goes.
 #[derive(Debug)]
 pub(crate) struct TargetPath {
-    goal: AxisMotion,
+    goal: AtStructure<AxisMotion>,
     interpolation: Interpolation,
 }
 
@@ -16,7 +17,7 @@ state! { TargetPath { goal, interpolation } }
 impl TargetPath {
     pub(crate) fn new(axes: usize) -> Self {
         Self {
-            goal: AxisMotion::zeros(axes),
+            goal: AtStructure(AxisMotion::zeros(axes)),
             interpolation: Interpolation::new(axes, Order::default()),
         }
     }
@@ -28,19 +29,19 @@ impl TargetPath {
 
     /// The target of the next step. Real-time: yes.
     #[inline]
-    pub(crate) const fn goal(&self) -> &AxisMotion {
+    pub(crate) const fn goal(&self) -> &AtStructure<AxisMotion> {
         &self.goal
     }
 
     /// Where the target of the next step is to be written. Real-time: yes.
     #[inline]
-    pub(crate) const fn goal_mut(&mut self) -> &mut AxisMotion {
+    pub(crate) const fn goal_mut(&mut self) -> &mut AtStructure<AxisMotion> {
         &mut self.goal
     }
 
     /// Everything has rested at `target`, which is the goal.
-    pub(crate) fn begin(&mut self, target: &AxisMotion) {
-        self.goal.copy_from(target);
+    pub(crate) fn begin(&mut self, target: &AtStructure<AxisMotion>) {
+        AxisMotion::copy(&mut self.goal, target);
         self.interpolation.rest(&target.disp);
     }
 

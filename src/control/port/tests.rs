@@ -107,7 +107,7 @@ fn a_zero_that_is_read_and_its_drift_are_taken_off_what_is_read() {
         )
     };
     let is_zero = |port: &Port, (disp, force): (f64, f64)| {
-        let (disp, force) = port.axes[0].at_structure(disp, force);
+        let AtStructure((disp, force)) = port.axes[0].at_structure(AtAxis((disp, force)));
         assert!(disp.abs() < 1e-15 && force.abs() < 1e-9, "{disp} {force}");
     };
     let before = read(&mut port, 0.3, 0.5);
@@ -277,10 +277,10 @@ fn what_does_not_fit_is_refused() {
             base_moves: false,
         }))));
     assert!(length(2, 1)(refused(
-        |spec| spec.exits.on_trip = Exit::Safe(vec![0.0; 2])
+        |spec| spec.exits.on_trip = Exit::Safe(AtAxis(vec![0.0; 2]))
     )));
     assert!(length(2, 1)(refused(
-        |spec| spec.exits.at_end = Exit::Safe(vec![0.0; 2])
+        |spec| spec.exits.at_end = Exit::Safe(AtAxis(vec![0.0; 2]))
     )));
     assert!(length(0, 1)(refused(
         |spec| spec.stands_at_m = Some(Vec::new())

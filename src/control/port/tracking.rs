@@ -271,7 +271,7 @@ impl Tracking {
             VelocityOf::Path => 0.0,
         };
         let measured = feedback.disp();
-        let values = path.target().iter().zip(measured).zip(feedback.force());
+        let values = path.target().iter().zip(*measured).zip(*feedback.force());
         let axes = self.axes.iter_mut().zip(values.enumerate());
         for (axis, (index, (((target, vel), disp), force))) in axes {
             let own = force - stiffness.force_of_others(index, measured);

@@ -3,6 +3,7 @@
 use super::probe::{Pace, Probe};
 use super::trend::Trend;
 use super::wiring_fault::WiringFault;
+use gusset_quantity::frame::AtStructure;
 use gusset_quantity::units::AxisUnits;
 
 /// How the wiring is checked.
@@ -32,7 +33,7 @@ pub enum WiringCheck {
 
 impl WiringCheck {
     /// The small motion, from `start` in m of the structure, if that is the check.
-    pub(super) fn probe(&self, start: &[f64]) -> Option<Probe> {
+    pub(super) fn probe(&self, start: AtStructure<&[f64]>) -> Option<Probe> {
         let Self::Probe {
             amplitude,
             stiffness,
@@ -49,7 +50,7 @@ impl WiringCheck {
             units
         };
         let estimate = (stiffness.as_slice(), accepted.is_some());
-        Some(Probe::new(start, amplitude, estimate, units, *pace))
+        Some(Probe::new(&start, amplitude, estimate, units, *pace))
     }
 
     /// The reason of the user to accept a measured stiffness that is not near the estimate.
@@ -67,9 +68,9 @@ impl WiringCheck {
     }
 
     /// A reading at rest before the static load comes on: target, displacement and force. Real-time: yes.
-    pub(super) fn rest(&mut self, [target, disp, force]: [&[f64]; 3]) {
+    pub(super) fn rest(&mut self, [target, disp, force]: [AtStructure<&[f64]>; 3]) {
         if let Self::Settling(trend) = self {
-            trend.rest(target, disp, force);
+            trend.rest(&target, &disp, &force);
         }
     }
 
@@ -77,9 +78,12 @@ impl WiringCheck {
     ///
     /// # Errors
     /// A channel is reversed.
-    pub(super) fn moved(&mut self, [target, disp, force]: [&[f64]; 3]) -> Result<(), WiringFault> {
+    pub(super) fn moved(
+        &mut self,
+        [target, disp, force]: [AtStructure<&[f64]>; 3],
+    ) -> Result<(), WiringFault> {
         match self {
-            Self::Settling(trend) => trend.moved(target, disp, force),
+            Self::Settling(trend) => trend.moved(&target, &disp, &force),
             _ => Ok(()),
         }
     }

@@ -3,6 +3,7 @@
 use super::{Controller, Trip, USUAL_TICK_S};
 use crate::announce;
 use gusset_control::port::limits::{AxisLimits, Watch};
+use gusset_quantity::frame::AtSpecimen;
 use gusset_quantity::units::AxisUnits;
 
 /// Limits that one controller has announced.
@@ -35,7 +36,7 @@ impl AnnouncedLimits {
     }
 
     /// The next command leads away from here, from rest; displacements in m.
-    pub(crate) fn begin_at(&mut self, disp: impl Iterator<Item = f64>) {
+    pub(crate) fn begin_at(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>) {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.stands_at(disp);
     }
@@ -49,7 +50,7 @@ impl AnnouncedLimits {
     pub(crate) fn command(
         &mut self,
         time: f64,
-        disp: impl Iterator<Item = f64> + Clone,
+        disp: impl Iterator<Item = AtSpecimen<f64>> + Clone,
     ) -> Result<(), Trip> {
         self.watch.tick_is(time);
         let found = self.watch.command(disp.clone());
@@ -63,7 +64,7 @@ impl AnnouncedLimits {
     /// Judges measured values. Real-time: yes.
     pub(crate) fn measured(
         &mut self,
-        values: impl Iterator<Item = (f64, f64)> + Clone,
+        values: impl Iterator<Item = AtSpecimen<(f64, f64)>> + Clone,
     ) -> Result<(), Trip> {
         let found = self.watch.measured(values);
         found.trip.map_or(Ok(()), |hit| Err(Trip::Announced(hit)))

@@ -6,6 +6,7 @@
 
 use gusset_actuator::geometry::{Coordinate, Fault};
 use gusset_control::port::ReceivedPort;
+use gusset_quantity::frame::{AtAxis, AtClient, AtStructure};
 use gusset_quantity::substructure::Measurement;
 use gusset_quantity::units::AxisUnits;
 
@@ -54,28 +55,36 @@ impl ClientScale {
     pub(crate) fn aim(
         &self,
         port: &mut ReceivedPort,
-        [disp, vel]: [&[f64]; 2],
+        [disp, vel]: [AtClient<&[f64]>; 2],
         client: &[AxisUnits],
     ) {
-        let motion = disp.iter().zip(vel);
+        let motion = disp.iter().zip(*vel);
         match self {
-            Self::Axes => port.aim_at(&mut motion.map(|(disp, vel)| (*disp, *vel))),
+            Self::Axes => {
+                port.aim_at(&mut motion.map(|(disp, vel)| AtStructure((*disp, *vel))));
+            }
             Self::Structure(_) => {
                 let motion = motion.zip(client);
-                let mut motion =
-                    motion.map(|((disp, vel), unit)| (disp * unit.metres, vel * unit.metres));
+                let mut motion = motion.map(|((disp, vel), unit)| {
+                    AtStructure((disp * unit.metres, vel * unit.metres))
+                });
                 port.aim_at(&mut motion);
             }
         }
     }
 
     /// Makes the target of the port of displacements of the controller, and no command. Real-time: yes.
-    pub(crate) fn seek(&self, port: &mut ReceivedPort, disp: &[f64], client: &[AxisUnits]) {
+    pub(crate) fn seek(
+        &self,
+        port: &mut ReceivedPort,
+        disp: AtClient<&[f64]>,
+        client: &[AxisUnits],
+    ) {
         match self {
-            Self::Axes => port.seek_at(&mut disp.iter().map(|disp| (*disp, 0.0))),
+            Self::Axes => port.seek_at(&mut disp.iter().map(|disp| AtStructure((*disp, 0.0)))),
             Self::Structure(_) => {
                 let along = disp.iter().zip(client);
-                port.seek_at(&mut along.map(|(disp, unit)| (disp * unit.metres, 0.0)));
+                port.seek_at(&mut along.map(|(disp, unit)| AtStructure((disp * unit.metres, 0.0))));
             }
         }
     }
@@ -101,7 +110,7 @@ impl ClientScale {
         }
         port.resolve_pose()?;
         let mut not_finite = None;
-        port.read_signals(|index, disp, force| {
+        port.read_signals(|index, AtStructure((disp, force))| {
             let places = into.disp.get_mut(index).zip(into.force.get_mut(index));
             let (Some((to_disp, to_force)), Some(unit)) = (places, client.get(index)) else {
                 return;
@@ -123,17 +132,18 @@ impl ClientScale {
     pub(crate) fn place_for(
         &self,
         port: &ReceivedPort,
-        disp: &[f64],
+        disp: AtClient<&[f64]>,
         client: &[AxisUnits],
-    ) -> Result<Vec<f64>, Fault> {
+    ) -> Result<AtAxis<Vec<f64>>, Fault> {
         if self.is_of_axes() || disp.is_empty() {
-            return Ok(disp.to_vec());
+            return Ok(AtAxis(disp.to_vec()));
         }
         let signals = disp
             .iter()
             .zip(client)
             .map(|(disp, unit)| disp * unit.metres);
-        port.commands_for(&signals.collect::<Vec<f64>>())
+        let signals = AtStructure(signals.collect::<Vec<f64>>());
+        port.commands_for(signals.part(Vec::as_slice))
     }
 
     /// Displacements of the controller for the position `place` of the axes, in their units.
@@ -143,15 +153,16 @@ impl ClientScale {
     pub(crate) fn disp_at(
         &self,
         port: &ReceivedPort,
-        place: &[f64],
+        place: AtAxis<&[f64]>,
         client: &[AxisUnits],
-    ) -> Result<Vec<f64>, Fault> {
+    ) -> Result<AtClient<Vec<f64>>, Fault> {
         if self.is_of_axes() {
-            return Ok(place.to_vec());
+            return Ok(AtClient(place.to_vec()));
         }
         let signals = port.signals_at(place)?;
         let signals = signals.iter().zip(client);
-        Ok(signals.map(|(disp, unit)| disp / unit.metres).collect())
+        let disp = signals.map(|(disp, unit)| disp / unit.metres);
+        Ok(AtClient(disp.collect()))
     }
 }
 

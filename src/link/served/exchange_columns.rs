@@ -85,8 +85,13 @@ impl Exchange<'_> {
         let commands = targets
             .iter()
             .map(|target| if is_number { *target } else { f64::NAN })
-            .zip(port.command().iter().zip(port.command_vel()));
-        let measured = port.feedback().disp().iter().zip(port.feedback().force());
+            .zip(port.command().0.iter().zip(port.command_vel().0));
+        let measured = port
+            .feedback()
+            .disp()
+            .0
+            .iter()
+            .zip(port.feedback().force().0);
         let measured = measured.zip(raw.disp.iter().zip(&raw.force));
         for (slot, ((target, (disp, vel)), ((meas, force), (raw_disp, raw_force)))) in
             row.chunks_exact_mut(WIDTH).zip(commands.zip(measured))

@@ -5,6 +5,7 @@ use super::{Trip, USUAL_TICK_S};
 use gusset_control::port::ReceivedPort;
 use gusset_control::port::limits::{AxisLimits, Hit, Level};
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::{AtAxis, AtSpecimen};
 use gusset_quantity::substructure::Command;
 use gusset_quantity::units::AxisUnits;
 use gusset_quantity::units::in_axis_unit;
@@ -21,11 +22,11 @@ const BEGINS_WITHIN_M: f64 = 1e-3;
 #[derive(Debug, Default)]
 pub(super) struct FirstCommand {
     /// Position of the specimen, until the first command of a controller that announced no start has passed.
-    pub stands: Option<Vec<f64>>,
+    pub stands: Option<AtAxis<Vec<f64>>>,
     /// Position of a specimen that moves, for every controller.
-    pub leaves: Option<Vec<f64>>,
+    pub leaves: Option<AtAxis<Vec<f64>>>,
     /// For a specimen that moves: the number of the first command of a controller that requested arming, and its announced start.
-    pub begins: Option<(u64, Vec<f64>)>,
+    pub begins: Option<(u64, AtAxis<Vec<f64>>)>,
     /// Test time of the first command since it was armed.
     goes_on_from: Option<f64>,
     /// A command has moved it since that time passed.
@@ -45,19 +46,22 @@ impl FirstCommand {
     pub(crate) fn judge(
         &self,
         command: &Command<'_>,
-        place: &[f64],
+        place: AtAxis<&[f64]>,
         port: &ReceivedPort,
     ) -> Result<(), Trip> {
         if let Some((number, begins)) = &self.begins
             && command.sequence == *number
-            && let Some(axis) = elsewhere(in_metres(port, begins), in_metres(port, place))
+            && let Some(axis) = elsewhere(
+                in_metres(port, begins.part(Vec::as_slice)),
+                in_metres(port, place),
+            )
         {
             return Err(Trip::Elsewhere(axis));
         }
         if let Some(leaves) = &self.leaves
             && let Some(hit) = judge(
                 port.guard().declared(),
-                in_metres(port, leaves),
+                in_metres(port, leaves.part(Vec::as_slice)),
                 in_metres(port, place),
             )
         {
@@ -92,12 +96,13 @@ impl FirstCommand {
 /// Displacements in m. Real-time: yes.
 fn in_metres<'a>(
     port: &'a ReceivedPort,
-    disp: &'a [f64],
-) -> impl Iterator<Item = f64> + Clone + 'a {
+    disp: AtAxis<&'a [f64]>,
+) -> impl Iterator<Item = AtSpecimen<f64>> + Clone + 'a {
     let units = port.guard().units().iter();
-    disp.iter()
+    disp.0
+        .iter()
         .zip(units)
-        .map(|(disp, (metres, _))| disp * metres)
+        .map(|(disp, (metres, _))| AtSpecimen(disp * metres))
 }
 
 /// How far in m a first command may take an axis; none where its own limits bound that.
@@ -117,7 +122,10 @@ fn farthest(limits: &AxisLimits) -> Option<f64> {
 
 /// The first axis whose wiring check would begin at `start`, farther from the measured position `stands` than a first command may
 /// go, in units of the axes.
-pub(super) fn begins_elsewhere(port: &ReceivedPort, stands: &[f64], start: &[f64]) -> Option<Hit> {
+pub(super) fn begins_elsewhere(
+    port: &ReceivedPort,
+    [stands, start]: [AtAxis<&[f64]>; 2],
+) -> Option<Hit> {
     let bound = |limits: &AxisLimits| {
         let [step, vel] =
             [Limit::CommandStep, Limit::CommandVel].map(|limit| limits.size(limit).trip);
@@ -129,14 +137,14 @@ pub(super) fn begins_elsewhere(port: &ReceivedPort, stands: &[f64], start: &[f64
 }
 
 /// The first axis of a port that `place`, in its units, would take beyond its bound of displacement. Real-time: yes.
-pub(super) fn beyond(port: &ReceivedPort, place: &[f64]) -> Option<Hit> {
+pub(super) fn beyond(port: &ReceivedPort, place: AtAxis<&[f64]>) -> Option<Hit> {
     let mut axes = port
         .guard()
         .declared()
         .iter()
         .zip(in_metres(port, place))
         .enumerate();
-    axes.find_map(|(axis, (limits, value))| {
+    axes.find_map(|(axis, (limits, AtSpecimen(value)))| {
         let [low, high] = limits.get(Limit::CommandDisp).trip;
         let is_within = value >= low && value <= high;
         (!is_within).then_some(Hit {
@@ -152,8 +160,8 @@ pub(super) fn beyond(port: &ReceivedPort, place: &[f64]) -> Option<Hit> {
 /// The first axis that moves too far from its position. Displacements in m. Real-time: yes.
 fn judge(
     limits: &[AxisLimits],
-    stands: impl Iterator<Item = f64>,
-    disp: impl Iterator<Item = f64>,
+    stands: impl Iterator<Item = AtSpecimen<f64>>,
+    disp: impl Iterator<Item = AtSpecimen<f64>>,
 ) -> Option<Hit> {
     too_far(limits, stands, disp, farthest)
 }
@@ -162,14 +170,14 @@ fn judge(
 /// yes.
 fn too_far(
     limits: &[AxisLimits],
-    stands: impl Iterator<Item = f64>,
-    disp: impl Iterator<Item = f64>,
+    stands: impl Iterator<Item = AtSpecimen<f64>>,
+    disp: impl Iterator<Item = AtSpecimen<f64>>,
     bound: impl Fn(&AxisLimits) -> Option<f64>,
 ) -> Option<Hit> {
     let mut axes = limits.iter().zip(stands.zip(disp)).enumerate();
     axes.find_map(|(axis, (limits, (from, to)))| {
         let bound = bound(limits)?;
-        let value = (to - from).abs();
+        let value = (to.0 - from.0).abs();
         let is_near = value <= bound;
         (!is_near).then_some(Hit {
             axis,
@@ -182,9 +190,12 @@ fn too_far(
 }
 
 /// The first axis (from 0) on which a first command is not at the place of the Arm. Displacements in m. Real-time: yes.
-fn elsewhere(place: impl Iterator<Item = f64>, disp: impl Iterator<Item = f64>) -> Option<usize> {
+fn elsewhere(
+    place: impl Iterator<Item = AtSpecimen<f64>>,
+    disp: impl Iterator<Item = AtSpecimen<f64>>,
+) -> Option<usize> {
     place.zip(disp).position(|(place, disp)| {
-        let is_there = (disp - place).abs() <= BEGINS_WITHIN_M;
+        let is_there = (disp.0 - place.0).abs() <= BEGINS_WITHIN_M;
         !is_there
     })
 }
@@ -238,7 +249,11 @@ mod tests {
     fn every_axis_is_judged_from_its_position() {
         let limits = AxisLimits::NONE.with(Limit::CommandDisp, Range::trip([-0.1, 0.1]));
         let first = |to: [f64; 2]| {
-            let hit = judge(&[limits; 2], [0.0, 0.05].into_iter(), to.into_iter());
+            let hit = judge(
+                &[limits; 2],
+                [0.0, 0.05].map(AtSpecimen).into_iter(),
+                to.map(AtSpecimen).into_iter(),
+            );
             hit.map(|hit| hit.axis)
         };
         assert_eq!(first([0.009, 0.041]), None);

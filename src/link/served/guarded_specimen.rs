@@ -15,6 +15,7 @@ use gusset_control::port::limits::{Found, Level};
 use gusset_control::port::{LoadingUnit, ReceivedPort};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::{AtAxis, AtClient, AtSpecimen, AtStructure};
 use gusset_quantity::substructure::{
     Command, Freshness, Introduction, LISTEN_NS, LinkFault, Measurement, Status,
 };
@@ -89,7 +90,7 @@ pub(super) struct GuardedSpecimen {
     /// The last answer, as the controller counts. Each of its numbers is finite.
     pub answer: Measurement,
     /// The last command that left to the axes; empty before one.
-    pub told: Vec<f64>,
+    pub told: AtAxis<Vec<f64>>,
     tripped: Option<Trip>,
     commits: u64,
     /// The path to the controller's targets, if they are paced.
@@ -104,7 +105,7 @@ impl GuardedSpecimen {
     pub(crate) fn new(identity: Identity, port: ReceivedPort) -> Self {
         Self {
             answer: Measurement::zeros(identity.units.len()),
-            told: Vec::with_capacity(port.axes()),
+            told: AtAxis(Vec::with_capacity(port.axes())),
             allowance: SpeedAllowance::new(identity.moves),
             identity,
             port,
@@ -200,22 +201,23 @@ impl GuardedSpecimen {
     ///
     /// # Errors
     /// The actuators cannot have this pose.
-    pub(crate) fn place_for(&self, disp: &[f64]) -> Result<Vec<f64>, TestEnd> {
+    pub(crate) fn place_for(&self, disp: AtClient<&[f64]>) -> Result<AtAxis<Vec<f64>>, TestEnd> {
         let Identity { scale, units, .. } = &self.identity;
         let place = scale.place_for(&self.port, disp, units);
         place.map_err(|fault| TestEnd::failed(format_args!("the test cannot begin there: {fault}")))
     }
 
     /// The controller announced that its first command will be at this place of the axes.
-    pub(crate) fn begins_at(&mut self, sequence: u64, start: &[f64]) {
-        self.first.begins = self.identity.moves.then(|| (sequence, start.to_vec()));
+    pub(crate) fn begins_at(&mut self, sequence: u64, start: AtAxis<&[f64]>) {
+        let moves = self.identity.moves;
+        self.first.begins = moves.then(|| (sequence, AtAxis(start.to_vec())));
     }
 
     /// Gets the specimen ready for commands that lead away from `start`, a place of its axes.
     pub(crate) fn arm(
         &mut self,
         sequence: u64,
-        start: &[f64],
+        start: AtAxis<&[f64]>,
         wanted: &mut Wanted<'_>,
     ) -> Result<(), TestEnd> {
         if !self.identity.is_lasting() {
@@ -230,14 +232,14 @@ impl GuardedSpecimen {
             if scale.is_of_axes() {
                 announced.begin(self.port.guard().watch());
             } else if let Ok(disp) = scale.disp_at(&self.port, start, units) {
-                announced.begin_at(in_metres(units, &disp));
+                announced.begin_at(in_metres(units, disp.part(Vec::as_slice)));
             }
         }
         if let Some(path) = &mut self.path {
             let Identity { scale, units, .. } = &self.identity;
             let disp = scale.disp_at(&self.port, start, units);
             let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
-            path.rests_at(sequence, &disp, start);
+            path.rests_at(sequence, disp.part(Vec::as_slice), start);
             self.port.restart_following(path.fresh.as_ref());
         }
         let mut unwanted = None;
@@ -354,7 +356,7 @@ impl GuardedSpecimen {
     fn seek_for_the_record(&mut self, command: &Command<'_>) {
         let Identity { scale, units, .. } = &self.identity;
         if self.is_converted() && command.disp.iter().all(|disp| disp.is_finite()) {
-            scale.seek(&mut self.port, command.disp, units);
+            scale.seek(&mut self.port, AtClient(command.disp), units);
         }
     }
 
@@ -442,7 +444,7 @@ impl GuardedSpecimen {
         let found = self.port.clear();
         self.heed(found)?;
         if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
-            let disp = in_metres(&self.identity.units, command.disp);
+            let disp = in_metres(&self.identity.units, AtClient(command.disp));
             announced.command(time.map_or(USUAL_TICK_S, |time| time.announced), disp)?;
         }
         Ok(())
@@ -466,11 +468,12 @@ impl GuardedSpecimen {
         }
         if self.is_by_axes(origin) {
             let motion = disp.iter().zip(*vel);
-            self.port.aim_axes(motion.map(|(disp, vel)| (*disp, *vel)));
+            let motion = motion.map(|(disp, vel)| AtStructure((*disp, *vel)));
+            self.port.aim_axes(motion);
             return;
         }
         let Identity { scale, units, .. } = &self.identity;
-        scale.aim(&mut self.port, [disp, vel], units);
+        scale.aim(&mut self.port, [disp, vel].map(|of| AtClient(*of)), units);
     }
 
     /// Sends the command that was judged, and takes its answer; false if that is no longer `wanted`.
@@ -494,7 +497,7 @@ impl GuardedSpecimen {
         self.port.issue(command.sequence, command.time, dt)?;
         // Within its capacity.
         self.told.clear();
-        self.told.extend_from_slice(self.port.path().sent());
+        self.told.extend_from_slice(&self.port.path().sent());
         for _ in 0..limit_ns.div_ceil(LISTEN_NS) {
             if self.port.exchange_mut().is_answered(LISTEN_NS)? {
                 break;
@@ -517,9 +520,9 @@ impl GuardedSpecimen {
         if let Some(limits) = self.announced.as_mut().filter(|_| is_theirs) {
             let units = self.identity.units.iter();
             let values = self.answer.disp.iter().zip(&self.answer.force).zip(units);
-            announced = limits.measured(
-                values.map(|((disp, force), unit)| (disp * unit.metres, force * unit.newtons)),
-            );
+            announced = limits.measured(values.map(|((disp, force), unit)| {
+                AtSpecimen((disp * unit.metres, force * unit.newtons))
+            }));
         }
         // The specimen's own limits come first.
         self.heed(found)?;
@@ -671,11 +674,12 @@ impl GuardedSpecimen {
 /// Displacements of the controller in m. Real-time: yes.
 pub(super) fn in_metres<'a>(
     units: &'a [AxisUnits],
-    disp: &'a [f64],
-) -> impl Iterator<Item = f64> + Clone + 'a {
-    disp.iter()
+    disp: AtClient<&'a [f64]>,
+) -> impl Iterator<Item = AtSpecimen<f64>> + Clone + 'a {
+    disp.0
+        .iter()
         .zip(units)
-        .map(|(disp, unit)| disp * unit.metres)
+        .map(|(disp, unit)| AtSpecimen(disp * unit.metres))
 }
 
 /// The first axis (from 0) with a number that is not finite. Real-time: yes.

@@ -12,6 +12,7 @@ use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
 use gusset_control::port::{LoadingUnit, SHARE_OF_SPEED};
 use gusset_quantity::catalog::event::Remark;
+use gusset_quantity::frame::AtClient;
 use gusset_quantity::substructure::{Command, Measurement};
 
 impl GuardedSpecimen {
@@ -26,7 +27,7 @@ impl GuardedSpecimen {
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
         let is_finite = not_finite(command.disp, command.vel).is_none();
-        if is_finite && path.is_repeated(command.disp, self.commits()) {
+        if is_finite && path.is_repeated(AtClient(command.disp), self.commits()) {
             // OpenSees sends each target again with the velocity at the end of the step.
             (into.time, into.status) = (self.answer.time, self.answer.status);
             copy(&self.answer, into);
@@ -75,7 +76,7 @@ impl GuardedSpecimen {
             is_owed = true;
         }
         if !is_wanted {
-            path.rests_on_the_way(&self.told);
+            path.rests_on_the_way(self.told.part(Vec::as_slice));
         } else if std::mem::take(&mut path.is_first) {
             self.port.begin_compensation();
         }
@@ -90,17 +91,18 @@ impl GuardedSpecimen {
             return Err(Trip::NotFinite { axis, measured });
         }
         let Identity { scale, units, .. } = &self.identity;
-        scale.seek(&mut self.port, command.disp, units);
+        scale.seek(&mut self.port, AtClient(command.disp), units);
         if let Some(fault) = self.port.loading_unit().and_then(LoadingUnit::fault) {
             return Err(Trip::Geometry(fault));
         }
         let [last, next] = &mut path.places;
         self.port.write_goal(next);
+        let [last, next] = [&*last, next].map(|place| place.part(Vec::as_slice));
         if let Some(hit) = beyond(&self.port, next) {
             return Err(Trip::Limit(hit));
         }
         self.first.judge(command, next, &self.port)?;
-        let ends = [&last[..], &next[..]];
+        let ends = [last, next];
         if !path.is_first {
             judge(&self.port, ends, path.pacing)?;
         }
@@ -111,12 +113,13 @@ impl GuardedSpecimen {
 
     /// The path to a target begins: a ramp of the port to the first one of a session.
     fn begin_path(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
-        path.aim(command.disp);
+        path.aim(AtClient(command.disp));
         let mut seconds = path.pacing.motion_s();
         if path.is_first {
             path.vel.fill(0.0);
             let Identity { scale, units, .. } = &self.identity;
-            scale.aim(&mut self.port, [command.disp, &path.vel], units);
+            let motion = [AtClient(command.disp), path.vel.part(Vec::as_slice)];
+            scale.aim(&mut self.port, motion, units);
             self.port.begin_ramp();
             let period_s = path.pacing.period_s();
             let needed = self.port.ramp_time(SHARE_OF_SPEED, period_s, seconds);
@@ -126,7 +129,7 @@ impl GuardedSpecimen {
             self.port.skips_commands();
         }
         if let Some(announced) = self.announced.as_mut() {
-            let disp = in_metres(&self.identity.units, command.disp);
+            let disp = in_metres(&self.identity.units, AtClient(command.disp));
             announced.command(seconds, disp)?;
         }
         Ok(())
@@ -143,8 +146,8 @@ impl GuardedSpecimen {
         self.port.ramp_to(tick.share, seconds);
         let is_of_axes = self.identity.scale.is_of_axes();
         if is_of_axes {
-            path.disp.copy_from_slice(self.port.command());
-            path.vel.copy_from_slice(self.port.command_vel());
+            path.disp.copy_from_slice(&self.port.command());
+            path.vel.copy_from_slice(&self.port.command_vel());
         }
         let lands = tick.share >= 1.0;
         (Origin::Ramp { period_s, lands }, is_of_axes)

@@ -17,6 +17,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::state::TestState;
 use gusset_record::rt::os;
 
@@ -124,8 +125,8 @@ enum Course {
 #[derive(Debug)]
 pub(super) struct PacedPath {
     pub pacing: Pacing,
-    from: Vec<f64>,
-    to: Vec<f64>,
+    from: AtClient<Vec<f64>>,
+    to: AtClient<Vec<f64>>,
     /// Ticks of the path; more than those of the pacing on the first one, if a limit demands that.
     ticks: u32,
     /// Ticks at the target; fewer after a stop.
@@ -137,12 +138,12 @@ pub(super) struct PacedPath {
     /// The next target is the first one of a session.
     pub is_first: bool,
     /// The next command, in the client's displacements; velocities are of wall time.
-    pub disp: Vec<f64>,
-    pub vel: Vec<f64>,
+    pub disp: AtClient<Vec<f64>>,
+    pub vel: AtClient<Vec<f64>>,
     /// Number of the next command.
     pub sequence: u64,
     /// Where the axes are at the last target and at the next one, in their units.
-    pub places: [Vec<f64>; 2],
+    pub places: [AtAxis<Vec<f64>>; 2],
     /// Acceleration in 1/s² that the limits allow on a path of length 1.
     pub allowed: AllowedAccel,
     /// The compensators before any command.
@@ -164,7 +165,7 @@ fn shape(x: f64) -> (f64, f64) {
 impl PacedPath {
     /// For a client of `signals` displacements, and `axes` axes.
     pub(crate) fn new(pacing: Pacing, signals: usize, axes: usize) -> Self {
-        let zeros = || vec![0.0; signals];
+        let zeros = || AtClient(vec![0.0; signals]);
         Self {
             pacing,
             from: zeros(),
@@ -178,7 +179,7 @@ impl PacedPath {
             disp: zeros(),
             vel: zeros(),
             sequence: 0,
-            places: [vec![0.0; axes], vec![0.0; axes]],
+            places: [AtAxis(vec![0.0; axes]), AtAxis(vec![0.0; axes])],
             allowed: AllowedAccel {
                 largest: f64::INFINITY,
                 is_declared: false,
@@ -190,12 +191,17 @@ impl PacedPath {
     }
 
     /// The specimen rests at these displacements of the client, and its axes at this place. The next command has this number.
-    pub(crate) fn rests_at(&mut self, sequence: u64, disp: &[f64], place: &[f64]) {
-        for (to, disp) in self.to.iter_mut().zip(disp) {
+    pub(crate) fn rests_at(
+        &mut self,
+        sequence: u64,
+        disp: AtClient<&[f64]>,
+        place: AtAxis<&[f64]>,
+    ) {
+        for (to, disp) in self.to.iter_mut().zip(*disp) {
             *to = *disp;
         }
         let [last, _] = &mut self.places;
-        last.copy_from_slice(place);
+        last.copy_from_slice(&place);
         (self.ticks, self.settle_ticks) = (self.pacing.ticks, self.pacing.settle_ticks);
         (self.sequence, self.tick) = (sequence, self.all_ticks());
         (self.is_first, self.answered) = (true, None);
@@ -203,8 +209,8 @@ impl PacedPath {
     }
 
     /// True of the last target once more, in the same step, after its answer. Real-time: yes.
-    pub(crate) fn is_repeated(&self, target: &[f64], commits: u64) -> bool {
-        self.answered == Some(commits) && self.to == target
+    pub(crate) fn is_repeated(&self, target: AtClient<&[f64]>, commits: u64) -> bool {
+        self.answered == Some(commits) && self.to.part(Vec::as_slice) == target
     }
 
     /// Ticks to a target, and at it.
@@ -213,9 +219,9 @@ impl PacedPath {
     }
 
     /// The next target. Real-time: yes.
-    pub(crate) fn aim(&mut self, target: &[f64]) {
+    pub(crate) fn aim(&mut self, target: AtClient<&[f64]>) {
         self.from.copy_from_slice(&self.to);
-        for (to, target) in self.to.iter_mut().zip(target) {
+        for (to, target) in self.to.iter_mut().zip(*target) {
             *to = *target;
         }
         (self.ticks, self.tick) = (self.pacing.ticks, 0);
@@ -225,7 +231,7 @@ impl PacedPath {
     }
 
     /// The specimen rests after a stop, with its axes at `place`: the next path leads away from there. Real-time: yes.
-    pub(crate) fn rests_on_the_way(&mut self, place: &[f64]) {
+    pub(crate) fn rests_on_the_way(&mut self, place: AtAxis<&[f64]>) {
         if self.tick == 0 {
             // Nothing has moved.
             self.to.copy_from_slice(&self.from);
@@ -241,7 +247,7 @@ impl PacedPath {
             self.to.copy_from_slice(&self.disp);
         }
         let [last, _] = &mut self.places;
-        for (last, place) in last.iter_mut().zip(place) {
+        for (last, place) in last.iter_mut().zip(*place) {
             *last = *place;
         }
     }
@@ -386,8 +392,8 @@ impl PacedPath {
     pub(crate) fn make(&mut self, tick: PathTick) {
         let (share, slope) = shape(tick.share);
         let rate = tick.pace * slope / (self.pacing.period_s() * f64::from(self.ticks));
-        let ends = self.from.iter().zip(&self.to);
-        let made = self.disp.iter_mut().zip(&mut self.vel);
+        let ends = self.from.iter().zip(&*self.to);
+        let made = self.disp.iter_mut().zip(&mut *self.vel);
         for ((disp, vel), (from, to)) in made.zip(ends) {
             // The target itself, to the last bit.
             *disp = if tick.share < 1.0 {
@@ -433,7 +439,7 @@ mod tests {
 
     /// The commands of one path from here to `target`; stopped after `stop` of them, if given.
     fn go(path: &mut PacedPath, target: f64, stop: Option<u32>) -> Vec<[f64; 2]> {
-        path.aim(&[target]);
+        path.aim(AtClient(&[target]));
         let mut made = Vec::new();
         loop {
             if stop == u32::try_from(made.len()).ok() {
@@ -526,7 +532,7 @@ mod tests {
             let pacing = Pacing { ticks, settle_ticks: 0, period_ns: 10_000_000, clock: PaceClock::MACHINE };
             let mut path = PacedPath::new(pacing, 1, 1);
             path.is_first = is_first;
-            path.aim(&[1.0]);
+            path.aim(AtClient(&[1.0]));
             let seconds = path.takes(longer * pacing.motion_s());
             let largest = margin * HARDEST / (seconds * seconds);
             path.allowed = AllowedAccel { largest, is_declared: true };

@@ -5,11 +5,12 @@ use super::pacing::{AllowedAccel, FASTEST, HARDEST, Pacing};
 use gusset_control::port::ReceivedPort;
 use gusset_control::port::limits::{AxisLimits, Hit, Level};
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtAxis;
 
 /// The distance of each axis in m from one place to the other, with its limits. Places are in the units of the axes.
 fn distances<'a>(
     port: &'a ReceivedPort,
-    [from, to]: [&'a [f64]; 2],
+    [AtAxis(from), AtAxis(to)]: [AtAxis<&'a [f64]>; 2],
 ) -> impl Iterator<Item = (&'a AxisLimits, f64)> {
     let ends = from.iter().zip(to).zip(port.guard().units());
     let distances = ends.map(|((from, to), (metres, _))| (to - from).abs() * metres);
@@ -17,7 +18,7 @@ fn distances<'a>(
 }
 
 /// The acceleration in 1/s² of a motion over a distance of 1 that the axes allow between these places. Real-time: yes.
-pub(super) fn allowed_accel(port: &ReceivedPort, ends: [&[f64]; 2]) -> AllowedAccel {
+pub(super) fn allowed_accel(port: &ReceivedPort, ends: [AtAxis<&[f64]>; 2]) -> AllowedAccel {
     let axes = distances(port, ends).filter(|(_, distance)| *distance > 0.0);
     let mut allowed = AllowedAccel {
         largest: f64::INFINITY,
@@ -35,7 +36,11 @@ pub(super) fn allowed_accel(port: &ReceivedPort, ends: [&[f64]; 2]) -> AllowedAc
 ///
 /// # Errors
 /// It must exceed a limit of speed, step or acceleration.
-pub(super) fn judge(port: &ReceivedPort, ends: [&[f64]; 2], pacing: Pacing) -> Result<(), Trip> {
+pub(super) fn judge(
+    port: &ReceivedPort,
+    ends: [AtAxis<&[f64]>; 2],
+    pacing: Pacing,
+) -> Result<(), Trip> {
     let (seconds, period_s) = (pacing.motion_s(), pacing.period_s());
     let mut first = None;
     let mut ticks: f64 = 0.0;

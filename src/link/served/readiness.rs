@@ -8,6 +8,7 @@ use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
 use gusset_control::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
 use gusset_quantity::catalog::event::Remark;
+use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::substructure::{Command, Introduction, Measurement, Retirement};
 use gusset_quantity::units::{AxisUnits, in_axis_unit, number as number_of, signed_in_axis_unit};
 use gusset_record::lasting::Place;
@@ -47,9 +48,9 @@ impl<'a> Readiness<'a> {
     pub(crate) fn reach(mut self, wanted: &mut Wanted<'_>) -> Result<Vec<String>, TestEnd> {
         self.told.extend(self.served.recording.place());
         let introduction = self.connect(wanted)?;
-        let asked = self.served.place_for(&self.controller.start)?;
+        let asked = self.served.place_for(AtClient(&self.controller.start))?;
         self.compare(&introduction, &asked)?;
-        let start = self.start(&introduction, &asked)?;
+        let start = self.start(&introduction, asked.part(Vec::as_slice))?;
         let names_start = !self.controller.start.is_empty();
         self.served.first.stands = (!names_start).then(|| start.clone());
         if !names_start && start.iter().any(|disp| *disp != 0.0) {
@@ -63,21 +64,27 @@ impl<'a> Readiness<'a> {
             WiringCheck::Probe { .. }
         );
         if is_probed {
-            self.judge_start(&introduction, &start)?;
+            self.judge_start(&introduction, start.part(Vec::as_slice))?;
         }
         self.record_place(&introduction, &start)?;
         if is_probed {
-            self.check_wiring(&start, wanted)?;
+            self.check_wiring(start.part(Vec::as_slice), wanted)?;
             self.served.port.has_come_to_rest();
         }
         if self.served.pacing().is_some() {
             // The ramp to the first target takes its least time only if the place is known.
-            self.served.port.startup_mut().report_position(&start);
+            self.served
+                .port
+                .startup_mut()
+                .report_position(start.part(Vec::as_slice));
         }
-        let felt = self.feel(&start, &introduction, wanted)?;
-        self.served
-            .arm(self.controller.first_sequence, &start, wanted)?;
-        self.take_place(&start, &introduction);
+        let felt = self.feel(start.part(Vec::as_slice), &introduction, wanted)?;
+        self.served.arm(
+            self.controller.first_sequence,
+            start.part(Vec::as_slice),
+            wanted,
+        )?;
+        self.take_place(start.part(Vec::as_slice), &introduction);
         self.take_rest(&introduction, felt)?;
         Ok(self.told)
     }
@@ -221,13 +228,17 @@ impl<'a> Readiness<'a> {
     ///
     /// # Errors
     /// The actuators of a loading unit cannot have this position.
-    fn start(&self, introduction: &Introduction, asked: &[f64]) -> Result<Vec<f64>, TestEnd> {
+    fn start(
+        &self,
+        introduction: &Introduction,
+        asked: AtAxis<&[f64]>,
+    ) -> Result<AtAxis<Vec<f64>>, TestEnd> {
         let axes = self.served.port.axes();
-        let known = [asked, &introduction.standing];
+        let known = [asked, AtAxis(&introduction.standing)];
         let known = known.into_iter().find(|known| known.len() == axes);
-        let start = known.map_or_else(|| vec![0.0; axes], <[f64]>::to_vec);
+        let start = AtAxis(known.map_or_else(|| vec![0.0; axes], |known| known.to_vec()));
         let Identity { scale, units, .. } = &self.served.identity;
-        let posed = scale.disp_at(&self.served.port, &start, units);
+        let posed = scale.disp_at(&self.served.port, start.part(Vec::as_slice), units);
         posed
             .map_err(|fault| TestEnd::failed(format_args!("where the specimen stands: {fault}")))?;
         Ok(start)
@@ -237,7 +248,11 @@ impl<'a> Readiness<'a> {
     ///
     /// # Errors
     /// The controller expects the specimen elsewhere.
-    fn judge_start(&self, introduction: &Introduction, start: &[f64]) -> Result<(), TestEnd> {
+    fn judge_start(
+        &self,
+        introduction: &Introduction,
+        start: AtAxis<&[f64]>,
+    ) -> Result<(), TestEnd> {
         let Introduction {
             measured, standing, ..
         } = introduction;
@@ -245,13 +260,13 @@ impl<'a> Readiness<'a> {
             return Ok(());
         }
         let served = &*self.served;
-        let Some(hit) = begins_elsewhere(&served.port, standing, start) else {
+        let Some(hit) = begins_elsewhere(&served.port, [AtAxis(standing), start]) else {
             return Ok(());
         };
         let text = format!(
             "the controller begins at {}, but {} was measured: axis {} may begin {} away at most. Correct the first displacement of the \
              controller, or the zero of the sensor",
-            served.identity.in_words(start),
+            served.identity.in_words(&start),
             served.identity.in_words(standing),
             hit.axis + 1,
             in_axis_unit(hit.bound, "m")
@@ -287,18 +302,22 @@ impl<'a> Readiness<'a> {
 
     /// A small motion shows the sign of each axis. An unwanted test ends the motion, which returns to its start; the message
     /// gives the position if it does not reach it.
-    fn check_wiring(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<(), TestEnd> {
+    fn check_wiring(
+        &mut self,
+        start: AtAxis<&[f64]>,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(), TestEnd> {
         let checked = self.move_a_little(start, wanted);
         let rounding = self.rounding();
         let text = checked.map_err(|TestEnd { cause, text, .. }| {
             let served = &mut *self.served;
-            if apart(&served.told, start, rounding).is_none() {
+            if apart(&served.told, &start, rounding).is_none() {
                 return TestEnd::of(cause, text);
             }
             let left = format!(
                 "it was led to {}, from {}",
                 served.identity.in_words(&served.told),
-                served.identity.in_words(start)
+                served.identity.in_words(&start)
             );
             served.warn(Remark::LeftAside, &format!("{WHILE}: {left}"));
             let text = format!("{text}; {left}");
@@ -309,7 +328,11 @@ impl<'a> Readiness<'a> {
         Ok(())
     }
 
-    fn move_a_little(&mut self, start: &[f64], wanted: &mut Wanted<'_>) -> Result<String, TestEnd> {
+    fn move_a_little(
+        &mut self,
+        start: AtAxis<&[f64]>,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<String, TestEnd> {
         self.served
             .note(Remark::Probing, "a small motion and back, axis after axis");
         self.served.port.startup_mut().report_position(start);
@@ -421,7 +444,7 @@ impl<'a> Readiness<'a> {
     /// may request it before that. An unmeasured force is not an answer.
     fn feel(
         &mut self,
-        stands: &[f64],
+        stands: AtAxis<&[f64]>,
         introduction: &Introduction,
         wanted: &mut Wanted<'_>,
     ) -> Result<Option<Vec<f64>>, TestEnd> {
@@ -478,10 +501,10 @@ impl<'a> Readiness<'a> {
     }
 
     /// Takes the position before the first command: the measured one if there is one.
-    fn take_place(&mut self, start: &[f64], introduction: &Introduction) {
+    fn take_place(&mut self, start: AtAxis<&[f64]>, introduction: &Introduction) {
         let is_measured = introduction.measured && introduction.standing.len() == start.len();
         let stands = if is_measured {
-            introduction.standing.as_slice()
+            AtAxis(introduction.standing.as_slice())
         } else {
             start
         };
@@ -492,7 +515,7 @@ impl<'a> Readiness<'a> {
             self.served.begins_at(self.controller.first_sequence, start);
         }
         let moves = self.served.identity.moves;
-        self.served.first.leaves = moves.then(|| stands.to_vec());
+        self.served.first.leaves = moves.then(|| AtAxis(stands.to_vec()));
     }
 
     /// Answers that are possible before the first command.
@@ -540,11 +563,11 @@ impl<'a> Readiness<'a> {
         format!("{of}: the force at rest is no number").into()
     }
 
-    /// Our own command for a place of the axes.
-    fn deformations(&self, place: &[f64]) -> Vec<f64> {
+    /// Numbers of the server's command for a place of the axes.
+    fn deformations(&self, place: AtAxis<&[f64]>) -> Vec<f64> {
         if self.served.identity.scale.is_of_axes() {
             return place.to_vec();
         }
-        self.served.port.deformations_at(place)
+        self.served.port.deformations_at(place).0
     }
 }

@@ -18,6 +18,7 @@ use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{PortSpec, ReceivedPort, WiringCheck};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::Remark;
+use gusset_quantity::frame::AtClient;
 use gusset_quantity::substructure::{Command, LinkStats, Measurement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
@@ -381,9 +382,10 @@ impl ServedSpecimen {
             return Err(TestEnd::failed(text));
         }
         self.note(Remark::ArmedAgain, "the controller begins again");
-        let start = self.guarded.place_for(start)?;
-        self.guarded.arm(sequence, &start, wanted)?;
-        self.guarded.begins_at(sequence, &start);
+        let start = self.guarded.place_for(AtClient(start))?;
+        let start = start.part(Vec::as_slice);
+        self.guarded.arm(sequence, start, wanted)?;
+        self.guarded.begins_at(sequence, start);
         Ok(())
     }
 

@@ -13,6 +13,7 @@ use gusset_config::fault_script::Script;
 use gusset_config::{LimitsSpec, ScriptError, check_script};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{ReceivedPort, WiringCheck};
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis, Capabilities};
@@ -306,8 +307,8 @@ impl Host {
         };
         let scale = ClientScale::Structure(Box::new(conversion.behind.clone()));
         let port = conversion.build().ok();
-        let disp = port.and_then(|port| scale.disp_at(&port, &place, &self.units).ok());
-        disp.unwrap_or_default()
+        let disp = port.and_then(|port| scale.disp_at(&port, AtAxis(&place), &self.units).ok());
+        disp.unwrap_or_default().0
     }
 
     /// Every test meets these faults, the same each time.

@@ -175,7 +175,11 @@ impl Axis {
     fn way_lost(&self, port: &Port, axis: usize, (rate_hz, ticks_per_step): (f64, u32)) -> f64 {
         let pairs = self.latest.iter().zip(self.latest.iter().skip(1));
         let steps = pairs.map(|(one, next)| (next - one).abs());
-        let ready = port.command().get(axis).zip(port.path().sent().get(axis));
+        let ready = port
+            .command()
+            .0
+            .get(axis)
+            .zip(port.path().sent().0.get(axis));
         let ready = ready.map(|(ready, sent)| (ready - sent).abs());
         let ticks = ticks_lost(rate_hz);
         let commands = if port.path().is_per_step() {

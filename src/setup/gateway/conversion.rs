@@ -17,6 +17,7 @@ use gusset_control::port::{Axis, AxisSpec, LoadingUnitSpec, PortSpec, WiringChec
 use gusset_link::announce::announce;
 use gusset_link::served::{AxesBehind, LinkBuild};
 use gusset_link::server::{Conversion, Host, PortBuild};
+use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::{Axis as WireAxis, Limits, Unit};
@@ -246,7 +247,7 @@ impl<'a> Converted<'a> {
 
 /// Limits of an axis, in its units, as its client counts, whose units have these metres and newtons.
 fn at_client(own: &Limits, axis: &Axis, (metres, newtons): (f64, f64)) -> Limits {
-    let ends = [own.disp_min, own.disp_max].map(|end| axis.deformation(end) / metres);
+    let ends = [own.disp_min, own.disp_max].map(|end| axis.deformation(AtAxis(end)).0 / metres);
     Limits {
         disp_min: ends[0].min(ends[1]),
         disp_max: ends[0].max(ends[1]),

@@ -17,6 +17,7 @@ use gusset_link::served::{
 };
 use gusset_link::server::Host;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
@@ -275,7 +276,7 @@ proptest! {
         for (sequence, pose) in (0..).zip(&poses) {
             let vel = pose.map(|q| 3.0 * q);
             let answer = goes(&mut served, sequence, pose, &vel).unwrap();
-            port.aim_at(&mut pose.iter().copied().zip(vel));
+            port.aim_at(&mut pose.iter().copied().zip(vel).map(AtStructure));
             prop_assert_eq!(port.clear().trip, None);
             port.issue(sequence, 0.0, 0.01).unwrap();
             port.collect(Nanos(0)).unwrap();
@@ -489,7 +490,7 @@ fn paced_target_moves_from_rest_to_rest() {
         // At half the time the platform is at half the distance.
         let poses = told
             .iter()
-            .map(|[disp, _]| port_of_platform().signals_at(disp).unwrap());
+            .map(|[disp, _]| port_of_platform().signals_at(AtAxis(disp)).unwrap().0);
         let poses: Vec<Vec<f64>> = poses.collect();
         assert!((poses[9][2] - 0.5 * (poses[19][2] + before_of(sequence))).abs() < 1e-12);
     }

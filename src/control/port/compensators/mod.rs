@@ -18,6 +18,7 @@ use super::axis_motion::AxisMotion;
 use super::step_pacer::PacerTick;
 use super::target_path::TargetPath;
 use gusset_actuator::compensation::{Compensator, Parameter};
+use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, TestState};
 
@@ -268,8 +269,8 @@ impl Compensators {
     pub(crate) fn lead(
         &mut self,
         axes: &[Axis],
-        target: &AxisMotion,
-        command: &mut AxisMotion,
+        target: &AtStructure<AxisMotion>,
+        command: &mut AtAxis<AxisMotion>,
         is_published: bool,
     ) {
         self.keep();
@@ -283,7 +284,7 @@ impl Compensators {
         let (tick, pace) = (self.tick, self.pace);
         let is_published = is_published && self.are_differences();
         let targets = target.disp.iter().zip(&target.vel);
-        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        let commands = command.iter_mut();
         let axes = axes.iter().zip(commands).zip(targets);
         for (((axis, (command, command_vel)), (target, vel)), made) in axes.zip(&mut self.axes) {
             let disp = axis.disp_gain * target * made.metres;
@@ -309,8 +310,8 @@ impl Compensators {
         &mut self,
         axes: &[Axis],
         path: &TargetPath,
-        target: &AxisMotion,
-        command: &mut AxisMotion,
+        target: &AtStructure<AxisMotion>,
+        command: &mut AtAxis<AxisMotion>,
         (is_published, tick): (bool, &PacerTick),
     ) {
         let pace = if self.delay_in == DelayIn::TestTime {
@@ -332,8 +333,8 @@ impl Compensators {
         &mut self,
         axes: &[Axis],
         path: &TargetPath,
-        target: &AxisMotion,
-        command: &mut AxisMotion,
+        target: &AtStructure<AxisMotion>,
+        command: &mut AtAxis<AxisMotion>,
         (tick, pace): (&PacerTick, f64),
     ) {
         self.keep();
@@ -341,7 +342,7 @@ impl Compensators {
         self.velocities[0] = CommandVelocity::Led;
         let are_differences = self.are_differences();
         let targets = target.disp.iter().zip(&target.vel);
-        let commands = command.disp.iter_mut().zip(&mut command.vel);
+        let commands = command.iter_mut();
         let axes = axes.iter().zip(commands).zip(targets);
         for (index, (((axis, (command, command_vel)), (target, vel)), made)) in
             axes.zip(&mut self.axes).enumerate()
@@ -426,13 +427,19 @@ impl Compensators {
 
     /// The answer to a command is there, or an old one in place of it. `sent` and `raw` are in the specimen's units. Real-time: yes.
     #[inline]
-    pub(crate) fn hear(&mut self, axes: &[Axis], sent: &[f64], raw: &[f64], is_fresh: bool) {
+    pub(crate) fn hear(
+        &mut self,
+        axes: &[Axis],
+        sent: AtAxis<&[f64]>,
+        raw: AtAxis<&[f64]>,
+        is_fresh: bool,
+    ) {
         if self.activity != LeadActivity::Awaiting {
             return;
         }
         self.activity = LeadActivity::Running;
         let undisturbed = self.course == LeadCourse::Undisturbed;
-        let axes = axes.iter().zip(sent).zip(raw);
+        let axes = axes.iter().zip(*sent).zip(*raw);
         for (((axis, sent), raw), made) in axes.zip(&mut self.axes) {
             let command = (sent - axis.disp_offset) * made.metres;
             let measured = (raw - axis.measured_offset - axis.disp_offset) * made.metres;

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use super::*;
 use crate::port::{Axis, AxisSpec, Order, Port, PortSpec, StepPacer};
 use gusset_actuator::compensation::CompensationSpec;
+use gusset_quantity::frame::AtStructure;
 use gusset_quantity::substructure::Substructure;
 use gusset_quantity::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement,
@@ -146,7 +147,7 @@ impl Drive {
             .unwrap();
         port.path.set_pace(false, Order::Quadratic);
         port.path.set_compensators(made(&spec, in_test_time));
-        port.aim_at(&mut std::iter::once((0.0, 0.0)));
+        port.aim_at(&mut std::iter::once(AtStructure((0.0, 0.0))));
         port.begin_way();
         port.begin_compensation();
         let mut tempo = StepPacer::new(n, EASE);
@@ -209,8 +210,10 @@ impl Drive {
                     target(self.step as f64 * dt),
                     target((self.step as f64 - 1.0) * dt),
                 );
-                self.port
-                    .seek_at(&mut std::iter::once((now, (now - before) / dt)));
+                self.port.seek_at(&mut std::iter::once(AtStructure((
+                    now,
+                    (now - before) / dt,
+                ))));
                 let share = self.tempo.share();
                 self.tempo.know();
                 self.port.know(share);

@@ -1,5 +1,6 @@
 use super::*;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtSpecimen;
 
 /// Of as many axes as there are in any test.
 const NO_NOISE: [f64; 2] = [0.0; 2];
@@ -26,13 +27,13 @@ fn watch(limits: AxisLimits) -> Watch {
 
 /// Judges and sends; what was found.
 fn command(watch: &mut Watch, disp: f64) -> Found {
-    let found = watch.command(std::iter::once(disp));
-    watch.sent(std::iter::once(disp));
+    let found = watch.command(std::iter::once(AtSpecimen(disp)));
+    watch.sent(std::iter::once(AtSpecimen(disp)));
     found
 }
 
 fn measure(watch: &mut Watch, disp: f64, force: f64) -> Found {
-    watch.measured(std::iter::once((disp, force)))
+    watch.measured(std::iter::once(AtSpecimen((disp, force))))
 }
 
 fn what(hit: Option<Hit>) -> Option<(Limit, f64)> {
@@ -85,7 +86,7 @@ fn all_warnings_of_one_tick_are_given_in_it_though_it_is_the_only_one() {
         .with(Limit::MeasuredDisp, range(-1.0, 1.0));
     let mut two = Watch::new(vec![limits; 2], 0.1);
     let look = |two: &mut Watch, values: [(f64, f64); 2]| {
-        let found = two.measured(values.into_iter());
+        let found = two.measured(values.into_iter().map(AtSpecimen));
         let more = std::iter::from_fn(|| two.next_untold());
         let all = found.warning.into_iter().chain(more);
         let all = all.map(|hit| {
@@ -106,7 +107,7 @@ fn all_warnings_of_one_tick_are_given_in_it_though_it_is_the_only_one() {
     assert_eq!(look(&mut two, [(0.0, 0.0), (0.7, 0.0)]).2.len(), 1);
     // Beside a trip, and of another axis.
     let (trip, _, told) = {
-        let found = two.measured([(1.1, 60.0), (0.0, 60.0)].into_iter());
+        let found = two.measured([(1.1, 60.0), (0.0, 60.0)].into_iter().map(AtSpecimen));
         let more: Vec<_> = std::iter::from_fn(|| two.next_untold()).collect();
         (found.trip, found.warning, more)
     };
@@ -153,8 +154,8 @@ fn between_ticks_of_two_lengths_speeds_differ_over_their_mean() {
 fn the_first_command_is_a_step_from_where_the_specimen_stands() {
     let limits = AxisLimits::NONE.with(Limit::CommandStep, half(0.01));
     let mut one = watch(limits);
-    one.stands_at(std::iter::once(0.5));
-    let found = one.command(std::iter::once(0.0)).trip.unwrap();
+    one.stands_at(std::iter::once(AtSpecimen(0.5)));
+    let found = one.command(std::iter::once(AtSpecimen(0.0))).trip.unwrap();
     assert_eq!((found.quantity, found.value), (Limit::CommandStep, 0.5));
 }
 
@@ -226,7 +227,7 @@ fn a_force_that_jumps_is_seen_from_the_second_measurement_on() {
     assert_eq!(measure(&mut one, 0.0, 509.0).trip, None);
     assert!(measure(&mut one, 0.0, 498.0).trip.is_some());
     // The way out knows of it; a test that goes on after an interruption does not.
-    assert_eq!(one.jump(0), Some([509.0, 10.0]));
+    assert_eq!(one.jump(0), Some(AtSpecimen([509.0, 10.0])));
     one.forget_measurements();
     assert_eq!(one.jump(0), None);
 }
@@ -308,7 +309,7 @@ fn what_has_tripped_trips_again_only_if_it_gets_worse() {
         .with(Limit::MeasuredDisp, range(-1.0, 1.0));
     let mut one = watch(limits);
     assert!(measure(&mut one, 0.0, -110.0).trip.is_some());
-    one.excuse(NO_NOISE.into_iter());
+    one.excuse(NO_NOISE.map(AtSpecimen).into_iter());
     assert_eq!(measure(&mut one, 0.0, -112.0).trip, None);
     assert!(measure(&mut one, 0.0, -116.0).trip.is_some());
     assert!(
@@ -336,7 +337,7 @@ fn what_has_tripped_on_one_side_is_no_excuse_on_the_other() {
         for again in [worse, other, f64::NAN] {
             let mut one = watch(limits);
             assert!(measure(&mut one, 0.0, at).trip.is_some());
-            one.excuse(NO_NOISE.into_iter());
+            one.excuse(NO_NOISE.map(AtSpecimen).into_iter());
             assert_eq!(measure(&mut one, 0.0, at).trip, None);
             let hit = measure(&mut one, 0.0, again).trip.unwrap();
             assert!(hit.value == again || again.is_nan());
@@ -351,7 +352,7 @@ fn all_that_trips_in_one_look_is_told_and_excused() {
         .with(Limit::MeasuredDisp, range(-1.0, 1.0));
     let mut two = Watch::new(vec![limits; 2], 0.1);
     let values = [(-1.1, -110.0), (0.0, 101.0)];
-    let found = two.measured(values.into_iter());
+    let found = two.measured(values.into_iter().map(AtSpecimen));
     assert_eq!(what(found.trip), Some((Limit::MeasuredDisp, -1.1)));
     let more: Vec<_> = std::iter::from_fn(|| two.next_untold()).collect();
     let more: Vec<_> = more
@@ -366,10 +367,10 @@ fn all_that_trips_in_one_look_is_told_and_excused() {
             (1, Limit::MeasuredForce, 101.0)
         ]
     );
-    two.excuse(NO_NOISE.into_iter());
-    let found = two.measured(values.into_iter());
+    two.excuse(NO_NOISE.map(AtSpecimen).into_iter());
+    let found = two.measured(values.into_iter().map(AtSpecimen));
     assert!((found.trip, found.more) == (None, false));
-    let worse = two.measured([(-1.1, -110.0), (1.01, 101.0)].into_iter());
+    let worse = two.measured([(-1.1, -110.0), (1.01, 101.0)].into_iter().map(AtSpecimen));
     let trip = worse.trip.unwrap();
     assert_eq!((trip.axis, trip.quantity), (1, Limit::MeasuredDisp));
 }
@@ -391,7 +392,7 @@ fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
         let mut one = watch(limits.with(Limit::SensorForce, sensor_force));
         command(&mut one, 1.5);
         assert!(measure(&mut one, 1.0, 101.0).trip.is_some());
-        one.excuse(NO_NOISE.into_iter());
+        one.excuse(NO_NOISE.map(AtSpecimen).into_iter());
         command(&mut one, 1.4);
         assert_eq!(measure(&mut one, 1.1, 111.0).trip, None);
         one
@@ -429,13 +430,14 @@ fn the_motion_of_one_axis_is_felt_by_another() {
     let limits = AxisLimits::NONE
         .with(Limit::MeasuredForce, range(-100.0, 100.0))
         .with(Limit::MeasuredDisp, range(-1.4, 1.4));
-    let measure = |two: &mut Watch, values: [(f64, f64); 2]| two.measured(values.into_iter());
+    let measure =
+        |two: &mut Watch, values: [(f64, f64); 2]| two.measured(values.into_iter().map(AtSpecimen));
     let left = || {
         let mut two = Watch::new(vec![limits; 2], 0.1);
-        two.sent([1.5, 0.0].into_iter());
+        two.sent([1.5, 0.0].map(AtSpecimen).into_iter());
         let found = measure(&mut two, [(1.0, 101.0), (0.0, 50.0)]);
         assert!(found.trip.is_some());
-        two.excuse(NO_NOISE.into_iter());
+        two.excuse(NO_NOISE.map(AtSpecimen).into_iter());
         two
     };
     let mut two = left();
@@ -460,9 +462,9 @@ fn beside_its_noise_an_axis_goes_on_if_it_has_come_farther_a_little_while_ago() 
         .with(Limit::MeasuredForce, range(-100.0, 100.0));
     let left = |noise: f64, readings: &[f64]| {
         let mut one = Watch::new(vec![limits], 0.01);
-        one.sent(std::iter::once(1.5));
+        one.sent(std::iter::once(AtSpecimen(1.5)));
         assert!(measure(&mut one, 1.01, 90.0).trip.is_some());
-        one.excuse(std::iter::once(noise));
+        one.excuse(std::iter::once(AtSpecimen(noise)));
         for disp in readings {
             assert_eq!(measure(&mut one, *disp, 90.0).trip, None, "{disp}");
         }
@@ -495,9 +497,17 @@ fn beside_its_noise_an_axis_goes_on_if_it_has_come_farther_a_little_while_ago() 
 fn a_command_beyond_its_stroke_is_not_excused() {
     let limits = AxisLimits::NONE.with(Limit::CommandDisp, range(-1.0, 1.0));
     let mut one = watch(limits);
-    assert!(one.command(std::iter::once(1.01)).trip.is_some());
-    one.excuse(NO_NOISE.into_iter());
-    assert!(one.command(std::iter::once(1.005)).trip.is_some());
+    assert!(
+        one.command(std::iter::once(AtSpecimen(1.01)))
+            .trip
+            .is_some()
+    );
+    one.excuse(NO_NOISE.map(AtSpecimen).into_iter());
+    assert!(
+        one.command(std::iter::once(AtSpecimen(1.005)))
+            .trip
+            .is_some()
+    );
 }
 
 #[test]

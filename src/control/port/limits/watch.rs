@@ -6,6 +6,7 @@ use super::sawtooth::Sawtooth;
 use super::trips::GoesOn;
 use super::{AxisLimits, Found, Hit};
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::frame::AtSpecimen;
 use gusset_quantity::state;
 
 /// One axis: its limits, the bounds within which no value is beyond a level, and its past values.
@@ -107,8 +108,8 @@ impl Watch {
     }
 
     /// The specimen is known to stand at `disp`: the first command is a step from there.
-    pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
-        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
+    pub fn stands_at(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>) {
+        for (Axis { past, .. }, AtSpecimen(disp)) in self.axes.iter_mut().zip(disp) {
             past.command = [disp; 2];
             past.sawtooth = Sawtooth::at_rest(disp);
         }
@@ -125,11 +126,11 @@ impl Watch {
     }
 
     /// The specimen is found at `disp`, and keeps the speed of its last commands. Without a command before it is at rest.
-    pub(crate) fn is_found_at(&mut self, disp: impl Iterator<Item = f64>) {
+    pub(crate) fn is_found_at(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>) {
         if self.sent == 0 {
             return self.stands_at(disp);
         }
-        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
+        for (Axis { past, .. }, AtSpecimen(disp)) in self.axes.iter_mut().zip(disp) {
             let [last, before] = past.command;
             if disp != last {
                 past.command = [disp, disp - (last - before)];
@@ -145,7 +146,7 @@ impl Watch {
 
     /// Judges the next command, one displacement per axis, before it leaves. Real-time: yes.
     #[inline]
-    pub fn command(&mut self, disp: impl Iterator<Item = f64>) -> Found {
+    pub fn command(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>) -> Found {
         let mut found = Found::default();
         self.judge_command(disp, &mut found);
         found
@@ -153,10 +154,14 @@ impl Watch {
 
     /// The same, added to `found`. Real-time: yes.
     #[inline]
-    pub(crate) fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
+    pub(crate) fn judge_command(
+        &mut self,
+        disp: impl Iterator<Item = AtSpecimen<f64>>,
+        found: &mut Found,
+    ) {
         let (pace, sent) = (self.pace(), self.sent);
         let aims = self.targets == Targets::AreTold;
-        for ((index, axis), disp) in self.axes.iter_mut().enumerate().zip(disp) {
+        for ((index, axis), AtSpecimen(disp)) in self.axes.iter_mut().enumerate().zip(disp) {
             let Axis {
                 limits,
                 inner,
@@ -172,8 +177,8 @@ impl Watch {
 
     /// Takes note of a command that leaves. Real-time: yes.
     #[inline]
-    pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
-        for (Axis { limits, past, .. }, disp) in self.axes.iter_mut().zip(disp) {
+    pub fn sent(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>) {
+        for (Axis { limits, past, .. }, AtSpecimen(disp)) in self.axes.iter_mut().zip(disp) {
             if self.targets == Targets::AreCommands {
                 past.sawtooth = past.sawtooth.after(disp);
             }
@@ -195,8 +200,8 @@ impl Watch {
     /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side,
     /// and not while an actuator only goes on to where the last command has sent it. `noise` of the displacement sensors in m, one
     /// per axis, as far as it is known.
-    pub(crate) fn excuse(&mut self, noise: impl Iterator<Item = f64>) {
-        for (Axis { past, .. }, noise) in self.axes.iter_mut().zip(noise) {
+    pub(crate) fn excuse(&mut self, noise: impl Iterator<Item = AtSpecimen<f64>>) {
+        for (Axis { past, .. }, AtSpecimen(noise)) in self.axes.iter_mut().zip(noise) {
             past.trips.excuse(past.stands, past.command[0], noise);
         }
         self.leaves = true;
@@ -226,20 +231,20 @@ impl Watch {
 
     /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
     #[must_use]
-    pub(crate) fn jump(&self, axis: usize) -> Option<[f64; 2]> {
-        self.axes.get(axis)?.past.jump
+    pub(crate) fn jump(&self, axis: usize) -> Option<AtSpecimen<[f64; 2]>> {
+        self.axes.get(axis)?.past.jump.map(AtSpecimen)
     }
 
     /// Change in m from the last command but one to the last; 0 before the second.
     #[must_use]
-    pub(crate) fn last_step(&self, axis: usize) -> f64 {
+    pub(crate) fn last_step(&self, axis: usize) -> AtSpecimen<f64> {
         let axis = self.axes.get(axis).filter(|_| self.sent >= 2);
-        axis.map_or(0.0, |Axis { past, .. }| past.command[0] - past.command[1])
+        AtSpecimen(axis.map_or(0.0, |Axis { past, .. }| past.command[0] - past.command[1]))
     }
 
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
-    pub(crate) fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
-        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
+    pub(crate) fn aims_from(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>) {
+        for (Axis { past, .. }, AtSpecimen(disp)) in self.axes.iter_mut().zip(disp) {
             past.sawtooth = Sawtooth::at_rest(disp);
         }
         self.targets = Targets::AreTold;
@@ -247,8 +252,8 @@ impl Watch {
 
     /// The target of the next step, which the next commands approach. Real-time: yes.
     #[inline]
-    pub(crate) fn aims_at(&mut self, disp: impl Iterator<Item = f64>) {
-        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
+    pub(crate) fn aims_at(&mut self, disp: impl Iterator<Item = AtSpecimen<f64>>) {
+        for (Axis { past, .. }, AtSpecimen(disp)) in self.axes.iter_mut().zip(disp) {
             past.sawtooth = past.sawtooth.after(disp);
         }
     }
@@ -281,15 +286,15 @@ impl Watch {
     }
 
     /// True if this is the last command once more. Real-time: yes.
-    pub(crate) fn is_at(&self, disp: impl Iterator<Item = f64>) -> bool {
+    pub(crate) fn is_at(&self, disp: impl Iterator<Item = AtSpecimen<f64>>) -> bool {
         let mut axes = self.axes.iter().zip(disp);
-        axes.all(|(axis, disp)| axis.past.command[0] == disp)
+        axes.all(|(axis, AtSpecimen(disp))| axis.past.command[0] == disp)
     }
 
     /// What stands came here by these steps before, in a test that goes on: its speed is not one that begins at rest. Real-time:
     /// yes.
-    pub(crate) fn came_by(&mut self, steps: impl Iterator<Item = f64>) {
-        for (Axis { past, .. }, step) in self.axes.iter_mut().zip(steps) {
+    pub(crate) fn came_by(&mut self, steps: impl Iterator<Item = AtSpecimen<f64>>) {
+        for (Axis { past, .. }, AtSpecimen(step)) in self.axes.iter_mut().zip(steps) {
             past.command[1] = past.command[0] - step;
         }
         self.tick_before = 0.0;
@@ -314,9 +319,12 @@ impl Watch {
 
     /// Judges a fresh measurement: (displacement, force) per axis. Real-time: yes.
     #[inline]
-    pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)> + Clone) -> Found {
+    pub fn measured(
+        &mut self,
+        values: impl Iterator<Item = AtSpecimen<(f64, f64)>> + Clone,
+    ) -> Found {
         let mut found = Found::default();
-        let values = values.map(|(disp, force)| (disp, force, disp));
+        let values = values.map(|AtSpecimen((disp, force))| AtSpecimen((disp, force, disp)));
         self.judge_measured(values, &mut found);
         found
     }
@@ -326,13 +334,14 @@ impl Watch {
     #[inline]
     pub(crate) fn judge_measured(
         &mut self,
-        values: impl Iterator<Item = (f64, f64, f64)> + Clone,
+        values: impl Iterator<Item = AtSpecimen<(f64, f64, f64)>> + Clone,
         found: &mut Found,
     ) {
         let seen_before = self.measured;
         // All of them first: what one axis feels another may have done.
-        let any = self.leaves && self.goes_on(values.clone().map(|(.., stands)| stands));
-        for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
+        let any =
+            self.leaves && self.goes_on(values.clone().map(|AtSpecimen((.., stands))| stands));
+        for ((index, axis), AtSpecimen(values)) in self.axes.iter_mut().enumerate().zip(values) {
             let Axis {
                 limits,
                 inner,

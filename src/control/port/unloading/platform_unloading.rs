@@ -11,6 +11,7 @@
 //! Real-time: yes.
 
 use gusset_actuator::geometry::{Fault, Geometry, MOST, Placed};
+use gusset_quantity::frame::AtStructure;
 
 /// Where a platform is led to, and where it was measured.
 #[derive(Debug)]
@@ -29,10 +30,10 @@ impl PlatformUnloading {
     ///
     /// # Errors
     /// No pose belongs to them.
-    pub(crate) fn new(geometry: &Geometry, strokes: &[f64]) -> Result<Self, Fault> {
+    pub(crate) fn new(geometry: &Geometry, strokes: AtStructure<&[f64]>) -> Result<Self, Fault> {
         let reference = geometry.reference();
         let mut led = reference;
-        geometry.find(strokes, &mut led)?;
+        geometry.find(&strokes, &mut led)?;
         let mut sums = [0.0; MOST];
         for unit in 0..geometry.actuators() {
             let (mut one, mut rates, mut turned) = ([0.0; MOST], [0.0; MOST], [0.0; MOST]);

@@ -5,6 +5,7 @@ use crate::gateway::following::Following;
 use gusset_config::ServedFile;
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{AxisSpec, Port, PortSpec};
+use gusset_quantity::frame::AtStructure;
 
 const ALL: [&str; 9] = [
     "none = {}",
@@ -166,7 +167,7 @@ fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let mut from = None;
     for target in targets() {
         let Some(from) = from.replace(target) else {
-            port.aim_at(&mut [(target, 0.0)].into_iter());
+            port.aim_at(&mut std::iter::once(AtStructure((target, 0.0))));
             port.begin_ramp();
             for step in 1..=20 {
                 port.ramp_to(f64::from(step) / 20.0, 0.02);
@@ -188,7 +189,10 @@ fn by_test(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
             } else {
                 target
             };
-            port.aim_at(&mut [(disp, slope * (target - from))].into_iter());
+            port.aim_at(&mut std::iter::once(AtStructure((
+                disp,
+                slope * (target - from),
+            ))));
             tick(&mut port);
         }
     }
