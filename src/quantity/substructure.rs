@@ -309,8 +309,10 @@ pub trait Substructure: Send {
     /// Number of axes; fixed for the whole test.
     fn axes(&self) -> usize;
 
-    /// How this substructure is coupled.
-    fn coupling(&self) -> Coupling;
+    /// How this substructure is coupled: it answers each command, unless it says otherwise.
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
 
     /// True if replies come from outside this process.
     fn is_remote(&self) -> bool {

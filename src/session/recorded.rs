@@ -7,7 +7,7 @@ use gusset_control::engine::Experiment;
 use gusset_control::port::PortError;
 use gusset_quantity::catalog::column::{RAW_DISP, RAW_FORCE, SEQUENCE, STATUS};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::Layout;
@@ -40,10 +40,6 @@ impl Recorded {
 impl Substructure for Recorded {
     fn axes(&self) -> usize {
         self.axes.len()
-    }
-
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
 
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {

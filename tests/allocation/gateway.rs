@@ -8,21 +8,6 @@ use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Run;
 
-/// A controller of which only the address is known.
-fn unnamed() -> Controller {
-    Controller {
-        peer: ([127, 0, 0, 1], 1).into(),
-        test: String::new(),
-        software: String::new(),
-        rate: None,
-        watchdog_s: None,
-        sampling: gusset_wire::handshake::Sampling::Reply,
-        first_sequence: 0,
-        start: Vec::new(),
-        limits: Vec::new(),
-    }
-}
-
 #[test]
 fn exchange_allocates_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -49,7 +34,7 @@ fn exchange_allocates_nothing() {
             verdict: None,
             ended: None,
         }));
-    served.begin(&unnamed(), &mut || Ok(())).unwrap();
+    served.begin(&Controller::nobody(), &mut || Ok(())).unwrap();
     let mut measured = Measurement::zeros(2);
     let count = allocation_counter::measure(|| {
         for sequence in 0..500 {

@@ -1,7 +1,7 @@
 //! A spring of one axis that answers every command, at once or after some polls, and shows a test its commands.
 
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::Nanos;
 
@@ -55,9 +55,6 @@ impl Spring {
 impl Substructure for Spring {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         (self.disp, self.sequence) = (command.disp[0], command.sequence);

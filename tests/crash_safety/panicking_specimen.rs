@@ -12,7 +12,7 @@ use gusset_config as config;
 use gusset_control::port::{Axis, AxisSpec, PortSpec};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::summary::Status;
@@ -32,9 +32,6 @@ struct Buggy {
 impl Substructure for Buggy {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         assert!(command.time < self.fails_at, "the bug of step 50");

@@ -9,7 +9,7 @@ use crate::common::spring::Spring;
 use gusset_control::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset_control::port::{Axis, AxisSpec, Order, PortSpec};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
 use gusset_record::RunFolder;
@@ -378,9 +378,6 @@ impl Substructure for Late {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.time = command.time;
         self.spring.issue(command)
@@ -635,9 +632,6 @@ impl Substructure for Owing {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.spring.issue(command)
     }
@@ -746,9 +740,6 @@ impl Mortal {
 impl Substructure for Mortal {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.spring.issue(command)

@@ -12,8 +12,7 @@ use gusset_link::served::{Controller, Latch, LinkBuild, ServedSpecimen};
 use gusset_link::server::{Host, Simulated};
 use gusset_quantity::catalog::ending;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
-    Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure, Unavailable,
 };
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_quantity::units::AxisUnits;
@@ -24,21 +23,6 @@ use gusset_wire::handshake::{
 use gusset_wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice};
 
 use crate::campaign::Chance;
-
-/// A controller of which only the address is known.
-fn unnamed() -> Controller {
-    Controller {
-        peer: ([127, 0, 0, 1], 1).into(),
-        test: String::new(),
-        software: String::new(),
-        rate: None,
-        watchdog_s: None,
-        sampling: gusset_wire::handshake::Sampling::Reply,
-        first_sequence: 0,
-        start: Vec::new(),
-        limits: Vec::new(),
-    }
-}
 
 /// The limit of the commanded speed, m/s.
 const SPEED: f64 = 0.1;
@@ -94,19 +78,17 @@ impl Led {
     }
 }
 
-/// A specimen behind a link that follows each command.
+/// A specimen behind a link that follows each command; without a clock the test leads it.
 struct Specimen {
-    clock: SimClock,
+    clock: Option<SimClock>,
     led: Led,
     sequence: u64,
+    disp: f64,
 }
 
 impl Substructure for Specimen {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn is_remote(&self) -> bool {
         true
@@ -119,13 +101,15 @@ impl Substructure for Specimen {
         })
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        self.sequence = command.sequence;
-        self.led.to(self.clock.now(), command.disp[0]);
+        (self.sequence, self.disp) = (command.sequence, command.disp[0]);
+        if let Some(clock) = &self.clock {
+            self.led.to(clock.now(), self.disp);
+        }
         Ok(())
     }
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         into.sequence = self.sequence;
-        (into.disp[0], into.force[0]) = (self.led.place(), 0.0);
+        (into.disp[0], into.force[0]) = (self.disp, 0.0);
         Ok(Freshness::Fresh)
     }
     fn retire(&mut self, _: Retirement) {}
@@ -283,9 +267,10 @@ fn host(clock: &SimClock, led: &Led) -> Host {
     let (clock, led) = (clock.clone(), led.clone());
     let build: LinkBuild = Arc::new(move |_| {
         Ok(Box::new(Specimen {
-            clock: clock.clone(),
+            clock: Some(clock.clone()),
             led: led.clone(),
             sequence: 0,
+            disp: led.place(),
         }))
     });
     let stiffness = vec![1e5];
@@ -378,48 +363,16 @@ fn rated_client_keeps_speed_and_one_burst() {
     assert!(commands > 4 * SEEDS as usize * 20, "{commands}");
 }
 
-/// The server's end of a specimen behind a link.
-struct Standing {
-    led: Led,
-    disp: f64,
-}
-
-impl Substructure for Standing {
-    fn axes(&self) -> usize {
-        1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-    fn is_remote(&self) -> bool {
-        true
-    }
-    fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        Ok(Introduction {
-            standing: vec![self.led.place()],
-            force: vec![0.0],
-            ..Introduction::default()
-        })
-    }
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        self.disp = command.disp[0];
-        Ok(())
-    }
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        into.disp[0] = self.disp;
-        Ok(Freshness::Fresh)
-    }
-    fn retire(&mut self, _: Retirement) {}
-}
-
 #[test]
 fn unrated_client_never_outruns_the_clocks() {
-    let controller = unnamed();
+    let controller = Controller::nobody();
     for seed in 0..SEEDS {
         let (mut chance, led) = (Chance::new(seed), Led::default());
         let units = vec![AxisUnits::SI];
-        let rig = Box::new(Standing {
+        let rig = Box::new(Specimen {
+            clock: None,
             led: led.clone(),
+            sequence: 0,
             disp: 0.0,
         });
         let mut served = ServedSpecimen::new("rig".into(), rig, units, vec![1e5], vec![0.0])

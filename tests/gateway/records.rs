@@ -16,21 +16,6 @@ use gusset_quantity::units::AxisUnits;
 use gusset_record::Run;
 use gusset_record::summary::Status;
 
-/// A controller of which only the address is known.
-fn unnamed() -> Controller {
-    Controller {
-        peer: ([127, 0, 0, 1], 1).into(),
-        test: String::new(),
-        software: String::new(),
-        rate: None,
-        watchdog_s: None,
-        sampling: gusset_wire::handshake::Sampling::Reply,
-        first_sequence: 0,
-        start: Vec::new(),
-        limits: Vec::new(),
-    }
-}
-
 const STEPS: u32 = 200;
 const WARM_UP: usize = 5;
 
@@ -299,7 +284,7 @@ fn events_have_the_index_of_their_exchange() {
                 verdict: None,
                 ended: None,
             }));
-        let controller = unnamed();
+        let controller = Controller::nobody();
         served.begin(&controller, &mut || Ok(())).unwrap();
         let mut measured = Measurement::zeros(1);
         let mut trip = None;
@@ -439,7 +424,7 @@ fn a_history_of_trials_has_one_row_a_step() {
             verdict: None,
             ended: Some(ended),
         }));
-    let controller = unnamed();
+    let controller = Controller::nobody();
     served.begin(&controller, &mut || Ok(())).unwrap();
     let mut measured = Measurement::zeros(1);
     let mut sequence = 0;

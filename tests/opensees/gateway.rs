@@ -1,6 +1,8 @@
 //! OpenSees → gateway → specimen, the main role of a gateway in laboratories: the real OpenSees commands the real gateway through
 //! `genericClient`, and its results equal those with its own material.
 
+use std::path::Path;
+
 use crate::link_common::{Served, gateway};
 use crate::programs::{Peer, python};
 use gusset_record::Run;
@@ -110,21 +112,22 @@ fn our_own_protocol_towards_the_specimen() {
     agree(&OURS, LINEAR, "Elastic:8000", "newton", true);
 }
 
-/// Newton's second trial trips a gateway without `iterates_within_m`.
-#[test]
-fn iterating_client_is_refused_with_advice() {
-    let Some(python) = python() else {
-        return;
-    };
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+/// A client with the material `Elastic:8000` that commands a gateway with these limits and keys until the specimen holds; the line
+/// that says so, and the folder of its test.
+fn until_it_holds(
+    trip: &str,
+    keys: impl Fn(&str) -> String,
+    folder: &Path,
+) -> Option<([Served; 2], String, Run)> {
+    let python = python()?;
     let out = folder.join("kept");
     let far = Served::start(folder, &law(LINEAR), OURS.serve);
-    let limits =
-        "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-1e4, 1e4] }\n";
+    let limits = format!(
+        "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = {{ trip = [-{trip}, {trip}] }}\n"
+    );
     let between = Served::start(
         folder,
-        &gateway(&far.address, limits, OURS.link),
+        &keys(&gateway(&far.address, &limits, OURS.link)),
         &["--protocol", "openfresco", "--out", out.to_str().unwrap()],
     );
     let port = between.address.rsplit(':').next().unwrap();
@@ -138,45 +141,29 @@ fn iterating_client_is_refused_with_advice() {
     ];
     let mut client = Peer::script(&python, "client.py", &args);
     let line = between.hears("the specimen holds");
-    assert!(line.contains("iterates_within_m"), "{line}");
     client.kill();
     let kept = Run::open(&out.join("test-0001")).unwrap();
     assert_eq!(kept.summary().unwrap().status, Status::Stopped);
-    assert_eq!(*kept.columns(&["trip"]).unwrap()[0].last().unwrap(), 54.0);
+    Some(([far, between], line, kept))
+}
+
+/// Newton's second trial trips a gateway without `iterates_within_m`.
+#[test]
+fn iterating_client_is_refused_with_advice() {
+    let folder = tempfile::tempdir().unwrap();
+    if let Some((_both, line, kept)) = until_it_holds("1e4", str::to_owned, folder.path()) {
+        assert!(line.contains("iterates_within_m"), "{line}");
+        assert_eq!(*kept.columns(&["trip"]).unwrap()[0].last().unwrap(), 54.0);
+    }
 }
 
 /// Newton's trials exceed the limit. The gateway closes the connection, logs the reason and serves the next client; OpenSees 3.7
 /// spins.
 #[test]
 fn exceeded_limit_closes_the_connection() {
-    let Some(python) = python() else {
-        return;
-    };
     let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let out = folder.join("kept");
-    let far = Served::start(folder, &law(LINEAR), OURS.serve);
-    let limits =
-        "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-40, 40] }\n";
-    let between = Served::start(
-        folder,
-        &iterating(&gateway(&far.address, limits, OURS.link)),
-        &["--protocol", "openfresco", "--out", out.to_str().unwrap()],
-    );
-    let port = between.address.rsplit(':').next().unwrap();
-    let args = [
-        "--port",
-        port,
-        "--material",
-        "Elastic:8000",
-        "--steps",
-        "200",
-    ];
-    let mut client = Peer::script(&python, "client.py", &args);
-    let line = between.hears("the specimen holds");
-    assert!(line.contains("measured_force_n"), "{line}");
-    client.kill();
-    let kept = Run::open(&out.join("test-0001")).unwrap();
-    assert_eq!(kept.summary().unwrap().status, Status::Stopped);
-    far.hears("because the test tripped");
+    if let Some(([far, _between], line, _)) = until_it_holds("40", iterating, folder.path()) {
+        assert!(line.contains("measured_force_n"), "{line}");
+        far.hears("because the test tripped");
+    }
 }

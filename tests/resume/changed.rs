@@ -186,9 +186,6 @@ impl Substructure for Cell {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn is_remote(&self) -> bool {
         true
     }

@@ -29,8 +29,7 @@ use gusset_control::engine::{Operator, Phase};
 use gusset_control::port::{Axis, AxisSpec, Port, PortSpec};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
-    Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure, Unavailable,
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::{Run, RunFolder};

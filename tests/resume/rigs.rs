@@ -47,9 +47,6 @@ impl Substructure for Rig {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn is_remote(&self) -> bool {
         true
     }

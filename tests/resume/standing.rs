@@ -15,9 +15,6 @@ impl Substructure for Far {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn is_remote(&self) -> bool {
         true
     }

@@ -7,7 +7,7 @@ use super::Specimen;
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, Visit};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::Nanos;
 
@@ -133,10 +133,6 @@ pub fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
 impl<S: Specimen> Substructure for InProcess<S> {
     fn axes(&self) -> usize {
         self.disp.len()
-    }
-
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
 
     /// Refused: a number of axes that is not ours, a sequence number that runs backwards.

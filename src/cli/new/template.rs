@@ -49,30 +49,22 @@ const RUN: &[&str] = &[
     "gusset run NAME.toml --out runs/NAME",
 ];
 
+const RECORD: Piece = piece!(
+    ".AT2",
+    "a synthetic earthquake record",
+    "shear-building.AT2"
+);
+
 const SHEAR_BUILDING: Template = Template {
     name: "shear-building",
-    pieces: &[
-        piece!(".toml", "the test", "shear-building.toml"),
-        piece!(
-            ".AT2",
-            "a synthetic earthquake record",
-            "shear-building.AT2"
-        ),
-    ],
+    pieces: &[piece!(".toml", "the test", "shear-building.toml"), RECORD],
     shared: &[TEST_SCHEMA],
     next: RUN,
 };
 
 const ACTUATOR: Template = Template {
     name: "actuator",
-    pieces: &[
-        piece!(".toml", "the test", "actuator.toml"),
-        piece!(
-            ".AT2",
-            "a synthetic earthquake record",
-            "shear-building.AT2"
-        ),
-    ],
+    pieces: &[piece!(".toml", "the test", "actuator.toml"), RECORD],
     shared: &[TEST_SCHEMA],
     next: RUN,
 };

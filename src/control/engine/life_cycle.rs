@@ -339,9 +339,7 @@ mod tests {
     use super::*;
     use crate::engine::{Limits, OnMiss, Pacing, StartupSettings, TestLimits};
     use crate::port::{Axis, AxisSpec, PortSpec};
-    use gusset_quantity::substructure::{
-        Command, Coupling, Freshness, LinkFault, Measurement, Substructure,
-    };
+    use gusset_quantity::substructure::{Command, Freshness, LinkFault, Measurement, Substructure};
     use gusset_quantity::time::{Nanos, Ratio};
     use gusset_record::MemoryRecorder;
     use std::sync::{Arc, Mutex};
@@ -355,9 +353,6 @@ mod tests {
     impl Substructure for Rig {
         fn axes(&self) -> usize {
             1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
         }
         fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
             self.0.lock().unwrap().0 += 1;

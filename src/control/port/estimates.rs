@@ -328,7 +328,7 @@ mod tests {
     use crate::port::{Axis, AxisSpec, Port, PortSpec};
     use gusset_quantity::catalog::limit::Limit;
     use gusset_quantity::substructure::{
-        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+        Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
     use gusset_quantity::time::Nanos;
 
@@ -345,9 +345,6 @@ mod tests {
     impl Substructure for Late {
         fn axes(&self) -> usize {
             1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
         }
         fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
             self.told.push(command.disp[0]);

@@ -548,9 +548,6 @@ mod tests {
         fn axes(&self) -> usize {
             1
         }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
-        }
         fn is_remote(&self) -> bool {
             true
         }

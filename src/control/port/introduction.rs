@@ -147,7 +147,7 @@ mod tests {
     use super::*;
     use crate::port::{AxisSpec, PortSpec};
     use gusset_quantity::substructure::{
-        Command, Coupling, Freshness, Measurement, Retirement, Substructure,
+        Command, Freshness, Measurement, Retirement, Substructure,
     };
     use gusset_quantity::time::Nanos;
 
@@ -160,9 +160,6 @@ mod tests {
     impl Substructure for Partner {
         fn axes(&self) -> usize {
             1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
         }
         fn is_remote(&self) -> bool {
             self.is_remote

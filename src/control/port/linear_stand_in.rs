@@ -7,7 +7,7 @@ use super::axis::Axis;
 use super::row_product::product;
 use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset_quantity::time::Nanos;
 
@@ -48,10 +48,6 @@ impl LinearStandIn {
 impl Substructure for LinearStandIn {
     fn axes(&self) -> usize {
         self.axes.len()
-    }
-
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
 
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {

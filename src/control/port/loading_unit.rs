@@ -298,7 +298,7 @@ mod tests {
     use crate::port::{Axis, AxisSpec, Exit, Exits, LoadingUnitSpec, Port, PortSpec};
     use gusset_actuator::geometry::{GeometrySpec, PlanePins};
     use gusset_quantity::substructure::{
-        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+        Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
     use gusset_quantity::time::Nanos;
 
@@ -311,9 +311,6 @@ mod tests {
     impl<F: FnMut([f64; 2]) -> [[f64; 2]; 2] + Send> Substructure for Rig<F> {
         fn axes(&self) -> usize {
             2
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
         }
         fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
             self.disp.copy_from_slice(command.disp);

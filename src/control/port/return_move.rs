@@ -232,7 +232,7 @@ mod tests {
     use super::*;
     use crate::port::{Axis, AxisSpec, Port, PortSpec};
     use gusset_quantity::substructure::{
-        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+        Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
     use gusset_quantity::time::Nanos;
 
@@ -249,9 +249,6 @@ mod tests {
     impl Substructure for Spring {
         fn axes(&self) -> usize {
             1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
         }
         fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
             self.commands.rotate_left(1);

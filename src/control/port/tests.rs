@@ -17,9 +17,6 @@ impl Substructure for Reversed {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.disp = command.disp[0];
         Ok(())

@@ -342,7 +342,7 @@ mod tests {
     use super::*;
     use crate::port::{Axis, AxisSpec, PortSpec};
     use gusset_quantity::substructure::{
-        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+        Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
     use gusset_quantity::time::Nanos;
 
@@ -461,9 +461,6 @@ mod tests {
     impl Substructure for Noisy {
         fn axes(&self) -> usize {
             1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
         }
         fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
             self.0 = -self.0;

@@ -16,8 +16,7 @@ use super::settings::RemoteSettings;
 use crate::Transport;
 use crate::socket::LOOK;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
-    Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure, Unavailable,
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os;
@@ -215,10 +214,6 @@ impl Remote {
 impl Substructure for Remote {
     fn axes(&self) -> usize {
         self.settings.axes
-    }
-
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
 
     fn is_remote(&self) -> bool {

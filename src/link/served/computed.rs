@@ -6,8 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use gusset_actuator::specimen::{Specimen, status};
 use gusset_quantity::state::TestState;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
-    Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure, Unavailable,
 };
 use gusset_quantity::time::Nanos;
 
@@ -146,10 +145,6 @@ impl Computed {
 impl Substructure for Computed {
     fn axes(&self) -> usize {
         self.disp.len()
-    }
-
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
 
     fn commanded_every(&mut self, seconds: f64) {

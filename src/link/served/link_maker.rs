@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use super::{Controller, TestEnd, Wanted, Whereabouts};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os;
@@ -154,10 +154,6 @@ pub(crate) struct Unconnected {
 impl Substructure for Unconnected {
     fn axes(&self) -> usize {
         self.axes
-    }
-
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
 
     fn is_remote(&self) -> bool {

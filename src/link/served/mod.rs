@@ -84,6 +84,13 @@ pub struct Controller {
 }
 
 impl Controller {
+    /// A controller of this machine that has no name.
+    #[cfg(feature = "test-doubles")]
+    #[must_use]
+    pub fn nobody() -> Self {
+        Self::unnamed(([127, 0, 0, 1], 1).into())
+    }
+
     /// A controller of which only the address is known.
     #[must_use]
     pub(crate) const fn unnamed(peer: SocketAddr) -> Self {

@@ -9,8 +9,8 @@ use gusset_control::port::{Pace, WiringCheck};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
-    Substructure, Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Status, Substructure,
+    Unavailable,
 };
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
@@ -40,9 +40,6 @@ struct Spring {
 impl Substructure for Spring {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn is_remote(&self) -> bool {
         true
@@ -536,9 +533,6 @@ impl Substructure for Standing {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn is_remote(&self) -> bool {
         true
     }
@@ -758,9 +752,6 @@ impl Broken {
 impl Substructure for Broken {
     fn axes(&self) -> usize {
         2
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.sequence = command.sequence;

@@ -5,8 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::served::{Pacing, simulated_pace};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
-    Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure, Unavailable,
 };
 use gusset_quantity::time::Nanos;
 
@@ -41,9 +40,6 @@ impl Acting {
 impl Substructure for Acting {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn is_remote(&self) -> bool {
         true

@@ -412,7 +412,7 @@ mod tests {
     use crate::openfresco::{Nature, Role};
     use crate::served::ServedSpecimen;
     use gusset_quantity::substructure::{
-        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+        Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
     };
     use gusset_quantity::time::Nanos;
     use gusset_quantity::units::AxisUnits;
@@ -424,9 +424,6 @@ mod tests {
     impl Substructure for Broken {
         fn axes(&self) -> usize {
             1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
         }
         fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
             panic!("the specimen is broken")

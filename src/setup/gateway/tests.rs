@@ -19,25 +19,9 @@ use gusset_link::server::Host;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::frame::{AtAxis, AtStructure};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
-    Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure, Unavailable,
 };
 use gusset_quantity::time::Nanos;
-
-/// A controller of which only the address is known.
-fn unnamed() -> Controller {
-    Controller {
-        peer: ([127, 0, 0, 1], 1).into(),
-        test: String::new(),
-        software: String::new(),
-        rate: None,
-        watchdog_s: None,
-        sampling: gusset_wire::handshake::Sampling::Reply,
-        first_sequence: 0,
-        start: Vec::new(),
-        limits: Vec::new(),
-    }
-}
 
 const SI: (DispUnit, ForceUnit) = (DispUnit::Metre, ForceUnit::Newton);
 
@@ -59,9 +43,6 @@ struct Rig {
 impl Substructure for Rig {
     fn axes(&self) -> usize {
         self.standing.len()
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn is_remote(&self) -> bool {
         true
@@ -149,7 +130,7 @@ impl Behind {
     /// A session has begun.
     fn begun(&self) -> ServedSpecimen {
         let mut served = self.host.specimen(false).unwrap();
-        let controller = unnamed();
+        let controller = Controller::nobody();
         served.begin(&controller, &mut || Ok(())).unwrap();
         served
     }
@@ -381,7 +362,10 @@ fn platform_is_found_from_its_actuators() {
     // A controller that arms at the reported position is accepted, and one that arms elsewhere is not.
     let stands = rig.host.standing();
     for (start, is_there) in [(stands, true), (vec![0.0; 3], false)] {
-        let controller = Controller { start, ..unnamed() };
+        let controller = Controller {
+            start,
+            ..Controller::nobody()
+        };
         let mut served = rig.host.specimen(false).unwrap();
         assert_eq!(served.begin(&controller, &mut || Ok(())).is_ok(), is_there);
     }
@@ -406,7 +390,7 @@ fn impossible_pose_trips_and_moves_nothing() {
 #[test]
 fn wiring_check_moves_one_actuator_at_once() {
     let probed = PLATFORM.replace(r#"probe = "none""#, "probe_m = 0.001, probe_ramp_s = 0.05");
-    let controller = unnamed();
+    let controller = Controller::nobody();
     // The estimate is that of the machine, and not of the structure.
     let rig = behind(&probed, SI, &REST, springs());
     let mut forgotten = rig.host.specimen(false).unwrap();

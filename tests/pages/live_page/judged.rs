@@ -7,7 +7,7 @@ use gusset_control::port::limits::{AxisLimits, Bound, Range};
 use gusset_control::port::{Axis, AxisSpec, PortSpec, Reference, Zero};
 use gusset_quantity::catalog::limit::{Kind, Limit};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::{Nanos, SimClock};
 use gusset_record::{Event, Onlooker, Progress};
@@ -35,9 +35,6 @@ struct Crooked {
 impl Substructure for Crooked {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         (self.disp, self.sequence) = (command.disp[0], command.sequence);

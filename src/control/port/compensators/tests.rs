@@ -7,9 +7,7 @@ use crate::port::{Axis, AxisSpec, Order, Port, PortSpec, StepPacer};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_quantity::frame::AtStructure;
 use gusset_quantity::substructure::Substructure;
-use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement,
-};
+use gusset_quantity::substructure::{Command, Freshness, LinkFault, Measurement, Retirement};
 use gusset_quantity::time::Nanos;
 
 /// Wall time of a tick, s.
@@ -54,9 +52,6 @@ struct Lag {
 impl Substructure for Lag {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         (self.told, self.number) = (command.disp[0], command.sequence);

@@ -9,8 +9,8 @@ use crate::server::{Host, ServerEvent, Simulated, Tap, Tapped};
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_control::port::{Pace, WiringCheck};
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
-    Substructure, Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Status, Substructure,
+    Unavailable,
 };
 use gusset_quantity::time::{Clock, Nanos, SimClock};
 use gusset_wire::Side;
@@ -272,9 +272,6 @@ struct Beyond {
 impl Substructure for Beyond {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn is_remote(&self) -> bool {
         true

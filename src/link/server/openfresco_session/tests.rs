@@ -11,8 +11,7 @@ use crate::server::connection::Connection;
 use crate::server::wire_end::WireEnd;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
-    Unavailable,
+    Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure, Unavailable,
 };
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::WireError;
@@ -227,9 +226,6 @@ struct Stopping {
 impl Substructure for Stopping {
     fn axes(&self) -> usize {
         1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
     }
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
         self.spring.connect()

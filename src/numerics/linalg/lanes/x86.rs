@@ -23,10 +23,69 @@ impl<I: Isa, K: Kernel> NullaryFnOnce for OnIsa<I, K> {
     }
 }
 
+/// What `pulp` makes of the two registers of each argument.
+macro_rules! twice {
+    ($self:ident.$to:ident($($arg:ident),+)) => { [$self.$to($($arg[0]),+), $self.$to($($arg[1]),+)] };
+}
+
+/// What `pulp` makes of the one register of each argument.
+macro_rules! once {
+    ($self:ident.$to:ident($($arg:ident),+)) => { $self.$to($($arg),+) };
+}
+
+/// The functions of vectors and groups that `pulp` has.
+macro_rules! forwarded {
+    ($each:ident, $group:literal) => {
+        forwarded!($each: add = add_f64s(a, b), sub = sub_f64s(a, b), mul = mul_f64s(a, b));
+        forwarded!($each: min = min_f64s(a, b), max = max_f64s(a, b));
+        forwarded!($each: abs = abs_f64s(a), sqrt = sqrt_f64s(a));
+
+        #[inline(always)]
+        fn load_group(self, from: &[f64]) -> Self::G {
+            cast(first::<$group>(from))
+        }
+
+        #[inline(always)]
+        fn store_group(self, value: Self::G, into: &mut [f64]) {
+            put_first::<$group>(cast(value), into);
+        }
+
+        #[inline(always)]
+        fn splat_group(self, value: f64) -> Self::G {
+            self.splat_f64s(value)
+        }
+
+        #[inline(always)]
+        fn add_group(self, a: Self::G, b: Self::G) -> Self::G {
+            self.add_f64s(a, b)
+        }
+
+        #[inline(always)]
+        fn sub_group(self, a: Self::G, b: Self::G) -> Self::G {
+            self.sub_f64s(a, b)
+        }
+
+        #[inline(always)]
+        fn mul_group(self, a: Self::G, b: Self::G) -> Self::G {
+            self.mul_f64s(a, b)
+        }
+    };
+    ($each:ident: $($name:ident = $to:ident($($arg:ident),+)),+) => {
+        $(
+            #[inline(always)]
+            fn $name(self, $($arg: Self::V),+) -> Self::V {
+                $each!(self.$to($($arg),+))
+            }
+        )+
+    };
+}
+
 impl Isa for V3 {
     type V = [f64x4; 2];
     type G = f64x4;
     const GROUP: usize = 4;
+
+    forwarded!(twice, 4);
 
     #[inline(always)]
     fn load(self, from: &[f64; 8]) -> Self::V {
@@ -41,41 +100,6 @@ impl Isa for V3 {
     #[inline(always)]
     fn splat(self, value: f64) -> Self::V {
         [self.splat_f64s(value); 2]
-    }
-
-    #[inline(always)]
-    fn add(self, a: Self::V, b: Self::V) -> Self::V {
-        [self.add_f64s(a[0], b[0]), self.add_f64s(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn sub(self, a: Self::V, b: Self::V) -> Self::V {
-        [self.sub_f64s(a[0], b[0]), self.sub_f64s(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn mul(self, a: Self::V, b: Self::V) -> Self::V {
-        [self.mul_f64s(a[0], b[0]), self.mul_f64s(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn min(self, a: Self::V, b: Self::V) -> Self::V {
-        [self.min_f64s(a[0], b[0]), self.min_f64s(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn max(self, a: Self::V, b: Self::V) -> Self::V {
-        [self.max_f64s(a[0], b[0]), self.max_f64s(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn abs(self, a: Self::V) -> Self::V {
-        [self.abs_f64s(a[0]), self.abs_f64s(a[1])]
-    }
-
-    #[inline(always)]
-    fn sqrt(self, a: Self::V) -> Self::V {
-        [self.sqrt_f64s(a[0]), self.sqrt_f64s(a[1])]
     }
 
     #[inline(always)]
@@ -100,36 +124,6 @@ impl Isa for V3 {
             self.select_f64s(self.less_than_or_equal_f64s(a[0], b[0]), yes[0], no[0]),
             self.select_f64s(self.less_than_or_equal_f64s(a[1], b[1]), yes[1], no[1]),
         ]
-    }
-
-    #[inline(always)]
-    fn load_group(self, from: &[f64]) -> Self::G {
-        cast(first::<4>(from))
-    }
-
-    #[inline(always)]
-    fn store_group(self, value: Self::G, into: &mut [f64]) {
-        put_first::<4>(cast(value), into);
-    }
-
-    #[inline(always)]
-    fn splat_group(self, value: f64) -> Self::G {
-        self.splat_f64s(value)
-    }
-
-    #[inline(always)]
-    fn add_group(self, a: Self::G, b: Self::G) -> Self::G {
-        self.add_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn sub_group(self, a: Self::G, b: Self::G) -> Self::G {
-        self.sub_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn mul_group(self, a: Self::G, b: Self::G) -> Self::G {
-        self.mul_f64s(a, b)
     }
 
     #[inline(always)]
@@ -190,6 +184,8 @@ impl Isa for V4 {
     type G = f64x8;
     const GROUP: usize = 8;
 
+    forwarded!(once, 8);
+
     #[inline(always)]
     fn load(self, from: &[f64; 8]) -> Self::V {
         cast(*from)
@@ -206,41 +202,6 @@ impl Isa for V4 {
     }
 
     #[inline(always)]
-    fn add(self, a: Self::V, b: Self::V) -> Self::V {
-        self.add_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn sub(self, a: Self::V, b: Self::V) -> Self::V {
-        self.sub_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn mul(self, a: Self::V, b: Self::V) -> Self::V {
-        self.mul_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn min(self, a: Self::V, b: Self::V) -> Self::V {
-        self.min_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn max(self, a: Self::V, b: Self::V) -> Self::V {
-        self.max_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn abs(self, a: Self::V) -> Self::V {
-        self.abs_f64s(a)
-    }
-
-    #[inline(always)]
-    fn sqrt(self, a: Self::V) -> Self::V {
-        self.sqrt_f64s(a)
-    }
-
-    #[inline(always)]
     fn zero_below(self, a: Self::V, limit: Self::V) -> Self::V {
         let below = self.less_than_f64s(self.abs_f64s(a), limit);
         self.select_f64s(below, self.splat_f64s(0.0), a)
@@ -254,36 +215,6 @@ impl Isa for V4 {
     #[inline(always)]
     fn if_at_most(self, (a, b): (Self::V, Self::V), yes: Self::V, no: Self::V) -> Self::V {
         self.select_f64s(self.less_than_or_equal_f64s(a, b), yes, no)
-    }
-
-    #[inline(always)]
-    fn load_group(self, from: &[f64]) -> Self::G {
-        cast(first::<8>(from))
-    }
-
-    #[inline(always)]
-    fn store_group(self, value: Self::G, into: &mut [f64]) {
-        put_first::<8>(cast(value), into);
-    }
-
-    #[inline(always)]
-    fn splat_group(self, value: f64) -> Self::G {
-        self.splat_f64s(value)
-    }
-
-    #[inline(always)]
-    fn add_group(self, a: Self::G, b: Self::G) -> Self::G {
-        self.add_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn sub_group(self, a: Self::G, b: Self::G) -> Self::G {
-        self.sub_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn mul_group(self, a: Self::G, b: Self::G) -> Self::G {
-        self.mul_f64s(a, b)
     }
 
     #[inline(always)]

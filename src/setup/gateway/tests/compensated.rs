@@ -38,9 +38,6 @@ impl Substructure for Lagging {
     fn axes(&self) -> usize {
         1
     }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
     fn is_remote(&self) -> bool {
         true
     }
@@ -120,7 +117,7 @@ fn by_gateway(compensation: &str) -> (Vec<[Vec<f64>; 2]>, [f64; 4]) {
     let told = Arc::clone(&rig.told);
     let host = host_of(&table, client, rig).paced(Some(PACED));
     let mut served = host.specimen(false).unwrap();
-    let controller = unnamed();
+    let controller = Controller::nobody();
     served.begin(&controller, &mut || Ok(())).unwrap();
     // Before the first target the gateway reads the force at rest.
     told.lock().unwrap().clear();
@@ -257,7 +254,7 @@ fn session_starts_with_fresh_compensators() {
     let mut served = host.specimen(false).unwrap();
     let mut go = || {
         told.lock().unwrap().clear();
-        let controller = unnamed();
+        let controller = Controller::nobody();
         served.begin(&controller, &mut || Ok(())).unwrap();
         // It ends at zero, where the next session begins.
         for (sequence, target) in (0..).zip(targets().take(44).chain([0.0])) {
@@ -290,7 +287,7 @@ fn swings(settle_ticks: u32, late_ns: u64) -> Vec<f64> {
     };
     let host = host_of(&table, client, rig).paced(Some(pacing));
     let mut served = host.specimen(false).unwrap();
-    let controller = unnamed();
+    let controller = Controller::nobody();
     served.begin(&controller, &mut || Ok(())).unwrap();
     for (sequence, target) in (0..200).zip(targets().cycle()) {
         if sequence == 198 {
@@ -351,7 +348,10 @@ fn controller_resumes_with_a_static_gain() {
         (told, host_of(&table, client, rig).paced(Some(PACED)))
     };
     let begin = |host: &Host, start: Vec<f64>| {
-        let controller = Controller { start, ..unnamed() };
+        let controller = Controller {
+            start,
+            ..Controller::nobody()
+        };
         let mut served = host.specimen(false).unwrap();
         let begun = served.begin(&controller, &mut || Ok(()));
         begun.map(|_| served)

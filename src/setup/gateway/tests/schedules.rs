@@ -30,9 +30,6 @@ impl Substructure for Watching {
     fn axes(&self) -> usize {
         self.rig.axes()
     }
-    fn coupling(&self) -> Coupling {
-        self.rig.coupling()
-    }
     fn is_remote(&self) -> bool {
         true
     }
@@ -107,7 +104,7 @@ fn course(
     };
     let host = host_of(&table, client, rig).paced(Some(pacing));
     let mut served = host.specimen(false).unwrap();
-    let controller = unnamed();
+    let controller = Controller::nobody();
     served.begin(&controller, &mut || Ok(())).unwrap();
     // The force at rest was asked for.
     told.lock().unwrap().clear();

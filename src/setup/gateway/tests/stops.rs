@@ -16,9 +16,6 @@ impl Substructure for Slow {
     fn axes(&self) -> usize {
         self.rig.axes()
     }
-    fn coupling(&self) -> Coupling {
-        self.rig.coupling()
-    }
     fn is_remote(&self) -> bool {
         true
     }
@@ -50,7 +47,7 @@ fn begun(limits: &str, pacing: Pacing) -> (ServedSpecimen, Told) {
 }
 
 fn begin(served: &mut ServedSpecimen) {
-    let controller = unnamed();
+    let controller = Controller::nobody();
     served.begin(&controller, &mut || Ok(())).unwrap();
 }
 
