@@ -105,39 +105,29 @@ impl EventRow {
         self
     }
 
-    const fn guide(mut self, meaning: &'static str, fields: &'static str) -> Self {
-        self.meaning = meaning;
-        self.fields = fields;
-        self
-    }
-
     const fn of(mut self, writer: Writer) -> Self {
         self.writer = writer;
         self
     }
 }
 
-const fn row(
-    name: &'static str,
-    severity: Severity,
-    group: Group,
-    sentence: &'static str,
-) -> EventRow {
-    EventRow {
-        name,
-        severity,
-        group,
-        is_trip: false,
-        is_frequent: false,
-        sentence,
-        meaning: "",
-        fields: "",
-        writer: Writer::Test,
-    }
+/// Makes the table: name, severity, group, sentence, meaning and fields of each event, and what else is true of it.
+macro_rules! events {
+    ($($name:literal, $severity:ident, $group:ident, $sentence:literal, $meaning:literal, $fields:expr
+        $(, $also:ident$(($writer:ident))?)*;)*) => {
+        &[$(EventRow {
+            name: $name,
+            severity: Severity::$severity,
+            group: Group::$group,
+            is_trip: false,
+            is_frequent: false,
+            sentence: $sentence,
+            meaning: $meaning,
+            fields: $fields,
+            writer: Writer::Test,
+        }$(.$also($(Writer::$writer)?))*),*]
+    };
 }
-
-use Group::{Answers, Limits, Misses, Operator, Other, Silent};
-use Severity::{Error, Info, Warning};
 
 const OF_AXIS: &str = "`specimen`, `name`, `axis`";
 const OF_SPECIMEN: &str = "`specimen`, `name`";
@@ -147,413 +137,115 @@ const TEXT: &str = "`text`";
 pub const PAGE: &str = "events";
 
 /// All events, in the order of the guide.
-pub const EVENTS: &[EventRow] = &[
-    row("files", Severity::Debug, Silent, "").guide(
-        "The input files and the version of the program.",
-        "`sha256`: hash by file name; `version`",
-    ),
-    row("warning", Warning, Limits, "{text}").guide("A warning before the test.", TEXT),
-    row("not_granted", Warning, Limits, "not granted: {text}").guide(
-        "The operating system refused a real-time setting.",
-        TEXT,
-    ),
-    row("live_page", Info, Other, "the live page is served at {address}")
-        .guide("The live page is served.", "`address`"),
-    row(
-        "connected",
-        Info,
-        Other,
-        "{specimen}: connected to {peer}[, its position is {standing}]",
-    )
-    .guide(
-        "A specimen behind a link is connected.",
-        "`specimen`, `name`, `peer`; `measures_disp` false: it repeats the command instead of measuring; `standing`: the position that it reports",
-    ),
-    row("grid", Severity::Debug, Silent, "").guide(
-        "A grid of ticks begins. Wall times of the rows count from its first edge.",
-        "`of`: `opening`, `directions` or `test`; `first_edge_ns`: ns of the loop's clock",
-    ),
-    row("phase", Info, Other, "{from} → {to} ({cause})").guide(
-        "The test enters another phase.",
-        "`from`, `to`; `cause`: `done`, `operator`, or what stopped it; `specimen`, `name` if one specimen is the cause",
-    ),
-    row(
-        "zeroed",
-        Info,
-        Other,
-        "{place}: zero readings: displacement {disp}, force {force} (units of the axis)",
-    )
-    .guide(
-        "A sensor's zero was read.",
-        "`specimen`, `name`, `axis`; `disp`, `force`: means; `disp_noise_rms`, `force_noise_rms`; all in the axis' own units",
-    ),
-    row(
-        "initial_force",
-        Warning,
-        Limits,
-        "{place}: it carries a force at the start that its displacement does not explain: {force}, allowed {most} ({of})",
-    )
-    .guide(
-        "An axis carries a force at the start that its displacement does not explain.",
-        "`specimen`, `name`, `axis`; `force` in N; `most`: allowed, in N; `of`: the reference for the allowed force",
-    ),
-    row("confirmed", Info, Operator, "confirmed")
-        .guide("The operator confirmed the sensor readings.", ""),
-    row(
-        "probing",
-        Warning,
-        Other,
-        "{specimen}: wiring check: each axis moves a little and back",
-    )
-    .guide("The wiring check moves the specimen by a small motion.", OF_SPECIMEN),
-    row(
-        "direction",
-        Info,
-        Other,
-        "{place}: wiring check: displacement {disp}, force {force} (units of the axis)",
-    )
-    .guide(
-        "Result of the wiring check for one axis.",
-        "`specimen`, `name`, `axis`; `disp` in m, `force` in N: changes of the measured values",
-    ),
-    row(
-        "wiring_accepted",
-        Warning,
-        Limits,
-        "{place}: the wiring check found {what}, which `safety.accept_wiring` accepts",
-    )
-    .guide(
-        "A difference between the measured stiffness and the estimate that the user accepts.",
-        "`specimen`, `name`, `axis`; `what`: the fault in one word",
-    ),
-    row(
-        "retraced",
-        Warning,
-        Other,
-        "{specimen}: it went back along its own motion: {what}",
-    )
-    .guide(
-        "The wiring check, or the motion of `identify`, was ended and went back to where it began.",
-        "`specimen`, `name`; `what`: `complete`, `beyond_passed_force` or `incomplete`; a server: `text`",
-    ),
-    row(
-        "direction_unknown",
-        Warning,
-        Other,
-        "{place}: the static load does not show the direction of its wiring",
-    )
-    .guide("The wiring check found no direction.", OF_AXIS),
-    row(
-        "misfit",
-        Error,
-        Limits,
-        "{place}: not armed: the wiring check found {what}",
-    )
-    .trip()
-    .guide(
-        "A wiring fault: the specimen is not armed.",
-        "`specimen`, `name`, `axis`; `what`: the fault in one word",
-    ),
-    row(
-        "stands",
-        Info,
-        Other,
-        "{place}: position {found}; the interrupted test left it at {left} ± {within} (unit of the axis)",
-    )
-    .guide(
-        "Resume: an axis is at the position in which the interrupted test left it.",
-        "`specimen`, `name`, `axis`; `found`, `left`, `within`: position, earlier position, allowed difference, in the axis' unit; `differs` true: by more than the noise",
-    ),
-    row(
-        "moved",
-        Error,
-        Limits,
-        "{place}: position {found}; the interrupted test left it at {left} ± {within} (unit of the axis): it has moved since",
-    )
-    .trip()
-    .guide(
-        "Resume: an axis is not at the position in which the interrupted test left it.",
-        "as `stands`",
-    ),
-    row(
-        "force_changed",
-        Warning,
-        Other,
-        "{place}: the load cell reads {found}, expected {left} ± {within} after the interruption (unit of the axis); \
-         {taken_for_drift?the difference is taken for drift of its zero|its zero stays unchanged}",
-    )
-    .guide(
-        "Resume: a load cell reads another force than at the interruption.",
-        "`specimen`, `name`, `axis`; `left`: expected, `found`, `within`: allowed difference, in the axis' unit; `taken_for_drift`: true if the zero was corrected",
-    ),
-    row(
-        "go",
-        Info,
-        Other,
-        "warm-up of {ticks} ticks: {missed} deadlines missed, at most {in_a_row} in a row; a tick took {mean_ns} on average and \
-         {longest_ns} at most: the test starts",
-    )
-    .guide(
-        "The warm-up kept the limits of `[timing.misses]`: the test begins.",
-        "`ticks`: judged; `missed`, `in_a_row`: misses; `mean_ns`, `longest_ns`: duration of a tick",
-    ),
-    row(
-        "no_go",
-        Error,
-        Misses,
-        "warm-up of {ticks} ticks: {missed} deadlines missed, at most {in_a_row} in a row; a tick took {mean_ns} on average and \
-         {longest_ns} at most: the test does not start",
-    )
-    .trip()
-    .guide(
-        "The warm-up did not keep the limits of `[timing.misses]`: the test does not begin.",
-        "as `go`",
-    ),
-    row("started", Info, Other, "started").guide("The first command of the test is sent.", ""),
-    row("checkpoint", Severity::Debug, Silent, "").guide(
-        "A digest of the test's state after a step, for `gusset run --resume`.",
-        "`digest`: 16 hexadecimal digits; `sha256`: of the state file, where there is one",
-    ),
-    row("hold_requested", Info, Operator, "hold requested")
-        .guide("The operator asked for a hold.", ""),
-    row("continue_requested", Info, Operator, "continue requested")
-        .guide("The operator let a held test go on.", ""),
-    row(
-        "continue_dropped",
-        Warning,
-        Operator,
-        "`continue` is ignored: it was for hold {hold}, and the latest hold is {latest}",
-    )
-    .guide(
-        "A continue command named an earlier hold and had no effect.",
-        "`hold`: the number it named; `latest`: the number of the latest hold",
-    ),
-    row("stop_requested", Info, Operator, "stop requested")
-        .guide("The operator asked for the end of the test.", ""),
-    row(
-        "control_request",
-        Info,
-        Other,
-        "the live page received the request {request} from {from}: {accepted?accepted|refused}[: {why}]",
-    )
-    .guide(
-        "The live page received a request.",
-        "`request`, `from`: address, `accepted`; `why` if it was refused",
-    ),
-    row(
-        "control_refused",
-        Warning,
-        Other,
-        "the live page refused the request {request} from {from}: {why} (times: {times})",
-    )
-    .guide(
-        "The live page refused a request without the control token.",
-        "`request`, `from`, `why`; `times`: how often",
-    ),
-    row("pace", Info, Other, "{from} → {to}").frequent().guide(
-        "The pace of the commands between two targets changed.",
-        "`from`, `to`; `share`: part of the step that was made",
-    ),
-    row(
-        "limit_warning",
-        Warning,
-        Limits,
-        "[{place}: ]{limit} is {value}, beyond its warning level of {bound}",
-    )
-    .frequent()
-    .guide(
-        "A value is beyond the `warn` level of a limit.",
-        "`limit`: its key; `value`, `bound` in SI units; `specimen`, `name`, `axis` for a limit of an axis",
-    ),
-    row(
-        "limit_trip",
-        Error,
-        Limits,
-        "[{place}: ]TRIP: {limit} is {value}, allowed {bound}",
-    )
-    .trip()
-    .guide(
-        "A value is beyond the `trip` level of a limit: the test ends.",
-        "as `limit_warning`",
-    ),
-    row("interlock", Error, Answers, "{specimen}: the interlock is open")
-        .trip()
-        .guide("The interlock of a specimen is open.", OF_SPECIMEN),
-    row(
-        "saturated",
-        Error,
-        Answers,
-        "{specimen}: a sensor or actuator is at the end of its range",
-    )
-    .trip()
-    .guide("A sensor or an actuator is at the end of its range.", OF_SPECIMEN),
-    row("geometry", Error, Other, "{place}: geometry: {what}").trip().guide(
-        "The actuators of a loading unit cannot take a pose, or their strokes have no pose.",
-        "`specimen`, `name`; `axis` if one actuator is the cause; `what`: the fault in one word",
-    ),
-    row("diverged", Error, Limits, "the response of DOF {dof} diverged")
-        .trip()
-        .guide(
-            "A displacement is beyond `safety.divergence_m` or not finite.",
-            "`dof`: from 1",
-        ),
-    row(
-        "specimen_holds",
-        Warning,
-        Answers,
-        "{specimen}: its own watchdog holds it, so commands do not move it",
-    )
-    .guide("The specimen reports that its own watchdog holds it.", OF_SPECIMEN),
-    row(
-        "specimen_holds_on",
-        Error,
-        Answers,
-        "{specimen}: its own watchdog still holds it",
-    )
-    .trip()
-    .guide("The specimen still reports that its own watchdog holds it.", OF_SPECIMEN),
-    row(
-        "unsettled",
-        Warning,
-        Limits,
-        "{specimen}: the actuator–specimen iteration did not converge in {ticks} ticks",
-    )
-    .guide(
-        "The actuator–specimen iteration of a simulated actuator did not converge.",
-        "`specimen`, `name`; `ticks`: how many so far",
-    ),
-    row(
-        "miss",
-        Warning,
-        Misses,
-        "deadline missed by {late_ns}; cause: {class}",
-    )
-    .frequent()
-    .guide(
-        "A deadline was missed.",
-        "`class`: cause; `late_ns`; `stretched`: whole ticks by which the grid moved; `steal_ms`, `involuntary_switches`, `minor_faults`, `waited_us`, `stopped`: counters of the system meanwhile",
-    ),
-    row("gap", Warning, Misses, "no command was sent for {late_ns}").guide(
-        "No command was sent for a time outside of the steps of the test.",
-        "`late_ns`; `ticks`: ticks without a command",
-    ),
-    row(
-        "stale",
-        Warning,
-        Answers,
-        "{specimen}: stale measurement, {age} ticks old",
-    )
-    .frequent()
-    .guide(
-        "A measurement is stale.",
-        "`specimen`, `name`; `age`: commands since the one that it answers",
-    ),
-    row("recovered", Severity::Debug, Answers, "{place}: a measurement that was missing arrived late, {age} ticks old").guide(
-        "A missing measurement arrived within the history of a later one.",
-        "`specimen`, `name`, `axis`; `age` in commands; `force` in N",
-    ),
-    row("link", Error, Answers, "{specimen}: {fault}: {message}").trip().guide(
-        "A link failed.",
-        "`specimen`, `name`; `fault`: in one word; `message`",
-    ),
-    row(
-        "unacknowledged",
-        Warning,
-        Answers,
-        "{specimen}: the server did not acknowledge the end of the test. Check that its watchdog holds the specimen",
-    )
-    .guide("A specimen did not acknowledge the end of the test.", OF_SPECIMEN),
-    row("last_words", Warning, Answers, "{text}").guide(
-        "A message with which the specimen's end closed the link.",
-        "`specimen`; `text`",
-    ),
-    row("row_lost", Error, Limits, "row lost: the queue to the writer is full")
-        .frequent()
-        .guide("The queue to the writer was full: one row is lost.", ""),
-    row(
-        "rows_lost",
-        Error,
-        Limits,
-        "{rows_lost} rows lost[: {to_full_queue} because the queue was full, {to_file_error} because a file could not be written]",
-    )
-    .guide(
-        "Rows are missing from `samples.bin`.",
-        "`rows_lost`; `to_full_queue`, `to_file_error`: by cause",
-    ),
-    row(
-        "write_failed",
-        Error,
-        Other,
-        "{file} cannot be written: {error}[ ({rows_lost} rows lost)]",
-    )
-    .guide(
-        "A file of the run folder cannot be written. The program tries again.",
-        "`file`, `error`, `rows_lost`",
-    ),
-    row(
-        "write_recovered",
-        Warning,
-        Other,
-        "{file} can be written again[ ({rows_lost} rows lost)]",
-    )
-    .guide(
-        "A file of the run folder can be written again.",
-        "`file`, `rows_lost`",
-    ),
-    row("record_damaged", Error, Limits, "{text}").guide(
-        "Another program changed or deleted a file of the run folder.",
-        "`file`, `text`",
-    ),
-    row("internal_error", Error, Other, "{text}")
-        .guide("A fault of the program itself.", TEXT),
-    row("ended", Info, Other, "ended").guide(
-        "The test has ended and every specimen is in its end state.",
-        "",
-    ),
-    row("controller", Info, Other, "the controller {peer} begins a test[: {test}]")
-        .of(Writer::Server)
-        .guide(
-            "A controller begins a test.",
-            "`peer`: address; `test`: title; `software`",
-        ),
-    row("armed_again", Info, Other, "{text}")
-        .of(Writer::Server)
-        .guide("The controller begins the test again.", TEXT),
-    row("holding", Warning, Other, "{text}").of(Writer::Server).guide(
-        "No command has come for the time of the watchdog: the specimen holds.",
-        TEXT,
-    ),
-    row("commands_again", Info, Other, "{text}")
-        .of(Writer::Server)
-        .guide("Commands come again after a pause.", TEXT),
-    row("limit", Warning, Other, "{text}").of(Writer::Server).guide(
-        "A command or a measurement is beyond a `warn` level.",
-        TEXT,
-    ),
-    row("trip", Error, Limits, "TRIP: {text}").trip().of(Writer::Server).guide(
-        "A limit or a fault ends the controller's test and latches.",
-        "`text`; `what`: name of the cause; `code`: as in the column `trip`; `axis`, `value`, `bound`, `unit` for a limit",
-    ),
-    row("faults", Warning, Limits, "{text}")
-        .of(Writer::Server)
-        .guide("A fault script is played.", TEXT),
-    row("left_aside", Warning, Other, "{text}")
-        .of(Writer::Server)
-        .guide("A message of the controller had no effect.", TEXT),
-    row("client_without_commits", Warning, Limits, "{text}")
-        .of(Writer::Server)
-        .guide("An OpenFresco client sends no commits.", TEXT),
-    row("client_reset", Warning, Limits, "{text}")
-        .of(Writer::Server)
-        .guide("An OpenFresco client reset its state.", TEXT),
-    row("late_replies", Warning, Misses, "{text}")
-        .of(Writer::Server)
-        .guide("A gateway with `pace`: the specimen does not reply within one period.", TEXT),
-    row("counts", Info, Other, "{text}").of(Writer::Server).guide(
-        "Counts of messages at the end of the controller's test.",
-        TEXT,
-    ),
-];
+pub const EVENTS: &[EventRow] = events! {
+    "files", Debug, Silent, "", "The input files and the version of the program.", "`sha256`: hash by file name; `version`";
+    "warning", Warning, Limits, "{text}", "A warning before the test.", TEXT;
+    "not_granted", Warning, Limits, "not granted: {text}", "The operating system refused a real-time setting.", TEXT;
+    "live_page", Info, Other, "the live page is served at {address}", "The live page is served.", "`address`";
+    "connected", Info, Other, "{specimen}: connected to {peer}[, its position is {standing}]",
+        "A specimen behind a link is connected.", "`specimen`, `name`, `peer`; `measures_disp` false: it repeats the command instead of measuring; `standing`: the position that it reports";
+    "grid", Debug, Silent, "",
+        "A grid of ticks begins. Wall times of the rows count from its first edge.", "`of`: `opening`, `directions` or `test`; `first_edge_ns`: ns of the loop's clock";
+    "phase", Info, Other, "{from} → {to} ({cause})",
+        "The test enters another phase.", "`from`, `to`; `cause`: `done`, `operator`, or what stopped it; `specimen`, `name` if one specimen is the cause";
+    "zeroed", Info, Other, "{place}: zero readings: displacement {disp}, force {force} (units of the axis)",
+        "A sensor's zero was read.", "`specimen`, `name`, `axis`; `disp`, `force`: means; `disp_noise_rms`, `force_noise_rms`; all in the axis' own units";
+    "initial_force", Warning, Limits, "{place}: it carries a force at the start that its displacement does not explain: {force}, allowed {most} ({of})",
+        "An axis carries a force at the start that its displacement does not explain.", "`specimen`, `name`, `axis`; `force` in N; `most`: allowed, in N; `of`: the reference for the allowed force";
+    "confirmed", Info, Operator, "confirmed", "The operator confirmed the sensor readings.", "";
+    "probing", Warning, Other, "{specimen}: wiring check: each axis moves a little and back",
+        "The wiring check moves the specimen by a small motion.", OF_SPECIMEN;
+    "direction", Info, Other, "{place}: wiring check: displacement {disp}, force {force} (units of the axis)",
+        "Result of the wiring check for one axis.", "`specimen`, `name`, `axis`; `disp` in m, `force` in N: changes of the measured values";
+    "wiring_accepted", Warning, Limits, "{place}: the wiring check found {what}, which `safety.accept_wiring` accepts",
+        "A difference between the measured stiffness and the estimate that the user accepts.", "`specimen`, `name`, `axis`; `what`: the fault in one word";
+    "retraced", Warning, Other, "{specimen}: it went back along its own motion: {what}",
+        "The wiring check, or the motion of `identify`, was ended and went back to where it began.", "`specimen`, `name`; `what`: `complete`, `beyond_passed_force` or `incomplete`; a server: `text`";
+    "direction_unknown", Warning, Other, "{place}: the static load does not show the direction of its wiring",
+        "The wiring check found no direction.", OF_AXIS;
+    "misfit", Error, Limits, "{place}: not armed: the wiring check found {what}",
+        "A wiring fault: the specimen is not armed.", "`specimen`, `name`, `axis`; `what`: the fault in one word", trip;
+    "stands", Info, Other, "{place}: position {found}; the interrupted test left it at {left} ± {within} (unit of the axis)",
+        "Resume: an axis is at the position in which the interrupted test left it.", "`specimen`, `name`, `axis`; `found`, `left`, `within`: position, earlier position, allowed difference, in the axis' unit; `differs` true: by more than the noise";
+    "moved", Error, Limits, "{place}: position {found}; the interrupted test left it at {left} ± {within} (unit of the axis): it has moved since",
+        "Resume: an axis is not at the position in which the interrupted test left it.", "as `stands`", trip;
+    "force_changed", Warning, Other, "{place}: the load cell reads {found}, expected {left} ± {within} after the interruption (unit of the axis); {taken_for_drift?the difference is taken for drift of its zero|its zero stays unchanged}",
+        "Resume: a load cell reads another force than at the interruption.", "`specimen`, `name`, `axis`; `left`: expected, `found`, `within`: allowed difference, in the axis' unit; `taken_for_drift`: true if the zero was corrected";
+    "go", Info, Other, "warm-up of {ticks} ticks: {missed} deadlines missed, at most {in_a_row} in a row; a tick took {mean_ns} on average and {longest_ns} at most: the test starts",
+        "The warm-up kept the limits of `[timing.misses]`: the test begins.", "`ticks`: judged; `missed`, `in_a_row`: misses; `mean_ns`, `longest_ns`: duration of a tick";
+    "no_go", Error, Misses, "warm-up of {ticks} ticks: {missed} deadlines missed, at most {in_a_row} in a row; a tick took {mean_ns} on average and {longest_ns} at most: the test does not start",
+        "The warm-up did not keep the limits of `[timing.misses]`: the test does not begin.", "as `go`", trip;
+    "started", Info, Other, "started", "The first command of the test is sent.", "";
+    "checkpoint", Debug, Silent, "",
+        "A digest of the test's state after a step, for `gusset run --resume`.", "`digest`: 16 hexadecimal digits; `sha256`: of the state file, where there is one";
+    "hold_requested", Info, Operator, "hold requested", "The operator asked for a hold.", "";
+    "continue_requested", Info, Operator, "continue requested", "The operator let a held test go on.", "";
+    "continue_dropped", Warning, Operator, "`continue` is ignored: it was for hold {hold}, and the latest hold is {latest}",
+        "A continue command named an earlier hold and had no effect.", "`hold`: the number it named; `latest`: the number of the latest hold";
+    "stop_requested", Info, Operator, "stop requested", "The operator asked for the end of the test.", "";
+    "control_request", Info, Other, "the live page received the request {request} from {from}: {accepted?accepted|refused}[: {why}]",
+        "The live page received a request.", "`request`, `from`: address, `accepted`; `why` if it was refused";
+    "control_refused", Warning, Other, "the live page refused the request {request} from {from}: {why} (times: {times})",
+        "The live page refused a request without the control token.", "`request`, `from`, `why`; `times`: how often";
+    "pace", Info, Other, "{from} → {to}",
+        "The pace of the commands between two targets changed.", "`from`, `to`; `share`: part of the step that was made", frequent;
+    "limit_warning", Warning, Limits, "[{place}: ]{limit} is {value}, beyond its warning level of {bound}",
+        "A value is beyond the `warn` level of a limit.", "`limit`: its key; `value`, `bound` in SI units; `specimen`, `name`, `axis` for a limit of an axis", frequent;
+    "limit_trip", Error, Limits, "[{place}: ]TRIP: {limit} is {value}, allowed {bound}",
+        "A value is beyond the `trip` level of a limit: the test ends.", "as `limit_warning`", trip;
+    "interlock", Error, Answers, "{specimen}: the interlock is open", "The interlock of a specimen is open.", OF_SPECIMEN, trip;
+    "saturated", Error, Answers, "{specimen}: a sensor or actuator is at the end of its range",
+        "A sensor or an actuator is at the end of its range.", OF_SPECIMEN, trip;
+    "geometry", Error, Other, "{place}: geometry: {what}",
+        "The actuators of a loading unit cannot take a pose, or their strokes have no pose.", "`specimen`, `name`; `axis` if one actuator is the cause; `what`: the fault in one word", trip;
+    "diverged", Error, Limits, "the response of DOF {dof} diverged",
+        "A displacement is beyond `safety.divergence_m` or not finite.", "`dof`: from 1", trip;
+    "specimen_holds", Warning, Answers, "{specimen}: its own watchdog holds it, so commands do not move it",
+        "The specimen reports that its own watchdog holds it.", OF_SPECIMEN;
+    "specimen_holds_on", Error, Answers, "{specimen}: its own watchdog still holds it",
+        "The specimen still reports that its own watchdog holds it.", OF_SPECIMEN, trip;
+    "unsettled", Warning, Limits, "{specimen}: the actuator–specimen iteration did not converge in {ticks} ticks",
+        "The actuator–specimen iteration of a simulated actuator did not converge.", "`specimen`, `name`; `ticks`: how many so far";
+    "miss", Warning, Misses, "deadline missed by {late_ns}; cause: {class}",
+        "A deadline was missed.", "`class`: cause; `late_ns`; `stretched`: whole ticks by which the grid moved; `steal_ms`, `involuntary_switches`, `minor_faults`, `waited_us`, `stopped`: counters of the system meanwhile", frequent;
+    "gap", Warning, Misses, "no command was sent for {late_ns}",
+        "No command was sent for a time outside of the steps of the test.", "`late_ns`; `ticks`: ticks without a command";
+    "stale", Warning, Answers, "{specimen}: stale measurement, {age} ticks old",
+        "A measurement is stale.", "`specimen`, `name`; `age`: commands since the one that it answers", frequent;
+    "recovered", Debug, Answers, "{place}: a measurement that was missing arrived late, {age} ticks old",
+        "A missing measurement arrived within the history of a later one.", "`specimen`, `name`, `axis`; `age` in commands; `force` in N";
+    "link", Error, Answers, "{specimen}: {fault}: {message}",
+        "A link failed.", "`specimen`, `name`; `fault`: in one word; `message`", trip;
+    "unacknowledged", Warning, Answers, "{specimen}: the server did not acknowledge the end of the test. Check that its watchdog holds the specimen",
+        "A specimen did not acknowledge the end of the test.", OF_SPECIMEN;
+    "last_words", Warning, Answers, "{text}", "A message with which the specimen's end closed the link.", "`specimen`; `text`";
+    "row_lost", Error, Limits, "row lost: the queue to the writer is full",
+        "The queue to the writer was full: one row is lost.", "", frequent;
+    "rows_lost", Error, Limits, "{rows_lost} rows lost[: {to_full_queue} because the queue was full, {to_file_error} because a file could not be written]",
+        "Rows are missing from `samples.bin`.", "`rows_lost`; `to_full_queue`, `to_file_error`: by cause";
+    "write_failed", Error, Other, "{file} cannot be written: {error}[ ({rows_lost} rows lost)]",
+        "A file of the run folder cannot be written. The program tries again.", "`file`, `error`, `rows_lost`";
+    "write_recovered", Warning, Other, "{file} can be written again[ ({rows_lost} rows lost)]",
+        "A file of the run folder can be written again.", "`file`, `rows_lost`";
+    "record_damaged", Error, Limits, "{text}", "Another program changed or deleted a file of the run folder.", "`file`, `text`";
+    "internal_error", Error, Other, "{text}", "A fault of the program itself.", TEXT;
+    "ended", Info, Other, "ended", "The test has ended and every specimen is in its end state.", "";
+    "controller", Info, Other, "the controller {peer} begins a test[: {test}]",
+        "A controller begins a test.", "`peer`: address; `test`: title; `software`", of(Server);
+    "armed_again", Info, Other, "{text}", "The controller begins the test again.", TEXT, of(Server);
+    "holding", Warning, Other, "{text}", "No command has come for the time of the watchdog: the specimen holds.", TEXT, of(Server);
+    "commands_again", Info, Other, "{text}", "Commands come again after a pause.", TEXT, of(Server);
+    "limit", Warning, Other, "{text}", "A command or a measurement is beyond a `warn` level.", TEXT, of(Server);
+    "trip", Error, Limits, "TRIP: {text}",
+        "A limit or a fault ends the controller's test and latches.", "`text`; `what`: name of the cause; `code`: as in the column `trip`; `axis`, `value`, `bound`, `unit` for a limit", trip, of(Server);
+    "faults", Warning, Limits, "{text}", "A fault script is played.", TEXT, of(Server);
+    "left_aside", Warning, Other, "{text}", "A message of the controller had no effect.", TEXT, of(Server);
+    "client_without_commits", Warning, Limits, "{text}", "An OpenFresco client sends no commits.", TEXT, of(Server);
+    "client_reset", Warning, Limits, "{text}", "An OpenFresco client reset its state.", TEXT, of(Server);
+    "late_replies", Warning, Misses, "{text}",
+        "A gateway with `pace`: the specimen does not reply within one period.", TEXT, of(Server);
+    "counts", Info, Other, "{text}", "Counts of messages at the end of the controller's test.", TEXT, of(Server);
+};
 
 /// The row of this name; none for an event of another version.
 #[must_use]
