@@ -190,7 +190,7 @@ impl Fake {
                 Frame::Command(frame) => {
                     let (mut disp, mut vel) = ([0.0], [0.0]);
                     frame.read(&mut disp, &mut vel).unwrap();
-                    command = Some((frame.sequence(), disp[0]));
+                    command = Some((frame.sequence, disp[0]));
                 }
                 Frame::Retire(notice) => retires = Some(notice.cause),
                 _ => {}
@@ -220,7 +220,7 @@ impl Fake {
                 Frame::Command(frame) => {
                     let (mut disp, mut vel) = ([0.0], [0.0]);
                     frame.read(&mut disp, &mut vel).unwrap();
-                    command = Some((frame.sequence(), disp[0]));
+                    command = Some((frame.sequence, disp[0]));
                 }
                 Frame::Retire(_) => return,
                 _ => {}
@@ -247,7 +247,7 @@ impl Fake {
             if let Frame::Command(command) = self.decoder.open(&frame).unwrap().frame {
                 let (mut disp, mut vel) = ([0.0], [0.0]);
                 command.read(&mut disp, &mut vel).unwrap();
-                return Some((command.sequence(), disp[0]));
+                return Some((command.sequence, disp[0]));
             }
         }
     }

@@ -170,8 +170,20 @@ impl GeometrySpec {
     pub fn build(&self, scale: f64) -> Result<Geometry, GeometryError> {
         let coordinates = self.driven()?;
         let exact = match (&self.plane, &self.space, &self.matrix) {
-            (Some(pins), ..) => in_plane(pins, coordinates, scale)?,
-            (_, Some(pins), _) => in_space(pins, coordinates, scale)?,
+            (Some(given), ..) => {
+                let each = given.iter().enumerate();
+                let pins =
+                    |(i, p): (_, &PlanePins)| Pins::new(i, scale, p.base_m, p.joint_m, p.length_m);
+                let (arm, length) = (PlaneArm::new, PlaneArm::length);
+                between(each.map(pins), coordinates, arm, length, Form::Plane)?
+            }
+            (_, Some(given), _) => {
+                let each = given.iter().enumerate();
+                let pins =
+                    |(i, p): (_, &SpacePins)| Pins::new(i, scale, p.base_m, p.joint_m, p.length_m);
+                let (arm, length) = (SpaceArm::new, SpaceArm::length);
+                between(each.map(pins), coordinates, arm, length, Form::Space)?
+            }
             (.., Some(rows)) => {
                 if self.exact == Some(true) {
                     return Err(GeometryError::ExactMatrix);
@@ -261,38 +273,6 @@ fn between<A, const N: usize>(
     let actuators = arms.len();
     Geometry::new(form(arms), coordinates, actuators, lengths, strokes, radius)
         .map_err(GeometryError::Fault)
-}
-
-fn in_plane(
-    given: &[PlanePins],
-    coordinates: Vec<Coordinate>,
-    scale: f64,
-) -> Result<Geometry, GeometryError> {
-    let pins = given.iter().enumerate();
-    let pins = pins.map(|(i, p)| Pins::new(i, scale, p.base_m, p.joint_m, p.length_m));
-    between(
-        pins,
-        coordinates,
-        PlaneArm::new,
-        PlaneArm::length,
-        Form::Plane,
-    )
-}
-
-fn in_space(
-    given: &[SpacePins],
-    coordinates: Vec<Coordinate>,
-    scale: f64,
-) -> Result<Geometry, GeometryError> {
-    let pins = given.iter().enumerate();
-    let pins = pins.map(|(i, p)| Pins::new(i, scale, p.base_m, p.joint_m, p.length_m));
-    between(
-        pins,
-        coordinates,
-        SpaceArm::new,
-        SpaceArm::length,
-        Form::Space,
-    )
 }
 
 fn by_matrix(

@@ -356,12 +356,7 @@ impl RowForces for StepForces<'_> {
     fn fill(&mut self, rows: Range<usize>, disp: &[f64], vel: &[f64], residual: &mut [f64]) {
         let loads = self.excitation;
         let fresh = loads.is_some_and(|e| !e.load_rows(self.step, rows.clone(), residual));
-        let motion = Motion {
-            disp,
-            vel,
-            base: self.base,
-            dt: self.dt,
-        };
+        let motion = Motion::new(disp, vel, self.base, self.dt);
         let structure = &mut *self.structure;
         structure.subtract_rows(rows.clone(), motion, residual, fresh);
         for port in &mut *self.ports {

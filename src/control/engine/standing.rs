@@ -105,16 +105,6 @@ impl Maneuver for Confirmation {
         let awaited = engine.environment.supervision.is_unconfirmed();
         Ok(awaited.then(|| engine.still(Phase::Zeroing)))
     }
-
-    fn recorded(
-        &mut self,
-        engine: &mut Engine<'_>,
-        _: &Order,
-        _: &mut TickStamps,
-    ) -> Result<(), Stop> {
-        engine.reuse_number();
-        Ok(())
-    }
 }
 
 /// Reads the specimens whose wiring the static load will show, while they stand before it is applied.

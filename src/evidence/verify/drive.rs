@@ -63,8 +63,7 @@ impl Method {
         Ok(match self {
             Self::Family(lambda) => {
                 let lambda = Lambda::new(lambda)?;
-                let gui = Gui::new(mass, &damping, &stiffness, dt, lambda, Start::Published);
-                let gui = gui.map_err(|_| MethodError::Step { found: dt })?;
+                let gui = Gui::new(mass, &damping, &stiffness, dt, lambda, Start::Published)?;
                 Stepper::Explicit(Box::new(gui))
             }
             Self::Newmark(member) => {

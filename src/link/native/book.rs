@@ -50,7 +50,7 @@ impl Recovered {
             && count < KEPT
         {
             entry.read(slot)?;
-            self.sequences.push(entry.sequence());
+            self.sequences.push(entry.sequence);
         }
         Ok(())
     }
@@ -106,15 +106,15 @@ impl Book {
         arrival: Arrival,
         issued: u64,
     ) -> Result<(), WireError> {
-        let sequence = frame.sequence();
+        let sequence = frame.sequence;
         if sequence > issued {
             return Err(WireError::Order {
                 expected: "an answer to a command that was sent",
                 found: "one to a later command",
             });
         }
-        self.latched.0 |= frame.status().0 & Status::INTERLOCK.0;
-        self.stats.missed = self.stats.missed.max(u64::from(frame.missed()));
+        self.latched.0 |= frame.status.0 & Status::INTERLOCK.0;
+        self.stats.missed = self.stats.missed.max(u64::from(frame.missed));
         match self.answered.accept(sequence.saturating_add(1)) {
             Err(WireError::Replayed { .. }) => self.stats.duplicates += 1,
             // More than 64 commands behind: the first and the second answer cannot be distinguished.
@@ -132,7 +132,7 @@ impl Book {
         if newer {
             let since = self.known;
             let lost = frame.earlier().filter(|entry| {
-                entry.sequence() < sequence && since.is_none_or(|known| entry.sequence() > known)
+                entry.sequence < sequence && since.is_none_or(|known| entry.sequence > known)
             });
             for entry in lost {
                 self.stats.recovered += 1;

@@ -131,7 +131,7 @@ impl Transport for Scripted {
             Frame::Control(message) => Some(handshake::decode(message).unwrap()),
             Frame::Retire(_) => None,
             Frame::Command(command) => {
-                self.answer(command.sequence());
+                self.answer(command.sequence);
                 return Ok(());
             }
             Frame::Heartbeat(_) => return Ok(()),

@@ -109,9 +109,9 @@ impl NextMotion {
     ) -> Result<Effect, WireError> {
         match newest {
             // A command from before the specimen was armed again.
-            _ if command.sequence() < first => Ok(Effect::Overtaken),
-            Some(newest) if command.sequence() < newest => Ok(Effect::Overtaken),
-            Some(newest) if command.sequence() == newest => Ok(Effect::Repeated),
+            _ if command.sequence < first => Ok(Effect::Overtaken),
+            Some(newest) if command.sequence < newest => Ok(Effect::Overtaken),
+            Some(newest) if command.sequence == newest => Ok(Effect::Repeated),
             _ => command
                 .read(&mut self.disp, &mut self.vel)
                 .map(|()| Effect::New),

@@ -86,7 +86,7 @@ impl Reader<'_> {
         self.silence.heard(now);
         Ok(match received.frame {
             Frame::Command(command) => {
-                let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
+                let (sequence, time, dt) = (command.sequence, command.time, command.dt);
                 if !(0.0..=self.count.longest(sequence)).contains(&dt) {
                     return Err(WireError::Range {
                         field: "command dt",

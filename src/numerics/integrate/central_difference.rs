@@ -77,13 +77,8 @@ impl Offline for CentralDifference {
             *x = next;
         }
         state.begun = true;
-        self.equilibrium.find(
-            (to, dt),
-            &mut state.disp,
-            &mut state.vel,
-            &mut self.accel,
-            forces,
-            inertia,
-        )
+        let accel = &mut self.accel;
+        self.equilibrium
+            .find((to, dt), state, accel, forces, inertia)
     }
 }

@@ -96,13 +96,8 @@ impl Offline for Chang2002 {
             *v += dt * a;
         }
         state.begun = true;
-        self.equilibrium.find(
-            (to, dt),
-            &mut state.disp,
-            &mut state.vel,
-            &mut self.accel,
-            forces,
-            inertia,
-        )
+        let accel = &mut self.accel;
+        self.equilibrium
+            .find((to, dt), state, accel, forces, inertia)
     }
 }

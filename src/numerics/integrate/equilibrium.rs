@@ -5,6 +5,7 @@
 //! If the iteration with current tangents does not converge (a law that softens below zero, a cycle between two
 //! branches) the second half of the iterations uses the initial ones, which approach a yielding law from one side.
 
+use super::State;
 use super::offline::{Forces, MethodError, Moment, StepError, Tangents};
 use crate::linalg::{Spd, SymMatrix};
 use gusset_quantity::state;
@@ -97,12 +98,12 @@ impl Equilibrium {
     pub(super) fn find(
         &mut self,
         (step, dt): (u64, f64),
-        disp: &mut [f64],
-        vel: &mut [f64],
+        state: &mut State,
         accel: &mut [f64],
         forces: &mut dyn Forces,
         inertia: &mut [f64],
     ) -> Result<(), StepError> {
+        let State { disp, vel, .. } = state;
         let mut change = f64::INFINITY;
         for iteration in 0..=self.settings.iterations {
             forces.residual_into(Moment::at(step), disp, vel, dt, &mut self.residual);

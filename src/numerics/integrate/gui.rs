@@ -17,6 +17,7 @@ use std::ops::Range;
 
 use thiserror::Error;
 
+use super::offline::check;
 use super::{Integrator, Lambda, LambdaError, RowForces, Start, State, fill_all};
 use crate::linalg::lanes::{Isa, Kernel};
 use crate::linalg::{Aligned, Lanes, NotPositiveDefinite, Rows, Spd, Storage, SymMatrix};
@@ -73,17 +74,8 @@ impl Gui {
         lambda: Lambda,
         start: Start,
     ) -> Result<Self, GuiError> {
-        if !(dt > 0.0 && dt.is_finite()) {
-            return Err(GuiError::Step { found: dt });
-        }
+        check(mass, damping, stiffness, dt)?;
         let lambda = Lambda::new(lambda.value())?;
-        if mass.n() != damping.n() || mass.n() != stiffness.n() {
-            return Err(GuiError::Sizes {
-                mass: mass.n(),
-                damping: damping.n(),
-                stiffness: stiffness.n(),
-            });
-        }
         let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
         let mut effective_mass = Spd::factor(&matrix).map_err(GuiError::EffectiveMass)?;
         let reciprocal_condition = effective_mass.reciprocal_condition(&matrix);

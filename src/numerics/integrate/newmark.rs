@@ -107,13 +107,8 @@ impl Offline for Newmark {
             }
         }
         state.begun = true;
-        self.equilibrium.find(
-            (to, dt),
-            &mut state.disp,
-            &mut state.vel,
-            &mut self.accel,
-            forces,
-            inertia,
-        )
+        let accel = &mut self.accel;
+        self.equilibrium
+            .find((to, dt), state, accel, forces, inertia)
     }
 }

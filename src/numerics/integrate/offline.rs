@@ -7,7 +7,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::{Integrator, LambdaError, State};
+use super::{GuiError, Integrator, LambdaError, State};
 use crate::linalg::{NotPositiveDefinite, SymMatrix};
 use crate::model::{Base, Structure};
 use gusset_quantity::state::{Stateful, Visit};
@@ -107,27 +107,12 @@ pub enum StepError {
 /// Reason why the method does not suit this structure.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MethodError {
-    /// Δt is not a positive number.
-    #[error("the step is {found} s, but must be finite and greater than 0")]
-    Step {
-        /// The value given.
-        found: f64,
-    },
+    /// Step or matrices do not suit any method.
+    #[error(transparent)]
+    Gui(#[from] GuiError),
     /// λ is not a positive number.
     #[error(transparent)]
     Lambda(#[from] LambdaError),
-    /// M, C0 and K0 differ in size.
-    #[error(
-        "mass has {mass} degrees of freedom, damping {damping} and stiffness {stiffness}, but all must agree"
-    )]
-    Sizes {
-        /// Rows of M.
-        mass: usize,
-        /// Rows of C0.
-        damping: usize,
-        /// Rows of K0.
-        stiffness: usize,
-    },
     /// The spectral radius at infinite frequency lies outside of its range.
     #[error("rho_infinity is {found}, but must be from 0 to 1")]
     Rho {
@@ -164,12 +149,12 @@ pub(super) fn check(
     damping: &SymMatrix,
     stiffness: &SymMatrix,
     dt: f64,
-) -> Result<(), MethodError> {
+) -> Result<(), GuiError> {
     if !(dt > 0.0 && dt.is_finite()) {
-        return Err(MethodError::Step { found: dt });
+        return Err(GuiError::Step { found: dt });
     }
     if mass.n() != damping.n() || mass.n() != stiffness.n() {
-        return Err(MethodError::Sizes {
+        return Err(GuiError::Sizes {
             mass: mass.n(),
             damping: damping.n(),
             stiffness: stiffness.n(),

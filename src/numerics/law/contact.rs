@@ -78,17 +78,11 @@ impl Law for Gap {
     }
 
     fn tangent(&self) -> Tangent {
-        Tangent {
-            stiffness: if self.closed { self.stiffness } else { 0.0 },
-            damping: 0.0,
-        }
+        Tangent::elastic(if self.closed { self.stiffness } else { 0.0 })
     }
 
     fn reference(&self) -> Tangent {
-        Tangent {
-            stiffness: self.stiffness,
-            damping: 0.0,
-        }
+        Tangent::elastic(self.stiffness)
     }
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {

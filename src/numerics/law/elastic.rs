@@ -116,17 +116,11 @@ impl Law for SquareRoot {
     }
 
     fn tangent(&self) -> Tangent {
-        Tangent {
-            stiffness: self.stiffness * (1.0 + 1.5 * self.hardening * self.root),
-            damping: 0.0,
-        }
+        Tangent::elastic(self.stiffness * (1.0 + 1.5 * self.hardening * self.root))
     }
 
     fn reference(&self) -> Tangent {
-        Tangent {
-            stiffness: self.stiffness,
-            damping: 0.0,
-        }
+        Tangent::elastic(self.stiffness)
     }
 
     fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>) {
@@ -201,17 +195,11 @@ impl Law for Cubic {
     }
 
     fn tangent(&self) -> Tangent {
-        Tangent {
-            stiffness: self.stiffness + 3.0 * self.cubic * self.square,
-            damping: 0.0,
-        }
+        Tangent::elastic(self.stiffness + 3.0 * self.cubic * self.square)
     }
 
     fn reference(&self) -> Tangent {
-        Tangent {
-            stiffness: self.reference,
-            damping: 0.0,
-        }
+        Tangent::elastic(self.reference)
     }
 
     fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>) {

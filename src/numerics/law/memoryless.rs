@@ -60,14 +60,10 @@ impl Memoryless {
             Self::SquareRoot {
                 stiffness,
                 hardening,
-            } => Tangent {
-                stiffness: stiffness * (1.0 + 1.5 * hardening * disp.abs().sqrt()),
-                damping: 0.0,
-            },
-            Self::Cubic { stiffness, cubic } => Tangent {
-                stiffness: stiffness + 3.0 * cubic * (disp * disp),
-                damping: 0.0,
-            },
+            } => Tangent::elastic(stiffness * (1.0 + 1.5 * hardening * disp.abs().sqrt())),
+            Self::Cubic { stiffness, cubic } => {
+                Tangent::elastic(stiffness + 3.0 * cubic * (disp * disp))
+            }
         }
     }
 }

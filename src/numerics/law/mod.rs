@@ -47,6 +47,15 @@ pub struct Tangent {
     pub damping: f64,
 }
 
+impl Tangent {
+    /// That of a force without damping.
+    #[inline]
+    pub(crate) const fn elastic(stiffness: f64) -> Self {
+        let damping = 0.0;
+        Self { stiffness, damping }
+    }
+}
+
 /// Declared reach of a law: largest displacement in m and velocity in m/s.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reach {

@@ -179,25 +179,16 @@ impl Law for Bilinear {
 
     fn tangent(&self) -> Tangent {
         let ratio = if self.trial.slipping { self.ratio } else { 1.0 };
-        Tangent {
-            stiffness: ratio * self.stiffness,
-            damping: 0.0,
-        }
+        Tangent::elastic(ratio * self.stiffness)
     }
 
     fn solver_tangent(&self) -> Tangent {
         let ratio = if self.trial.flows { self.ratio } else { 1.0 };
-        Tangent {
-            stiffness: ratio * self.stiffness,
-            damping: 0.0,
-        }
+        Tangent::elastic(ratio * self.stiffness)
     }
 
     fn reference(&self) -> Tangent {
-        Tangent {
-            stiffness: self.stiffness,
-            damping: 0.0,
-        }
+        Tangent::elastic(self.stiffness)
     }
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {

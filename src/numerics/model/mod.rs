@@ -104,6 +104,20 @@ pub struct Motion<'a> {
     pub dt: f64,
 }
 
+impl<'a> Motion<'a> {
+    /// Displacement and velocity of all degrees of freedom, on this base, `dt` after the last accepted step.
+    #[inline]
+    #[must_use]
+    pub const fn new(disp: &'a [f64], vel: &'a [f64], base: Base, dt: f64) -> Self {
+        Self {
+            disp,
+            vel,
+            base,
+            dt,
+        }
+    }
+}
+
 /// A named, uniaxial share of K and C, for the proof of stability: k b bᵀ with the row b.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {

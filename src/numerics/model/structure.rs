@@ -273,13 +273,7 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        let motion = Motion {
-            disp,
-            vel,
-            base,
-            dt,
-        };
-        self.walk::<true>(motion, residual);
+        self.walk::<true>(Motion::new(disp, vel, base, dt), residual);
     }
 
     /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, which may be
@@ -292,13 +286,7 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        let motion = Motion {
-            disp,
-            vel,
-            base,
-            dt,
-        };
-        self.walk::<false>(motion, residual);
+        self.walk::<false>(Motion::new(disp, vel, base, dt), residual);
     }
 
     /// The last trial of every element becomes its committed state.

@@ -44,21 +44,11 @@ impl Kind {
     ///
     /// # Errors
     /// [`WireError::Code`] for an unknown code.
-    pub(crate) const fn from_code(code: u8) -> Result<Self, WireError> {
-        Ok(match code {
-            1 => Kind::Command,
-            2 => Kind::Measurement,
-            3 => Kind::Heartbeat,
-            4 => Kind::Hold,
-            5 => Kind::Retire,
-            6 => Kind::Goodbye,
-            16 => Kind::Control,
-            _ => {
-                return Err(WireError::Code {
-                    field: "frame kind",
-                    found: code as u64,
-                });
-            }
+    pub(crate) fn from_code(code: u8) -> Result<Self, WireError> {
+        let known = Self::ALL.into_iter().find(|kind| kind.code() == code);
+        known.ok_or(WireError::Code {
+            field: "frame kind",
+            found: code.into(),
         })
     }
 

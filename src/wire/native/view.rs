@@ -153,32 +153,17 @@ pub struct Notice {
 /// A command.
 #[derive(Debug, Clone, Copy)]
 pub struct CommandFrame<'a> {
-    pub(super) sequence: u64,
-    pub(super) time: f64,
-    pub(super) dt: f64,
+    /// Number of the command.
+    pub sequence: u64,
+    /// Test time that the displacement belongs to, in s.
+    pub time: f64,
+    /// Test time since the previous command, in s.
+    pub dt: f64,
     pub(super) disp: &'a [Word],
     pub(super) vel: &'a [Word],
 }
 
 impl CommandFrame<'_> {
-    /// Number of the command.
-    #[must_use]
-    pub const fn sequence(&self) -> u64 {
-        self.sequence
-    }
-
-    /// Test time that the displacement belongs to, in s.
-    #[must_use]
-    pub const fn time(&self) -> f64 {
-        self.time
-    }
-
-    /// Test time since the previous command, in s.
-    #[must_use]
-    pub const fn dt(&self) -> f64 {
-        self.dt
-    }
-
     /// Copies displacement and velocity out. Real-time: yes.
     ///
     /// # Errors
@@ -194,11 +179,16 @@ impl CommandFrame<'_> {
 /// A measurement, and the forces of the four before it.
 #[derive(Debug, Clone, Copy)]
 pub struct MeasurementFrame<'a> {
-    pub(super) sequence: u64,
-    pub(super) time: f64,
-    pub(super) sampled_after: f64,
-    pub(super) status: Status,
-    pub(super) missed: u32,
+    /// Newest command that was in force when this was sampled.
+    pub sequence: u64,
+    /// The specimen's own time of sampling in s.
+    pub time: f64,
+    /// Time from the arrival of the command to the sampling, in s.
+    pub sampled_after: f64,
+    /// Flags of the specimen.
+    pub status: Status,
+    /// Commands that never arrived at the specimen.
+    pub missed: u32,
     pub(super) disp: &'a [Word],
     pub(super) force: &'a [Word],
     /// For each of the earlier ones, newest first, its sequence and its forces.
@@ -208,17 +198,12 @@ pub struct MeasurementFrame<'a> {
 /// The force that belonged to an earlier command.
 #[derive(Debug, Clone, Copy)]
 pub struct Earlier<'a> {
-    pub(super) sequence: u64,
+    /// The command that was in force.
+    pub sequence: u64,
     pub(super) force: &'a [Word],
 }
 
 impl Earlier<'_> {
-    /// The command that was in force.
-    #[must_use]
-    pub const fn sequence(&self) -> u64 {
-        self.sequence
-    }
-
     /// Copies the force out. Real-time: yes.
     ///
     /// # Errors
@@ -229,36 +214,6 @@ impl Earlier<'_> {
 }
 
 impl<'a> MeasurementFrame<'a> {
-    /// Newest command that was in force when this was sampled.
-    #[must_use]
-    pub const fn sequence(&self) -> u64 {
-        self.sequence
-    }
-
-    /// The specimen's own time of sampling in s.
-    #[must_use]
-    pub const fn time(&self) -> f64 {
-        self.time
-    }
-
-    /// Time from the arrival of the command to the sampling, in s.
-    #[must_use]
-    pub const fn sampled_after(&self) -> f64 {
-        self.sampled_after
-    }
-
-    /// Flags of the specimen.
-    #[must_use]
-    pub const fn status(&self) -> Status {
-        self.status
-    }
-
-    /// Commands that never arrived at the specimen.
-    #[must_use]
-    pub const fn missed(&self) -> u32 {
-        self.missed
-    }
-
     /// Fills a measurement. Real-time: yes.
     ///
     /// # Errors

@@ -265,9 +265,9 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
             let (mut disp, mut vel) = (vec![0.0; axes], vec![0.0; axes]);
             frame.read(&mut disp, &mut vel).unwrap();
             let command = Command {
-                sequence: frame.sequence(),
-                time: frame.time(),
-                dt: frame.dt(),
+                sequence: frame.sequence,
+                time: frame.time,
+                dt: frame.dt,
                 disp: &disp,
                 vel: &vel,
             };
@@ -277,14 +277,14 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
             let earlier: Vec<_> = frame.earlier().collect();
             let mut measured = Measurement::zeros(axes);
             for entry in earlier.iter().rev() {
-                measured.sequence = entry.sequence();
+                measured.sequence = entry.sequence;
                 entry.read(&mut measured.force).unwrap();
                 let _ = encoder.measurement(&measured, Moment::default(), &mut out);
             }
             frame.read(&mut measured).unwrap();
             let moment = Moment {
-                sampled_after: frame.sampled_after(),
-                missed: frame.missed(),
+                sampled_after: frame.sampled_after,
+                missed: frame.missed,
             };
             encoder.measurement(&measured, moment, &mut out)
         }
@@ -302,8 +302,8 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
             let read = |frame: gusset_wire::native::CommandFrame<'_>| {
                 let (mut disp, mut vel) = (vec![0.0; axes], vec![0.0; axes]);
                 frame.read(&mut disp, &mut vel).unwrap();
-                let numbers = [disp, vel, vec![frame.time(), frame.dt()]].concat();
-                (frame.sequence(), bits(&numbers))
+                let numbers = [disp, vel, vec![frame.time, frame.dt]].concat();
+                (frame.sequence, bits(&numbers))
             };
             assert_eq!(read(one), read(two));
         }
@@ -311,9 +311,9 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
             let read = |frame: gusset_wire::native::MeasurementFrame<'_>| {
                 let mut into = Measurement::zeros(axes);
                 frame.read(&mut into).unwrap();
-                let times = vec![frame.time(), frame.sampled_after()];
+                let times = vec![frame.time, frame.sampled_after];
                 let numbers = [into.disp, into.force, times].concat();
-                let codes = (frame.sequence(), frame.status(), frame.missed());
+                let codes = (frame.sequence, frame.status, frame.missed);
                 (codes, bits(&numbers))
             };
             assert_eq!(read(one), read(two));
@@ -321,13 +321,13 @@ fn same_again(terms: Terms, received: &Received<'_>) -> usize {
                 let mut force = vec![0.0; axes];
                 let entries = frame.earlier().map(|entry| {
                     entry.read(&mut force).unwrap();
-                    (entry.sequence(), bits(&force))
+                    (entry.sequence, bits(&force))
                 });
                 entries.collect()
             };
             // A history that repeats a number, which no encoder writes, is not kept unchanged.
-            let mut numbers: Vec<_> = one.earlier().map(|entry| entry.sequence()).collect();
-            numbers.insert(0, one.sequence());
+            let mut numbers: Vec<_> = one.earlier().map(|entry| entry.sequence).collect();
+            numbers.insert(0, one.sequence);
             if numbers.windows(2).all(|pair| pair[0] != pair[1]) {
                 assert_eq!(history(one), history(two));
             }

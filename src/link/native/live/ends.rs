@@ -182,7 +182,7 @@ impl Live {
                         return said;
                     }
                     Ok(Frame::Heartbeat(beat)) => said.status.0 |= beat.status.0,
-                    Ok(Frame::Measurement(measured)) => said.status.0 |= measured.status().0,
+                    Ok(Frame::Measurement(measured)) => said.status.0 |= measured.status.0,
                     // Why it tripped, if it did.
                     Ok(Frame::Control(message)) => {
                         if let Ok(Control::Bye(bye)) = handshake::decode(message) {

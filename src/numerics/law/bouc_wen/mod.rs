@@ -357,17 +357,11 @@ impl Law for BoucWen {
             Some(wear) => wear.slope(parameters, point),
             None => parameters.a - parameters.resistance(point.y),
         };
-        Tangent {
-            stiffness: stiffness * (ratio + (1.0 - ratio) * slope),
-            damping: 0.0,
-        }
+        Tangent::elastic(stiffness * (ratio + (1.0 - ratio) * slope))
     }
 
     fn reference(&self) -> Tangent {
-        Tangent {
-            stiffness: self.constants.reference,
-            damping: 0.0,
-        }
+        Tangent::elastic(self.constants.reference)
     }
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {

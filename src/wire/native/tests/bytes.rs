@@ -130,7 +130,7 @@ fn marks_of_the_loop_never_reach_a_link() {
         time: 1.5,
         status,
     };
-    let heard = heard.status();
+    let heard = heard.status;
     let length = specimen.heartbeat(beat, &mut out).unwrap();
     let Frame::Heartbeat(beat) = controller.open(&out[..length]).unwrap().frame else {
         panic!("a heartbeat");

@@ -30,7 +30,7 @@ fn four_lost_replies_in_a_row_cost_nothing() {
     assert_eq!(
         frame
             .earlier()
-            .map(|entry| entry.sequence())
+            .map(|entry| entry.sequence)
             .collect::<Vec<_>>(),
         [13, 12, 11, 10]
     );
@@ -56,7 +56,7 @@ fn second_sample_replaces_the_first() {
         .earlier()
         .map(|entry| {
             entry.read(&mut force).unwrap();
-            (entry.sequence(), force[0])
+            (entry.sequence, force[0])
         })
         .collect();
     assert_eq!(earlier, [(2, 22.0), (1, 11.0)]);
@@ -86,7 +86,7 @@ fn data_path_allocates_nothing() {
                     return;
                 };
                 frame.read(&mut disp, &mut vel).unwrap();
-                measured.sequence = frame.sequence();
+                measured.sequence = frame.sequence;
                 let length = specimen
                     .measurement(&measured, Moment::default(), &mut out)
                     .unwrap();
@@ -135,8 +135,8 @@ proptest! {
         let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         prop_assert_eq!(bits(&d), bits(disp));
         prop_assert_eq!(bits(&v), bits(vel));
-        prop_assert_eq!(frame.sequence(), sequence);
-        prop_assert_eq!(bits(&[frame.time(), frame.dt()]), bits(&[time, dt]));
+        prop_assert_eq!(frame.sequence, sequence);
+        prop_assert_eq!(bits(&[frame.time, frame.dt]), bits(&[time, dt]));
     }
 
     #[test]
@@ -167,7 +167,7 @@ proptest! {
             let mut back = Measurement::zeros(axes);
             frame.read(&mut back).unwrap();
             prop_assert_eq!(&back, &sent[k as usize]);
-            prop_assert_eq!(frame.missed(), missed);
+            prop_assert_eq!(frame.missed, missed);
             let mut force = vec![0.0; axes];
             for earlier in sent.iter().rev().take(1 + HISTORY) {
                 prop_assert!(frame.force_of(earlier.sequence, &mut force).unwrap());

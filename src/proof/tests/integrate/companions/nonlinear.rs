@@ -222,7 +222,10 @@ fn bad_parameters_are_refused_with_numbers() {
     let one = scalar(1.0);
     for dt in [0.0, f64::NAN] {
         let refused = Chang2002::new(&one, &one, &one, dt, NewtonSettings::default());
-        assert!(matches!(refused, Err(MethodError::Step { .. })));
+        assert!(matches!(
+            refused,
+            Err(MethodError::Gui(GuiError::Step { .. }))
+        ));
     }
     let lax = NewtonSettings {
         tolerance: f64::NAN,
@@ -237,7 +240,10 @@ fn bad_parameters_are_refused_with_numbers() {
         0.1,
         AlphaWeights::kr(0.5).unwrap(),
     );
-    assert!(matches!(refused, Err(MethodError::Sizes { .. })));
+    assert!(matches!(
+        refused,
+        Err(MethodError::Gui(GuiError::Sizes { .. }))
+    ));
 }
 
 #[test]
