@@ -112,8 +112,8 @@ fn our_own_protocol_towards_the_specimen() {
     agree(&OURS, LINEAR, "Elastic:8000", "newton", true);
 }
 
-/// A client with the material `Elastic:8000` that commands a gateway with these limits and keys until the specimen holds; the line
-/// that says so, and the folder of its test.
+/// A client with the material `Elastic:8000` commands a gateway with these limits and keys until the specimen holds. Returns the line
+/// of the log on it, and the folder of its test.
 fn until_it_holds(
     trip: &str,
     keys: impl Fn(&str) -> String,
