@@ -61,9 +61,9 @@ pub struct DriftError {
     pub name: String,
     /// Unit of its drifts: m or rad.
     pub unit: String,
-    /// Largest drift in the test.
+    /// Largest drift in the test, from the position under a static load; after the initial state of a free vibration.
     pub largest: f64,
-    /// Largest drift in the reference.
+    /// The same of the reference.
     pub reference: f64,
     /// Difference of the two, as a share of the reference.
     pub error: f64,
@@ -212,6 +212,18 @@ fn ratio(value: f64) -> String {
 }
 
 impl Errors {
+    /// Errors that are not known, with these limits for a finding and for an error.
+    #[must_use]
+    pub fn not_known(why: &str, [warn, refuse]: [f64; 2]) -> Self {
+        Self {
+            method: TestError::not_known(why),
+            coupling: TestError::not_known(why),
+            modes: Vec::new(),
+            warn,
+            refuse,
+        }
+    }
+
     /// True if the actuators take much damping from a mode.
     #[must_use]
     pub fn take_damping(&self) -> bool {

@@ -172,16 +172,14 @@ fn ending(summary: &Summary, found: Option<Found>, required: bool) -> Option<Sum
         let (told, found) = (summary.status.word(), status.word());
         return Some(SummaryDifference::new("status", told, found));
     }
-    let (told, found) = (summary.cause.as_ref()?, cause?);
-    (*told != found).then(|| SummaryDifference::new("cause", told, found))
+    let (told, found) = (summary.cause.as_deref().unwrap_or("none"), cause?);
+    (*told != *found).then(|| SummaryDifference::new("cause", told, found))
 }
 
-/// Only the writer knows that a record is damaged which the test file requires. An older summary has no cause.
+/// Only the writer knows that a record is damaged which the test file requires.
 fn is_stopped_for_its_record(summary: &Summary, required: bool) -> bool {
     let cause = summary.cause.as_deref();
-    required
-        && summary.status == Status::Stopped
-        && cause.is_none_or(|cause| cause == Cause::RecordDamaged.word())
+    required && summary.status == Status::Stopped && cause == Some(Cause::RecordDamaged.word())
 }
 
 /// True for a test whose loop broke down: its summary has no steps and no peaks.

@@ -339,7 +339,14 @@ fn carry_out(
         unwritten.push(error.to_string());
     }
     // A test that is killed before it has a summary leaves its places.
-    unwritten.extend(held.end(&ended));
+    let places = held.end(&ended);
+    if !places.is_empty() {
+        let texts = places.iter().map(|text| format!("not written: {text}"));
+        summary.warnings.extend(texts);
+        let again = folder.write_summary(&summary);
+        unwritten.extend(again.err().map(|error| error.to_string()));
+        unwritten.extend(places);
+    }
     folder.release();
     Finished {
         cause,

@@ -63,12 +63,12 @@ fn campaign_states_errors_of_its_tests() {
     let summary: Value = serde_json::from_slice(&summary).unwrap();
     let drift = |place: usize| {
         let one = &summary["errors"][place];
-        assert_eq!(one["task"], place, "{one}");
+        assert_eq!(one["task"], place + 1, "{one}");
         one["errors"]["coupling"]["drift"].as_f64().unwrap()
     };
     assert!(drift(0) < 1e-3 && drift(1) > 0.05, "{summary:#}");
     let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
-    assert!(page.contains("verdict warning") && page.contains("LARGE ERROR: task 1"));
+    assert!(page.contains("verdict warning") && page.contains("LARGE ERROR: task 2"));
 }
 
 /// A column of each type: whole numbers, numbers, texts, and missing values.

@@ -250,6 +250,9 @@ impl GuardedSpecimen {
             return Err(over);
         }
         outcome.map(|_| ()).map_err(|fault| {
+            if fault != LinkFault::Refused {
+                self.tripped = Some(Trip::Lost(fault));
+            }
             let why = self.port.exchange().complaint().unwrap_or_default();
             let between = if why.is_empty() { "" } else { ": " };
             TestEnd::failed(format_args!("not armed: {fault}{between}{why}"))

@@ -32,7 +32,9 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
         let text = format!("{valid} of {} tasks have a valid test", collected.tasks);
         ("warning", text)
     } else if collected.is_complete() {
-        let is_small = campaign.plan.of_errors().all(|(_, is_small)| is_small);
+        let is_known =
+            !campaign.plan.errors.is_empty() || study.loaded.test.file.structure.is_none();
+        let is_small = is_known && campaign.plan.of_errors().all(|(_, is_small)| is_small);
         (
             if is_small { "good" } else { "warning" },
             format!("All {} tests have a result", collected.tasks),

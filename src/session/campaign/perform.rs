@@ -83,16 +83,19 @@ fn word(ending: &Ending) -> &'static str {
     }
 }
 
-/// The errors of the test of a task without its drawn numbers; none if it is invalid or has no structure.
+/// The errors of the test of a task without its drawn numbers; none if it has no structure.
 pub(super) fn errors(study: &Study, index: u64) -> Option<Errors> {
-    let design = study
-        .loaded
-        .test
-        .varied(&Task::of(study, index).sets)
-        .ok()?;
-    let prepared = setup::build(&design).ok()?;
-    let judged = Judged::without_rehearsal(prepared).with_errors();
-    judged.ok()?.verdict.errors
+    let test = &study.loaded.test;
+    let design = test.varied(&Task::of(study, index).sets);
+    let judged = design.and_then(|design| {
+        let prepared = setup::build(&design)?;
+        Judged::without_rehearsal(prepared).with_errors()
+    });
+    let limits = [test.file.safety.error_warn, test.file.safety.error_refuse];
+    match judged {
+        Ok(judged) => judged.verdict.errors,
+        Err(error) => Some(Errors::not_known(&error.to_string(), limits)),
+    }
 }
 
 /// Why a task has no valid test.

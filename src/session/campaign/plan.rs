@@ -44,7 +44,7 @@ pub struct Plan {
     pub tasks_per_chunk: u64,
     /// Mean wall time of the timed tasks on one core, s.
     pub task_s: f64,
-    /// Errors of method and coupling of the timed tasks, with their numbers from 0. Older plans lack them.
+    /// Errors of method and coupling of the timed tasks, with their numbers from 1. Older plans lack them.
     #[serde(default)]
     pub errors: Vec<(u64, Errors)>,
 }
@@ -118,7 +118,7 @@ pub fn plan(
     make_free(out)?;
     let task_s = timed(&expanded)?;
     let tried = tried(&expanded).into_iter();
-    let tried = tried.filter_map(|index| Some((index, errors(&expanded, index)?)));
+    let tried = tried.filter_map(|index| Some((index + 1, errors(&expanded, index)?)));
     let per_chunk = (CHUNK_S / task_s.max(1e-9)).clamp(1.0, MOST_PER_CHUNK as f64);
     let plan = Plan {
         format: FORMAT,

@@ -130,7 +130,16 @@ pub fn errors(
         let running = running.map(|test| as_it_runs(test, loaded.time.step.value(), dofs));
         (by_method.by_method(), references.map(joined), running)
     });
-    let of = |course: &IdealCourse| Drifts::of(course, &directions, &excitation);
+    let given = loaded.file.structure.as_ref();
+    let given = given.and_then(|table| table.initial_displacement_m.as_deref());
+    // One position under the static load serves all courses.
+    let rest: Vec<f64> = match &own {
+        Ok(course) if excitation.has_constant() => (course.disp.iter().take(dofs).enumerate())
+            .map(|(dof, disp)| disp - given.map_or(0.0, |given| given[dof]))
+            .collect(),
+        _ => vec![0.0; dofs],
+    };
+    let of = |course: &IdealCourse| Drifts::of(course, &directions, &excitation, &rest);
     let drifts = match own {
         Ok(course) => of(&course),
         Err(why) => {
@@ -233,23 +242,27 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     found
 }
 
-/// Drifts of a course, from the position under its static load, and its input energy; none with a moving base.
+/// Drifts of a course, from the position under the static load, and its input energy; none with a moving base.
 struct Drifts {
     each: Vec<Series>,
     energy: Option<f64>,
 }
 
 impl Drifts {
-    fn of(course: &IdealCourse, directions: &[Direction], excitation: &Excitation) -> Self {
+    fn of(
+        course: &IdealCourse,
+        directions: &[Direction],
+        excitation: &Excitation,
+        rest: &[f64],
+    ) -> Self {
         let n = course.dofs;
         let steps = || course.disp.chunks_exact(n);
-        let at_rest = steps().next().filter(|_| excitation.has_constant());
         let each = directions.iter().map(|direction| {
             let along = |disp: &[f64]| -> f64 {
                 let each = direction.row.iter();
                 each.map(|(dof, b)| b * disp[*dof]).sum()
             };
-            let from = at_rest.map_or(0.0, along);
+            let from = along(rest);
             let rows = steps().enumerate();
             let rows = rows
                 .map(|(step, disp)| along(disp) - from - direction.base * excitation.base(step).0);
@@ -273,20 +286,31 @@ impl Drifts {
     }
 }
 
-/// Largest magnitude of a series, between its steps by a parabola. A state from which the motion decays is given: the largest then
-/// counts from the first change of sign.
+/// The step from which the largest drifts of a course and its reference count. A state from which both decay is given: they then count
+/// from the first change of sign of the reference, if what comes is not negligible.
+fn begin(course: &[f64], reference: &[f64]) -> usize {
+    let given = reference.first().map_or(0.0, |value| value.abs());
+    let most = |series: &[f64]| {
+        series
+            .iter()
+            .fold(0.0, |most: f64, value| most.max(value.abs()))
+    };
+    if given == 0.0 || most(course).max(most(reference)) > given {
+        return 0;
+    }
+    let sign = reference[0].signum();
+    let back = reference.iter().position(|value| value * sign < 0.0);
+    back.filter(|back| most(&reference[*back..]) >= MOVES * given)
+        .unwrap_or(0)
+}
+
+/// Largest magnitude of a series, between its steps by a parabola.
 fn peak(series: &[f64]) -> f64 {
     let sizes = series.iter().map(|value| value.abs()).enumerate();
     let (at, largest) = sizes.fold(
         (0, 0.0),
         |most, one| if one.1 > most.1 { one } else { most },
     );
-    let first = series.first().copied().unwrap_or(0.0);
-    if at == 0
-        && let Some(back) = series.iter().position(|value| value * first < 0.0)
-    {
-        return peak(&series[back..]);
-    }
     let (Some(before), Some(after)) = (
         at.checked_sub(1).and_then(|place| series.get(place)),
         series.get(at + 1),
@@ -323,7 +347,10 @@ fn compared(course: &Drifts, reference: &Drifts, directions: &[Direction]) -> Te
     let pairs = course.each.iter().zip(&reference.each);
     // Peaks of the course and of the reference.
     let peaks: Vec<[f64; 2]> = { pairs.clone() }
-        .map(|(own, reference)| [peak(own), peak(reference)])
+        .map(|(own, reference)| {
+            let begin = begin(own, reference);
+            [peak(&own[begin..]), peak(&reference[begin..])]
+        })
         .collect();
     let largest = |rotation: bool| {
         let of_kind = directions.iter().zip(&peaks);

@@ -151,8 +151,8 @@ impl NativeConversation {
             .served
             .begin_again(arm.first_sequence, &arm.disp, &mut wanted);
         begun.map_err(|over| match self.served.tripped() {
-            _ if shared.is_stopped() => self.told_to_stop(channel),
             Some(trip @ Trip::Lost(_)) => self.lost_specimen(trip, channel),
+            _ if over.cause == ending::Cause::Shutdown => self.told_to_stop(channel),
             _ => over,
         })?;
         let now = channel.now();
