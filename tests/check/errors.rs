@@ -490,17 +490,17 @@ fn small_drift_of_a_specimen_is_compared() {
 
 #[test]
 fn free_vibration_has_known_errors() {
-    let free = |specimen: &str| {
+    let free = |specimen: &str, load: &str| {
         let text = oscillator(specimen, "", "simulated");
         let (head, rest) = text.split_once("[excitation").unwrap();
         let specimen = &rest[rest.find("[[specimen]]").unwrap()..];
         let head = head.replace(
             "[structure.matrices]",
-            "[structure]\ninitial_displacement_m = [0.01]\n[structure.matrices]",
+            &format!("[structure]\ninitial_displacement_m = [0.01]\n{load}[structure.matrices]"),
         );
         check(&format!("{head}{specimen}"))
     };
-    let said = free(LAW);
+    let said = free(LAW, "");
     let errors = &said.json["verdict"]["errors"];
     for name in ["method", "coupling"] {
         let drift = errors[name]["drift"].as_f64();
@@ -508,12 +508,21 @@ fn free_vibration_has_known_errors() {
         assert!(errors[name]["energy"].is_null(), "{errors}");
     }
     // With ζ_c = −ω τ/2, the largest drift after half of a cycle is exp(π ω τ/2) times as large.
-    let said = free(&format!("{LAW}transfer.delay_s = 0.004\n"));
+    let late = format!("{LAW}transfer.delay_s = 0.004\n");
+    let said = free(&late, "");
     let omega = (STIFFNESS / 1000.0).sqrt();
     let larger = (std::f64::consts::PI * omega * 0.004 / 2.0).exp() - 1.0;
     let coupling = &said.json["verdict"]["errors"]["coupling"];
     let drift = coupling["drift"].as_f64().unwrap();
     assert!((drift / larger - 1.0).abs() < 0.15, "{drift} {larger}");
+    // Under a static load the drift counts from the position under it.
+    let loaded = free(&late, "static_load_n = [1.6e4]\n");
+    let coupling = &loaded.json["verdict"]["errors"]["coupling"];
+    let of_loaded = coupling["drift"].as_f64().unwrap();
+    assert!(
+        (of_loaded / drift - 1.0).abs() < 0.02,
+        "{of_loaded} {drift}"
+    );
     assert_eq!(
         findings(&said, "error").len(),
         2,

@@ -69,6 +69,12 @@ impl AxisMotion {
         target.vel.copy_from_slice(&other.vel);
     }
 
+    /// Displacements and velocities of a target, to be changed.
+    fn parts(target: &mut AtStructure<Self>) -> AtStructure<[&mut [f64]; 2]> {
+        let AtStructure(Self { disp, vel }) = target;
+        AtStructure([disp, vel])
+    }
+
     /// A target takes the deformations that the structure's [displacement, velocity] asks for, of a base that moves by [displacement,
     /// velocity]; of the actuators of a loading unit the strokes. Real-time: yes.
     #[inline]
@@ -80,7 +86,7 @@ impl AxisMotion {
         base: [f64; 2],
     ) {
         match unit {
-            Some(unit) => unit.seek(state, base, target),
+            Some(unit) => unit.seek(state, base, Self::parts(target)),
             None => target.take(axes.iter().map(|axis| axis.dots(state, base))),
         }
     }
@@ -93,7 +99,7 @@ impl AxisMotion {
         along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>,
     ) {
         match unit {
-            Some(unit) => unit.seek_at(along, target),
+            Some(unit) => unit.seek_at(along, Self::parts(target)),
             None => target.take(along.map(|AtStructure(motion)| motion)),
         }
     }

@@ -12,12 +12,14 @@
 use std::ops::Range;
 
 use super::axis::dots;
-use super::axis_motion::AxisMotion;
 use super::bend::Bend;
 use super::unloading::PlatformUnloading;
 use gusset_actuator::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
 use gusset_quantity::frame::{AtPose, AtStructure};
 use gusset_quantity::state;
+
+/// Strokes of the actuators in m, and their velocities.
+type Strokes<'a> = AtStructure<[&'a mut [f64]; 2]>;
 
 /// One row of B: what a coordinate is of the structure's displacements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -88,11 +90,8 @@ impl LoadingUnit {
     }
 
     /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.
-    fn go(&mut self, pose: AtPose<&[f64; MOST]>, strokes: &mut AtStructure<AxisMotion>) {
-        let AxisMotion {
-            disp: target,
-            vel: target_vel,
-        } = &mut strokes.0;
+    fn go(&mut self, pose: AtPose<&[f64; MOST]>, strokes: Strokes<'_>) {
+        let AtStructure([target, target_vel]) = strokes;
         let placed = self.geometry.place(*pose, &mut self.aim);
         self.fault = placed
             .and_then(|()| self.geometry.within_reach(&self.aim))
@@ -115,12 +114,7 @@ impl LoadingUnit {
     }
 
     /// Goes where the structure is. Real-time: yes.
-    pub(crate) fn seek(
-        &mut self,
-        state: [&[f64]; 2],
-        base: [f64; 2],
-        strokes: &mut AtStructure<AxisMotion>,
-    ) {
+    pub(crate) fn seek(&mut self, state: [&[f64]; 2], base: [f64; 2], strokes: Strokes<'_>) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);
         for (row, (value, rate)) in self.rows.iter().zip(each) {
@@ -133,7 +127,7 @@ impl LoadingUnit {
     pub(crate) fn seek_at(
         &mut self,
         along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>,
-        strokes: &mut AtStructure<AxisMotion>,
+        strokes: Strokes<'_>,
     ) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);

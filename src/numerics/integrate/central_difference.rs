@@ -5,7 +5,8 @@
 
 use super::State;
 use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
-use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
+use super::gui::check;
+use super::offline::{Forces, MethodError, Offline, StepError, check_mass};
 use crate::linalg::SymMatrix;
 use gusset_quantity::state;
 

@@ -17,7 +17,6 @@ use std::ops::Range;
 
 use thiserror::Error;
 
-use super::offline::check;
 use super::{Integrator, Lambda, LambdaError, RowForces, Start, State, fill_all};
 use crate::linalg::lanes::{Isa, Kernel};
 use crate::linalg::{Aligned, Lanes, NotPositiveDefinite, Rows, Spd, Storage, SymMatrix};
@@ -49,6 +48,26 @@ pub enum GuiError {
     /// M_eff has a pivot that is not positive: a massless degree of freedom that nothing holds, or a wrong sign.
     #[error("the effective mass M + (Δt/2) C0 + (Δt²/λ) K0 is {0}")]
     EffectiveMass(NotPositiveDefinite),
+}
+
+/// Checks what all methods share.
+pub(super) fn check(
+    mass: &SymMatrix,
+    damping: &SymMatrix,
+    stiffness: &SymMatrix,
+    dt: f64,
+) -> Result<(), GuiError> {
+    if !(dt > 0.0 && dt.is_finite()) {
+        return Err(GuiError::Step { found: dt });
+    }
+    if mass.n() != damping.n() || mass.n() != stiffness.n() {
+        return Err(GuiError::Sizes {
+            mass: mass.n(),
+            damping: damping.n(),
+            stiffness: stiffness.n(),
+        });
+    }
+    Ok(())
 }
 
 /// One member of the family, ready to step.

@@ -20,7 +20,8 @@
 //! command a specimen. [`KrAlphaAtState`] evaluates R at the weighted state instead, as open-source finite-element
 //! programs do: the same for linear systems; the state where forces are evaluated is not the one that is reported.
 
-use super::offline::{Forces, MethodError, Moment, Offline, StepError, check};
+use super::gui::check;
+use super::offline::{Forces, MethodError, Moment, Offline, StepError};
 use super::{Integrator, State};
 use crate::linalg::{Spd, SymMatrix};
 use gusset_quantity::state;

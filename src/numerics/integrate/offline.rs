@@ -143,26 +143,6 @@ pub enum MethodError {
     },
 }
 
-/// Checks what all methods share.
-pub(super) fn check(
-    mass: &SymMatrix,
-    damping: &SymMatrix,
-    stiffness: &SymMatrix,
-    dt: f64,
-) -> Result<(), GuiError> {
-    if !(dt > 0.0 && dt.is_finite()) {
-        return Err(GuiError::Step { found: dt });
-    }
-    if mass.n() != damping.n() || mass.n() != stiffness.n() {
-        return Err(GuiError::Sizes {
-            mass: mass.n(),
-            damping: damping.n(),
-            stiffness: stiffness.n(),
-        });
-    }
-    Ok(())
-}
-
 /// Refuses degrees of freedom without mass.
 pub(super) fn check_mass(mass: &SymMatrix) -> Result<(), MethodError> {
     match (0..mass.n()).find(|&dof| mass.row_is_zero(dof)) {
