@@ -63,7 +63,7 @@ pub struct DriftError {
     pub unit: String,
     /// Largest drift in the test, from the position under a static load; after the initial state of a free vibration.
     pub largest: f64,
-    /// The same of the reference.
+    /// Largest drift in the reference, counted in that way, too.
     pub reference: f64,
     /// Difference of the two, as a share of the reference.
     pub error: f64,
