@@ -18,9 +18,7 @@ use std::time::Duration;
 use gusset_config::Carrier;
 use gusset_link::secret::read_key;
 use gusset_link::server::{Host, ServeOptions, Server};
-use gusset_link::{
-    NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
-};
+use gusset_link::{NativeLink, NativeSetup, SocketOptions, Transport, Wait, socket};
 use gusset_numerics::law::{LawSpec, LinearSpec};
 
 use gusset_actuator::specimen::SpecimenLaw;
@@ -338,21 +336,10 @@ impl Bare for Box<dyn Transport> {
 
 /// Round trips through our transports.
 fn moved(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
-    let ends: [Box<dyn Transport>; 2] = match carrier {
-        Carrier::Tcp | Carrier::Tls => {
-            let (near, far) = tcp_pair();
-            [near, far].map(|end| {
-                Box::new(TcpTransport::from_stream(end, spinning()).unwrap()) as Box<dyn Transport>
-            })
-        }
-        Carrier::Udp => {
-            let (near, far) = udp_pair();
-            [near, far].map(|end| {
-                Box::new(UdpTransport::from_socket(end, spinning()).unwrap()) as Box<dyn Transport>
-            })
-        }
+    let [near, far] = match carrier {
+        Carrier::Tcp | Carrier::Tls => socket::tcp_pair(spinning()).unwrap(),
+        Carrier::Udp => socket::udp_pair(spinning()).unwrap(),
     };
-    let [near, far] = ends;
     ping_pong(keyed, recorder, Box::new(near), Box::new(far))
 }
 

@@ -3,14 +3,14 @@
 
 #![allow(clippy::disallowed_macros, reason = "a bench prints its result")]
 
-use std::net::{TcpListener, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config as config;
+use gusset_link::SocketOptions;
 use gusset_link::openfresco::{Host, Nature, Remote, RemoteSettings, Role, ServeSettings};
 use gusset_link::server::{ServeOptions, Server};
-use gusset_link::{SocketOptions, TcpTransport, Transport, UdpTransport};
+use gusset_link::socket::{tcp_pair, udp_pair};
 use gusset_quantity::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_record::rt::os::{monotonic_ns, process_cpus};
@@ -40,30 +40,9 @@ fn median_us(mut times: Vec<u64>) -> f64 {
 /// Command and request, 2 × 8N bytes, out; 8N bytes back; then a commit without an answer.
 fn raw(carrier: Carrier, vector: usize) -> f64 {
     let options = SocketOptions::default();
-    let (mut near, mut far): (Box<dyn Transport>, Box<dyn Transport>) = match carrier {
-        Carrier::Stream => {
-            let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-            let address = listener.local_addr().unwrap().to_string();
-            let limit = std::time::Duration::from_secs(5);
-            let near = TcpTransport::connect(&address, limit, options).unwrap();
-            let (stream, _) = listener.accept().unwrap();
-            (
-                Box::new(near),
-                Box::new(TcpTransport::from_stream(stream, options).unwrap()),
-            )
-        }
-        Carrier::Datagrams => {
-            let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-            let near = UdpTransport::connect(&socket.local_addr().unwrap().to_string(), options);
-            let mut near = near.unwrap();
-            near.send(b"?").unwrap();
-            let (_, peer) = socket.recv_from(&mut [0; 8]).unwrap();
-            socket.connect(peer).unwrap();
-            (
-                Box::new(near),
-                Box::new(UdpTransport::from_socket(socket, options).unwrap()),
-            )
-        }
+    let [mut near, mut far] = match carrier {
+        Carrier::Stream => tcp_pair(options).unwrap(),
+        Carrier::Datagrams => udp_pair(options).unwrap(),
     };
     let server = std::thread::spawn(move || {
         pin(true);

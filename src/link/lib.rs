@@ -23,7 +23,8 @@ mod tls_fault;
 
 pub use native::{NativeLink, NativeSetup};
 pub use server::Simulated;
-pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
+pub use socket::{ConnectError, SocketOptions, Wait};
+pub(crate) use socket::{TcpTransport, UdpTransport};
 
 use self::tls::TlsFault;
 use gusset_quantity::substructure::LinkFault;

@@ -7,6 +7,8 @@
 
 mod beside;
 mod connect;
+#[cfg(feature = "test-doubles")]
+mod pairs;
 mod tcp;
 mod udp;
 
@@ -17,9 +19,10 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 
 pub(crate) use beside::beside;
 pub use connect::{ConnectError, resolve, resolve_host};
-pub use tcp::TcpTransport;
-pub(crate) use tcp::discard;
-pub use udp::UdpTransport;
+#[cfg(feature = "test-doubles")]
+pub use pairs::{Pair, tcp_pair, udp_pair};
+pub(crate) use tcp::{TcpTransport, discard};
+pub(crate) use udp::UdpTransport;
 
 use gusset_quantity::substructure::LinkFault;
 use gusset_quantity::time::Nanos;

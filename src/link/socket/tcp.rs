@@ -24,7 +24,7 @@ use std::io;
 
 /// A TCP connection.
 #[derive(Debug)]
-pub struct TcpTransport {
+pub(crate) struct TcpTransport {
     stream: TcpStream,
     peer: SocketAddr,
     options: SocketOptions,
@@ -38,7 +38,7 @@ impl TcpTransport {
     ///
     /// # Errors
     /// Why the last of them failed.
-    pub fn connect(
+    pub(crate) fn connect(
         address: &str,
         limit: Duration,
         options: SocketOptions,
@@ -63,7 +63,10 @@ impl TcpTransport {
     ///
     /// # Errors
     /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it is already closed.
-    pub fn from_stream(stream: TcpStream, options: SocketOptions) -> Result<Self, ConnectError> {
+    pub(crate) fn from_stream(
+        stream: TcpStream,
+        options: SocketOptions,
+    ) -> Result<Self, ConnectError> {
         let peer = stream
             .peer_addr()
             .map_err(|error| ConnectError::connect("the peer", Duration::ZERO, &error))?;

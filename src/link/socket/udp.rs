@@ -15,7 +15,7 @@ use gusset_record::rt::os::Errno;
 
 /// UDP to one peer: datagrams of everybody else are not seen.
 #[derive(Debug)]
-pub struct UdpTransport {
+pub(crate) struct UdpTransport {
     socket: UdpSocket,
     peer: SocketAddr,
     options: SocketOptions,
@@ -68,7 +68,7 @@ impl UdpTransport {
     ///
     /// # Errors
     /// See [`ConnectError`].
-    pub fn connect(address: &str, options: SocketOptions) -> Result<Self, ConnectError> {
+    pub(crate) fn connect(address: &str, options: SocketOptions) -> Result<Self, ConnectError> {
         let addresses = resolve(address)?;
         let mut last = None;
         for peer in addresses {
@@ -102,7 +102,10 @@ impl UdpTransport {
     ///
     /// # Errors
     /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it has no peer.
-    pub fn from_socket(socket: UdpSocket, options: SocketOptions) -> Result<Self, ConnectError> {
+    pub(crate) fn from_socket(
+        socket: UdpSocket,
+        options: SocketOptions,
+    ) -> Result<Self, ConnectError> {
         let peer = socket
             .peer_addr()
             .map_err(|error| ConnectError::connect("the peer", Duration::ZERO, &error))?;
