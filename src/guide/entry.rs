@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_is_found_by_its_path_or_the_end_of_it() {
+    fn key_is_found_by_the_end_of_its_path() {
         assert_eq!(paths("time.step_s"), ["time.step_s"]);
         assert_eq!(paths("step_s"), ["time.step_s"]);
         assert_eq!(paths("specimen.0.storey"), ["specimen.storey"]);

@@ -349,7 +349,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn links_lead_to_web_pages_and_headings_have_anchors() {
+    fn links_and_headings_have_anchors() {
         let page = "# Limits\n\nSee [units][concepts] and ![a](pictures/a.svg).\n\n## Every limit\n\ntext\n\n[concepts]: concepts.md\n";
         let rendered = Rendered::new("limits", page);
         assert!(
@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn every_link_to_a_page_leads_to_a_file_of_the_manual() {
+    fn every_link_leads_to_a_page() {
         let files = manual();
         for file in &files {
             let links = file.text.split("href=\"").skip(1);

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn no_column_is_narrower_than_its_longest_word() {
+    fn columns_hold_their_longest_word() {
         let rows = [
             ["key", "meaning of it"],
             ["command_disp_m", "a b c d e f g h"],

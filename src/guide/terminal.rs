@@ -267,7 +267,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn headings_are_underlined_and_paragraphs_are_wrapped() {
+    fn headings_and_paragraphs_are_laid_out() {
         let text = plain_text("# Limits\n\nOne two three four five six seven eight.\n", 30);
         assert_eq!(
             text,
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_shows_its_topic_and_its_definition_is_hidden() {
+    fn link_shows_its_topic() {
         let text = plain_text("See [the limits][limits].\n\n[limits]: limits.md\n", 80);
         assert!(text.starts_with("See the limits [limits].\n"), "{text}");
         assert!(!text.contains("limits.md"), "{text}");
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blank_line_separates_items_only_where_items_have_paragraphs() {
+    fn blank_lines_separate_long_items() {
         let tight = plain_text("- a long item that needs two lines of text\n- two\n", 30);
         assert_eq!(
             tight,

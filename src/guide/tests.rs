@@ -32,7 +32,7 @@ fn every_page_begins_with_its_title() {
 }
 
 #[test]
-fn rustdoc_and_the_contents_page_know_every_page() {
+fn rustdoc_and_contents_list_every_page() {
     let links = include_str!("rustdoc-links.txt");
     for page in PAGES {
         let module = page.id.replace('-', "_");

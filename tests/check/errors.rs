@@ -100,7 +100,7 @@ fn massless_joint_is_an_error_of_the_method() {
 
 /// A limit trips halfway; the resumed test is the same one, and so are its errors.
 #[test]
-fn resumed_test_has_the_errors_of_its_first_part() {
+fn resume_keeps_errors_of_the_first_part() {
     let folder = tempfile::tempdir().unwrap();
     let text = SERIES.replace("duration_s = 10", "duration_s = 3")
         + "[[specimen]]\nname = \"weak\"\nrows = [[1, 0]]\nlaw.linear = { stiffness_n_per_m = 1.0 }\n\

@@ -439,7 +439,7 @@ fn a_panic_in_the_loop_retires_all() {
 }
 
 #[test]
-fn a_row_beyond_the_structure_commands_nothing() {
+fn row_beyond_the_structure_is_refused() {
     let log = Log::default();
     let mut experiment = floors();
     for number in 0..2 {

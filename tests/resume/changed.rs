@@ -323,7 +323,7 @@ fn resume_accepts_wider_limits() {
 }
 
 #[test]
-fn later_resumes_know_that_limits_were_widened() {
+fn later_resumes_know_wider_limits() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     tripped_in(home.path(), &at("first"));

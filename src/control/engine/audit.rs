@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn it_closes_to_roundoff_for_a_nonlinear_force_and_both_starts() {
+    fn energy_balance_closes_to_roundoff() {
         for start in [Start::Published, Start::SecondOrder] {
             // Some thousand roundings of energies that are a part of the turnover.
             let found = audited(start, |_, _, _| {});
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_that_is_booked_otherwise_and_a_state_that_was_touched_show() {
+    fn wrong_forces_and_states_unbalance_energy() {
         // What is left over may be too much or too little.
         for booked in [1.0, -1.0] {
             let force = audited(Start::Published, |step, _, used| {
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_audit_goes_on_with_the_same_bits() {
+    fn restored_audit_has_equal_bits() {
         let mass = SymMatrix::diagonal(&[1e3, 2e3]);
         let step = |audit: &mut StepAudit, k: u32| {
             let at = |phase: f64| [(0.1 * f64::from(k) + phase).sin(), 0.3 * phase];

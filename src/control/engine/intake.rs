@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn what_loads_and_base_have_done_is_what_the_structure_holds_and_has_lost() {
+    fn work_equals_stored_and_dissipated_energy() {
         for on_base in [false, true] {
             let (taken, found) = balance(on_base);
             // First order in a step of 1e-4 of a period, over three of them.
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_floor_bounds_the_start_and_the_most_that_was_taken_in_counts() {
+    fn scale_is_the_largest_work_above_a_floor() {
         let mut intake = Intake::new(1, Vec::new(), 10.0);
         assert_eq!(intake.share(5.0), 0.5);
         for (x, kinetic) in [(0.0, 0.0), (1.0, 4.0), (0.0, 1.0)] {
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_account_goes_on_with_the_same_bits() {
+    fn restored_account_has_equal_bits() {
         let step = |intake: &mut Intake, k: u32| {
             let at = |phase: f64| (0.1 * f64::from(k) + phase).sin();
             intake.loaded(&[at(0.0), at(1.0)]);

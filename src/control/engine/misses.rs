@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn misses_are_counted_in_the_last_ticks_only() {
+    fn only_recent_misses_are_counted() {
         let mut window = MissWindow::new(&levels(100, 3.0));
         let counted: Vec<u64> = [10, 20, 109, 110, 111, 112, 300]
             .into_iter()
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn the_count_of_every_tick_is_that_of_the_misses_inside_the_window() {
+    fn count_is_that_of_misses_in_the_window() {
         let mut window = MissWindow::new(&levels(100, 3.0));
         let missed = |tick: u64| tick * tick % 101 < 3;
         for tick in 0..2000_u64 {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_of_any_length_takes_little_memory_and_still_counts_up_to_its_bound() {
+    fn long_windows_take_little_memory() {
         for most in [MOST_KEPT - 2, MOST_KEPT, 100_000] {
             let mut window = MissWindow::new(&levels(1_000_000, most as f64));
             for tick in 0..=most {

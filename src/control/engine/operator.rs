@@ -244,7 +244,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_end_finds_room_behind_any_number_of_other_words() {
+    fn stop_passes_a_full_queue() {
         let (line, hears) = crossbeam_channel::bounded(4);
         let said = [Operator::Hold; 9].map(|word| word.say_into(&line).is_ok());
         assert_eq!(said.map(usize::from).iter().sum::<usize>(), 2);

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_shown_is_seen_and_no_hold_where_none_is_heard() {
+    fn shown_phase_is_read_back() {
         let cell = PhaseCell::default();
         for phase in Phase::ALL {
             for bits in 0..8_u32 {

@@ -370,8 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_follows_the_displacement_elastically_and_only_lost_commands_explain_that_it_does_not()
-     {
+    fn only_lost_commands_excuse_a_new_force() {
         for (way_lost, least, most) in [(0.0, 48.0, 52.0), (0.2e-3, 48.0, 72.0), (1.0, 48.0, 102.0)]
         {
             for (force, is_within) in [

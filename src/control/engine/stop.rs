@@ -414,7 +414,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_of_a_refused_resume_are_told_apart() {
+    fn refused_resumes_have_their_own_cause() {
         let moved = Stop::Moved {
             port: 0,
             axis: 0,

@@ -143,7 +143,7 @@ mod tests {
     use crate::port::limits::Level;
 
     #[test]
-    fn each_limit_of_the_test_has_its_own_level_and_is_passed_only_beyond_it() {
+    fn each_test_limit_trips_beyond_its_level() {
         let mut limits = TestLimits::NONE;
         for (count, limit) in (1..).zip(Limit::OF_TEST) {
             let warn = f64::from(2 * count);

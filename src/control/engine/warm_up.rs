@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hiccup_lets_expect_nothing_and_what_is_always_late_almost_everything() {
+    fn one_late_tick_predicts_no_misses() {
         assert_eq!(found((0..100).map(|k| k < 9), 0).expected(1_000_000), 0.0);
         let always = found((0..100).map(|_| true), 0);
         assert_eq!(always.expected(1000), 700.0);

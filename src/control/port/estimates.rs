@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_actuator_adds_the_energy_of_its_ellipse() {
+    fn late_actuator_adds_its_loops_energy() {
         let added = |ticks: usize, reversed: bool| {
             let stiffness = if reversed { -3e5 } else { 3e5 };
             let mut port = port(
@@ -456,7 +456,7 @@ mod tests {
 
     /// Not below nothing, and not beyond what is declared or, without that, expected.
     #[test]
-    fn what_moves_a_stale_force_is_bounded_on_both_sides() {
+    fn extrapolated_force_has_two_bounds() {
         let bounded = |stiffness: f64, stiffness_bound: f64| {
             let declared = Declared {
                 stiffness_bound,
@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn tangents_are_those_of_the_structure_whatever_the_axis_counts_in() {
+    fn tangents_are_in_structure_units() {
         let declared = Declared {
             damping: 1e3,
             damping_bound: 1e3,
@@ -491,7 +491,7 @@ mod tests {
     }
 
     #[test]
-    fn the_room_for_stability_is_used_up_where_equation_41_says() {
+    fn stability_margin_ends_at_equation_41() {
         // One degree of freedom, λ = 8, Ω0² = k0 Δt²/m = 6.25: stable up to k = 4 m/Δt² + 4 k0/λ (41).
         let (mass, k0, dt, lambda) = (160.0, 1e5, 0.1, 8.0);
         let limit = 4.0 * mass / (dt * dt) + 4.0 * k0 / lambda;
@@ -543,7 +543,7 @@ mod tests {
     /// With ticks between the targets the damping of a specimen counts more in a sawtooth: the room is used up where the
     /// spectral radius passes one, and not at 2 or 10/3 times as much damping.
     #[test]
-    fn the_room_for_stability_counts_damping_as_a_way_of_ticks_does() {
+    fn stability_margin_counts_damping() {
         let (mass, k0, c0, dt, lambda) = (160.0, 1e5, 400.0, 0.1, 8.0);
         let effective = mass + 0.5 * dt * c0 + dt * dt * k0 / lambda;
         for (order, sawtooth) in [(1, 1.0), (2, 2.0), (3, 10.0 / 3.0)] {
@@ -588,7 +588,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tangent_beyond_its_bound_and_energy_beyond_its_own_trip() {
+    fn tangent_and_energy_bounds_trip() {
         let declared = Declared {
             stiffness_bound: 2e5,
             ..Declared::NONE

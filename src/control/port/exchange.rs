@@ -569,7 +569,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pending_target_waits_through_exchanges_before_the_test() {
+    fn pending_target_waits_before_the_test() {
         let mut exchange = exchange();
         exchange.state_mut().pend();
         send(&mut exchange).unwrap();
@@ -584,7 +584,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_that_does_not_leave_and_an_answer_that_is_no_number_settle_nothing() {
+    fn lost_commands_and_nan_settle_nothing() {
         let mut exchange = Exchange::new(Box::new(Linked(Err(LinkFault::Closed))));
         exchange.state_mut().pend();
         assert!(send(&mut exchange).is_err());
@@ -596,7 +596,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overdue_partner_is_told_nothing_until_the_tick_after_its_answer() {
+    fn overdue_link_gets_no_command() {
         let mut exchange = exchange();
         send(&mut exchange).unwrap();
         assert_eq!(exchange.state_mut().look_for_answer(Nanos(7)), Nanos(7));
@@ -614,7 +614,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_partner_is_told_nothing_and_stays_gone() {
+    fn lost_link_gets_no_command() {
         let mut exchange = exchange();
         exchange.state_mut().lose(Loss::Distrusted);
         assert!(exchange.state().is_lost() && !exchange.state().is_gone());
@@ -627,7 +627,7 @@ mod tests {
 
     /// A recording that ends loses every partner; the live partner gets the target that was not answered.
     #[test]
-    fn a_target_that_was_not_answered_is_told_again_when_the_test_goes_on() {
+    fn unanswered_target_is_sent_again() {
         for (told, answered) in [(false, false), (true, false), (true, true)] {
             let mut exchange = exchange();
             exchange.state_mut().pend();

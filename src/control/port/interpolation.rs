@@ -215,7 +215,7 @@ mod tests {
 
     /// A polynomial of degree p is predicted and interpolated exactly by order p: both are unique.
     #[test]
-    fn a_polynomial_of_its_order_is_followed_exactly() {
+    fn polynomial_of_its_order_is_exact() {
         for (order, degree) in ORDERS.into_iter().zip(1u32..) {
             let truth = |t: f64| {
                 (0..=degree)
@@ -251,7 +251,7 @@ mod tests {
     proptest! {
         /// At a target and where one becomes known, the ways before and behind have the same value and slope.
         #[test]
-        fn value_and_slope_are_continuous_at_every_change(
+        fn value_and_slope_are_continuous(
             which in 0usize..3,
             steps in proptest::collection::vec((-1.0f64..1.0, 0.0f64..0.8), 4..20),
         ) {

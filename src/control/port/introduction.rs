@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn an_estimate_within_a_tenth_is_silent_and_one_beyond_is_a_warning() {
+    fn estimate_beyond_a_tenth_is_a_warning() {
         // 1 kN/mm is 1e6 N/m.
         assert!(meets(1.0).unwrap().warnings.is_empty());
         assert!(meets(1.09).unwrap().warnings.is_empty());
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_specimen_that_cannot_say_where_it_stands_everybody_is_told() {
+    fn unknown_position_is_reported() {
         let warned = |standing| {
             let port = PortSpec::new(
                 "rig",
@@ -259,7 +259,7 @@ mod tests {
 
     /// Times by the clock of a retraced test mean nothing in the resumed test.
     #[test]
-    fn a_partner_of_a_test_that_goes_on_owes_nothing_of_the_one_before() {
+    fn resumed_link_owes_no_answer() {
         let port = || {
             PortSpec::new(
                 "rig",
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reversed_channel_is_refused_before_anything_moves() {
+    fn reversed_channel_is_refused_first() {
         let refused = meets(-1.0).unwrap_err();
         assert!(refused.text.contains("a channel is reversed"));
     }

@@ -92,7 +92,7 @@ mod tests {
 
     /// Reversed, in millimetres and kilonewtons, off its zero, coupled: the port brings back exactly k̂ d + ĉ v.
     #[test]
-    fn the_structure_feels_what_is_believed_whatever_the_gear() {
+    fn stand_in_has_the_declared_stiffness() {
         let axis = |dof, gain: f64| Axis {
             row: vec![(dof, 1.0)],
             base: 0.0,

@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_is_counted_back_with_the_offsets_of_its_own_command() {
+    fn answer_takes_offsets_of_its_command() {
         let mut numbers = LinkNumbers::default();
         numbers.go_ahead();
         numbers.go_ahead();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_begins_again_gets_the_next_free_numbers() {
+    fn restarted_controller_gets_free_numbers() {
         let mut numbers = LinkNumbers::default();
         for (first, on_link) in [(100, 0), (0, 3), (7, 6)] {
             numbers.rebase(first);

@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn targets_are_strokes_and_forces_come_back_where_the_actuators_are() {
+    fn forces_return_at_the_actuators_pose() {
         let mut port = port(0.0, None);
         // x₀ − x₂ − base = 0, x₁ = 3: the first actuator is 5 m long and inclined.
         port.aim(&[0.7, 3.0, 0.5], &[0.0, 2.0, 0.0], 0.2, 0.0);
@@ -388,7 +388,7 @@ mod tests {
 
     /// The force of an actuator that lags acts where it is: at the measured pose, which is not that of the target.
     #[test]
-    fn a_lagging_actuator_pulls_along_its_own_direction() {
+    fn lagging_actuator_pulls_along_its_axis() {
         let mut port = port(0.5, None);
         port.aim(&[0.0, 3.0, 0.0], &[0.0; 3], 0.0, 0.0);
         assert_eq!(port.clear().trip, None);
@@ -413,7 +413,7 @@ mod tests {
 
     /// Sensors that no pose belongs to: circles that do not meet.
     #[test]
-    fn strokes_without_a_pose_are_a_fault_and_not_a_number() {
+    fn strokes_without_a_pose_are_a_fault() {
         for lag in [3.9, f64::NAN, 1e30] {
             let mut port = port(lag, None);
             port.aim(&[0.0, 0.0, 0.0], &[0.0; 3], 0.0, 0.0);
@@ -476,7 +476,7 @@ mod tests {
 
     /// By the strokes' own stiffness the second actuator would get tens of kilonewtons on the way. The row says where it is.
     #[test]
-    fn a_platform_is_unloaded_along_the_way_of_its_law() {
+    fn platform_unloads_along_its_law() {
         let loading = port(0.0, None);
         let geometry = loading.geometry().unwrap().clone();
         let (kinematics, mut placed) = (geometry.clone(), geometry.reference());
@@ -539,7 +539,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_reach_or_at_a_singular_pose_no_command_leaves() {
+    fn unreachable_poses_send_no_command() {
         let mut port = port(0.0, Some([2.0, 4.5]));
         port.aim(&[0.0, 0.1, 0.0], &[0.0; 3], 0.0, 0.0);
         assert_eq!(port.loading_unit().unwrap().fault(), None);

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_stands_still_is_found_after_a_few_ways() {
+    fn still_axis_is_found() {
         assert_eq!(stops(on, |_| (0.0, 0.0)), Some(5));
         // At its end, 10.5 mm away, where it goes half of one way yet.
         let at_end = |target: f64| (target.min(0.0105), K * target.min(0.0105));

@@ -629,7 +629,7 @@ mod tests {
     }
 
     #[test]
-    fn the_motion_is_smooth_one_axis_at_a_time_and_its_velocity_is_its_derivative() {
+    fn probe_moves_one_axis_smoothly() {
         let mut probe = Probe::new(
             &[0.0, 1.0],
             &[0.0, 2.0],
@@ -666,7 +666,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spring_that_is_wired_rightly_passes_with_its_stiffness() {
+    fn well_wired_spring_shows_its_stiffness() {
         let found = probed(|d| (d, STIFFNESS * d)).unwrap();
         assert_eq!(found.len(), 2);
         for axis in found {
@@ -676,7 +676,7 @@ mod tests {
     }
 
     #[test]
-    fn each_reversed_channel_is_told_from_the_others() {
+    fn each_reversed_channel_is_named() {
         let channel = |wiring: fn(f64) -> (f64, f64)| match probed(wiring) {
             Err(WiringFault::Reversed {
                 axis: 0, channel, ..
@@ -689,7 +689,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_channel_is_named_with_what_was_expected() {
+    fn dead_channel_states_the_expected_value() {
         let force = probed(|d| (d, 7.0)).unwrap_err();
         assert!(
             matches!(force, WiringFault::Dead { channel: Channel::Force, expected, .. }
@@ -716,7 +716,7 @@ mod tests {
     /// standard deviation of the change of 0.06 · √(1/20 + 0.5/20) = 0.016, five of which are 8 %: seen in every seed. With
     /// five times that noise the sign is still sure (five deviations are 41 %); with eight times the force it is not.
     #[test]
-    fn noise_hides_a_direction_only_when_it_is_larger_than_the_signal() {
+    fn only_large_noise_hides_a_direction() {
         for seed in 0..200 {
             let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
             let mut noise = |part: f64| {

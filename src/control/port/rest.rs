@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_stands_at_once_where_it_is_sent_is_not_waited_for() {
+    fn resting_axis_is_not_waited_for() {
         let (taken, mut rest) = answers(|_| 1.0);
         assert_eq!(taken, Some(1));
         assert!(rest.means().is_none());
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn the_force_of_a_damper_counts_where_it_does_not_move_any_more() {
+    fn damper_force_counts_at_rest() {
         let mut rest = Rest::new(1, PERIOD);
         let mut raw = Measurement::zeros(1);
         rest.sent([AtAxis(&[0.0]), AtAxis(&[1.0])], Some(&raw));
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_off_its_place_is_given_a_second_and_who_never_rests_is_told() {
+    fn restless_axis_is_reported_after_a_second() {
         let (taken, _) = answers(|tick| 0.3 + 0.1 * (-(tick as f64) / 5.0).exp());
         assert!((1000..1200).contains(&taken.unwrap()), "{taken:?}");
         let (taken, rest) = answers(|tick| 1e-3 * tick as f64);

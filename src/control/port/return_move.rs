@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_to_zero_force_ends_where_the_force_is_small_beside_what_it_was() {
+    fn unloading_ends_at_a_small_force() {
         let way = to_zero_force(2e5, TICK, 0);
         assert!(
             way.arrived && way.end > 0.0 && way.end <= 1e-4,
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn an_actuator_that_is_late_is_led_to_zero_force_without_a_swing() {
+    fn late_actuator_unloads_without_a_swing() {
         for tick in [2e-4, 1e-3, 5e-3] {
             for late_s in [5e-3, 0.02, 0.035] {
                 let late = (late_s / tick) as usize;
@@ -359,7 +359,7 @@ mod tests {
 
     /// 20 N are none beside 2 kN in the test, however small the force is where it ended.
     #[test]
-    fn a_force_that_is_small_beside_the_largest_of_the_test_is_none() {
+    fn small_force_needs_no_unloading() {
         let mut port = sprung(2e5, vec![0.0], 0.0);
         let exchange = |port: &mut Port| {
             assert_eq!(port.clear().trip, None);
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_stiffness_there_is_no_way_to_zero_force() {
+    fn no_stiffness_no_unloading() {
         // Two blocks to see that there is a force, and one to see that nobody moves.
         let way = to_zero_force(0.0, TICK, 0);
         assert_eq!((way.end, way.arrived), (0.01, false));

@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn with_the_target_known_at_once_a_step_is_n_equal_ticks() {
+    fn known_target_takes_n_equal_ticks() {
         for n in [1u32, 2, 3, 7, 10, 100, 1000] {
             let mut tempo = StepPacer::new(n, 50);
             for _ in 0..3 {
@@ -280,7 +280,7 @@ mod tests {
     /// 4 − i/(0.2 N) is 1 at 0.6 N and 0 at 0.8 N; with Euler's steps of one tick the distance to 0.8 N shrinks by
     /// 1 − 5/N a tick, so that after 200 ticks of N = 20 it is 0.2 N (3/4)^200, below the roundoff of 16.
     #[test]
-    fn an_unknown_target_is_waited_for_at_exactly_four_fifths() {
+    fn unknown_target_is_awaited_at_four_fifths() {
         for n in [5u32, 10, 20, 33, 100] {
             let mut tempo = StepPacer::new(n, 50);
             tempo.begin();
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn with_one_tick_a_step_a_hold_takes_the_paces_in_turn_and_ends_within_its_time() {
+    fn hold_of_one_tick_steps_ends_in_time() {
         let ease = 64u32;
         let mut tempo = StepPacer::new(1, ease);
         let mut lengths: Vec<f64> = Vec::new();
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn without_easing_a_hold_stands_at_once_and_goes_on_at_once() {
+    fn hold_without_easing_is_immediate() {
         let mut tempo = StepPacer::new(1, 0);
         tempo.begin();
         tempo.know();

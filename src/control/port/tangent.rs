@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spring_shows_its_stiffness_with_the_first_motion() {
+    fn spring_shows_its_stiffness_at_once() {
         let mut tangent = Tangent::new(7.0, 0.0, false);
         assert_eq!(tangent.stiffness(), 7.0, "as declared");
         along(&mut tangent, 2, |d, _| 4e5 * d - 3e3);
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stiffness_that_changes_is_followed_within_the_window() {
+    fn changed_stiffness_is_followed() {
         // 1e5 N/m up to 5 mm, three times that beyond: 50 samples later (7/8)^50 = 0.1 % of the old remains.
         let hardening = |d: f64, _| {
             if d < 5e-3 {
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_below_the_step_changes_nothing_and_motion_above_it_is_not_biased() {
+    fn noise_does_not_bias_a_stiffness() {
         let mut tangent = Tangent::new(4e5, 0.0, false);
         tangent.begin(1e-4);
         for k in 0..1000 {
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_of_a_hysteresis_loop_is_no_stiffness() {
+    fn corner_of_a_loop_is_no_stiffness() {
         // Changes of 0.4 mm, ticks of 0.07 mm, watched from a few ticks before it turns on its plateau: the chord across the
         // corner would have up to 1 + 5/6 times the stiffness.
         let mut largest: f64 = 0.0;

@@ -60,7 +60,7 @@ fn send(port: &mut Port, sequence: u64) {
 }
 
 #[test]
-fn a_command_that_was_not_judged_does_not_leave() {
+fn unjudged_command_is_not_sent() {
     let mut port = reversed();
     assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
     send(&mut port, 0);
@@ -69,7 +69,7 @@ fn a_command_that_was_not_judged_does_not_leave() {
 
 /// Whatever its displacement is: a link may use the velocity.
 #[test]
-fn a_command_whose_velocity_is_no_number_does_not_leave() {
+fn command_with_nan_velocity_is_not_sent() {
     for vel in [f64::NAN, f64::INFINITY] {
         let mut port = reversed();
         port.aim(&[0.0, 0.001], &[0.0, vel], 0.0, 0.0);
@@ -81,7 +81,7 @@ fn a_command_whose_velocity_is_no_number_does_not_leave() {
 
 /// Its sensors read 0.3 mm and 0.5 kN too much, and after an interruption 0.1 mm and 0.2 kN more.
 #[test]
-fn a_zero_that_is_read_and_its_drift_are_taken_off_what_is_read() {
+fn sensor_zero_and_drift_are_subtracted() {
     let relative = Reference {
         disp: Zero::Relative,
         force: Zero::Relative,
@@ -141,7 +141,7 @@ impl Substructure for Recovering {
 }
 
 #[test]
-fn a_force_that_is_recovered_is_one_of_the_structure() {
+fn recovered_force_is_the_structures() {
     let axis = Axis {
         force_gain: -1000.0,
         force_offset: 2.0,
@@ -160,7 +160,7 @@ fn a_force_that_is_recovered_is_one_of_the_structure() {
 
 /// The specimen's time is half as fast as the structure's.
 #[test]
-fn a_ramp_says_how_fast_it_goes_in_the_specimens_own_time() {
+fn ramp_speed_is_in_the_specimens_time() {
     let mut port = reversed();
     port.axes[0].vel_gain = -500.0;
     send(&mut port, 0);
@@ -176,7 +176,7 @@ fn a_ramp_says_how_fast_it_goes_in_the_specimens_own_time() {
 }
 
 #[test]
-fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
+fn units_signs_and_offsets_give_si() {
     let mut port = reversed();
     port.aim(&[0.001, 0.004], &[0.0, 0.0], 0.0, 0.0);
     assert!((port.command()[0] - 2.0).abs() < 1e-12, "-1000 · 0.003 + 5");
@@ -190,7 +190,7 @@ fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
 }
 
 #[test]
-fn a_base_displacement_is_not_a_deformation_of_the_upper_storeys() {
+fn base_motion_deforms_no_upper_storey() {
     let mut axis = Axis::plain(vec![(0, 1.0)]);
     axis.base = 1.0;
     let mut port = PortSpec::new(
@@ -220,7 +220,7 @@ fn a_stale_force_moves_with_the_estimate() {
 
 /// It was never told anything but to stay where its declared offset says that it stands.
 #[test]
-fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
+fn declared_offset_is_no_dead_sensor() {
     let limits = limits::AxisLimits::NONE.with(Limit::FollowingError, limits::Bound::trip(1e-3));
     let read = |disp: Option<f64>| {
         let mut port = reversed();
@@ -286,7 +286,7 @@ fn what_does_not_fit_is_refused() {
 
 /// The command that was judged is another one.
 #[test]
-fn a_command_that_changes_after_it_was_judged_does_not_leave() {
+fn changed_command_is_not_sent() {
     let changes: [fn(&mut Port); 5] = [
         |port| port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0),
         Port::stand_still,

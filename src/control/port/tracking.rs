@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_of_a_part_of_a_tick_is_found_whatever_moment_the_velocity_is_of() {
+    fn delay_of_part_of_a_tick_is_found() {
         // Half a tick is 0.1 rad here: taken for another moment it would be up to 0.4 ticks of lag, and 4 % of gain.
         let (dt, hertz) = (1.0 / 256.0, 8.0);
         // A backward difference, the velocity of now, and that of an α method with γ = 0.9.
@@ -431,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn two_periods_are_of_test_time_however_slowly_it_passes() {
+    fn two_periods_are_of_test_time() {
         let (hertz, dt) = (2.0, 1e-3);
         let omega = std::f64::consts::TAU * hertz;
         let first_said = |pace: f64| {
@@ -474,7 +474,7 @@ mod tests {
     }
 
     #[test]
-    fn declared_noise_is_a_floor_until_enough_readings_show_another() {
+    fn measured_noise_replaces_the_declared() {
         let least = |declared: f64, readings: u32| {
             let rig = Box::new(Noisy(1e-6));
             let mut spec = PortSpec::new(

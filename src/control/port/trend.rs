@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_right_specimen_shows_its_direction_and_a_reversed_one_is_stopped_at_the_second_part() {
+    fn reversed_axis_stops_at_the_second_part() {
         let (_, right) = settled(|d| (d, K * d));
         assert_eq!(right.unwrap().unshown().count(), 0);
         // A yielding one, at a tenth of its stiffness from the first part on.
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_the_other_way_now_and_then_is_no_reversed_channel() {
+    fn some_reversals_are_no_reversed_channel() {
         let mut reading = 0;
         let (_, outcome) = settled(|d| {
             reading += 1;
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_channel_stops_nothing_and_shows_nothing() {
+    fn dead_channel_shows_no_direction() {
         let (_, trend) = settled(|d| (d, 7.0));
         assert_eq!(trend.unwrap().unshown().collect::<Vec<_>>(), [0]);
     }
@@ -218,7 +218,7 @@ mod tests {
     /// Noise that is larger than the first parts of the load: nothing is stopped by accident, and a reversed channel is
     /// stopped when the load has risen above the noise.
     #[test]
-    fn noise_stops_nothing_and_hides_nothing_for_long() {
+    fn noise_hides_no_direction_for_long() {
         use rand::{RngExt as _, SeedableRng as _};
         for seed in 0..200 {
             let mut random = rand_pcg::Pcg64::seed_from_u64(seed);

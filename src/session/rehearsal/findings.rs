@@ -351,7 +351,7 @@ mod tests {
         frequency_hz = 2.0\n[[specimen]]\nname = \"storey\"\nstorey = 1\nlaw.linear.stiffness_n_per_m = 5e5\n";
 
     #[test]
-    fn rehearsal_beyond_its_budget_says_how_far_it_came() {
+    fn costly_rehearsal_states_its_progress() {
         let loaded = gusset_config::parse(Path::new("test.toml"), STOREY.to_owned(), &[]).unwrap();
         let built = gusset_setup::build(&loaded).unwrap();
         let mut budget = Budget::new(64 * 20);

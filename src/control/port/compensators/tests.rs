@@ -270,7 +270,7 @@ fn bound(kind: &str, n: u32) -> (f64, f64) {
 /// At the full pace the velocity of a command is what commands change by, over the ticks of a step: within one, the lead of what
 /// takes an acceleration bends where the path does. In a hold it becomes that of the target.
 #[test]
-fn the_velocity_of_a_command_is_that_of_what_is_commanded() {
+fn velocity_is_that_of_the_command() {
     // PI adds what is in no lead.
     for kind in ALL.iter().filter(|kind| !kind.starts_with("pi_lead")) {
         for n in [1, 4] {
@@ -330,7 +330,7 @@ fn a_hold_kicks_no_command_of_any_kind() {
 }
 
 #[test]
-fn a_late_target_kicks_no_command_of_any_kind() {
+fn late_target_makes_no_step() {
     let mut kicked = Vec::new();
     for n in [1, 4, 10] {
         for kind in ALL {
@@ -362,7 +362,7 @@ fn a_late_target_kicks_no_command_of_any_kind() {
 }
 
 #[test]
-fn an_undisturbed_test_has_the_bits_of_a_prediction_in_every_tick() {
+fn undisturbed_test_has_equal_bits() {
     for n in [1, 4, 10] {
         for kind in ALL {
             let mut drive = Drive::new(kind, n, false);
@@ -391,7 +391,7 @@ fn an_undisturbed_test_has_the_bits_of_a_prediction_in_every_tick() {
 
 /// An actuator that lives in test time sees the same way at every pace: at each target its command is the undisturbed one.
 #[test]
-fn a_delay_of_test_time_is_made_up_for_at_every_pace() {
+fn delay_is_compensated_at_every_pace() {
     for n in [1, 4, 10] {
         for kind in ALL {
             // What adapts is fed by a plant that lives in wall time here.
@@ -417,7 +417,7 @@ fn a_delay_of_test_time_is_made_up_for_at_every_pace() {
 }
 
 #[test]
-fn nothing_is_learnt_while_time_is_stretched_nor_before_that_is_forgotten() {
+fn stretched_time_teaches_nothing() {
     for kind in [
         "ats = { delay_s = 0.015 }",
         "amb = {}",
@@ -471,7 +471,7 @@ fn delay_of(kind: &str, parameters: &[f64]) -> f64 {
 
 /// What is learnt of a motion is learnt whether or not some of its answers are lost: the time base is that of the ticks.
 #[test]
-fn lost_measurements_do_not_unlearn_the_delay() {
+fn lost_measurements_keep_the_delay() {
     for kind in LEARN {
         let learns = |loses: fn(u64) -> bool| {
             let rows = Drive::losing(kind, 1, false, loses).run(16_000, None, PROMPT);
@@ -495,7 +495,7 @@ fn lost_measurements_do_not_unlearn_the_delay() {
 
 /// Frozen where an answer is missing: what is filled in later is filled in, too.
 #[test]
-fn what_is_frozen_in_a_gap_is_filled_in_with_the_same_bits() {
+fn gap_is_filled_with_equal_bits() {
     let loses: fn(u64) -> bool = |number| (2048..2060).contains(&number);
     for kind in LEARN {
         let mut one = Drive::losing(kind, 1, true, loses);
@@ -549,7 +549,7 @@ fn a_long_gap_is_not_learnt_of() {
 /// With the difference of its own points a Newton form is the polynomial of order 2 on nodes a tick apart, at every number of ticks
 /// a step and every pace.
 #[test]
-fn newton_is_the_polynomial_that_it_says_it_is() {
+fn newton_is_the_stated_polynomial() {
     for n in [1, 4, 10] {
         for hold in [None, Some((2048, 2700))] {
             let late = |step: usize| if step == 900 { 9 } else { 0 };
@@ -567,7 +567,7 @@ fn newton_is_the_polynomial_that_it_says_it_is() {
 
 /// Frozen in the middle of an ease, or of a wait, and gone on with by others: the same bits.
 #[test]
-fn what_is_frozen_while_time_is_stretched_goes_on_with_the_same_bits() {
+fn stretched_time_continues_with_equal_bits() {
     for n in [1, 4, 10] {
         for kind in ALL {
             for at in [2100, 2500, 2800] {

@@ -10,7 +10,7 @@ fn read(text: &str) -> LimitsSpec {
 }
 
 #[test]
-fn what_an_axis_says_itself_goes_before_what_is_said_of_all() {
+fn axis_limit_replaces_the_common_one() {
     let all =
         read("command_step_m = { trip = 0.1 }\nforce_step_n = { trip = 7 }\nfollowing_time_s = 1");
     let limits = AxisLimits::of(&read("command_step_m = { trip = 0.2 }").over(&all));
@@ -21,7 +21,7 @@ fn what_an_axis_says_itself_goes_before_what_is_said_of_all() {
 }
 
 #[test]
-fn an_axis_that_gives_one_level_keeps_the_other_of_the_specimen() {
+fn axis_with_one_level_keeps_the_other() {
     let all = read(
         "command_step_m = { warn = 0.1, trip = 0.2 }\nmeasured_force_n = { warn = [-5, 5], trip = [-9, 9] }",
     );

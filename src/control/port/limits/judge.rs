@@ -213,7 +213,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn values_inside_the_inner_bounds_are_beyond_no_level(
+        fn values_inside_bounds_pass_every_level(
             levels in prop::collection::vec(any_range(), AXIS_LIMITS),
             sizes in prop::array::uniform17(any_number()),
             divergence in any_number(),
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn every_limit_of_an_axis_is_judged_in_one_group() {
+    fn every_limit_is_judged_once() {
         let groups: [&[Limit]; 4] = [&COMMAND, &MEASUREMENT, &ESTIMATE, &TRACKING];
         let mut judged: Vec<Limit> = groups.concat();
         judged.sort_unstable();

@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_counts_for_its_time_at_least_and_twice_that_at_most() {
+    fn value_counts_for_one_to_two_windows() {
         for time in [0.0, 0.3, 1.0] {
             assert_eq!(counts_for(time, 7), 1, "{time}: it is the last one only");
         }
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_is_not_lost_behind_a_larger_one_that_is_older() {
+    fn older_maximum_hides_no_recent_one() {
         let mut lately = Lately::default();
         for value in [9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0] {
             lately.take(value, 1.0, 3.0);

@@ -41,7 +41,7 @@ fn what(hit: Option<Hit>) -> Option<(Limit, f64)> {
 }
 
 #[test]
-fn a_stroke_has_two_ends_and_a_warning_before_each() {
+fn stroke_has_a_warning_at_each_end() {
     let limits = AxisLimits::NONE.with(Limit::CommandDisp, range(-0.2, 0.4));
     let mut one = watch(limits);
     assert_eq!(command(&mut one, -0.05), Found::default());
@@ -60,7 +60,7 @@ fn a_stroke_has_two_ends_and_a_warning_before_each() {
 }
 
 #[test]
-fn what_is_not_a_number_trips_even_without_a_limit() {
+fn nan_trips_without_a_limit() {
     let mut one = watch(AxisLimits::NONE);
     assert!(command(&mut one, f64::NAN).trip.is_some());
     assert!(command(&mut one, f64::INFINITY).trip.is_some());
@@ -69,7 +69,7 @@ fn what_is_not_a_number_trips_even_without_a_limit() {
 }
 
 #[test]
-fn a_warning_is_given_when_the_level_is_crossed_and_again_only_after_a_return() {
+fn warning_repeats_only_after_a_return() {
     let limits = AxisLimits::NONE.with(Limit::MeasuredForce, range(-100.0, 100.0));
     let mut one = watch(limits);
     let warned: Vec<bool> = [10.0, 60.0, 70.0, 40.0, 55.0]
@@ -80,7 +80,7 @@ fn a_warning_is_given_when_the_level_is_crossed_and_again_only_after_a_return() 
 }
 
 #[test]
-fn all_warnings_of_one_tick_are_given_in_it_though_it_is_the_only_one() {
+fn one_tick_gives_all_its_warnings() {
     let limits = AxisLimits::NONE
         .with(Limit::MeasuredForce, range(-100.0, 100.0))
         .with(Limit::MeasuredDisp, range(-1.0, 1.0));
@@ -117,7 +117,7 @@ fn all_warnings_of_one_tick_are_given_in_it_though_it_is_the_only_one() {
 }
 
 #[test]
-fn velocity_and_acceleration_are_differences_over_wall_time() {
+fn speeds_are_differences_over_wall_time() {
     let limits = AxisLimits::NONE.with(Limit::CommandVel, Bound::trip(1.0));
     let mut one = watch(limits);
     assert_eq!(command(&mut one, 5.0).trip, None, "nothing to differ from");
@@ -136,7 +136,7 @@ fn velocity_and_acceleration_are_differences_over_wall_time() {
 }
 
 #[test]
-fn between_ticks_of_two_lengths_speeds_differ_over_their_mean() {
+fn unequal_ticks_use_their_mean_length() {
     let limits = AxisLimits::NONE.with(Limit::CommandAccel, Bound::trip(2.0));
     let mut one = watch(limits);
     command(&mut one, 0.0);
@@ -151,7 +151,7 @@ fn between_ticks_of_two_lengths_speeds_differ_over_their_mean() {
 }
 
 #[test]
-fn the_first_command_is_a_step_from_where_the_specimen_stands() {
+fn first_step_begins_at_the_position() {
     let limits = AxisLimits::NONE.with(Limit::CommandStep, half(0.01));
     let mut one = watch(limits);
     one.stands_at(std::iter::once(AtSpecimen(0.5)));
@@ -160,7 +160,7 @@ fn the_first_command_is_a_step_from_where_the_specimen_stands() {
 }
 
 #[test]
-fn the_following_error_may_grow_with_the_speed() {
+fn following_error_grows_with_speed() {
     let limits = AxisLimits {
         following_time: 0.02,
         ..AxisLimits::NONE.with(Limit::FollowingError, Bound::trip(0.01))
@@ -177,7 +177,7 @@ fn the_following_error_may_grow_with_the_speed() {
 
 /// An actuator that comes 3 ticks behind goes on for as long after a command that stops, or slows down.
 #[test]
-fn who_comes_behind_a_command_that_stops_has_its_time_to_come_to_rest() {
+fn late_axis_may_come_to_rest() {
     let limits = AxisLimits {
         following_time: 0.31,
         ..AxisLimits::NONE.with(Limit::FollowingError, Bound::trip(0.01))
@@ -220,7 +220,7 @@ fn who_comes_behind_a_command_that_stops_has_its_time_to_come_to_rest() {
 }
 
 #[test]
-fn a_force_that_jumps_is_seen_from_the_second_measurement_on() {
+fn force_jump_counts_from_the_second_value() {
     let limits = AxisLimits::NONE.with(Limit::ForceStep, Bound::trip(10.0));
     let mut one = watch(limits);
     assert_eq!(measure(&mut one, 0.0, 500.0).trip, None);
@@ -233,7 +233,7 @@ fn a_force_that_jumps_is_seen_from_the_second_measurement_on() {
 }
 
 #[test]
-fn sensors_are_stuck_only_if_the_command_has_moved_meanwhile() {
+fn stuck_sensor_needs_a_moving_command() {
     let limits = AxisLimits {
         stuck_travel: 0.015,
         ..AxisLimits::NONE.with(Limit::StuckSensor, Bound::trip(3.0))
@@ -281,7 +281,7 @@ fn a_hit_reads_as_a_sentence() {
 }
 
 #[test]
-fn a_hit_shows_which_of_its_numbers_is_larger() {
+fn hit_shows_the_larger_number() {
     let words = |value: f64| {
         let hit = Hit {
             axis: 0,
@@ -303,7 +303,7 @@ fn a_hit_shows_which_of_its_numbers_is_larger() {
 }
 
 #[test]
-fn what_has_tripped_trips_again_only_if_it_gets_worse() {
+fn trip_repeats_only_if_it_gets_worse() {
     let limits = AxisLimits::NONE
         .with(Limit::MeasuredForce, range(-100.0, 100.0))
         .with(Limit::MeasuredDisp, range(-1.0, 1.0));
@@ -319,7 +319,7 @@ fn what_has_tripped_trips_again_only_if_it_gets_worse() {
 }
 
 #[test]
-fn what_has_tripped_on_one_side_is_no_excuse_on_the_other() {
+fn trip_excuses_one_side_only() {
     for (trip, at, worse, other) in [
         ([-2.0, 104.0], 104.1, 110.0, -2.1),
         ([-300.0, -50.0], -49.8, -47.0, -301.0),
@@ -346,7 +346,7 @@ fn what_has_tripped_on_one_side_is_no_excuse_on_the_other() {
 }
 
 #[test]
-fn all_that_trips_in_one_look_is_told_and_excused() {
+fn trips_of_one_tick_are_all_reported() {
     let limits = AxisLimits::NONE
         .with(Limit::MeasuredForce, range(-100.0, 100.0))
         .with(Limit::MeasuredDisp, range(-1.0, 1.0));
@@ -377,7 +377,7 @@ fn all_that_trips_in_one_look_is_told_and_excused() {
 
 /// Of an actuator that lags: it trips at 1.0 on the way to 1.5, in a specimen of 101 N at 1.0.
 #[test]
-fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
+fn earlier_command_is_still_allowed() {
     let limits = AxisLimits::NONE
         .with(Limit::MeasuredForce, range(-100.0, 100.0))
         .with(Limit::MeasuredDisp, range(-1.2, 1.2))
@@ -426,7 +426,7 @@ fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
 
 /// Two axes of one specimen: the first is on its way from 1.0 to 1.5 when it trips, the second stands.
 #[test]
-fn the_motion_of_one_axis_is_felt_by_another() {
+fn axes_feel_each_others_motion() {
     let limits = AxisLimits::NONE
         .with(Limit::MeasuredForce, range(-100.0, 100.0))
         .with(Limit::MeasuredDisp, range(-1.4, 1.4));
@@ -456,7 +456,7 @@ fn the_motion_of_one_axis_is_felt_by_another() {
 
 /// It trips at 1.0 on the way to 1.5, and its readings stray by some hundredths.
 #[test]
-fn beside_its_noise_an_axis_goes_on_if_it_has_come_farther_a_little_while_ago() {
+fn recent_maximum_excuses_noise() {
     let limits = AxisLimits::NONE
         .with(Limit::MeasuredDisp, range(-1.0, 1.0))
         .with(Limit::MeasuredForce, range(-100.0, 100.0));
@@ -494,7 +494,7 @@ fn beside_its_noise_an_axis_goes_on_if_it_has_come_farther_a_little_while_ago() 
 
 /// A command beyond its stroke never left: where the specimen is led it may not go either.
 #[test]
-fn a_command_beyond_its_stroke_is_not_excused() {
+fn command_beyond_the_stroke_trips() {
     let limits = AxisLimits::NONE.with(Limit::CommandDisp, range(-1.0, 1.0));
     let mut one = watch(limits);
     assert!(
@@ -511,7 +511,7 @@ fn a_command_beyond_its_stroke_is_not_excused() {
 }
 
 #[test]
-fn a_sawtooth_that_grows_is_counted_from_its_second_turn_and_one_that_fades_is_not() {
+fn growing_sawtooth_is_counted() {
     let limits = AxisLimits::NONE.with(Limit::Alternation, half(6.0));
     // A smooth motion under a sawtooth of period two ticks: the root of an unstable step is beyond -1.
     let tripped = |growth: f64| {
@@ -548,7 +548,7 @@ fn a_smooth_motion_is_no_sawtooth() {
 }
 
 #[test]
-fn estimates_trip_beyond_their_bounds_and_what_is_not_known_does_not() {
+fn unknown_estimates_trip_nothing() {
     let limits = AxisLimits::NONE
         .with(Limit::StiffnessRatio, half(2.0))
         .with(Limit::DampingRatio, half(4.0))
@@ -576,7 +576,7 @@ fn estimates_trip_beyond_their_bounds_and_what_is_not_known_does_not() {
 }
 
 #[test]
-fn what_a_broken_sensor_says_is_told_in_few_digits() {
+fn broken_sensor_shows_few_digits() {
     let hit = |value: f64, bound: f64| Hit {
         axis: 0,
         quantity: Limit::MeasuredForce,

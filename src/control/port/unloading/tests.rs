@@ -75,7 +75,7 @@ fn no_single_answer_decides_where_it_goes() {
 }
 
 #[test]
-fn a_load_cell_that_is_stuck_leads_no_further_than_the_stiffness_says() {
+fn stuck_load_cell_ends_by_the_stiffness() {
     let end = spring(LEG, |_, _| 2e3);
     assert_eq!(end.outcome, Err(UnloadFailure::DoesNotFollow));
     assert!(end.at[0] <= 0.0 && end.at[0] >= -0.003, "{}", end.at[0]);
@@ -86,7 +86,7 @@ fn a_load_cell_that_is_stuck_leads_no_further_than_the_stiffness_says() {
 
 /// Five times as soft as believed: its force follows, and is still there where the stiffness says that it is gone.
 #[test]
-fn one_that_is_softer_than_believed_is_led_three_times_as_far_as_its_stiffness_says() {
+fn soft_specimen_unloads_three_times_as_far() {
     let end = unload(&[LEG], &[STIFFNESS], TICK, vec![0.01], |_, at| {
         vec![(at[0], STIFFNESS / 5.0 * at[0])]
     });
@@ -97,14 +97,14 @@ fn one_that_is_softer_than_believed_is_led_three_times_as_far_as_its_stiffness_s
 }
 
 #[test]
-fn a_force_that_grows_is_followed_no_further() {
+fn growing_force_is_not_followed() {
     let end = spring(LEG, |_, force| -force);
     assert_eq!(end.outcome, Err(UnloadFailure::Grows));
     assert!(end.at[0] <= 0.014, "{}", end.at[0]);
 }
 
 #[test]
-fn a_force_that_is_gone_at_once_is_no_arrival() {
+fn sudden_zero_force_is_no_arrival() {
     for last in [150, 163, 200, 250] {
         let end = spring(LEG, |tick, force| if tick < last { force } else { 0.0 });
         assert_eq!(end.outcome, Err(UnloadFailure::Fell), "{last}");
@@ -120,7 +120,7 @@ fn a_force_that_is_gone_at_once_is_no_arrival() {
 }
 
 #[test]
-fn a_force_that_has_jumped_leads_nobody_unless_it_comes_back() {
+fn force_jump_is_not_followed() {
     let leg = Leg {
         jump: Some([2e3, 500.0]),
         ..LEG
@@ -135,7 +135,7 @@ fn a_force_that_has_jumped_leads_nobody_unless_it_comes_back() {
 
 /// An actuator of second order that resonates at `hz`: the loop gain of the first approach is far above one.
 #[test]
-fn a_resonance_is_not_driven_and_is_no_arrival() {
+fn resonance_is_not_driven() {
     for (hz, damping) in [(10.0, 0.03), (10.0, 0.05), (5.0, 0.1), (20.0, 0.02)] {
         let (omega, mut disp, mut vel) = (TAU * hz, 0.01, 0.0);
         let end = unload(&[LEG], &[STIFFNESS], TICK, vec![0.01], |_, at| {
@@ -205,7 +205,7 @@ fn what_nearly_cancels_is_no_force() {
 
 /// What an acceleration limit takes from one axis it takes from all: no force grows.
 #[test]
-fn a_start_that_is_slow_is_slow_for_all_axes() {
+fn slow_start_slows_all_axes() {
     let stiffness = [130e6, -250e6, -250e6, 505e6];
     let specimen = |_, at: &[f64]| {
         let force = |row: &[f64]| row[0] * at[0] + row[1] * at[1];
@@ -227,7 +227,7 @@ fn a_start_that_is_slow_is_slow_for_all_axes() {
 
 /// Four actuators on three coordinates: between them there is a force without a stiffness, and nobody runs after it.
 #[test]
-fn a_direction_without_a_stiffness_is_not_gone() {
+fn unknown_direction_is_not_moved() {
     let k = STIFFNESS;
     // Two side by side that share one coordinate: pᵀ k p with p = (½, ½).
     let share = 0.25 * k;
