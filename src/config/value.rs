@@ -11,12 +11,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use gusset_quantity::time::{RateError, Ratio};
 
-/// Reads a value that may be a number, a text or a list: `judge` takes the first two, `list` the third. A value that both refuse is
-/// another than `expecting`, or than the words of `judge`.
+/// Reads a number, a text or a list: `judge` takes the first two, `list` the third. The error for any other value names
+/// `expecting`, or the words of `judge`.
 pub(super) struct Judged<T, E> {
     pub expecting: &'static str,
     pub judge: fn(Unexpected<'_>) -> Result<T, Option<String>>,
-    /// At most so many elements are read.
+    /// Largest number of elements that are read.
     pub list: (usize, fn(Vec<E>) -> Option<T>),
 }
 

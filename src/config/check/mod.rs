@@ -213,7 +213,7 @@ static USUAL: LazyLock<toml::Value> = LazyLock::new(|| {
     values.unwrap_or_else(|| toml::Value::Table(toml::Table::new()))
 });
 
-/// What is wrong with a file.
+/// The findings about a file so far.
 #[derive(Debug)]
 struct Findings {
     list: Vec<Finding>,
@@ -222,7 +222,7 @@ struct Findings {
 }
 
 impl Findings {
-    /// None yet, for this file.
+    /// No finding yet about this file.
     fn of(file: &impl Serialize) -> Self {
         let mut list = Vec::new();
         let values = toml::Value::try_from(file).unwrap_or_else(|error| {
@@ -242,7 +242,7 @@ impl Findings {
         value_at(&self.values, path)
     }
 
-    /// The places of these keys of the table at `at` whose values are not their defaults; `*` stands for all keys.
+    /// The places of these keys of the table at `at` whose values are not their defaults; `*` means all keys.
     fn given(&self, at: &KeyPath, keys: &str) -> Vec<KeyPath> {
         let all = || match self.value(at) {
             Some(toml::Value::Table(table)) => table.keys().map(|key| at.key(key)).collect(),

@@ -1,7 +1,7 @@
 //! The keys that have no effect under a condition, and the numbers that a key may have: one table for each table of a file.
 //!
 //! A key counts as given where it differs from its default, so that a file that states its defaults (like `resolved.toml`)
-//! gets no reports. A key that contradicts another is not idle but an error, which is reported elsewhere.
+//! gets no reports. Other checks refuse a key that contradicts another.
 
 use super::Findings;
 use crate::axis_table::AxisTable;
@@ -30,7 +30,7 @@ type InTest = fn(&SpecimenTable, &TestFile) -> bool;
 type OfAxis = fn(&AxisTable) -> bool;
 type OfLink = fn(&LinkSpec) -> bool;
 
-/// What a number must be. Infinity and NaN are reported elsewhere.
+/// The allowed numbers of a key. Other checks report infinity and NaN.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Must {
     /// Greater than zero.
@@ -512,13 +512,13 @@ pub(super) const IDLE_AXIS_OF_TEST: &[Idle<OfAxis>] = &[
     ),
 ];
 
-/// Of a specimen that is computed: a gateway converts by those keys itself.
+/// For a computed specimen: a gateway converts by those keys itself.
 pub(super) const IDLE_AXIS_OF_SERVER: (&str, &str) = (
     "scale sign offset_m offset_n zero_disp zero_force",
     OF_CONTROLLER,
 );
 
-/// Of a test. On the simulated clock every link is lockstep, whatever coupling the file has for the real one.
+/// For a test. On the simulated clock every link is lockstep, whatever coupling the file has for the real clock.
 pub(super) const IDLE_LINK: &[Idle<OfLink>] = &[
     (
         "on_stale max_stale",
