@@ -1,7 +1,7 @@
 //! Checks of a certificate: ranges, and numbers that are missing.
 
 use super::Findings;
-use super::rules::{NUMBERS_OF_CERTIFICATE, NUMBERS_OF_UNCERTAINTY};
+use super::numbers::{NUMBERS_OF_CERTIFICATE, NUMBERS_OF_UNCERTAINTY};
 use crate::certificate::{UncertaintyTable, current_key, number_at};
 use crate::diagnose::Finding;
 use crate::document::{KeyPath, Segment};

@@ -6,41 +6,36 @@
 mod certificate;
 mod excitation;
 mod geometry;
+mod idle;
 mod limits;
 mod link;
 pub mod measured;
+mod numbers;
 mod rules;
 mod safety;
 mod specimen;
 mod waits;
 mod way;
 
-use std::sync::LazyLock;
-
-use serde::Serialize;
-
 use certificate::check_certificate;
 pub(super) use certificate::check_samples;
 use excitation::check_excitation;
 use limits::{check_limits, check_required};
+use rules::Findings;
 use specimen::{Source, check_names, check_seeds, check_specimen};
 use waits::{check_link_waits, check_ticks};
 use way::check_way;
 
-use super::certificate::value_at;
 use super::diagnose::Finding;
-use super::document::{Datum, KeyPath, Node, Segment};
+use super::document::{Datum, KeyPath, Node};
 use super::schema::{Method, TestFile};
 use super::serve_table::{PaceTable, ServeFile};
 use super::specimen::SpecimenTable;
 use super::steps::Time;
-use super::suggest::listed;
 use super::timetable::ClockChoice;
 use super::timing_table::{OnMiss, TimingSpec};
 use super::value::DofChoice;
 pub use limits::missing_limits;
-
-use gusset_quantity::text::is_hidden;
 
 /// Every number of the document that is not finite, but λ, which may be infinite.
 pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
@@ -76,10 +71,13 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     let root = KeyPath::root();
     let [of_integrator, of_safety, of_timing, of_record] =
         ["integrator", "safety", "timing", "record"].map(|key| root.key(key));
-    findings.numbers(&root.under("structure.gravity"), rules::NUMBERS_OF_GRAVITY);
-    findings.numbers(&of_integrator, rules::NUMBERS_OF_INTEGRATOR);
-    findings.numbers(&of_safety, rules::NUMBERS_OF_SAFETY);
-    findings.numbers(&of_record, rules::NUMBERS_OF_RECORD);
+    findings.numbers(
+        &root.under("structure.gravity"),
+        numbers::NUMBERS_OF_GRAVITY,
+    );
+    findings.numbers(&of_integrator, numbers::NUMBERS_OF_INTEGRATOR);
+    findings.numbers(&of_safety, numbers::NUMBERS_OF_SAFETY);
+    findings.numbers(&of_record, numbers::NUMBERS_OF_RECORD);
     check_misses(&file.timing, &of_timing, &mut findings);
     findings.printable(&root.key("title"), Some(&file.title));
     findings.reasons("accept_unstable accept_trip accept_wiring accept_speed accept_error");
@@ -110,16 +108,16 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         link::check_pace(specimen, file, &at, &mut findings);
         check_way(specimen, file, &at, &mut findings);
         measured::check_measured(specimen, &at, &mut findings);
-        findings.idle(&at, rules::IDLE_SPECIMEN_OF_TEST, |when| {
+        findings.idle(&at, idle::IDLE_SPECIMEN_OF_TEST, |when| {
             when(specimen, file)
         });
         for (index, axis) in specimen.axis.iter().enumerate() {
             let at = at.key("axis").index(index);
-            findings.idle(&at, rules::IDLE_AXIS_OF_TEST, |when| when(axis));
+            findings.idle(&at, idle::IDLE_AXIS_OF_TEST, |when| when(axis));
         }
         if let Some(link) = &specimen.link {
             check_link_waits(link, time.as_ref(), &at.key("link"), &mut findings);
-            findings.idle(&at.key("link"), rules::IDLE_LINK, |when| when(link));
+            findings.idle(&at.key("link"), idle::IDLE_LINK, |when| when(link));
         }
     }
     measured::check_judged(file, &mut findings);
@@ -143,23 +141,23 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     if let Some(time) = time {
         check_ticks(&time, &file.timing, &mut findings);
     }
-    findings.idle(&root.key("time"), rules::IDLE_TIME, |when| when(file));
-    findings.idle(&of_integrator, rules::IDLE_INTEGRATOR, |when| when(file));
-    findings.idle(&of_safety, rules::IDLE_SAFETY, |when| when(file));
-    findings.idle(&of_timing, rules::IDLE_TIMING, |when| when(&file.timing));
-    findings.idle(&of_timing, rules::IDLE_TIMING_OF_TEST, |when| {
+    findings.idle(&root.key("time"), idle::IDLE_TIME, |when| when(file));
+    findings.idle(&of_integrator, idle::IDLE_INTEGRATOR, |when| when(file));
+    findings.idle(&of_safety, idle::IDLE_SAFETY, |when| when(file));
+    findings.idle(&of_timing, idle::IDLE_TIMING, |when| when(&file.timing));
+    findings.idle(&of_timing, idle::IDLE_TIMING_OF_TEST, |when| {
         when(&file.timing)
     });
     if file.time.clock == ClockChoice::Simulated && !clock_is_chosen {
         check_clock(&of_timing, &mut findings);
     }
-    findings.idle(&of_record, rules::IDLE_RECORD, |when| when(file));
+    findings.idle(&of_record, idle::IDLE_RECORD, |when| when(file));
     findings.list
 }
 
 /// The ranges of `[timing]`; a warning that would come with the end of the test, or after it, is refused.
 fn check_misses(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
-    findings.numbers(at, rules::NUMBERS_OF_TIMING);
+    findings.numbers(at, numbers::NUMBERS_OF_TIMING);
     for (key, levels) in timing.misses.entries() {
         if let (Some(warn), Some(most)) = (levels.warn, levels.trip)
             && warn >= most
@@ -174,7 +172,7 @@ fn check_misses(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
 
 /// On the simulated clock no thread waits for an edge, and no request goes to the machine: one finding for all keys.
 fn check_clock(at: &KeyPath, findings: &mut Findings) {
-    let keys = findings.given(at, rules::REAL_CLOCK);
+    let keys = findings.given(at, idle::REAL_CLOCK);
     let Some(first) = keys.first() else { return };
     let named = keys.iter().filter_map(KeyPath::last_key);
     let named: Vec<String> = named.map(|key| format!("`{key}`")).collect();
@@ -191,151 +189,12 @@ fn check_clock(at: &KeyPath, findings: &mut Findings) {
     );
 }
 
-/// The least test file that has every table with defaults.
-const LEAST: &str = "
-time = { rate_hz = 1, duration_s = 1 }
-[[excitation.prescribed_displacement]]
-specimen = \"\"
-signal = { sine = { amplitude = 0.0, frequency_hz = 1.0 } }
-[[specimen]]
-name = \"\"
-transfer = {}
-compensation = { ats = {} }
-limits = {}
-axis = [{ limits = {} }]
-link = { address = \"\", openfresco = {} }
-";
-
-/// The default of every key that has one.
-static USUAL: LazyLock<toml::Value> = LazyLock::new(|| {
-    let least = toml::from_str::<TestFile>(LEAST).ok();
-    let values = least.and_then(|file| toml::Value::try_from(file).ok());
-    values.unwrap_or_else(|| toml::Value::Table(toml::Table::new()))
-});
-
-/// The findings about a file so far.
-#[derive(Debug)]
-struct Findings {
-    list: Vec<Finding>,
-    /// The file with every default.
-    values: toml::Value,
-}
-
-impl Findings {
-    /// No finding yet about this file.
-    fn of(file: &impl Serialize) -> Self {
-        let mut list = Vec::new();
-        let values = toml::Value::try_from(file).unwrap_or_else(|error| {
-            let text = format!("the file cannot be written with its defaults: {error}");
-            list.push(Finding::error(KeyPath::root(), text));
-            toml::Value::Table(toml::Table::new())
-        });
-        Self { list, values }
-    }
-
-    fn push(&mut self, finding: Finding) {
-        self.list.push(finding);
-    }
-
-    /// The value at `path` in the file or by default.
-    fn value(&self, path: &KeyPath) -> Option<&toml::Value> {
-        value_at(&self.values, path)
-    }
-
-    /// The places of these keys of the table at `at` whose values are not their defaults; `*` means all keys.
-    fn given(&self, at: &KeyPath, keys: &str) -> Vec<KeyPath> {
-        let all = || match self.value(at) {
-            Some(toml::Value::Table(table)) => table.keys().map(|key| at.key(key)).collect(),
-            _ => Vec::new(),
-        };
-        let mut places: Vec<KeyPath> = match keys {
-            "*" => all(),
-            keys => keys.split_whitespace().map(|key| at.under(key)).collect(),
-        };
-        places.retain(|place| {
-            let segments = place.segments().iter();
-            let usual: KeyPath = segments
-                .map(|segment| match segment {
-                    Segment::Index(_) => Segment::Index(0),
-                    key => key.clone(),
-                })
-                .collect();
-            let value = self.value(place);
-            value.is_some() && value != value_at(&USUAL, &usual)
-        });
-        places
-    }
-
-    /// A text that is shown to people holds nothing that a terminal would obey.
-    fn printable(&mut self, at: &KeyPath, text: Option<&str>) {
-        if let Some(c) = text.and_then(|text| text.chars().find(|c| is_hidden(*c))) {
-            let headline = format!("`{at}` contains a character that cannot be printed");
-            let finding = Finding::error(at.clone(), headline);
-            self.push(finding.label(format!("{}", c.escape_unicode())));
-        }
-    }
-
-    /// The user's reasons in `[safety]` must have content, in characters that can be printed.
-    fn reasons(&mut self, keys: &str) {
-        for at in self.given(&KeyPath::root().key("safety"), keys) {
-            let reason = self.value(&at).and_then(toml::Value::as_str);
-            let Some(reason) = reason.map(str::to_owned) else {
-                continue;
-            };
-            self.printable(&at, Some(&reason));
-            if !gusset_quantity::text::is_reason(&reason) {
-                let headline = format!("`{at}` gives no reason");
-                let label = "write a reason in words, which the summary repeats";
-                self.push(Finding::error(at, headline).label(label));
-            }
-        }
-    }
-
-    /// Numbers from 1, none twice.
-    fn dofs(&mut self, at: &KeyPath, dofs: &[usize]) {
-        if dofs.is_empty() {
-            self.push(
-                Finding::error(at.clone(), format!("`{at}` is empty"))
-                    .label("at least one DOF is needed"),
-            );
-        }
-        for (index, dof) in dofs.iter().enumerate() {
-            let here = at.index(index);
-            if *dof == 0 {
-                self.push(
-                    Finding::error(here, "there is no DOF 0").label("DOFs are counted from 1"),
-                );
-            } else if let Some(before) = dofs[..index].iter().position(|d| d == dof) {
-                let finding =
-                    Finding::error(here, format!("DOF {dof} is listed twice")).label("again here");
-                self.push(finding.beside(at.index(before), "first here"));
-            }
-        }
-    }
-
-    /// Exactly one of these keys of the table at `at` is given.
-    fn exactly_one(&mut self, at: &KeyPath, allowed: &[&str], why: &str) {
-        let is_given = |key: &&&str| self.value(&at.key(key)).is_some();
-        let given: Vec<&str> = allowed.iter().filter(is_given).copied().collect();
-        let headline = format!("`{at}` must have exactly one of {}", listed(allowed, "and"));
-        let finding = match given.as_slice() {
-            [_] => return,
-            [] => Finding::error(at.clone(), headline).label("has none of them"),
-            [first, second, ..] => Finding::error(at.key(second), headline)
-                .at_key()
-                .label(format!("`{second}` is given"))
-                .beside(at.key(first), format!("and so is `{first}`")),
-        };
-        self.push(finding.help(why));
-    }
-}
-
 /// All that is wrong with the specimens of a file that is only served.
 pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     let mut findings = Findings::of(file);
     let root = KeyPath::root();
-    findings.numbers(&root.key("record"), rules::NUMBERS_OF_RECORD);
-    findings.numbers(&root.key("serve"), rules::NUMBERS_OF_SERVE);
+    findings.numbers(&root.key("record"), numbers::NUMBERS_OF_RECORD);
+    findings.numbers(&root.key("serve"), numbers::NUMBERS_OF_SERVE);
     if let Some(pace) = &file.serve.pace {
         check_pace(pace, &mut findings);
     }
@@ -347,11 +206,11 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, Source::Client, &at, &mut findings);
         check_limits(specimen, None, None, &at, &mut findings);
-        findings.idle(&at, rules::IDLE_SPECIMEN_OF_SERVER, |when| when(specimen));
+        findings.idle(&at, idle::IDLE_SPECIMEN_OF_SERVER, |when| when(specimen));
         if specimen.link.is_some() {
             specimen::refuse_relative_zeros(specimen, &at, &mut findings);
         } else {
-            let (keys, why) = rules::IDLE_AXIS_OF_SERVER;
+            let (keys, why) = idle::IDLE_AXIS_OF_SERVER;
             for index in 0..specimen.axis.len() {
                 findings.no_effect(&at.key("axis").index(index), keys, why);
             }
@@ -367,10 +226,10 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     if let Some(timing) = &file.timing {
         let at = root.key("timing");
         check_misses(timing, &at, &mut findings);
-        findings.idle(&at, rules::IDLE_TIMING, |when| when(timing));
-        findings.idle(&at, rules::IDLE_TIMING_OF_SERVER, |when| when(timing));
+        findings.idle(&at, idle::IDLE_TIMING, |when| when(timing));
+        findings.idle(&at, idle::IDLE_TIMING_OF_SERVER, |when| when(timing));
     }
-    let (keys, why) = rules::IDLE_RECORD_OF_SERVER;
+    let (keys, why) = idle::IDLE_RECORD_OF_SERVER;
     findings.no_effect(&root.key("record"), keys, why);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
@@ -459,8 +318,11 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
 
 #[cfg(test)]
 mod tests {
-    use super::rules::*;
+    use super::idle::*;
+    use super::numbers::*;
+    use super::rules::{Idle, Range, USUAL};
     use super::*;
+    use crate::certificate::value_at;
     use crate::hints::Hints;
 
     fn keys_of<When>(rules: &[Idle<When>]) -> Vec<&'static str> {

@@ -3,7 +3,7 @@
 use super::certificate::check_known;
 use super::geometry::check_geometry;
 use super::link::{check_link, check_standing};
-use super::{Findings, rules};
+use super::{Findings, idle, numbers};
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::safety::ZeroChoice;
@@ -115,12 +115,12 @@ pub(super) fn check_specimen(
 
 /// The conditions on keys that hold in the file of a test and in that of a server.
 fn check_rules(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    findings.numbers(at, rules::NUMBERS_OF_SPECIMEN);
-    findings.numbers(&at.key("link"), rules::NUMBERS_OF_LINK);
+    findings.numbers(at, numbers::NUMBERS_OF_SPECIMEN);
+    findings.numbers(&at.key("link"), numbers::NUMBERS_OF_LINK);
     for index in 0..specimen.axis.len() {
-        findings.numbers(&at.key("axis").index(index), rules::NUMBERS_OF_AXIS);
+        findings.numbers(&at.key("axis").index(index), numbers::NUMBERS_OF_AXIS);
     }
-    findings.idle(at, rules::IDLE_SPECIMEN, |when| when(specimen));
+    findings.idle(at, idle::IDLE_SPECIMEN, |when| when(specimen));
 }
 
 /// A simulated actuator makes the velocity of its specimen itself, and knows the time of the test alone.

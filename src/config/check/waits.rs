@@ -2,7 +2,7 @@
 //! anything moves and not during the motion.
 
 use super::Findings;
-use super::rules::{OWED_S, STANDING_S};
+use super::numbers::{OWED_S, STANDING_S};
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::echo::number;
