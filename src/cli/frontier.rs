@@ -192,9 +192,8 @@ pub(super) fn timing(args: &JitterArgs) -> anyhow::Result<TimingSpec> {
         priority: args.priority,
         ..TimingSpec::default()
     };
-    timing.check().context("--priority")?;
-    timing
-        .check_cpu(&gusset_record::rt::os::process_cpus())
-        .context("--cpu")?;
+    let allowed = gusset_record::rt::os::process_cpus();
+    let checked = timing.check_cpu(&allowed).map_err(anyhow::Error::msg);
+    checked.context("--cpu")?;
     Ok(timing)
 }

@@ -42,7 +42,6 @@ pub struct AxisTable {
     pub unit_force: ForceUnit,
     /// Limits of this axis. Each `warn` and `trip` level that is absent here is taken from `limits`
     /// of the specimen.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
     /// Zero of the displacement. With "relative", the deformation is zero at the position before
     /// the test, and `offset_m` is not needed. Only in a test file: a server takes no zero.
@@ -120,34 +119,31 @@ pub enum DispUnit {
 }
 
 impl DispUnit {
+    /// As people write it, metres in one unit, and the unit in the protocol of Gusset; `None` if it has none.
+    const fn row(self) -> (&'static str, f64, Option<Unit>) {
+        match self {
+            Self::Metre => ("m", 1.0, Some(Unit::Metre)),
+            Self::Millimetre => ("mm", 1e-3, Some(Unit::Millimetre)),
+            Self::Inch => ("in", 0.0254, None),
+        }
+    }
+
     /// The unit in the protocol of Gusset; `None` if it has none.
     #[must_use]
     pub const fn on_the_wire(self) -> Option<Unit> {
-        match self {
-            Self::Metre => Some(Unit::Metre),
-            Self::Millimetre => Some(Unit::Millimetre),
-            Self::Inch => None,
-        }
+        self.row().2
     }
 
     /// As people write it.
     #[must_use]
     pub const fn symbol(self) -> &'static str {
-        match self {
-            Self::Metre => "m",
-            Self::Millimetre => "mm",
-            Self::Inch => "in",
-        }
+        self.row().0
     }
 
     /// Metres in one unit.
     #[must_use]
     pub const fn metres(self) -> f64 {
-        match self {
-            Self::Metre => 1.0,
-            Self::Millimetre => 1e-3,
-            Self::Inch => 0.0254,
-        }
+        self.row().1
     }
 }
 
@@ -170,35 +166,31 @@ pub enum ForceUnit {
 }
 
 impl ForceUnit {
+    /// As people write it, newtons in one unit, and the unit in the protocol of Gusset; `None` if it has none.
+    const fn row(self) -> (&'static str, f64, Option<Unit>) {
+        match self {
+            Self::Newton => ("N", 1.0, Some(Unit::Newton)),
+            Self::Kilonewton => ("kN", 1e3, Some(Unit::Kilonewton)),
+            Self::PoundForce => ("lbf", 4.448_221_615_260_5, None),
+            Self::Kip => ("kip", 4_448.221_615_260_5, None),
+        }
+    }
+
     /// The unit in the protocol of Gusset; `None` if it has none.
     #[must_use]
     pub const fn on_the_wire(self) -> Option<Unit> {
-        match self {
-            Self::Newton => Some(Unit::Newton),
-            Self::Kilonewton => Some(Unit::Kilonewton),
-            Self::PoundForce | Self::Kip => None,
-        }
+        self.row().2
     }
 
     /// As people write it.
     #[must_use]
     pub const fn symbol(self) -> &'static str {
-        match self {
-            Self::Newton => "N",
-            Self::Kilonewton => "kN",
-            Self::PoundForce => "lbf",
-            Self::Kip => "kip",
-        }
+        self.row().0
     }
 
     /// Newtons in one unit.
     #[must_use]
     pub const fn newtons(self) -> f64 {
-        match self {
-            Self::Newton => 1.0,
-            Self::Kilonewton => 1e3,
-            Self::PoundForce => 4.448_221_615_260_5,
-            Self::Kip => 4_448.221_615_260_5,
-        }
+        self.row().1
     }
 }

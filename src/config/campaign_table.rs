@@ -18,7 +18,6 @@ pub(super) const OWN: [&str; 6] = ["test", "campaign", "vary", "sample", "record
 #[serde(deny_unknown_fields, default)]
 pub struct StudyFile {
     /// Test file, relative to the study. Default: the study contains the tables of the test.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub test: Option<String>,
     /// Design, replicates and seed.
     pub campaign: CampaignTable,
@@ -99,14 +98,11 @@ pub struct VaryTable {
     /// Path of the key, as for `--set`, for example integrator.lambda.
     pub key: String,
     /// List of values.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [0.02, 0.05])]
     pub values: Option<Vec<Scalar>>,
     /// Numbers with equal differences.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub linear: Option<SpanTable>,
     /// Numbers with equal ratios.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub log: Option<SpanTable>,
 }
 

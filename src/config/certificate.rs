@@ -15,59 +15,33 @@ use gusset_actuator::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
 #[serde(deny_unknown_fields, default)]
 pub struct IdentifiedTable {
     /// Delay of the measured displacement behind the command. Default: unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.012)]
     pub delay_s: Option<f64>,
     /// Standard deviation of `delay_s`. Default: 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.0005)]
     pub delay_std_s: Option<f64>,
     /// Measured displacement divided by commanded displacement. Default: unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.98)]
     pub gain: Option<f64>,
     /// Standard deviation of `gain`. Default: 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.01)]
     pub gain_std: Option<f64>,
     /// Stiffness at the structure's scale. Default: unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 1.2e6)]
     pub stiffness_n_per_m: Option<f64>,
     /// Standard deviation of `stiffness_n_per_m`. It applies to all axes, in proportion to their
     /// stiffness. Default: 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 5.0e4)]
     pub stiffness_std_n_per_m: Option<f64>,
     /// Root mean square of the noise of the displacement sensor, at the specimen. Default: unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 1.0e-5)]
     pub noise_disp_m: Option<f64>,
     /// Root mean square of the noise of the load cell, at the specimen. Default: unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 50.0)]
     pub noise_force_n: Option<f64>,
 }
 
 impl IdentifiedTable {
-    /// Every value with its key, and the key of the value that it is the spread of.
-    pub(super) fn entries(&self) -> [(&'static str, Option<f64>, Option<&'static str>); 8] {
-        [
-            ("delay_s", self.delay_s, None),
-            ("delay_std_s", self.delay_std_s, Some("delay_s")),
-            ("gain", self.gain, None),
-            ("gain_std", self.gain_std, Some("gain")),
-            ("stiffness_n_per_m", self.stiffness_n_per_m, None),
-            (
-                "stiffness_std_n_per_m",
-                self.stiffness_std_n_per_m,
-                Some("stiffness_n_per_m"),
-            ),
-            ("noise_disp_m", self.noise_disp_m, None),
-            ("noise_force_n", self.noise_force_n, None),
-        ]
-    }
-
     /// An actuator and sensors with this delay (`pace`: test time in a second of wall time), gain and noise; none where none of
     /// them is known.
     pub(super) fn transfer(&self, pace: f64) -> Option<TransferSpec> {
@@ -108,20 +82,16 @@ impl IdentifiedTable {
 #[serde(deny_unknown_fields, default)]
 pub struct CapacityTable {
     /// Largest commanded displacement in both directions. Default: unlimited.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.1)]
     pub stroke_m: Option<f64>,
     /// Largest commanded velocity. Default: unlimited.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.5)]
     pub velocity_m_per_s: Option<f64>,
     /// Largest force in both directions. Default: unlimited.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 1.0e5)]
     pub force_n: Option<f64>,
     /// Largest power, measured force times commanded velocity, with either sign. Default:
     /// unlimited.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 2.0e4)]
     pub power_w: Option<f64>,
 }
@@ -147,14 +117,11 @@ pub struct UncertaintyTable {
     /// Path of the value, as for `--set`, for example specimen.0.law.linear.stiffness_n_per_m.
     pub key: String,
     /// Standard deviation of a normal distribution, in the unit of the value.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub std: Option<f64>,
     /// Standard deviation of a normal distribution, divided by the value in the file.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.1)]
     pub std_share: Option<f64>,
     /// Smallest and largest value of a uniform distribution.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [1.0e6, 1.4e6])]
     pub range: Option<[f64; 2]>,
 }
@@ -342,7 +309,7 @@ pub(super) fn current_key(complete: &toml::Value, key: KeyPath) -> KeyPath {
     renamed::current(&key, &holds).map_or(key, |(new, _)| new)
 }
 
-fn value_at<'a>(root: &'a toml::Value, path: &KeyPath) -> Option<&'a toml::Value> {
+pub(super) fn value_at<'a>(root: &'a toml::Value, path: &KeyPath) -> Option<&'a toml::Value> {
     let mut segments = path.segments().iter();
     segments.try_fold(root, |node, segment| match segment {
         Segment::Key(key) => node.get(key.as_str()),

@@ -11,16 +11,13 @@ use gusset_motion::{Processing, Signal};
 #[serde(deny_unknown_fields, default)]
 pub struct ExcitationTable {
     /// Ground acceleration in m/s², with the structure in relative coordinates: F = −M·ι·a_g.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub ground_acceleration: Option<GroundTable>,
     /// Base displacement in m, with the structure in absolute coordinates: F = K·ι·x_g + C·ι·v_g.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub base_displacement: Option<GroundTable>,
     /// Forces on DOFs that follow one time history.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nodal_force: Vec<NodalForceTable>,
     /// Forces on all DOFs, read from a table.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub nodal_table: Option<NodalFileTable>,
     /// Displacement of an axis of a specimen, for a test without a structure.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -38,7 +35,6 @@ pub struct GroundTable {
     pub processing: Processing,
     /// Influence vector ι, one number for each DOF. Default: the influence vector of the structure.
     /// A base displacement accepts only that default.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [1.0, 1.0, 0.0])]
     pub influence: Option<Vec<f64>>,
 }
@@ -48,11 +44,9 @@ pub struct GroundTable {
 #[serde(deny_unknown_fields)]
 pub struct NodalForceTable {
     /// Numbers of the DOFs on which the force acts, from 1. The full force acts on each of them.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [3])]
     pub dofs: Option<Vec<usize>>,
     /// Factor of the force for each DOF.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [0.2, 0.5, 1.0])]
     pub pattern: Option<Vec<f64>>,
     /// Time history of the force, in N unless the signal has its own `unit`.

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use super::echo;
 use super::fault_script::{Fault, Kind, MEMORY, Place, Script, Way};
 
 /// A script that cannot be played.
@@ -80,15 +81,6 @@ fn wrong_parameter(kind: Kind) -> Option<(&'static str, f64, &'static str)> {
         _ => None,
     }
 }
-/// A number without the three hundred digits of a slip in its exponent.
-fn short(value: f64) -> String {
-    if (1e-5..1e15).contains(&value.abs()) || value == 0.0 {
-        value.to_string()
-    } else {
-        format!("{value:e}")
-    }
-}
-
 /// Checks whether `script` can be played on a specimen with this number of axes.
 ///
 /// # Errors
@@ -119,7 +111,10 @@ fn check_fault(fault: &Fault, number: usize) -> Result<(), ScriptError> {
     };
     let place = fault.kind.place();
     if let Some((key, found, wanted)) = wrong_parameter(fault.kind) {
-        return wrong(key, format!("is {}, but must be {wanted}", short(found)));
+        return wrong(
+            key,
+            format!("is {}, but must be {wanted}", echo::number(found)),
+        );
     }
     if let Some(probability) = fault.probability {
         let inside = probability > 0.0 && probability <= 1.0;

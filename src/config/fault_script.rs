@@ -20,7 +20,6 @@ pub struct Script {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
     /// Expected result of a test with these faults. A server ignores it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<Expect>,
 }
 
@@ -29,20 +28,16 @@ pub struct Script {
 #[serde(deny_unknown_fields)]
 pub struct Fault {
     /// First affected command, from 0 at arming. Default: 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<u64>,
     /// Number of affected commands. Default: all commands after the first.
-    #[serde(default, rename = "for", skip_serializing_if = "Option::is_none")]
+    #[serde(default, rename = "for")]
     pub lasts: Option<u64>,
     /// Affected axis, from 1. Default: all axes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 2)]
     pub axis: Option<usize>,
     /// Direction on the link. Default: "replies".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<Way>,
     /// Probability for each affected command. Default: 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
     /// Kind of the fault.
     pub kind: Kind,
@@ -240,12 +235,10 @@ pub struct Expect {
     /// Phases of the test, from "connected" to "safe".
     pub path: Vec<String>,
     /// Words in the reason for the end. Default: the test reaches its last step.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// Exit code of `gusset run`.
     pub exit: u8,
     /// Words that the specimen must have reported.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub far_end: Option<String>,
 }
 

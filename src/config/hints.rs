@@ -31,6 +31,12 @@ impl Hints {
         Self(schema_for!(T).to_value())
     }
 
+    /// True if the schema has a key at `path`.
+    #[cfg(test)]
+    pub(super) fn knows(&self, path: &KeyPath) -> bool {
+        !self.nodes(path, true).is_empty()
+    }
+
     /// The finding for `mistake`, with the help that the schema gives. `root` is the file.
     pub(super) fn explain(&self, mistake: Mistake, root: &Node) -> Finding {
         let path = mistake.path.clone();

@@ -1,21 +1,18 @@
 //! The warn and trip levels of a limit, in a file.
 
-use std::fmt;
-
 use schemars::JsonSchema;
-use serde::de::{self, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
+
+use super::value::{Judged, as_number};
 
 /// Largest absolute value. Give `warn`, `trip` or both.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BoundSpec {
     /// Beyond this level, the controller writes an event.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub warn: Option<f64>,
     /// Beyond this level, the specimens hold and the test ends.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub trip: Option<f64>,
 }
 
@@ -24,47 +21,25 @@ pub struct BoundSpec {
 #[serde(deny_unknown_fields, default)]
 pub struct RangeSpec {
     /// Outside this range, the controller writes an event.
-    #[serde(deserialize_with = "range", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "range")]
     pub warn: Option<[f64; 2]>,
     /// Outside this range, the specimens hold and the test ends.
-    #[serde(deserialize_with = "range", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "range")]
     pub trip: Option<[f64; 2]>,
 }
 
 /// Reads a range, and says how one is written where a single number is found.
 fn range<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 2]>, D::Error> {
-    struct RangeVisitor;
-
-    impl<'de> Visitor<'de> for RangeVisitor {
-        type Value = [f64; 2];
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("a range `[lowest, highest]`")
-        }
-
-        fn visit_i64<E: de::Error>(self, value: i64) -> Result<[f64; 2], E> {
-            self.visit_f64(value as f64)
-        }
-
-        fn visit_u64<E: de::Error>(self, value: u64) -> Result<[f64; 2], E> {
-            self.visit_f64(value as f64)
-        }
-
-        fn visit_f64<E: de::Error>(self, value: f64) -> Result<[f64; 2], E> {
-            let size = value.abs();
-            let wanted = format!("a range `[lowest, highest]`, such as `[-{size}, {size}]`");
-            Err(E::invalid_type(Unexpected::Float(value), &wanted.as_str()))
-        }
-
-        fn visit_seq<A: SeqAccess<'de>>(self, mut numbers: A) -> Result<[f64; 2], A::Error> {
-            let short = |count: usize| de::Error::invalid_length(count, &self);
-            let low = numbers.next_element()?.ok_or_else(|| short(0))?;
-            let high = numbers.next_element()?.ok_or_else(|| short(1))?;
-            Ok([low, high])
-        }
-    }
-
-    deserializer.deserialize_any(RangeVisitor).map(Some)
+    let range = Judged {
+        expecting: "a range `[lowest, highest]`",
+        judge: |found| {
+            let size = as_number(found).map(f64::abs);
+            Err(size
+                .map(|size| format!("a range `[lowest, highest]`, such as `[-{size}, {size}]`")))
+        },
+        list: (2, |ends: Vec<f64>| <[f64; 2]>::try_from(ends).ok()),
+    };
+    deserializer.deserialize_any(range).map(Some)
 }
 
 impl From<BoundSpec> for RangeSpec {
@@ -77,64 +52,31 @@ impl From<BoundSpec> for RangeSpec {
     }
 }
 
-/// A bound that cannot be.
+/// A bound that cannot be kept.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub(crate) enum LimitsError {
-    /// Neither level is given.
-    #[error("`{key}` has neither a `warn` nor a `trip` level")]
-    Empty {
-        /// The bound.
-        key: &'static str,
-    },
-    /// A size that is not greater than zero.
-    #[error("a level of `{key}` is {found}, but must be greater than 0")]
-    NotPositive {
-        /// The bound.
-        key: &'static str,
-        /// The given value.
-        found: f64,
-    },
-    /// A size that is counted and no whole number.
-    #[error("a level of `{key}` is {found}, but must be a whole number of at least 1")]
-    NotWhole {
-        /// The bound.
-        key: &'static str,
-        /// The given value.
-        found: f64,
-    },
-    /// The smallest value is not below the largest.
-    #[error("`{key}` goes from {low} to {high}, which leaves no room")]
-    Inverted {
-        /// The bound.
-        key: &'static str,
-        /// Smallest.
-        low: f64,
-        /// Largest.
-        high: f64,
-    },
-    /// A warning that would come after the trip.
-    #[error("`{key}` warns at {warn}, which is not within its trip level of {trip}")]
-    Order {
-        /// The bound.
-        key: &'static str,
-        /// Level of the warning.
-        warn: f64,
-        /// Level of the trip.
-        trip: f64,
-    },
+#[error("{text}")]
+pub(crate) struct LimitsError {
+    /// The key to point at.
+    pub key: &'static str,
+    text: String,
 }
 
 impl LimitsError {
-    /// The key to point at.
-    #[must_use]
-    pub(crate) const fn key(&self) -> &'static str {
-        match self {
-            Self::Empty { key }
-            | Self::NotPositive { key, .. }
-            | Self::NotWhole { key, .. }
-            | Self::Inverted { key, .. }
-            | Self::Order { key, .. } => key,
-        }
+    fn empty<T>(key: &'static str) -> Result<T, Self> {
+        let text = format!("`{key}` has neither a `warn` nor a `trip` level");
+        Err(Self { key, text })
+    }
+
+    /// A size is greater than zero, and not NaN.
+    pub(super) fn not_positive<T>(key: &'static str, found: f64) -> Result<T, Self> {
+        let text = format!("a level of `{key}` is {found}, but must be greater than 0");
+        Err(Self { key, text })
+    }
+
+    /// A warning that would come after the trip.
+    fn order<T>(key: &'static str, warn: f64, trip: f64) -> Result<T, Self> {
+        let text = format!("`{key}` warns at {warn}, which is not within its trip level of {trip}");
+        Err(Self { key, text })
     }
 }
 
@@ -148,12 +90,12 @@ impl BoundSpec {
             // Written as "is inside", so that NaN fails.
             let inside = found > 0.0;
             if !inside {
-                return Err(LimitsError::NotPositive { key, found });
+                return LimitsError::not_positive(key, found);
             }
         }
         match (self.warn, self.trip) {
-            (None, None) => Err(LimitsError::Empty { key }),
-            (Some(warn), Some(trip)) if warn >= trip => Err(LimitsError::Order { key, warn, trip }),
+            (None, None) => LimitsError::empty(key),
+            (Some(warn), Some(trip)) if warn >= trip => LimitsError::order(key, warn, trip),
             _ => Ok(()),
         }
     }
@@ -162,7 +104,11 @@ impl BoundSpec {
     pub(super) fn check_count(self, key: &'static str) -> Result<(), LimitsError> {
         let mut levels = [self.warn, self.trip].into_iter().flatten();
         match levels.find(|level| level.fract() != 0.0 && level.is_finite()) {
-            Some(found) => Err(LimitsError::NotWhole { key, found }),
+            Some(found) => {
+                let must = "must be a whole number of at least 1";
+                let text = format!("a level of `{key}` is {found}, but {must}");
+                Err(LimitsError { key, text })
+            }
             None => self.check(key),
         }
     }
@@ -179,17 +125,17 @@ impl RangeSpec {
         for [low, high] in [self.warn, self.trip].into_iter().flatten() {
             let inside = low < high;
             if !inside {
-                return Err(LimitsError::Inverted { key, low, high });
+                let text = format!("`{key}` goes from {low} to {high}, which leaves no room");
+                return Err(LimitsError { key, text });
             }
         }
         match (self.warn, self.trip) {
-            (None, None) => Err(LimitsError::Empty { key }),
+            (None, None) => LimitsError::empty(key),
             (Some([low, high]), Some([lowest, highest])) => {
-                let order = |warn, trip| Err(LimitsError::Order { key, warn, trip });
                 if low <= lowest {
-                    order(low, lowest)
+                    LimitsError::order(key, low, lowest)
                 } else if high >= highest {
-                    order(high, highest)
+                    LimitsError::order(key, high, highest)
                 } else {
                     Ok(())
                 }

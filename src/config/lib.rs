@@ -61,7 +61,6 @@ mod timetable;
 mod timing_table;
 mod tls_table;
 mod value;
-mod variant;
 mod words;
 
 use std::path::{Path, PathBuf};
@@ -115,7 +114,7 @@ pub use specimen::{DrillTable, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};
-pub use timing_table::{CountSpec, MissesSpec, OnMiss, Policy, TimingSpec, TimingSpecError};
+pub use timing_table::{CountSpec, MissesSpec, OnMiss, Policy, TimingSpec};
 pub use tls_table::{ClientCertificate, ServeTlsSpec, TlsSpec};
 pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
 
@@ -249,6 +248,23 @@ struct Opened {
     notes: Vec<Finding>,
 }
 
+impl Opened {
+    /// The file of this kind and the warnings about it, or everything that is wrong with it.
+    fn accept<T: serde::de::DeserializeOwned + JsonSchema>(
+        &mut self,
+        check: impl Fn(&T) -> Vec<Finding>,
+    ) -> Result<(T, Vec<Finding>), ConfigError> {
+        let (file, findings) = judge(&self.root, check);
+        let all = self.notes.drain(..).chain(findings);
+        let (errors, warnings): (Vec<_>, Vec<_>) =
+            all.partition(|finding| finding.severity == Severity::Error);
+        match file {
+            Some(file) if errors.is_empty() => Ok((file, warnings)),
+            _ => Err(ConfigError::Invalid(self.locator.diagnose_all(errors))),
+        }
+    }
+}
+
 fn open(
     purpose: Purpose,
     path: &Path,
@@ -320,52 +336,41 @@ fn parse_for(
     text: String,
     sets: &[String],
 ) -> Result<Loaded, ConfigError> {
+    let mut opened = open(purpose, path, text, sets)?;
+    if let Some(finding) = serve::not_a_test(&opened.root) {
+        return Err(opened.locator.refusal(finding));
+    }
+    let clock = KeyPath::root().under("time.clock");
+    let clock_is_chosen = opened.locator.overrides(&clock);
+    let (mut file, warnings) = opened.accept(|file: &TestFile| match purpose {
+        Purpose::Run => check::check(file, clock_is_chosen),
+        Purpose::View => Vec::new(),
+    })?;
     let Opened {
         text,
         effective,
-        root,
         locator,
-        notes,
-    } = open(purpose, path, text, sets)?;
-    if let Some(finding) = serve::not_a_test(&root) {
-        return Err(locator.refusal(finding));
+        ..
+    } = opened;
+    let time = Time::of(&file.time).map_err(|finding| locator.refusal(*finding))?;
+    if file.title.trim().is_empty() {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy());
+        file.title = stem.map_or_else(|| "test".to_owned(), std::borrow::Cow::into_owned);
     }
-    let clock = KeyPath::root().key("time").key("clock");
-    let clock_is_chosen = locator.overrides(&clock);
-    let (file, findings) = judge(&root, |file| match purpose {
-        Purpose::Run => check::check(file, clock_is_chosen),
-        Purpose::View => Vec::new(),
-    });
-    let (errors, warnings): (Vec<_>, Vec<_>) = notes
-        .into_iter()
-        .chain(findings)
-        .map(|f| locator.diagnose(f))
-        .partition(|d| d.severity == Severity::Error);
-    let accepted = file.and_then(|file| Some((Time::of(&file.time).ok()?, file)));
-    match accepted {
-        Some((time, mut file)) if errors.is_empty() => {
-            if file.title.trim().is_empty() {
-                file.title = path
-                    .file_stem()
-                    .map_or_else(|| "test".to_owned(), |s| s.to_string_lossy().into_owned());
-            }
-            if removed::is_resolved(path) && file.structure.is_some() {
-                // Earlier versions did not write it down, and meant this.
-                file.safety.divergence_m.get_or_insert(DIVERGENCE_M);
-            }
-            Ok(Loaded {
-                path: path.to_owned(),
-                text,
-                effective,
-                file,
-                time,
-                warnings,
-                locator,
-                store: None,
-            })
-        }
-        _ => Err(ConfigError::Invalid(Diagnostics(errors))),
+    if removed::is_resolved(path) && file.structure.is_some() {
+        // Earlier versions did not write it down, and meant this.
+        file.safety.divergence_m.get_or_insert(DIVERGENCE_M);
     }
+    Ok(Loaded {
+        path: path.to_owned(),
+        text,
+        effective,
+        file,
+        time,
+        warnings: locator.diagnose_all(warnings).0,
+        locator,
+        store: None,
+    })
 }
 
 fn parse_overrides(sets: &[String]) -> (Vec<Override>, Vec<Diagnostic>) {
@@ -497,8 +502,8 @@ impl Transform for ForToml {
         }
         match object.get_mut("default") {
             Some(Value::Null) => drop(object.remove("default")),
-            Some(Value::Object(keys)) => keys.retain(|_, value| !value.is_null()),
-            _ => {}
+            Some(default) => remove_nulls(default),
+            None => {}
         }
         if let Some(Value::Array(types)) = object.get_mut("type") {
             types.retain(|t| t != "null");
@@ -517,6 +522,13 @@ impl Transform for ForToml {
                 }
             }
         }
+    }
+}
+
+fn remove_nulls(value: &mut serde_json::Value) {
+    if let Some(keys) = value.as_object_mut() {
+        keys.retain(|_, value| !value.is_null());
+        keys.values_mut().for_each(remove_nulls);
     }
 }
 

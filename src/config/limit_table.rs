@@ -287,7 +287,7 @@ impl LimitsSpec {
             if let Some((Setting { key, .. }, found)) = self.setting(row.limit) {
                 let inside = found >= 0.0;
                 if !inside {
-                    return Err(LimitsError::NotPositive { key, found });
+                    return LimitsError::not_positive(key, found);
                 }
             }
         }
@@ -334,7 +334,7 @@ mod tests {
         ] {
             let error = read(text).check().unwrap_err();
             assert!(error.to_string().contains(words), "{text}: {error}");
-            assert!(text.starts_with(error.key()));
+            assert!(text.starts_with(error.key));
         }
         let good = "command_disp_m = { warn = [-0.1, 0.2], trip = [-0.2, 0.3] }\nstuck_ticks = { trip = 5 }\n";
         assert_eq!(read(good).check(), Ok(()));

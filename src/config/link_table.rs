@@ -28,7 +28,6 @@ pub struct LinkSpec {
     pub address: String,
     /// File that contains the pre-shared key, relative to the test file. Other users must not have
     /// access to it (`chmod 600`). It is never copied into the run folder. Default: no key.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"laboratory.key")]
     pub key_file: Option<String>,
     /// Time behaviour of the specimen: it measures continuously, or it answers each command.
@@ -54,21 +53,17 @@ pub struct LinkSpec {
     /// Number of successive stale measurements after which the test stops. If no measurement
     /// arrives before the first tick, it stops at once. Default: the number of ticks in 0.1 s, at
     /// least ten.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 20)]
     pub max_stale: Option<u64>,
     /// Time without a command after which the specimen must hold, at most 3600 s. Default: 0.25 s,
     /// at least ten ticks.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.1)]
     pub watchdog_s: Option<f64>,
     /// Fraction of the tick after which the specimen samples its force, above 0 and at most 1.
     /// Default: when the command arrives.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.5)]
     pub sample_after: Option<f64>,
     /// Names of the axes, as the server of the specimen uses them. Default: "axis 1", "axis 2", ….
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = serde_json::json!(["north", "south"]))]
     pub axis_names: Option<Vec<String>>,
     /// Time of active waiting for a reply before the thread sleeps, at most 1e6. At high rates it
@@ -77,12 +72,10 @@ pub struct LinkSpec {
     #[schemars(example = 100.0)]
     pub spin_us: f64,
     /// Certificates for `transport = "tls"`. Default: the file names that OpenFresco uses.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tls: Option<TlsSpec>,
     /// Amplitude of the wiring check before each test, at the specimen. Each axis moves this far
     /// and back; a specimen with a wrong sign is refused. Keep it in the elastic range. Default: no
     /// motion; a static load can also show the sign, otherwise a warning is written.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_m: Option<f64>,
     /// Time of the motion of the wiring check in each direction, at least four ticks and at most
     /// 600 s.
@@ -97,16 +90,13 @@ pub struct LinkSpec {
     /// Initial position of each axis before the test, in m. The specimen holds there and then moves
     /// to the start of the test. Required for element servers and actor sites of OpenFresco and
     /// adapters of OpenSees, unless `computed` is true. More: guide, opensees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = [0.0])]
     pub stands_at_m: Option<Vec<f64>>,
     /// "none" omits the wiring check without a warning. Default: a warning if neither `probe_m` nor
     /// a static load shows the sign of an axis.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"none")]
     pub probe: Option<ProbeChoice>,
     /// Settings for `protocol = "openfresco…"`, which always uses lockstep coupling.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub openfresco: Option<OpenFrescoSpec>,
 }
 

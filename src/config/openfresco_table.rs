@@ -16,28 +16,23 @@ pub struct OpenFrescoSpec {
     pub server: ServerKind,
     /// Number of values in each message. It grows if commands or answers need more. A smaller
     /// number is faster. Default: 256.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 64)]
     pub data_size: Option<usize>,
     /// Whether a UDP connection begins with an exchange of two bytes, `a` and `b`. Default: no for
     /// application servers of OpenFresco 2.8, yes for its sites, OpenSees and OpenFresco 2.7.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = true)]
     pub udp_hello: Option<bool>,
     /// Numbers of displacements, velocities, accelerations, forces and times in a command. The last
     /// number is 0 or 1. Default: the numbers that the other end is known to accept.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [1, 0, 0, 0, 0])]
     pub command_signals: Option<[usize; 5]>,
     /// Numbers of displacements, velocities, accelerations, forces and times in an answer. A first
     /// number above 0 declares measured displacements, as `gusset serve` has them and an element
     /// server of OpenFresco has not. Default: the known numbers; an element server gives forces
     /// only.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [1, 1, 1, 1, 1])]
     pub answer_signals: Option<[usize; 5]>,
     /// Version number that both sites compare with "openfresco-shadow". Default: 2.8.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 2.7)]
     pub version: Option<f64>,
     /// Site tag of this controller with "openfresco-shadow".
@@ -52,13 +47,11 @@ pub struct OpenFrescoSpec {
 pub struct OpenFrescoServeSpec {
     /// Name or address of the only computer that may command the specimen. Required beyond
     /// loopback, unless TLS requires certificates, because these protocols have no key.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"10.0.0.5")]
     pub client: Option<String>,
     /// Time without a message after which a client counts as gone. Default: 60 s with UDP, none
     /// with TCP. With UDP, a new client on the same computer takes over a simulated specimen after
     /// 2 s.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 30.0)]
     pub idle_timeout_s: Option<f64>,
     /// If true, the specimen is physical: a step that the client takes back ends the test, and the
@@ -68,18 +61,15 @@ pub struct OpenFrescoServeSpec {
     /// Largest distance of later trials of a step from its first one, for a client that iterates. It
     /// is in m (or rad) at the client's scale. Only for a gateway and with `physical = true`.
     /// Default: a second, different target in a step ends the test.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.0005)]
     pub iterates_within_m: Option<f64>,
     /// Test time of one step, for clients that send no time. Default: rate effects depend on the
     /// velocities only.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.01)]
     pub step_s: Option<f64>,
     /// Order of the signals with "openfresco-simulink", as in the OpenFresco model. Required for
     /// several axes with several quantities, because OpenFresco does not send the order. Default:
     /// none; such a client is refused.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"by_quantity")]
     pub signal_order: Option<SignalOrderSpec>,
 }

@@ -40,13 +40,7 @@ impl Override {
             text: format!("{FLAG}{argument}"),
         });
         let refuse = |headline: &str, label: &str, span: Range<usize>, help: &str| {
-            refusal(
-                &source,
-                span,
-                headline.to_owned(),
-                label.to_owned(),
-                vec![help.to_owned()],
-            )
+            refusal(&source, span, headline, label, Some(help))
         };
         let Some((key, text)) = argument.split_once('=') else {
             return Err(refuse(
@@ -90,12 +84,7 @@ impl Override {
                 (value, tree)
             }
             Err(error) if text.starts_with(['{', '[', '"', '\'']) => {
-                let message = error
-                    .message()
-                    .lines()
-                    .next()
-                    .unwrap_or_default()
-                    .to_owned();
+                let message = error.message().lines().next().unwrap_or_default();
                 let at = error.span().map_or(0, |span| span.start);
                 if let Some(number) = decimal_comma(text, at) {
                     let span = start + number.start..start + number.end;
@@ -109,7 +98,7 @@ impl Override {
                 }
                 return Err(refuse(
                     "the value of an override is not valid TOML",
-                    &message,
+                    message,
                     value_span,
                     "text with brackets or quotes inside is itself quoted",
                 ));
@@ -164,13 +153,10 @@ impl Override {
         if !undone.starts_with(&self.path()) {
             return None;
         }
-        let mut diagnostic = refusal(
-            &self.source,
-            self.argument(),
-            format!("`{undone}` is overridden twice"),
-            "again here".to_owned(),
-            vec!["remove one of them: the two values contradict".to_owned()],
-        );
+        let headline = format!("`{undone}` is overridden twice");
+        let help = "remove one of them: the two values contradict";
+        let place = self.argument();
+        let mut diagnostic = refusal(&self.source, place, &headline, "again here", Some(help));
         diagnostic.beside = Some((before.place(before.argument()), "first here".to_owned()));
         Some(diagnostic)
     }
@@ -227,22 +213,16 @@ impl Override {
             .segments
             .get(segment.min(last))
             .map_or(0..0, |(_, span)| span.clone());
-        refusal(
-            &self.source,
-            span,
-            headline.to_owned(),
-            label.to_owned(),
-            Vec::new(),
-        )
+        refusal(&self.source, span, headline, label, None)
     }
 }
 
 fn refusal(
     source: &Arc<Source>,
     span: Range<usize>,
-    headline: String,
-    label: String,
-    help: Vec<String>,
+    headline: &str,
+    label: &str,
+    help: Option<&str>,
 ) -> Box<Diagnostic> {
     let place = Place {
         source: Arc::clone(source),
@@ -250,10 +230,10 @@ fn refusal(
     };
     Box::new(Diagnostic {
         severity: Severity::Error,
-        place: (place, plain(&label)),
+        place: (place, plain(label)),
         beside: None,
-        headline: plain(&headline),
-        help: help.iter().map(|help| plain(help)).collect(),
+        headline: plain(headline),
+        help: help.map(plain).into_iter().collect(),
     })
 }
 

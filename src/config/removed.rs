@@ -14,7 +14,7 @@ struct RemovedKey {
     /// The tables that contained it, as [`KeyPath::shape`] writes them.
     tables: &'static [&'static str],
     key: &'static str,
-    /// Its default, as TOML; none for a key without one.
+    /// Its default, as a number of Rust is written; none for a key without one.
     default: Option<&'static str>,
     /// The last version that knew it.
     last: &'static str,
@@ -93,14 +93,14 @@ const REMOVED: &[RemovedKey] = &[
     RemovedKey {
         tables: LIMITS,
         key: "alternating_m",
-        default: Some("0.0"),
+        default: Some("0"),
         last: "0.2.0",
         instead: "remove this key, or set `alternating_ticks` to a larger number of ticks",
     },
     RemovedKey {
         tables: LIMITS,
         key: "tangent_step_m",
-        default: Some("0.0"),
+        default: Some("0"),
         last: "0.2.0",
         instead: "remove this key: Gusset determines the step from the noise of the sensors",
     },
@@ -108,24 +108,13 @@ const REMOVED: &[RemovedKey] = &[
 
 impl RemovedKey {
     fn was_default(&self, node: &Node) -> bool {
-        let default = self.default.map(|text| Node::parse(&format!("v = {text}")));
-        let Some(Ok(default)) = default else {
-            return false;
+        let found = match node.datum {
+            Datum::Boolean(value) => value.to_string(),
+            Datum::Integer(value) => value.to_string(),
+            Datum::Float(value) => value.to_string(),
+            _ => return false,
         };
-        let default = default.find(&KeyPath::root().key("v"));
-        default.is_some_and(|default| same(&default.datum, &node.datum))
-    }
-}
-
-fn same(one: &Datum, other: &Datum) -> bool {
-    let number = |datum: &Datum| match datum {
-        Datum::Integer(value) => Some(*value as f64),
-        Datum::Float(value) => Some(*value),
-        _ => None,
-    };
-    match (one, other) {
-        (Datum::Boolean(one), Datum::Boolean(other)) => one == other,
-        _ => number(one).is_some() && number(one) == number(other),
+        self.default == Some(found.as_str())
     }
 }
 

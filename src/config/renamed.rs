@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use toml_edit::{Item, TableLike, Value};
 
-use super::document::{KeyPath, Node, Segment};
+use super::document::{Datum, KeyPath, Node, Segment};
 use super::edit::put_in_table;
 use gusset_quantity::finding::Finding;
 
@@ -22,8 +22,8 @@ struct RenamedKey {
     to: &'static str,
     /// Old and new name of a parameter.
     inside: &'static [(&'static str, &'static str)],
-    /// A parameter that the old name implies, as TOML.
-    implied: Option<(&'static str, &'static str)>,
+    /// A parameter that the old name implies.
+    implied: Option<(&'static str, f64)>,
     /// The key of the table without which the old name has no meaning.
     beside: Option<&'static str>,
 }
@@ -53,7 +53,7 @@ const fn stand_in(from: &'static str, to: &'static str) -> RenamedKey {
 const TIMING: &[&str] = &["timing"];
 /// Tables and lists that hold a law.
 const LAWS: &[&str] = &["*.law", "*.laws[*]", "*.parallel[*]", "*.absolute_damper"];
-const PERFECTLY_PLASTIC: Option<(&str, &str)> = Some(("post_yield_ratio", "0.0"));
+const PERFECTLY_PLASTIC: Option<(&str, f64)> = Some(("post_yield_ratio", 0.0));
 
 /// A key of an outer table comes before those inside it.
 const RENAMED: &[RenamedKey] = &[
@@ -78,20 +78,13 @@ const RENAMED: &[RenamedKey] = &[
         ..renamed(LAWS, "coulomb", "bilinear")
     },
     RenamedKey {
-        implied: Some(("stiffness_n_per_m", "0.0")),
+        implied: Some(("stiffness_n_per_m", 0.0)),
         ..renamed(LAWS, "viscous", "linear")
     },
 ];
 
 fn keys(dotted: &str) -> Vec<&str> {
     dotted.split('.').collect()
-}
-
-/// The path of a dotted name within `table`.
-fn under(table: &KeyPath, dotted: &str) -> KeyPath {
-    keys(dotted)
-        .iter()
-        .fold(table.clone(), |at, key| at.key(key))
 }
 
 impl RenamedKey {
@@ -120,11 +113,9 @@ impl RenamedKey {
         }
         if let Some((key, value)) = self.implied
             && !entry.is_taken(&[key])
-            && let Ok(parsed) = Node::parse(&format!("v = {value}"))
-            && let Some(value) = parsed.find(&KeyPath::root().key("v"))
         {
             let implied = Node {
-                datum: value.datum.clone(),
+                datum: Datum::Float(value),
                 ..entry.clone()
             };
             entry.put(&[key], implied);
@@ -144,11 +135,8 @@ impl RenamedKey {
                     entry.insert(*new, parameter);
                 }
             }
-            if let Some((key, implied)) = self.implied
-                && !entry.contains_key(key)
-                && let Ok(implied) = implied.parse::<Value>()
-            {
-                entry.insert(key, implied);
+            if let Some((key, implied)) = self.implied {
+                entry.entry(key).or_insert(implied.into());
             }
         }
         let to = keys(self.to);
@@ -164,12 +152,12 @@ impl RenamedKey {
     }
 
     fn note(&self, table: &KeyPath) -> Finding {
-        let (old, new) = (under(table, self.from), under(table, self.to));
+        let (old, new) = (table.under(self.from), table.under(self.to));
         let headline = format!("`{old}` is now called `{new}`");
         let finding = Finding::warning(new, headline).at_key();
         let finding = finding.label("the old name; it is still accepted");
         match self.implied {
-            Some((key, value)) => finding.help(format!("add `{key} = {value}`")),
+            Some((key, value)) => finding.help(format!("add `{key} = {value:?}`")),
             None => finding,
         }
     }
@@ -207,7 +195,7 @@ pub(super) fn rename_text(document: &mut dyn TableLike, moves: &[Move]) {
 /// Today's path of each moved entry, and the path that the user wrote.
 pub(super) fn written(moves: &[Move]) -> Vec<(String, String)> {
     let paths = moves.iter().map(|Move { key, table }| {
-        let [now, then] = [key.to, key.from].map(|name| under(table, name).to_string());
+        let [now, then] = [key.to, key.from].map(|name| table.under(name).to_string());
         (now, then)
     });
     paths.collect()
@@ -231,12 +219,12 @@ pub(super) fn current(path: &KeyPath, holds: &dyn Fn(&KeyPath) -> bool) -> Optio
     for length in 0..segments.len() {
         let table: KeyPath = segments[..length].iter().cloned().collect();
         for key in RENAMED.iter().filter(|key| key.is_of(&table)) {
-            let old = under(&table, key.from);
+            let old = table.under(key.from);
             let has = |beside: &str| holds(&table.key(beside));
             if !path.starts_with(&old) || key.beside.is_some_and(|beside| !has(beside)) {
                 continue;
             }
-            let mut now = under(&table, key.to);
+            let mut now = table.under(key.to);
             for segment in &segments[old.segments().len()..] {
                 let renamed = key
                     .inside
@@ -261,7 +249,7 @@ pub(super) fn finding(path: &KeyPath) -> Option<Finding> {
     let table = path.parent()?;
     let is_it = |key: &&RenamedKey| key.is_of(&table) && path.last_key() == Some(key.from);
     let key = RENAMED.iter().find(is_it)?;
-    let new = under(&table, key.to);
+    let new = table.under(key.to);
     let finding = Finding::error(path.clone(), format!("`{path}` is the old name of `{new}`"));
     Some(
         finding

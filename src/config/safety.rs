@@ -17,13 +17,11 @@ pub struct SafetyTable {
     /// Largest displacement of any DOF of the structure. Beyond it the test counts as diverged and
     /// stops. Default: 1000 m. With `link` on the real clock it is ten times the peak of the rehearsal,
     /// at least 0.1 m. This requires a stable loop and a complete rehearsal.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.5)]
     pub divergence_m: Option<f64>,
     /// Wall time over which all sensors are averaged before anything moves, at most 600 s. The
     /// specimens hold meanwhile. 0 skips it. Default: 0.2 s with `link` or a relative zero,
     /// otherwise 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub zero_s: Option<f64>,
     /// If true, the operator must confirm the averaged readings before anything moves. `zero_s`
     /// must not be 0 then. A relative zero always needs a confirmation.
@@ -51,13 +49,11 @@ pub struct SafetyTable {
     /// Largest difference between the position of an axis at `gusset run --resume` and its last
     /// position, at the specimen. Default: 1.5 times the largest following error; after a kill also
     /// the motion of the last 0.05 s. `--accept-changed` accepts a larger difference.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.0005)]
     pub resume_within_m: Option<f64>,
     /// Largest difference between the force of an axis at `gusset run --resume` and its last force,
     /// at the specimen. Default: 2 % of the recorded peak force plus five times the noise. A change
     /// of position adds its elastic force. `--accept-changed` accepts a larger difference.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 500.0)]
     pub resume_within_n: Option<f64>,
     /// If true, `gusset run --resume` treats a changed reading of a load cell with a relative zero
@@ -68,60 +64,50 @@ pub struct SafetyTable {
     pub resume_takes_force_drift: bool,
     /// Largest speed of a specimen on the move to its end position, at least 1e-6. Required by
     /// every end position but "freeze".
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.001)]
     pub exit_speed_m_per_s: Option<f64>,
     /// Stability margin used by tangents that exceed their declared bounds, estimated from all
     /// axes. Below 1 the integration is stable. Default: a warning above 1. Not available without a
     /// proof of stability.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = serde_json::json!({"warn": 0.8, "trip": 1.0}))]
     pub stability_used: Option<BoundSpec>,
     /// Lag of a specimen divided by its critical delay, for the worst axis, over the last seconds
     /// of motion. At 1 the response of a linear structure grows. Default: a warning above 1. More:
     /// guide, mathematics-coupling.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = serde_json::json!({"warn": 0.7, "trip": 1.0}))]
     pub delay_used: Option<BoundSpec>,
     /// Residual of the energy audit of the steps, divided by the exchanged energy. It is only
     /// roundoff, unless the program has an error. Default: a warning above 1e-9 and a trip above
     /// 1e-6, for up to 64 DOFs.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = serde_json::json!({"warn": 1.0e-9, "trip": 1.0e-6}))]
     pub step_audit: Option<BoundSpec>,
     /// Energy added by the tracking errors of all specimens, divided by the energy input so far.
     /// The input is the work of loads and base motion, plus the largest kinetic energy. Default: no
     /// limit. `limits.added_energy_j` limits a single axis.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub added_energy_share: Option<ShareSpec>,
     /// Reason why a specimen with `link` may move without trip levels of `command_disp_m` and
     /// `measured_force_n`. Without a reason, such a test is refused. All other limits stay active.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"Elastic specimen; the servo controller has its own limits")]
     pub unlimited: Option<String>,
     /// Reason why a test may move a specimen with `link` although its loop is unstable or stability
     /// is not proven. Without a reason, `run` refuses such a test. The reason is written to the
     /// summary and the report.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"Stability is shown by the identified tangent, see the test plan")]
     pub accept_unstable: Option<String>,
     /// Reason why a test may move a specimen with `link` although its rehearsal diverges, stops
     /// early, trips or exceeds a capacity. Without a reason, `run` refuses such a test. The reason
     /// is written to the summary and the report.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The rehearsal trips only at the end, where the specimen may fail")]
     pub accept_trip: Option<String>,
     /// Reason why a test may move a specimen whose stiffness in the wiring check differs from
     /// `stiffness_n_per_m`. It differs by a ratio outside 1/2 to 2, or by another coupling. Opposite
     /// signs are always refused. The reason is written to the summary and the report.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The specimen is cracked; its stiffness is a third of the estimate")]
     pub accept_wiring: Option<String>,
     /// Reason why a specimen with `link` that resists velocity may move at other velocities than
     /// those of the test. They differ if `time.scale` is not 1 / `similitude.time`, or if a gateway
     /// rests at each target. Without a reason, `run` and `serve` refuse such a specimen. The reason
     /// is written to the summary and the report.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The damping of the specimen is below 0.5 % of critical")]
     pub accept_speed: Option<String>,
     /// Error of a largest drift from which the test has a finding, as a share of this drift. It holds
@@ -135,7 +121,6 @@ pub struct SafetyTable {
     /// Reason why a test may move a specimen with `link` although an error exceeds `error_refuse`, or
     /// its actuators take all damping from a mode. Without a reason, `run` refuses such a test. The
     /// reason is written to the summary and the report.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"The test studies the effect of the delay")]
     pub accept_error: Option<String>,
 }
@@ -199,11 +184,9 @@ impl SafetyTable {
 #[serde(deny_unknown_fields)]
 pub struct ShareSpec {
     /// Beyond this ratio, the controller writes an event.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.05)]
     pub warn: Option<f64>,
     /// Beyond this ratio, the specimens hold and the test ends.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.1)]
     pub trip: Option<f64>,
     /// Energy that is added to the energy input from the start. It prevents a trip while the test

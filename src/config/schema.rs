@@ -13,8 +13,9 @@ use super::specimen::SpecimenTable;
 use super::timetable::TimeTable;
 use super::timing_table::TimingSpec;
 use super::value::{DofChoice, LambdaValue};
-use super::variant;
-use gusset_numerics::model::{DampingSpec, ElementSpec, StructureSpec};
+use gusset_numerics::model::{
+    ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ShearBuildingSpec, StructureSpec,
+};
 
 /// One hybrid test: the structure, its excitation, its specimens, its limits and its record. Values
 /// are in SI units unless the key or a unit beside it says otherwise.
@@ -29,7 +30,6 @@ pub struct TestFile {
     pub time: TimeTable,
     /// Numerical substructure. Without this table nothing is integrated, and
     /// `excitation.prescribed_displacement` moves the specimens.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub structure: Option<StructureTable>,
     /// Time integration.
     #[serde(default)]
@@ -63,52 +63,26 @@ pub struct TestFile {
 #[serde(deny_unknown_fields)]
 pub struct StructureTable {
     /// Shear building: one mass for each floor, one spring and one dashpot for each storey.
-    #[serde(
-        default,
-        deserialize_with = "read_shear_building",
-        serialize_with = "variant::write",
-        skip_serializing_if = "Option::is_none"
-    )]
-    #[schemars(schema_with = "shear_building_schema")]
-    pub shear_building: Option<StructureSpec>,
+    pub shear_building: Option<ShearBuildingSpec>,
     /// Mass, damping and stiffness matrices, written here or read from files.
-    #[serde(
-        default,
-        deserialize_with = "read_matrices",
-        serialize_with = "variant::write",
-        skip_serializing_if = "Option::is_none"
-    )]
-    #[schemars(schema_with = "matrices_schema")]
-    pub matrices: Option<StructureSpec>,
+    pub matrices: Option<MatricesSpec>,
     /// Chain of equal masses, springs and dashpots. Use it to test large models.
-    #[serde(
-        default,
-        deserialize_with = "read_chain",
-        serialize_with = "variant::write",
-        skip_serializing_if = "Option::is_none"
-    )]
-    #[schemars(schema_with = "chain_schema")]
-    pub chain: Option<StructureSpec>,
+    pub chain: Option<ChainSpec>,
     /// Viscous damping by a rule, for example Rayleigh damping. Use it instead of the dashpots or
     /// the damping matrix of the structure.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub damping: Option<DampingSpec>,
     /// Displacement of each DOF at t = 0, relative to its position under the static load. The unit
     /// is m, or rad for a rotation. Default: zero.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [0.01, 0.02, 0.03])]
     pub initial_displacement_m: Option<Vec<f64>>,
     /// Velocity of each DOF at t = 0. The unit is m/s, or rad/s for a rotation. Default: zero.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = [0.0, 0.0, 0.1])]
     pub initial_velocity_m_per_s: Option<Vec<f64>>,
     /// Constant force on each DOF, in N, or in N m for a rotation. It is applied before t = 0 and
     /// stays constant. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub static_load_n: Option<Vec<f64>>,
     /// Weight of the structure as a static load, M·ι·g. It is applied before t = 0 and is added to
     /// `static_load_n`. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<GravityTable>,
     /// Numbers of the DOFs of `matrices` that are rotations, from 1. Their units are rad and N m in
     /// the file, the record and the report. Default: none.
@@ -120,17 +94,19 @@ pub struct StructureTable {
 }
 
 impl StructureTable {
-    /// The kinds that are given, by key; a checked file has exactly one.
+    /// The kind that is given, with its key; a checked file has exactly one.
     #[must_use]
-    pub fn kinds(&self) -> Vec<(&'static str, &StructureSpec)> {
-        [
-            ("shear_building", &self.shear_building),
-            ("matrices", &self.matrices),
-            ("chain", &self.chain),
-        ]
-        .into_iter()
-        .filter_map(|(key, kind)| kind.as_ref().map(|spec| (key, spec)))
-        .collect()
+    pub fn kind(&self) -> Option<(&'static str, StructureSpec)> {
+        let building = self
+            .shear_building
+            .clone()
+            .map(StructureSpec::ShearBuilding);
+        let matrices = || self.matrices.clone().map(StructureSpec::Matrices);
+        let chain = || self.chain.clone().map(StructureSpec::Chain);
+        let building = building.map(|spec| ("shear_building", spec));
+        building
+            .or_else(|| Some(("matrices", matrices()?)))
+            .or_else(|| Some(("chain", chain()?)))
     }
 }
 
@@ -167,13 +143,11 @@ pub struct IntegratorTable {
     pub allow_unstable_lambda: bool,
     /// Largest allowed amplification of a force error by a stiff mode. It limits the λ that `lambda
     /// = "auto"` chooses. Default: 2 with a specimen, 10 without.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 2.0)]
     pub gain_bound: Option<f64>,
     /// Share of the damping at rest of `smooth_friction` and `power_damper` laws that enters the
     /// initial damping, from 0 to 1. This damping acts around rest only, so a smaller share is more
     /// accurate. Default: the least share for which the proof of stability holds.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.25)]
     pub rest_damping_share: Option<f64>,
     /// First step of the Gui-λ family. "second-order" is more accurate if the initial acceleration
@@ -182,21 +156,17 @@ pub struct IntegratorTable {
     pub start: Start,
     /// Spectral radius ρ∞ at infinite frequency, from 0 (strongest damping of high frequencies) to
     /// 1 (none). "kr_alpha" and "mkr_alpha" require it. Source: Kolay & Ricles 2014 and 2019.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.9)]
     pub rho_infinity: Option<f64>,
     /// Quantity that "kr_alpha" and "mkr_alpha" average between two steps. Default: "forces".
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"forces")]
     pub weighting: Option<Weighting>,
     /// Convergence tolerance of Newton's iteration: the increment divided by the largest response.
     /// Only for the Newmark methods, "central_difference" and "chang_2002". Default: 1e-10.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 1e-10)]
     pub newton_tolerance: Option<f64>,
     /// Maximum number of Newton iterations in a step. The test stops if the iteration does not
     /// converge. Only for the methods with `newton_tolerance`. Default: 50.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000))]
     #[schemars(example = 50)]
     pub newton_iterations: Option<u32>,
@@ -272,12 +242,6 @@ impl IntegratorTable {
     pub(crate) fn is_alpha(&self) -> bool {
         matches!(self.method, Method::KrAlpha | Method::MkrAlpha)
     }
-
-    /// True for the methods that iterate to equilibrium.
-    #[must_use]
-    pub(crate) fn iterates(&self) -> bool {
-        self.method != Method::Gui && !self.is_alpha()
-    }
 }
 
 /// First step of the Gui-λ family.
@@ -299,7 +263,6 @@ pub enum Start {
 pub struct RecordTable {
     /// DOFs whose motion is recorded: "all", or a list of numbers from 1. Default: all DOFs of a
     /// model with up to 64. For larger models: the first, the last and those of the specimens.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"all")]
     pub dofs: Option<DofChoice>,
     /// Length of the queue between the loop and the writer, in seconds of rows, at most 600. If the
@@ -329,32 +292,4 @@ impl Default for RecordTable {
 
 const fn standard_gravity() -> f64 {
     9.806_65
-}
-
-fn read_shear_building<'de, D: serde::Deserializer<'de>>(
-    d: D,
-) -> Result<Option<StructureSpec>, D::Error> {
-    variant::read("shear_building", d)
-}
-
-fn read_matrices<'de, D: serde::Deserializer<'de>>(
-    d: D,
-) -> Result<Option<StructureSpec>, D::Error> {
-    variant::read("matrices", d)
-}
-
-fn read_chain<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<StructureSpec>, D::Error> {
-    variant::read("chain", d)
-}
-
-fn shear_building_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    variant::schema::<StructureSpec>("shear_building", generator)
-}
-
-fn matrices_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    variant::schema::<StructureSpec>("matrices", generator)
-}
-
-fn chain_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    variant::schema::<StructureSpec>("chain", generator)
 }

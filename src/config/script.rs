@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::fault_rules::{ScriptError, check_script};
 use super::fault_script::Script;
-use super::{ConfigError, Finding, KeyPath, Purpose, judge, open};
+use super::{ConfigError, Finding, KeyPath, Purpose, open};
 use gusset_quantity::catalog::phase::Phase;
 
 /// Reads the text of the fault script at `path`.
@@ -12,17 +12,8 @@ use gusset_quantity::catalog::phase::Phase;
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.
 pub fn parse_script(path: &Path, text: String) -> Result<Script, ConfigError> {
-    let opened = open(Purpose::Run, path, text, &[])?;
-    let (script, findings) = judge::<Script>(&opened.root, check);
-    match script {
-        Some(script) if findings.is_empty() => Ok(script),
-        _ => {
-            let diagnostics = findings.into_iter().map(|f| opened.locator.diagnose(f));
-            Err(ConfigError::Invalid(super::Diagnostics(
-                diagnostics.collect(),
-            )))
-        }
-    }
+    let mut opened = open(Purpose::Run, path, text, &[])?;
+    opened.accept(check).map(|(script, _)| script)
 }
 
 fn check(script: &Script) -> Vec<Finding> {

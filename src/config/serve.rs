@@ -4,23 +4,14 @@ use std::path::Path;
 
 use super::axis_table::{DispUnit, ForceUnit};
 use super::document::Node;
-use super::echo::number;
 use super::link_table::{Carrier, Offer};
 use super::safety::SafetyTable;
-use super::serve_table::{PaceTable, ServeFile, ServeTable};
+use super::serve_table::{ServeFile, ServeTable};
 use super::{
-    ConfigError, Finding, KeyPath, Locator, Purpose, Severity, SpecimenTable, check, judge, open,
-    plain, read_text,
+    ConfigError, Finding, KeyPath, Locator, Purpose, SpecimenTable, check, judge, open, plain,
+    read_text,
 };
 use gusset_actuator::geometry::Geometry;
-
-/// Longest silence in s after which a client counts as lost: a day.
-const IDLE_S: f64 = 86_400.0;
-
-/// Smallest and largest rate of paced commands, Hz.
-const PACE_HZ: (f64, f64) = (1.0, 10_000.0);
-/// Longest path to one target, s.
-const PACE_STEP_S: f64 = 60.0;
 
 /// The served part of a file that has been read and checked.
 #[derive(Debug)]
@@ -77,11 +68,7 @@ impl ServedFile {
         for (index, gear) in axes.enumerate() {
             if let Some((key, known)) = gear.foreign_units().next() {
                 let at = self.place.key("axis").index(index).key(key);
-                let text = format!("the protocol of Gusset does not support this `{key}`");
-                let finding = Finding::error(at, text)
-                    .label(known)
-                    .help("`protocol = \"openfresco\"` in [serve], or --protocol openfresco, serves it in this unit");
-                return Err(self.locator.refusal(finding));
+                return Err(self.foreign_unit(at, known));
             }
         }
         Ok(())
@@ -121,12 +108,16 @@ impl ServedFile {
             (false, None) => ("unit_force", "N or kN"),
             (false, Some(_)) => return Ok(()),
         };
-        let at = KeyPath::root().key("serve").key(key);
+        Err(self.foreign_unit(KeyPath::root().key("serve").key(key), known))
+    }
+
+    /// A unit that the protocol of Gusset lacks.
+    fn foreign_unit(&self, at: KeyPath, known: &str) -> ConfigError {
+        let key = at.last_key().unwrap_or_default();
         let text = format!("the protocol of Gusset does not support this `{key}`");
-        let finding = Finding::error(at, text)
-            .label(known)
-            .help("`protocol = \"openfresco\"` in [serve], or --protocol openfresco, serves it in this unit");
-        Err(self.locator.refusal(finding))
+        let help = "`protocol = \"openfresco\"` in [serve], or --protocol openfresco, serves it in this unit";
+        let finding = Finding::error(at, text).label(known).help(help);
+        self.locator.refusal(finding)
     }
 
     /// Checks that the server does not need the port of the specimen that it commands. `flag` is the option that gives
@@ -171,7 +162,7 @@ impl ServedFile {
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, ConfigError> {
     let text = read_text(path)?;
-    let opened = open(Purpose::Run, path, text.clone(), &[])?;
+    let mut opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator.clone();
     let refuse = |finding: Finding| locator.refusal(finding);
     let of_a_test = is_test(&opened.root);
@@ -193,63 +184,18 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
         };
         (file, vec![])
     } else {
-        let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
-        let (findings, told): (Vec<_>, Vec<_>) = opened
-            .notes
-            .into_iter()
-            .chain(findings)
-            .partition(|finding| finding.severity == Severity::Error);
-        match file {
-            Some(file) if findings.is_empty() => {
-                let said = |finding: Finding| match finding.label.as_str() {
-                    "" => plain(&finding.headline),
-                    label => plain(&format!("{}: {label}", finding.headline)),
-                };
-                let mut warnings: Vec<_> = told.into_iter().map(said).collect();
-                if file.safety.as_ref().is_some_and(SafetyTable::bounds_a_test) {
-                    let text = "[safety] bounds a test's response, which a server does not know; its bounds are `limits`";
-                    warnings.push(text.to_owned());
-                }
-                (file, warnings)
-            }
-            _ => {
-                let diagnostics = findings.into_iter().map(|f| locator.diagnose(f));
-                return Err(ConfigError::Invalid(super::Diagnostics(
-                    diagnostics.collect(),
-                )));
-            }
+        let (file, told) = opened.accept(check::check_served)?;
+        let said = |finding: Finding| match finding.label.as_str() {
+            "" => plain(&finding.headline),
+            label => plain(&format!("{}: {label}", finding.headline)),
+        };
+        let mut warnings: Vec<_> = told.into_iter().map(said).collect();
+        if file.safety.as_ref().is_some_and(SafetyTable::bounds_a_test) {
+            let text = "[safety] bounds a test's response, which a server does not know; its bounds are `limits`";
+            warnings.push(text.to_owned());
         }
+        (file, warnings)
     };
-    let serve = &file.serve;
-    if let Some(timing) = &file.timing
-        && let Err(error) = timing.check()
-    {
-        let timing = KeyPath::root().key("timing");
-        let at = error.keys().iter().fold(timing, |at, key| at.key(key));
-        return Err(refuse(Finding::error(at, error.to_string())));
-    }
-    for (name, value) in [
-        ("idle_timeout_s", serve.openfresco.idle_timeout_s),
-        ("step_s", serve.openfresco.step_s),
-        ("iterates_within_m", serve.openfresco.iterates_within_m),
-    ] {
-        if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
-            let at = KeyPath::root().key("serve").key("openfresco").key(name);
-            let finding = Finding::error(at, format!("`{name}` must be greater than 0"));
-            return Err(refuse(finding));
-        }
-    }
-    if let Some(found) = serve.openfresco.idle_timeout_s.filter(|s| *s > IDLE_S) {
-        let at = KeyPath::root().key("serve").key("openfresco");
-        let headline = format!("`serve.openfresco.idle_timeout_s` must be at most {IDLE_S} s");
-        let finding = Finding::error(at.key("idle_timeout_s"), headline);
-        let found = format!("found {}", number(found));
-        let why = "as long as a client that is gone keeps the specimen to itself";
-        return Err(refuse(finding.label(found).help(why)));
-    }
-    if let Some(pace) = &serve.pace {
-        check_pace(pace).map_err(|finding| refuse(*finding))?;
-    }
     let index = choose(&file.specimen, name).map_err(|f| refuse(*f))?;
     let at = KeyPath::root().key("specimen").index(index);
     let among_others = file.specimen.len() > 1;
@@ -298,38 +244,8 @@ pub fn specimens_of(path: &Path) -> Result<Vec<SpecimenTable>, ConfigError> {
         return Ok(super::parse(path, text, &[])?.file.specimen);
     }
     let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
-    match file {
-        Some(file) => Ok(file.specimen),
-        None => {
-            let diagnostics = findings.into_iter().map(|f| opened.locator.diagnose(f));
-            Err(ConfigError::Invalid(super::Diagnostics(
-                diagnostics.collect(),
-            )))
-        }
-    }
-}
-
-/// Refuses a pace that no server keeps.
-fn check_pace(pace: &PaceTable) -> Result<(), Box<Finding>> {
-    let at = KeyPath::root().key("serve").key("pace");
-    let refuse = |key: &str, allowed: &str, found: String| {
-        let headline = format!("`serve.pace.{key}` must be {allowed}");
-        let finding = Finding::error(at.key(key), headline);
-        Err(Box::new(finding.label(format!("found {found}"))))
-    };
-    if !(PACE_HZ.0..=PACE_HZ.1).contains(&pace.rate_hz) {
-        return refuse("rate_hz", "from 1 to 10000", number(pace.rate_hz));
-    }
-    let seconds = |ticks: u32| f64::from(ticks) / pace.rate_hz;
-    if pace.ticks_per_step < 2 || seconds(pace.ticks_per_step) > PACE_STEP_S {
-        let allowed = "at least 2, and at most 60 s of ticks";
-        return refuse("ticks_per_step", allowed, pace.ticks_per_step.to_string());
-    }
-    if seconds(pace.settle_ticks) > PACE_STEP_S {
-        let allowed = "at most 60 s of ticks";
-        return refuse("settle_ticks", allowed, pace.settle_ticks.to_string());
-    }
-    Ok(())
+    file.map(|file| file.specimen)
+        .ok_or_else(|| ConfigError::Invalid(opened.locator.diagnose_all(findings)))
 }
 
 fn is_test(root: &Node) -> bool {

@@ -27,13 +27,10 @@ pub struct ServeFile {
     pub serve: ServeTable,
     /// Only `unlimited` has an effect. All other keys need the response of a structure, which a
     /// server does not have.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyTable>,
     /// Real-time scheduling of the data thread. Default: normal scheduling.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingSpec>,
     /// Recording with `--out`. Only `queue_s` and `required` have an effect.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub record: Option<RecordTable>,
 }
 
@@ -42,34 +39,28 @@ pub struct ServeFile {
 #[serde(deny_unknown_fields, default)]
 pub struct ServeTable {
     /// Address and port of the server, "host:port". Default: "127.0.0.1:4823".
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"0.0.0.0:4823")]
     pub listen: Option<String>,
     /// Protocol of the server. Default: "gusset".
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"openfresco")]
     pub protocol: Option<Offer>,
     /// Transport of the data: TCP, UDP or TLS. Default: "tcp".
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"tls")]
     pub transport: Option<Carrier>,
     /// Certificates for `transport = "tls"`.
     pub tls: ServeTlsSpec,
     /// File that contains the pre-shared key, relative to this file. Beyond loopback, the protocol
     /// of Gusset requires this or TLS. Other users must not have access to it (`chmod 600`).
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"laboratory.key")]
     pub key_file: Option<String>,
     /// Unit of the displacements that the client commands, for a gateway that converts them to the
     /// axes by `geometry`, `similitude`, `scale`, `sign` or offsets. Velocities and stiffnesses use it
     /// too. With this key a gateway converts units alone, too. Default: "m". A gateway that converts
     /// nothing uses the units of the axes.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"in")]
     pub unit_disp: Option<DispUnit>,
     /// Unit of the forces that the client receives from a gateway that converts. A moment has this
     /// unit times `unit_disp`. Default: "N".
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"kip")]
     pub unit_force: Option<ForceUnit>,
     /// If true, a simulated specimen keeps its state, the history of its limits and its trip
@@ -80,7 +71,6 @@ pub struct ServeTable {
     pub remembers: bool,
     /// Ticks of a gateway that makes a smooth path of each target of its client. Default: none, each
     /// target is one command.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub pace: Option<PaceTable>,
     /// Settings for `protocol = "openfresco…"`.
     pub openfresco: OpenFrescoServeSpec,

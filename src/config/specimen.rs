@@ -8,11 +8,11 @@ use super::certificate::{CapacityTable, IdentifiedTable};
 use super::limit_table::LimitsSpec;
 use super::link_table::LinkSpec;
 use super::value::MatrixValue;
-use super::variant;
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::geometry::{GeometrySpec, LawPlace};
-use gusset_actuator::specimen::SpecimenLaw;
+use gusset_actuator::specimen::{CoupledSpec, SpecimenLaw};
 use gusset_actuator::transfer::TransferSpec;
+use gusset_numerics::law::LawSpec;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::openfresco::Peer;
 
@@ -26,42 +26,34 @@ pub struct SpecimenTable {
     pub name: String,
     /// Storey whose deformation the specimen follows, from 1 at the bottom. Use `rows` for any
     /// other deformation.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
     #[schemars(example = 1)]
     pub storey: Option<usize>,
     /// Transformation B from the DOFs to the axes, d = B·x. Give one row for each axis, or for each
     /// coordinate of the platform with `geometry`. In a file of `gusset serve`, B transforms the
     /// displacements of an OpenFresco client. More: guide, opensees.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
     /// Loading unit: several actuators that hold one platform. The axes are then the actuators, and
     /// `rows` give the pose of the platform. Default: none, each axis is one deformation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<GeometrySpec>,
     /// Estimate of the initial stiffness at the structure's scale: a number or a matrix. Too large
     /// a value costs accuracy, too small a value costs stability. Default: the initial stiffness of
     /// the law. Required with `link`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_n_per_m: Option<MatrixValue>,
     /// Estimate of the initial damping at the structure's scale and the velocities of the test: a
     /// number or a matrix. Default: the initial damping of the law; zero with `link`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub damping_n_s_per_m: Option<MatrixValue>,
     /// Upper bound of the tangent stiffness of a specimen with `link`, divided by
     /// `stiffness_n_per_m`. The proof of stability uses it. Default: 1, the specimen never becomes
     /// stiffer.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 1.5)]
     pub hardening_bound: Option<f64>,
     /// Largest expected deformation, at the structure's scale. The proof of stability uses it to
     /// bound the tangent stiffness of a hardening law. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.05)]
     pub reach_disp_m: Option<f64>,
     /// Largest expected deformation velocity, at the structure's scale. The proof of stability uses
     /// it to bound the tangent damping of a nonlinear damper. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = 0.5)]
     pub reach_vel_m_per_s: Option<f64>,
     /// Mass whose inertia is already part of the measured force, so the structure must not contain
@@ -77,68 +69,39 @@ pub struct SpecimenTable {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisTable>,
     /// Limits of all axes. `limits` of a single `axis` override single levels.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
     /// Force law of a simulated specimen. All axes have the same law, and each axis has its own
     /// state. Beside a `link`, it is the stand-in: a rehearsal uses it in place of the specimen, at
     /// the specimen's scale. Default of the stand-in: linear, with `stiffness_n_per_m` and
     /// `damping_n_s_per_m`.
-    #[serde(
-        default,
-        deserialize_with = "read_law",
-        serialize_with = "variant::write",
-        skip_serializing_if = "Option::is_none"
-    )]
-    #[schemars(schema_with = "law_schema")]
-    pub law: Option<SpecimenLaw>,
+    pub law: Option<LawSpec>,
     /// Force law of each axis of a simulated specimen. The axes are independent of each other.
     /// Beside a `link`, it is the stand-in for rehearsals.
-    #[serde(
-        default,
-        deserialize_with = "read_laws",
-        serialize_with = "variant::write",
-        skip_serializing_if = "Option::is_none"
-    )]
-    #[schemars(schema_with = "laws_schema")]
     #[schemars(example = serde_json::json!([{"linear": {"stiffness_n_per_m": 1.0e6}}, {"linear": {"stiffness_n_per_m": 5.0e5}}]))]
-    pub laws: Option<SpecimenLaw>,
+    pub laws: Option<Vec<LawSpec>>,
     /// Linear law of a simulated specimen with several coupled axes. Beside a `link`, it is the
     /// stand-in for rehearsals.
-    #[serde(
-        default,
-        deserialize_with = "read_coupled",
-        serialize_with = "variant::write",
-        skip_serializing_if = "Option::is_none"
-    )]
-    #[schemars(schema_with = "coupled_schema")]
-    pub coupled: Option<SpecimenLaw>,
+    pub coupled: Option<CoupledSpec>,
     /// Simulated actuator and sensors of a simulated specimen. Default: none, the specimen follows
     /// its command at once. Beside a `link`, they are those of the stand-in for rehearsals. Their
     /// default is then the delay, gain and noise of `identified`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<TransferSpec>,
     /// Compensation of the actuator dynamics. It computes the commands from the targets. Default:
     /// none, the command is the target. More: guide, actuators.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compensation: Option<CompensationSpec>,
     /// Displacement of each axis, at the specimen's scale, for the end position
     /// "safe_displacement".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = [0.0])]
     pub safe_disp_m: Option<Vec<f64>>,
     /// Network connection to a specimen that another program controls or computes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
     /// Fault injection: this simulated specimen fails on purpose. Use it to see how the test ends
     /// after an internal error. Rehearsals, replays and resumed tests ignore it. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drill: Option<DrillTable>,
     /// Measured properties of the specimen, its actuator and its sensors. `gusset identify` writes
     /// this table. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub identified: Option<IdentifiedTable>,
     /// Capacity of the actuators. `check` refuses a test whose rehearsal needs more. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capacity: Option<CapacityTable>,
 }
 
@@ -175,9 +138,9 @@ impl SpecimenTable {
 
     /// The law that replaces a specimen behind a link in a rehearsal, with its key; none for a simulated specimen.
     #[must_use]
-    pub fn stand_in(&self) -> Option<(&'static str, &SpecimenLaw)> {
+    pub fn stand_in(&self) -> Option<(&'static str, SpecimenLaw)> {
         self.link.as_ref()?;
-        self.sources().into_iter().next()
+        self.source()
     }
 
     /// Number of axes as far as the table alone says it, without a structure to take deformations from.
@@ -187,8 +150,8 @@ impl SpecimenTable {
             return geometry.actuators();
         }
         let said = match (&self.link, &self.laws, &self.coupled) {
-            (None, Some(SpecimenLaw::Laws(laws)), _) => laws.len(),
-            (None, _, Some(SpecimenLaw::Coupled(coupled))) => coupled.stiffness_n_per_m.len(),
+            (None, Some(laws), _) => laws.len(),
+            (None, _, Some(coupled)) => coupled.stiffness_n_per_m.len(),
             (Some(link), ..) => {
                 let estimate = self.stiffness_n_per_m.as_ref();
                 let named = link.axis_names.as_ref().map_or(0, Vec::len);
@@ -267,7 +230,7 @@ impl SpecimenTable {
     pub fn resists_velocity(&self) -> bool {
         let damping = self.damping_n_s_per_m.iter().flat_map(MatrixValue::rows);
         let is_damped = damping.flatten().any(|entry| entry != 0.0);
-        is_damped || self.sources().iter().any(|(_, law)| law.resists_velocity())
+        is_damped || (self.source()).is_some_and(|(_, law)| law.resists_velocity())
     }
 
     /// Units of each of `axes` axes.
@@ -278,17 +241,13 @@ impl SpecimenTable {
         (0..axes).map(units).collect()
     }
 
-    /// The laws that are given, by key. A checked file has exactly one, or a link and at most one.
+    /// The law that is given, with its key. A checked file has exactly one, or a link and at most one.
     #[must_use]
-    pub fn sources(&self) -> Vec<(&'static str, &SpecimenLaw)> {
-        [
-            ("law", &self.law),
-            ("laws", &self.laws),
-            ("coupled", &self.coupled),
-        ]
-        .into_iter()
-        .filter_map(|(key, source)| source.as_ref().map(|law| (key, law)))
-        .collect()
+    pub fn source(&self) -> Option<(&'static str, SpecimenLaw)> {
+        let law = self.law.clone().map(|law| ("law", SpecimenLaw::Law(law)));
+        let laws = || Some(("laws", SpecimenLaw::Laws(self.laws.clone()?)));
+        let coupled = || Some(("coupled", SpecimenLaw::Coupled(self.coupled.clone()?)));
+        law.or_else(laws).or_else(coupled)
     }
 }
 
@@ -315,28 +274,4 @@ impl Default for SimilitudeTable {
             time: 1.0,
         }
     }
-}
-
-fn read_law<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<SpecimenLaw>, D::Error> {
-    variant::read("law", d)
-}
-
-fn read_laws<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<SpecimenLaw>, D::Error> {
-    variant::read("laws", d)
-}
-
-fn read_coupled<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<SpecimenLaw>, D::Error> {
-    variant::read("coupled", d)
-}
-
-fn law_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    variant::schema::<SpecimenLaw>("law", generator)
-}
-
-fn laws_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    variant::schema::<SpecimenLaw>("laws", generator)
-}
-
-fn coupled_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    variant::schema::<SpecimenLaw>("coupled", generator)
 }

@@ -12,11 +12,9 @@ use gusset_quantity::time::Ratio;
 pub struct TimeTable {
     /// Integration step Δt in seconds of test time. Write a fraction in quotes, for example
     /// "1/1024", if a decimal number would not be exact.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<RateValue>,
     /// Integration steps per second of test time: a number, or a fraction "a/b". Use it instead of
     /// `step_s`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<RateValue>,
     /// Length of the test in seconds of test time. It must be a whole number of steps.
     pub duration_s: f64,

@@ -11,22 +11,18 @@ use serde::{Deserialize, Serialize};
 pub struct TlsSpec {
     /// File (PEM) with the certificate of this end and all intermediate certificates. Default:
     /// `client.crt` beside the test file, otherwise in the working directory.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"client.pem")]
     pub certificate_file: Option<String>,
     /// File (PEM) with the private key of the certificate, not encrypted. Other users must not have
     /// access to it (`chmod 600`). It is never copied into the run folder. Default: `client.key`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"client.key")]
     pub key_file: Option<String>,
     /// File (PEM) with the authorities that may sign the certificate of the other end. Default:
     /// `client_ca.crt`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"laboratory-ca.pem")]
     pub ca_file: Option<String>,
     /// Name or address for which the certificate of the other end must be valid. Default: the host
     /// in `address`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"rig.lab")]
     pub server_name: Option<String>,
     /// If false, any certificate of the authority is accepted, whatever its name, as in OpenFresco.
@@ -53,23 +49,19 @@ impl Default for TlsSpec {
 pub struct ServeTlsSpec {
     /// File (PEM) with the certificate of this server and all intermediate certificates. Default:
     /// `server.crt` beside this file, otherwise in the working directory.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"server.pem")]
     pub certificate_file: Option<String>,
     /// File (PEM) with the private key of the certificate, not encrypted. Other users must not have
     /// access to it (`chmod 600`). Default: `server.key`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"server.key")]
     pub key_file: Option<String>,
     /// File (PEM) with the authorities that may sign the certificate of a client. Default:
     /// `server_ca.crt`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"laboratory-ca.pem")]
     pub ca_file: Option<String>,
     /// Whether a client must present a certificate. The protocol of Gusset always requires it.
     /// Default for OpenFresco: optional on loopback or if `openfresco.client` is given, otherwise
     /// required.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"required")]
     pub client_certificate: Option<ClientCertificate>,
 }

@@ -6,10 +6,79 @@ use std::borrow::Cow;
 use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{self, SeqAccess, Unexpected, Visitor};
+use serde::de::{self, IgnoredAny, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use gusset_quantity::time::{RateError, Ratio};
+
+/// Reads a number, a text or a list: `judge` takes the first two, `list` the third. The error for any other value names
+/// `expecting`, or the words of `judge`.
+pub(super) struct Judged<T, E> {
+    pub expecting: &'static str,
+    pub judge: fn(Unexpected<'_>) -> Result<T, Option<String>>,
+    /// Largest number of elements that are read.
+    pub list: (usize, fn(Vec<E>) -> Option<T>),
+}
+
+impl<T, E> Judged<T, E> {
+    fn take<Error: de::Error>(self, found: Unexpected<'_>) -> Result<T, Error> {
+        (self.judge)(found).map_err(|words| match words {
+            Some(words) => Error::invalid_value(found, &words.as_str()),
+            None => Error::invalid_value(found, &self.expecting),
+        })
+    }
+}
+
+impl<'de, T, E: Deserialize<'de>> Visitor<'de> for Judged<T, E> {
+    type Value = T;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.expecting)
+    }
+
+    fn visit_i64<Error: de::Error>(self, value: i64) -> Result<T, Error> {
+        self.take(Unexpected::Signed(value))
+    }
+
+    fn visit_u64<Error: de::Error>(self, value: u64) -> Result<T, Error> {
+        self.take(Unexpected::Unsigned(value))
+    }
+
+    fn visit_f64<Error: de::Error>(self, value: f64) -> Result<T, Error> {
+        self.take(Unexpected::Float(value))
+    }
+
+    fn visit_str<Error: de::Error>(self, text: &str) -> Result<T, Error> {
+        self.take(Unexpected::Str(text))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut from: A) -> Result<T, A::Error> {
+        let Judged {
+            expecting, list, ..
+        } = self;
+        let mut read = Vec::new();
+        while read.len() < list.0
+            && let Some(element) = from.next_element()?
+        {
+            read.push(element);
+        }
+        let count = read.len();
+        (list.1)(read).ok_or_else(|| match list.0 {
+            0 => de::Error::invalid_type(Unexpected::Seq, &expecting),
+            _ => de::Error::invalid_length(count, &expecting),
+        })
+    }
+}
+
+/// A number of TOML as a double.
+pub(super) const fn as_number(found: Unexpected<'_>) -> Option<f64> {
+    match found {
+        Unexpected::Signed(value) => Some(value as f64),
+        Unexpected::Unsigned(value) => Some(value as f64),
+        Unexpected::Float(value) => Some(value),
+        _ => None,
+    }
+}
 
 /// The allowed numbers, for a number with too many digits.
 fn exact(found: Unexpected<'_>) -> String {
@@ -32,52 +101,26 @@ pub struct RateValue(pub Ratio);
 
 impl<'de> Deserialize<'de> for RateValue {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct RateVisitor;
-
-        impl RateVisitor {
-            fn judge<E: de::Error>(
-                self,
-                read: Result<Ratio, RateError>,
-                found: Unexpected<'_>,
-            ) -> Result<RateValue, E> {
-                match read {
-                    Ok(ratio) => Ok(RateValue(ratio)),
-                    Err(RateError::TooFine) => Err(E::invalid_value(found, &exact(found).as_str())),
-                    Err(RateError::NotPositive | RateError::NotANumber) => {
-                        Err(E::invalid_value(found, &self))
-                    }
-                }
-            }
-        }
-
-        impl Visitor<'_> for RateVisitor {
-            type Value = RateValue;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a finite number greater than zero, or a fraction \"a/b\"")
-            }
-
-            fn visit_i64<E: de::Error>(self, value: i64) -> Result<RateValue, E> {
-                let read = u64::try_from(value)
+        let judge = |found: Unexpected<'_>| {
+            let read = match found {
+                Unexpected::Signed(value) => u64::try_from(value)
                     .map_err(|_| RateError::NotPositive)
-                    .and_then(|v| Ratio::new(v, 1));
-                self.judge(read, Unexpected::Signed(value))
-            }
-
-            fn visit_u64<E: de::Error>(self, value: u64) -> Result<RateValue, E> {
-                self.judge(Ratio::new(value, 1), Unexpected::Unsigned(value))
-            }
-
-            fn visit_f64<E: de::Error>(self, value: f64) -> Result<RateValue, E> {
-                self.judge(Ratio::from_decimal(value), Unexpected::Float(value))
-            }
-
-            fn visit_str<E: de::Error>(self, text: &str) -> Result<RateValue, E> {
-                self.judge(Ratio::parse(text), Unexpected::Str(text))
-            }
-        }
-
-        deserializer.deserialize_any(RateVisitor)
+                    .and_then(|value| Ratio::new(value, 1)),
+                Unexpected::Unsigned(value) => Ratio::new(value, 1),
+                Unexpected::Float(value) => Ratio::from_decimal(value),
+                Unexpected::Str(text) => Ratio::parse(text),
+                _ => Err(RateError::NotANumber),
+            };
+            read.map(Self).map_err(|error| match error {
+                RateError::TooFine => Some(exact(found)),
+                RateError::NotPositive | RateError::NotANumber => None,
+            })
+        };
+        deserializer.deserialize_any(Judged::<Self, IgnoredAny> {
+            expecting: "a finite number greater than zero, or a fraction \"a/b\"",
+            judge,
+            list: (0, |_| None),
+        })
     }
 }
 
@@ -125,47 +168,16 @@ pub enum LambdaValue {
 
 impl<'de> Deserialize<'de> for LambdaValue {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct LambdaVisitor;
-
-        impl Visitor<'_> for LambdaVisitor {
-            type Value = LambdaValue;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number greater than zero, `inf` or \"auto\"")
-            }
-
-            fn visit_i64<E: de::Error>(self, value: i64) -> Result<LambdaValue, E> {
-                if value > 0 {
-                    Ok(LambdaValue::Number(value as f64))
-                } else {
-                    Err(E::invalid_value(Unexpected::Signed(value), &self))
-                }
-            }
-
-            fn visit_u64<E: de::Error>(self, value: u64) -> Result<LambdaValue, E> {
-                self.visit_f64(value as f64)
-            }
-
-            fn visit_f64<E: de::Error>(self, value: f64) -> Result<LambdaValue, E> {
-                if value == f64::INFINITY {
-                    Ok(LambdaValue::Infinite)
-                } else if value > 0.0 {
-                    Ok(LambdaValue::Number(value))
-                } else {
-                    Err(E::invalid_value(Unexpected::Float(value), &self))
-                }
-            }
-
-            fn visit_str<E: de::Error>(self, text: &str) -> Result<LambdaValue, E> {
-                match text {
-                    "auto" => Ok(LambdaValue::Auto),
-                    "inf" => Ok(LambdaValue::Infinite),
-                    _ => Err(E::invalid_value(Unexpected::Str(text), &self)),
-                }
-            }
-        }
-
-        deserializer.deserialize_any(LambdaVisitor)
+        deserializer.deserialize_any(Judged::<Self, IgnoredAny> {
+            expecting: "a number greater than zero, `inf` or \"auto\"",
+            judge: |found| match (found, as_number(found)) {
+                (Unexpected::Str("auto"), _) => Ok(Self::Auto),
+                (Unexpected::Str("inf"), _) | (_, Some(f64::INFINITY)) => Ok(Self::Infinite),
+                (_, Some(value)) if value > 0.0 => Ok(Self::Number(value)),
+                _ => Err(None),
+            },
+            list: (0, |_| None),
+        })
     }
 }
 
@@ -197,7 +209,8 @@ impl JsonSchema for LambdaValue {
 }
 
 /// A square matrix given by rows; a single axis may write its one number bare.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum MatrixValue {
     /// One axis.
     Number(f64),
@@ -218,46 +231,11 @@ impl MatrixValue {
 
 impl<'de> Deserialize<'de> for MatrixValue {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct MatrixVisitor;
-
-        impl<'de> Visitor<'de> for MatrixVisitor {
-            type Value = MatrixValue;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number, or a matrix by rows `[[..], [..]]`")
-            }
-
-            fn visit_i64<E: de::Error>(self, value: i64) -> Result<MatrixValue, E> {
-                Ok(MatrixValue::Number(value as f64))
-            }
-
-            fn visit_u64<E: de::Error>(self, value: u64) -> Result<MatrixValue, E> {
-                Ok(MatrixValue::Number(value as f64))
-            }
-
-            fn visit_f64<E: de::Error>(self, value: f64) -> Result<MatrixValue, E> {
-                Ok(MatrixValue::Number(value))
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<MatrixValue, A::Error> {
-                let mut matrix = Vec::new();
-                while let Some(row) = rows.next_element()? {
-                    matrix.push(row);
-                }
-                Ok(MatrixValue::Rows(matrix))
-            }
-        }
-
-        deserializer.deserialize_any(MatrixVisitor)
-    }
-}
-
-impl Serialize for MatrixValue {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Number(value) => serializer.serialize_f64(*value),
-            Self::Rows(rows) => rows.serialize(serializer),
-        }
+        deserializer.deserialize_any(Judged {
+            expecting: "a number, or a matrix by rows `[[..], [..]]`",
+            judge: |found| as_number(found).map(Self::Number).ok_or(None),
+            list: (usize::MAX, |rows| Some(Self::Rows(rows))),
+        })
     }
 }
 
@@ -288,32 +266,14 @@ pub enum DofChoice {
 
 impl<'de> Deserialize<'de> for DofChoice {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct ChoiceVisitor;
-
-        impl<'de> Visitor<'de> for ChoiceVisitor {
-            type Value = DofChoice;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("\"all\" or an array of DOF numbers from 1")
-            }
-
-            fn visit_str<E: de::Error>(self, text: &str) -> Result<DofChoice, E> {
-                match text {
-                    "all" => Ok(DofChoice::All),
-                    _ => Err(E::invalid_value(Unexpected::Str(text), &self)),
-                }
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut numbers: A) -> Result<DofChoice, A::Error> {
-                let mut listed = Vec::new();
-                while let Some(number) = numbers.next_element()? {
-                    listed.push(number);
-                }
-                Ok(DofChoice::Listed(listed))
-            }
-        }
-
-        deserializer.deserialize_any(ChoiceVisitor)
+        deserializer.deserialize_any(Judged {
+            expecting: "\"all\" or an array of DOF numbers from 1",
+            judge: |found| match found {
+                Unexpected::Str("all") => Ok(Self::All),
+                _ => Err(None),
+            },
+            list: (usize::MAX, |dofs| Some(Self::Listed(dofs))),
+        })
     }
 }
 

@@ -48,6 +48,13 @@ impl KeyPath {
         self.deeper(Segment::Index(index))
     }
 
+    /// This path, several keys deeper: `dotted` is `misses.window_s`.
+    #[must_use]
+    pub fn under(&self, dotted: &str) -> Self {
+        let keys = dotted.split('.');
+        keys.fold(self.clone(), |at, key| at.key(key))
+    }
+
     fn deeper(&self, segment: Segment) -> Self {
         let mut segments = self.0.clone();
         segments.push(segment);

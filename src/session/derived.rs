@@ -189,13 +189,12 @@ struct Described<'a> {
     file: &'a TestFile,
     run: &'a Run,
     kind: &'static str,
-    structure: &'a StructureSpec,
+    structure: StructureSpec,
 }
 
 impl<'a> Described<'a> {
     fn of(file: &'a TestFile, run: &'a Run) -> Result<Self, DerivedError> {
-        let kinds = file.structure.as_ref().map(|table| table.kinds());
-        let first = kinds.and_then(|kinds| kinds.first().copied());
+        let first = file.structure.as_ref().and_then(|table| table.kind());
         let (kind, structure) = first.ok_or(DerivedError::NoStructure("columns of floors"))?;
         Ok(Self {
             file,
@@ -214,7 +213,7 @@ impl<'a> Described<'a> {
         let Some(ground) = &self.file.excitation.ground_acceleration else {
             return 0.0;
         };
-        let own = match self.structure {
+        let own = match &self.structure {
             StructureSpec::Matrices(matrices) => matrices.influence.as_ref(),
             StructureSpec::ShearBuilding(_) | StructureSpec::Chain(_) => None,
         };
@@ -284,7 +283,7 @@ impl<'a> Described<'a> {
     }
 
     fn shears(&self, sums: &mut Vec<Sum>) -> Result<(), DerivedError> {
-        let StructureSpec::ShearBuilding(building) = self.structure else {
+        let StructureSpec::ShearBuilding(building) = &self.structure else {
             return Err(DerivedError::NoFloors(self.kind));
         };
         self.check_forces()?;

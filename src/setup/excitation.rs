@@ -5,8 +5,8 @@ use super::structure::vector;
 use super::{Refused, Site, path};
 use gusset_config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
 use gusset_motion::{
-    Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, Signal,
-    Unit, base_motion, parse_table,
+    Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, RecordFacts,
+    Signal, Unit, base_motion, parse_table,
 };
 use gusset_numerics::model::Structure;
 use gusset_proof::Kind;
@@ -101,22 +101,36 @@ fn source(site: &Site<'_>, at: &KeyPath, signal: &Signal) -> KeyPath {
     }
 }
 
-/// Keeps the doubts about the motion whose table is at `at`, for the verdict.
-fn doubt(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
+/// Keeps the warnings and the record of the motion whose table is at `at`, and the doubts about it for the verdict.
+pub(super) fn keep(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    signal: &Signal,
+    [warnings, doubts]: [Vec<String>; 2],
+    records: impl IntoIterator<Item = RecordFacts>,
+) {
     let place = source(site, at, signal);
-    let found = texts
-        .into_iter()
-        .map(|text| Finding::warning(place.clone(), text));
-    let found: Vec<_> = found.map(|finding| (Kind::Error, finding)).collect();
-    site.doubts.extend(found);
+    let finding = |text: String| Finding::warning(place.clone(), text);
+    site.warnings.extend(warnings.into_iter().map(finding));
+    let doubts = doubts.into_iter().map(finding);
+    site.doubts.extend(doubts.map(|doubt| (Kind::Error, doubt)));
+    site.records.extend(records);
 }
 
-/// Keeps the warnings about the motion whose table is at `at`.
-pub(super) fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
-    let place = source(site, at, signal);
-    let warnings = texts.into_iter();
-    site.warnings
-        .extend(warnings.map(|text| Finding::warning(place.clone(), text)));
+/// The values of the motion whose table is at `at`.
+fn series(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    history: &Motion,
+    quantity: Quantity,
+    grid: Grid,
+) -> Result<Vec<f64>, Refused> {
+    let found = with_files(site, at, &history.signal, |files| {
+        history.evaluate(quantity, grid, files)
+    })?;
+    let told = [found.warnings, found.doubts];
+    keep(site, at, &history.signal, told, found.record);
+    Ok(found.values)
 }
 
 /// Warns of a load at `at` whose numbers are all zero: it moves nothing.
@@ -155,26 +169,20 @@ pub(super) fn excitation(
     if let Some(ground) = &table.ground_acceleration {
         let at = at.key("ground_acceleration");
         let history = motion(&ground.signal, &ground.processing);
-        let series = with_files(site, &at, &ground.signal, |files| {
-            history.evaluate(Quantity::Acceleration, grid, files)
-        })?;
-        warn(site, &at, &ground.signal, series.warnings);
-        doubt(site, &at, &ground.signal, series.doubts);
-        site.records.extend(series.record);
+        let series = series(site, &at, &history, Quantity::Acceleration, grid)?;
         let iota = ground
             .influence
             .clone()
             .unwrap_or_else(|| structure.influence().to_vec());
         let iota = sized(site, &at.key("influence"), iota, n)?;
         let pattern = ground_load(structure, specimens, &iota);
-        warn_of_nothing(site, at.clone(), [&pattern, &series.values]);
+        warn_of_nothing(site, at.clone(), [&pattern, &series]);
+        let term = LoadTerm {
+            pattern,
+            series: series.clone(),
+        };
         excitation = added(site, &at, || {
-            excitation
-                .with_term(LoadTerm {
-                    pattern,
-                    series: series.values.clone(),
-                })?
-                .with_ground(series.values)
+            excitation.with_term(term)?.with_ground(series)
         })?;
     }
     if let Some(base) = &table.base_displacement {
@@ -183,9 +191,8 @@ pub(super) fn excitation(
         let moved = with_files(site, &at, &base.signal, |files| {
             base_motion(&history, grid, files)
         })?;
-        warn(site, &at, &base.signal, moved.warnings);
-        doubt(site, &at, &base.signal, moved.doubts);
-        site.records.extend(moved.record);
+        let told = [moved.warnings, moved.doubts];
+        keep(site, &at, &base.signal, told, moved.record);
         warn_of_nothing(site, at.clone(), [structure.influence(), &moved.disp]);
         if base
             .influence
@@ -206,17 +213,9 @@ pub(super) fn excitation(
             (None, None) => vec![0.0; n],
         };
         let history = motion(&force.signal, &force.processing);
-        let series = with_files(site, &at, &force.signal, |files| {
-            history.evaluate(Quantity::Force, grid, files)
-        })?;
-        warn(site, &at, &force.signal, series.warnings);
-        doubt(site, &at, &force.signal, series.doubts);
-        site.records.extend(series.record);
-        warn_of_nothing(site, at.clone(), [&pattern, &series.values]);
-        let term = LoadTerm {
-            pattern,
-            series: series.values,
-        };
+        let series = series(site, &at, &history, Quantity::Force, grid)?;
+        warn_of_nothing(site, at.clone(), [&pattern, &series]);
+        let term = LoadTerm { pattern, series };
         excitation = added(site, &at, || excitation.with_term(term))?;
     }
     if let Some(nodal) = &table.nodal_table {

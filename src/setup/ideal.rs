@@ -7,7 +7,7 @@ use std::cell::{Cell, RefCell};
 
 use super::gear::scaled;
 use super::specimens::{IdealLaw, IdealPort};
-use super::{Initial, Refused, Site, Trial, excitation, method, proof, specimens, structure};
+use super::{Initial, Refused, Site, Trial, excitation, method, proof, site, specimens, structure};
 use gusset_config::{ConfigError, LambdaValue, Loaded};
 use gusset_control::port::Axis;
 use gusset_motion::Excitation;
@@ -106,11 +106,7 @@ pub fn build_ideal(loaded: &Loaded, lambda: Option<f64>) -> Result<Ideal, Config
         at_test_speed: true,
         ..Trial::default()
     };
-    let mut site = Site::new(&ideal, Some(&trial), None);
-    match assemble(&mut site) {
-        Ok(found) => Ok(found),
-        Err(Refused) => Err(ideal.refuse(std::mem::take(&mut site.errors))),
-    }
+    site::build(&ideal, Some(&trial), None, assemble)
 }
 
 fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {

@@ -151,11 +151,9 @@ pub struct Estimate {
 /// # Errors
 /// As [`build`].
 pub fn estimates(loaded: &Loaded) -> Result<Vec<Estimate>, ConfigError> {
-    let mut site = Site::new(loaded, Some(&trial::NOMINAL), None);
-    match specimens::specimens(&mut site) {
-        Ok(specimens) => Ok(specimens.estimates()),
-        Err(Refused) => Err(loaded.refuse(site.errors)),
-    }
+    site::build(loaded, Some(&trial::NOMINAL), None, |site| {
+        Ok(specimens::specimens(site)?.estimates())
+    })
 }
 
 /// Makes the transport of a link of our protocol, instead of a connection.
@@ -176,25 +174,16 @@ fn build_as<'a>(
     trial: Option<&'a Trial>,
     dial: Option<&'a mut Dial<'a>>,
 ) -> Result<Prepared, ConfigError> {
-    let mut site = Site::new(loaded, trial, dial);
-    match assemble(&mut site) {
-        Ok(prepared) => Ok(prepared),
-        Err(Refused) => Err(loaded.refuse(std::mem::take(&mut site.errors))),
-    }
+    site::build(loaded, trial, dial, assemble)
 }
 
 fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let file = &site.loaded.file;
     // A rehearsal has no real-time thread.
-    let is_real = site.trial.is_none();
-    let on_this_machine = || match is_real {
-        true => file.timing.check_cpu(&rt::os::process_cpus()),
-        false => Ok(()),
-    };
-    if let Err(error) = file.timing.check().and_then(|()| on_this_machine()) {
-        let keys = error.keys();
-        let at = keys.iter().fold(path("timing"), |at, key| at.key(key));
-        return site.refuse(Finding::error(at, error.to_string()));
+    if site.trial.is_none()
+        && let Err(text) = file.timing.check_cpu(&rt::os::process_cpus())
+    {
+        return site.refuse(Finding::error(path("timing").key("cpu"), text));
     }
     let mut specimens = specimens::specimens(site)?;
     let (side, settling, mut structure) = match &file.structure {

@@ -6,7 +6,6 @@ use super::specimens::Specimens;
 use super::{Site, StructureFacts, path};
 use gusset_config::{Finding, KeyPath};
 use gusset_motion::{Quantity, STANDARD_GRAVITY, Signal, Unit};
-use gusset_numerics::model::StructureSpec;
 use gusset_proof::Kind;
 use gusset_quantity::units::{duration, number, quantity};
 
@@ -49,8 +48,7 @@ pub(super) fn units(site: &mut Site<'_>, specimens: &Specimens, facts: &Structur
 fn doubled_storeys(site: &Site<'_>, specimens: &Specimens) -> Vec<Finding> {
     let file = &site.loaded.file;
     let structure = file.structure.as_ref();
-    let spec = structure.and_then(|table| table.kinds().into_iter().next());
-    let Some((_, StructureSpec::ShearBuilding(building))) = spec else {
+    let Some(building) = structure.and_then(|table| table.shear_building.as_ref()) else {
         return Vec::new();
     };
     let pairs = file.specimen.iter().zip(specimens.attached()).enumerate();
@@ -114,17 +112,14 @@ fn mixed_stiffnesses(
 ) -> Option<Finding> {
     let file = &site.loaded.file;
     let mut all: Vec<(f64, KeyPath)> = Vec::new();
-    let kinds = file.structure.iter().flat_map(|table| table.kinds());
-    for (key, spec) in kinds {
-        let at = path("structure").key(key).key("stiffness_n_per_m");
-        match spec {
-            StructureSpec::ShearBuilding(building) => {
-                let storeys = building.stiffness_n_per_m.iter().enumerate();
-                all.extend(storeys.map(|(storey, value)| (*value, at.index(storey))));
-            }
-            StructureSpec::Chain(chain) => all.push((chain.stiffness_n_per_m, at)),
-            StructureSpec::Matrices(_) => {}
-        }
+    if let Some(table) = &file.structure {
+        let at = path("structure");
+        let buildings = table.shear_building.iter();
+        let storeys = buildings.flat_map(|building| building.stiffness_n_per_m.iter().enumerate());
+        let of_building = at.under("shear_building.stiffness_n_per_m");
+        all.extend(storeys.map(|(storey, value)| (*value, of_building.index(storey))));
+        let of_chain = at.under("chain.stiffness_n_per_m");
+        all.extend((table.chain.iter()).map(|chain| (chain.stiffness_n_per_m, of_chain.clone())));
     }
     let tables = file.specimen.iter().zip(specimens.attached());
     for (index, (table, one)) in tables.enumerate() {

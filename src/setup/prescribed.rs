@@ -1,7 +1,7 @@
 //! Motions of the specimens of a test without a structure, on the step grid: deformations of their axes, coordinates of their
 //! platforms, or strokes of the actuators, which are converted to coordinates.
 
-use super::excitation::{grid, motion, warn, with_files};
+use super::excitation::{grid, keep, motion, with_files};
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_actuator::geometry::{Fault, Geometry, MOST};
@@ -111,8 +111,9 @@ fn one(
     let name = &table.specimen;
     let texts = history.warnings().iter();
     let texts = texts.map(|text| format!("specimen \"{name}\": {text}"));
-    warn(site, at, &table.signal, texts.collect());
-    site.records.extend(history.records().iter().cloned());
+    let told = [texts.collect(), Vec::new()];
+    let records = history.records().iter().cloned();
+    keep(site, at, &table.signal, told, records);
     *slot = Some(history);
     Ok(())
 }

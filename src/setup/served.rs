@@ -117,11 +117,10 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
     let axes = table.axes();
     let units = table.units_of(axes).into_iter();
     let units: Vec<_> = units.map(|unit| (unit.metres, unit.newtons)).collect();
-    let Some((key, law)) = table.sources().into_iter().next() else {
+    let Some((key, law)) = table.source() else {
         let text = "the specimen has neither a law nor a link";
         return Err(Box::new(Finding::error(at.clone(), text)));
     };
-    let law = law.clone();
     let transfer = table.transfer.clone();
     let whole = table.clone();
     let wire = wire_axes(table, axes, None);

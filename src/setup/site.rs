@@ -1,7 +1,7 @@
 //! Findings and files of a build so far, and how it refuses: a finding at its place in the file.
 
 use super::{Dial, Trial};
-use gusset_config::{Finding, Inputs, KeyPath, Loaded};
+use gusset_config::{ConfigError, Finding, Inputs, KeyPath, Loaded};
 use gusset_motion::RecordFacts;
 use gusset_proof::Kind;
 
@@ -24,23 +24,24 @@ pub(super) struct Site<'a> {
 /// The end of a build whose findings are in the site.
 pub(super) struct Refused;
 
-impl<'a> Site<'a> {
-    pub(crate) fn new(
-        loaded: &'a Loaded,
-        trial: Option<&'a Trial>,
-        dial: Option<&'a mut Dial<'a>>,
-    ) -> Self {
-        Self {
-            loaded,
-            dial,
-            inputs: loaded.inputs(),
-            errors: Vec::new(),
-            warnings: Vec::new(),
-            records: Vec::new(),
-            doubts: Vec::new(),
-            trial,
-        }
-    }
+/// What `make` builds from a file, or the findings with which it refuses.
+pub(super) fn build<'a, T>(
+    loaded: &'a Loaded,
+    trial: Option<&'a Trial>,
+    dial: Option<&'a mut Dial<'a>>,
+    make: impl FnOnce(&mut Site<'a>) -> Result<T, Refused>,
+) -> Result<T, ConfigError> {
+    let mut site = Site {
+        loaded,
+        dial,
+        inputs: loaded.inputs(),
+        errors: Vec::new(),
+        warnings: Vec::new(),
+        records: Vec::new(),
+        doubts: Vec::new(),
+        trial,
+    };
+    make(&mut site).map_err(|Refused| loaded.refuse(std::mem::take(&mut site.errors)))
 }
 
 impl Site<'_> {

@@ -23,7 +23,6 @@ use gusset_control::port::{
 };
 use gusset_link::NativeLink;
 use gusset_link::openfresco::Remote;
-use gusset_numerics::model::StructureSpec;
 use gusset_numerics::spectral::delay::Weights;
 use gusset_proof::Attached;
 use gusset_quantity::frame::AtAxis;
@@ -327,10 +326,8 @@ fn influence(site: &Site<'_>, dofs: usize) -> Vec<f64> {
     let Some(structure) = &site.loaded.file.structure else {
         return Vec::new();
     };
-    let given = match structure.matrices.as_ref() {
-        Some(StructureSpec::Matrices(matrices)) => matrices.influence.clone(),
-        _ => None,
-    };
+    let matrices = structure.matrices.as_ref();
+    let given = matrices.and_then(|matrices| matrices.influence.clone());
     given.unwrap_or_else(|| vec![1.0; dofs])
 }
 

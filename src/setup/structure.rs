@@ -2,7 +2,7 @@
 
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use gusset_config::{Finding, KeyPath};
+use gusset_config::{Finding, KeyPath, StructureTable};
 use gusset_numerics::integrate::{GuiError, State};
 use gusset_numerics::linalg::{self, MatrixError, Spd, SymMatrix};
 use gusset_numerics::model::{
@@ -29,10 +29,10 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
             return site.refuse_key(&law, error.key(), &error);
         }
     }
-    let Some((kind, spec)) = table.kinds().into_iter().next() else {
+    let Some((kind, spec)) = table.kind() else {
         return site.refuse(Finding::error(at, "the structure has no masses"));
     };
-    let files = matrix_files(site, &at.key(kind), spec)?;
+    let files = matrix_files(site, &at.key(kind), &spec)?;
     let dofs = match spec.dofs(&files) {
         Ok(dofs) => dofs,
         // Without masses the specimens' rows cannot be judged.
@@ -201,8 +201,8 @@ fn matrix_finding(matrix: KeyPath, error: &BuildError, source: &MatrixError) -> 
 /// Place of the mass of DOF `dof` (from 0), as near as the file names it.
 pub(super) fn mass_of(site: &Site<'_>, dof: usize) -> KeyPath {
     let at = path("structure");
-    let kinds = site.loaded.file.structure.as_ref().map(|s| s.kinds());
-    let Some(kind) = kinds.and_then(|kinds| kinds.first().map(|kind| kind.0)) else {
+    let structure = site.loaded.file.structure.as_ref();
+    let Some((kind, _)) = structure.and_then(StructureTable::kind) else {
         return at;
     };
     let at = at.key(kind);
@@ -284,8 +284,8 @@ pub(super) fn definite(
     if is_held(at_rest) {
         return Ok(());
     }
-    let kinds = site.loaded.file.structure.as_ref().map(|s| s.kinds());
-    let kind = kinds.and_then(|kinds| kinds.first().map(|kind| kind.0));
+    let kind = site.loaded.file.structure.as_ref();
+    let kind = kind.and_then(StructureTable::kind).map(|(key, _)| key);
     let at = path("structure").key(kind.unwrap_or("matrices"));
     let is_refused = !is_held(structure.stiffness()) && !is_held(initial);
     indefinite(

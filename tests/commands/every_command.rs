@@ -82,10 +82,7 @@ fn wrong_usage_exits_with_2() {
             "[possible values: chain, frame]",
         ),
         (&["jitter", "--duration", "nan"], "--duration"),
-        (
-            &["jitter", "--priority", "99"],
-            "--priority: priority is 99, wanted 1 to 98",
-        ),
+        (&["jitter", "--priority", "99"], "99 is not in 1..=98"),
         (
             &["jitter", "--cpu", "4096"],
             "--cpu: cpu is 4096, wanted one of",

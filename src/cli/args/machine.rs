@@ -41,7 +41,7 @@ pub(in crate::cli) struct JitterArgs {
     #[arg(long)]
     pub cpu: Option<usize>,
     /// Real-time priority (SCHED_FIFO) of the loop, 1 to 98.
-    #[arg(long, default_value_t = 90)]
+    #[arg(long, default_value_t = 90, value_parser = clap::value_parser!(u8).range(1..=98))]
     pub priority: u8,
     /// Load another core with computation and memory traffic meanwhile.
     #[arg(long, conflicts_with = "model")]

@@ -1,91 +1,46 @@
 //! Checks of a certificate: ranges, and numbers that are missing.
 
 use super::Findings;
+use super::numbers::{NUMBERS_OF_CERTIFICATE, NUMBERS_OF_UNCERTAINTY};
 use crate::certificate::{UncertaintyTable, current_key, number_at};
 use crate::diagnose::Finding;
 use crate::document::{KeyPath, Segment};
 use crate::schema::TestFile;
-use crate::specimen::SpecimenTable;
 use crate::suggest::nearest;
 
 /// Tables whose numbers may be uncertain.
 const UNCERTAIN: [&str; 3] = ["structure", "excitation", "specimen"];
 
-/// `identified` and `capacity` of one specimen.
-pub(super) fn check_known(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    if let Some(identified) = &specimen.identified {
-        let at = at.key("identified");
-        let entries = identified.entries();
-        for (key, value, of) in entries {
-            let Some(found) = value else { continue };
-            if of.is_none() && matches!(key, "gain" | "stiffness_n_per_m") {
-                findings.positive(at.key(key), Some(found));
-            } else if found < 0.0 {
-                let headline = format!("`{}` is {found}, but must be 0 or greater", at.key(key));
-                findings
-                    .0
-                    .push(Finding::error(at.key(key), headline).label("negative"));
-            }
-            let missing = |of: &&str| {
-                let mut others = entries.iter();
-                others.any(|(other, value, _)| other == of && value.is_none())
-            };
-            if let Some(of) = of.filter(missing) {
-                let headline = format!("`{key}` is the spread of `{of}`, which is missing");
-                let finding = Finding::error(at.key(key), headline).at_key();
-                findings.0.push(finding.label("of what?"));
-            }
-        }
-    }
-    if let Some(capacity) = &specimen.capacity {
-        for (key, _, value) in capacity.entries() {
-            findings.positive(at.key("capacity").key(key), value);
+/// The spreads in `identified` of the specimen at `at`.
+pub(super) fn check_known(at: &KeyPath, findings: &mut Findings) {
+    let at = at.key("identified");
+    for (key, of) in [
+        ("delay_std_s", "delay_s"),
+        ("gain_std", "gain"),
+        ("stiffness_std_n_per_m", "stiffness_n_per_m"),
+    ] {
+        let has = |key: &str| findings.value(&at.key(key)).is_some();
+        if has(key) && !has(of) {
+            let headline = format!("`{key}` is the spread of `{of}`, which is missing");
+            let finding = Finding::error(at.key(key), headline).at_key();
+            findings.push(finding.label("of what?"));
         }
     }
 }
 
 /// `[certificate]` and `[[uncertainty]]`.
 pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
-    let at = KeyPath::root().key("certificate");
-    let table = &file.certificate;
-    if table.trials == 0 {
-        let finding = Finding::error(
-            at.key("trials"),
-            "`certificate.trials` must be 1 or greater",
-        );
-        findings.0.push(finding.label("found 0"));
-    }
-    let probability = table.trip_probability;
-    if probability.is_finite() && !(probability > 0.0 && probability <= 1.0) {
-        let headline = format!(
-            "`certificate.trip_probability` is {probability}, but must be greater than 0 and at most 1"
-        );
-        let finding = Finding::error(at.key("trip_probability"), headline).label("a probability");
-        findings
-            .0
-            .push(finding.help("a finite number of trials cannot show a probability of 0"));
-    }
-    findings.positive(at.key("tracking_error"), Some(table.tracking_error));
-    findings.positive(at.key("response_error"), Some(table.response_error));
+    findings.numbers(&KeyPath::root().key("certificate"), NUMBERS_OF_CERTIFICATE);
     if file.uncertainty.is_empty() {
         return;
     }
-    let complete = toml::Value::try_from(file).ok();
+    let complete = findings.values.clone();
     let mut known: Vec<KeyPath> = Vec::new();
     for (index, one) in file.uncertainty.iter().enumerate() {
         let at = KeyPath::root().key("uncertainty").index(index);
-        let given: Vec<_> = [
-            ("std", one.std.is_some()),
-            ("std_share", one.std_share.is_some()),
-            ("range", one.range.is_some()),
-        ]
-        .into_iter()
-        .filter_map(|(key, given)| given.then_some(key))
-        .collect();
         let why = "it is the spread of the number in the test file";
-        findings.exactly_one(&at, &given, &["std", "std_share", "range"], why);
-        findings.positive(at.key("std"), one.std);
-        findings.positive(at.key("std_share"), one.std_share);
+        findings.exactly_one(&at, &["std", "std_share", "range"], why);
+        findings.numbers(&at, NUMBERS_OF_UNCERTAINTY);
         if let Some([low, high]) = one.range
             && low.is_finite()
             && high.is_finite()
@@ -93,19 +48,14 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         {
             let headline = format!("`range` is from {low} to {high}");
             let finding = Finding::error(at.key("range"), headline);
-            findings
-                .0
-                .push(finding.label("the smaller number comes first"));
+            findings.push(finding.label("the smaller number comes first"));
         }
         let at = at.key("key");
         let path = match KeyPath::parse(&one.key) {
-            Ok(path) => match &complete {
-                Some(complete) => current_key(complete, path),
-                None => path,
-            },
+            Ok(path) => current_key(&complete, path),
             Err(error) => {
                 let headline = format!("{:?} is no dotted path: {}", one.key, error.message);
-                findings.0.push(Finding::error(at, headline));
+                findings.push(Finding::error(at, headline));
                 known.push(KeyPath::root());
                 continue;
             }
@@ -114,7 +64,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             let headline = format!("`{path}` has two uncertainties");
             let finding = Finding::error(at, headline);
             let label = format!("`uncertainty[{first}]` would have no effect");
-            findings.0.push(finding.label(label));
+            findings.push(finding.label(label));
             known.push(path);
             continue;
         }
@@ -126,19 +76,18 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         if !UNCERTAIN.contains(&root) {
             let headline = format!("`{path}` cannot be uncertain");
             let finding = Finding::error(at, headline);
-            findings.0.push(finding.label(
+            findings.push(finding.label(
                 "only keys below structure, excitation and specimen can be uncertain: all others are decisions of the user",
             ));
             continue;
         }
-        let Some(complete) = &complete else { continue };
-        let found = number_at(complete, &path);
+        let found = number_at(&complete, &path);
         if let Ok(number) = found {
             spread(one, &path, number.value(), index, findings);
             if let Some((why, instead)) = unfelt(file, &path) {
                 let headline = format!("`{path}` has no effect on the trials of a certificate");
                 let finding = Finding::error(at.clone(), headline).label(why);
-                findings.0.push(finding.help(instead));
+                findings.push(finding.help(instead));
             }
         }
         if let Err((known, keys)) = found {
@@ -158,7 +107,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
                 Some(Segment::Key(key)) => nearest(key, &keys),
                 _ => None,
             };
-            findings.0.push(match meant {
+            findings.push(match meant {
                 Some(meant) => finding.help(format!("did you mean `{}`?", known.key(meant))),
                 None if is_there => finding,
                 None => finding.help("write the number into the test file: a default cannot vary"),
@@ -171,10 +120,10 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
 pub(crate) fn check_samples(file: &TestFile, samples: &[UncertaintyTable]) -> Vec<Finding> {
     let mut with = file.clone();
     with.uncertainty = samples.to_vec();
-    let mut findings = Findings(Vec::new());
+    let mut findings = Findings::of(&with);
     check_certificate(&with, &mut findings);
     let of_uncertainty = KeyPath::root().key("uncertainty");
-    let findings = findings.0.into_iter();
+    let findings = findings.list.into_iter();
     let mut findings: Vec<Finding> = findings
         .filter(|finding| finding.path.starts_with(&of_uncertainty))
         .collect();
@@ -207,7 +156,7 @@ fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str
     };
     let table = file.specimen.get(*index).filter(|_| key(0) == "specimen")?;
     let is_remote = table.link.is_some();
-    let has_law = !table.sources().is_empty();
+    let has_law = table.source().is_some();
     let of_law = if has_law {
         "vary a parameter of its law"
     } else {
@@ -256,9 +205,7 @@ fn spread(
     if one.std_share.is_some() && nominal == 0.0 {
         let headline = format!("`{path}` is 0, so a relative spread has no effect");
         let finding = Finding::error(at.key("std_share"), headline);
-        findings
-            .0
-            .push(finding.label("give the spread as `std`, in the unit of the number"));
+        findings.push(finding.label("give the spread as `std`, in the unit of the number"));
     }
     if let Some([low, high]) = one.range
         && low < high
@@ -266,8 +213,6 @@ fn spread(
     {
         let headline = format!("`{path}` is {nominal}, and `range` is from {low} to {high}");
         let finding = Finding::error(at.key("range"), headline);
-        findings
-            .0
-            .push(finding.label("the number of the file is outside this range"));
+        findings.push(finding.label("the number of the file is outside this range"));
     }
 }

@@ -8,7 +8,7 @@ use crate::document::KeyPath;
 use crate::excitation::{ExcitationTable, PrescribedPlace};
 use crate::schema::TestFile;
 use crate::suggest::{listed, nearest};
-use gusset_numerics::model::{End, StructureSpec};
+use gusset_numerics::model::End;
 
 /// The whole of `[excitation]`.
 pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
@@ -18,7 +18,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
         &excitation.ground_acceleration,
         &excitation.base_displacement,
     ) {
-        findings.0.push(
+        findings.push(
             Finding::error(at.key("base_displacement"), "both a ground acceleration and a base displacement are given")
                 .label("absolute coordinates")
                 .beside(at.key("ground_acceleration"), "relative coordinates")
@@ -29,19 +29,8 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
     check_frames(file, findings);
     for (index, force) in excitation.nodal_force.iter().enumerate() {
         let at = at.key("nodal_force").index(index);
-        let given: Vec<_> = [
-            ("dofs", force.dofs.is_some()),
-            ("pattern", force.pattern.is_some()),
-        ]
-        .into_iter()
-        .filter_map(|(key, given)| given.then_some(key))
-        .collect();
-        findings.exactly_one(
-            &at,
-            &given,
-            &["dofs", "pattern"],
-            "the factors distribute the force over the DOFs",
-        );
+        let why = "the factors distribute the force over the DOFs";
+        findings.exactly_one(&at, &["dofs", "pattern"], why);
         if let Some(dofs) = &force.dofs {
             findings.dofs(&at.key("dofs"), dofs);
         }
@@ -49,7 +38,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
     if file.structure.is_some() {
         check_motionless(file, findings);
         if !excitation.prescribed_displacement.is_empty() {
-            findings.0.push(
+            findings.push(
                 Finding::error(at.key("prescribed_displacement"), "a prescribed displacement and a structure are both given")
                     .label("the displacement is prescribed here")
                     .beside(KeyPath::root().key("structure"), "and computed here")
@@ -80,7 +69,7 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
                 }
             }
         }
-        if let Some(StructureSpec::Chain(chain)) = &structure.chain
+        if let Some(chain) = &structure.chain
             && chain.absolute_damper.is_some()
         {
             let chain = root.key("structure").key("chain");
@@ -90,7 +79,7 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
             ));
         }
         for (place, headline) in fixed {
-            findings.0.push(
+            findings.push(
                 Finding::error(place, format!("{headline}, but the coordinates move with the ground"))
                     .label("its absolute motion is unknown")
                     .beside(at.key("ground_acceleration"), "relative coordinates")
@@ -102,7 +91,7 @@ fn check_frames(file: &TestFile, findings: &mut Findings) {
         for (index, specimen) in file.specimen.iter().enumerate() {
             if specimen.mass_in_force_kg > 0.0 {
                 let place = root.key("specimen").index(index).key("mass_in_force_kg");
-                findings.0.push(
+                findings.push(
                     Finding::error(
                         place,
                         "the measured force contains the inertia of the relative motion only",
@@ -127,7 +116,7 @@ fn check_motionless(file: &TestFile, findings: &mut Findings) {
         && structure.static_load_n.is_none()
         && structure.gravity.is_none();
     if still {
-        findings.0.push(
+        findings.push(
             Finding::warning(
                 KeyPath::root().key("structure"),
                 "nothing moves the structure",
@@ -140,29 +129,17 @@ fn check_motionless(file: &TestFile, findings: &mut Findings) {
 
 fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let excitation = &file.excitation;
-    let loads = [
-        (
-            "ground_acceleration",
-            excitation.ground_acceleration.is_some(),
-        ),
-        ("base_displacement", excitation.base_displacement.is_some()),
-        ("nodal_force", !excitation.nodal_force.is_empty()),
-        ("nodal_table", excitation.nodal_table.is_some()),
-    ];
-    for (key, _) in loads.into_iter().filter(|(_, given)| *given) {
-        findings.0.push(
-            Finding::error(
-                at.key(key),
-                format!(
-                    "`excitation.{key}` acts on a structure, and this test has no `[structure]`"
-                ),
-            )
-            .label("nothing to act on")
-            .help("without a `[structure]` only `prescribed_displacement` moves the specimens"),
-        );
+    let loads = "ground_acceleration base_displacement nodal_force nodal_table";
+    for key in findings.given(at, loads) {
+        let text = format!("`{key}` acts on a structure, and this test has no `[structure]`");
+        let finding = Finding::error(key, text).label("nothing to act on");
+        findings
+            .push(finding.help(
+                "without a `[structure]` only `prescribed_displacement` moves the specimens",
+            ));
     }
     if !file.specimen.is_empty() && excitation.prescribed_displacement.is_empty() {
-        findings.0.push(
+        findings.push(
             Finding::error(at.clone(), "without a structure the specimens need a prescribed displacement")
                 .label("`prescribed_displacement` is missing")
                 .help("give a `[[excitation.prescribed_displacement]]` with `specimen` and `signal`, or a `[structure]`"),
@@ -179,7 +156,7 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                 || "no such specimen".to_owned(),
                 |n| format!("did you mean `{n}`?"),
             );
-            findings.0.push(
+            findings.push(
                 Finding::error(
                     at.key("specimen"),
                     format!("this test has no specimen `{name}`"),
@@ -188,8 +165,20 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                 .help(format!("the specimens are {}", listed(&names, "and"))),
             );
         }
+        let mut named = file
+            .specimen
+            .iter()
+            .filter(|specimen| specimen.name == name);
+        if named
+            .next()
+            .is_some_and(|specimen| specimen.geometry.is_none())
+        {
+            let why =
+                "only for a specimen with a `geometry`: without one, each axis is one deformation";
+            findings.no_effect(&at, "at", why);
+        }
         if prescribed.axis == 0 {
-            findings.0.push(
+            findings.push(
                 Finding::error(at.key("axis"), "axis 0 does not exist")
                     .label("axes are counted from 1"),
             );
@@ -203,11 +192,11 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
             if value.is_finite() && !(0.0..=duration).contains(&value) {
                 let headline = format!("`{key}` must be inside the test, from 0 to {duration} s");
                 let finding = Finding::error(at.key(key), headline);
-                findings.0.push(finding.label(format!("found {value}")));
+                findings.push(finding.label(format!("found {value}")));
             }
         }
         match places.get(name) {
-            Some((place, before)) if *place != prescribed.at => findings.0.push(
+            Some((place, before)) if *place != prescribed.at => findings.push(
                 Finding::error(
                     at.clone(),
                     format!("coordinates and actuators of specimen `{name}` are both prescribed"),
@@ -221,7 +210,7 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
             }
         }
         match driven.get(&(name, prescribed.axis)) {
-            Some(before) => findings.0.push(
+            Some(before) => findings.push(
                 Finding::error(
                     at.clone(),
                     format!(
@@ -240,7 +229,7 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     }
     for (index, name) in names.iter().enumerate() {
         if !driven.is_empty() && !driven.keys().any(|(driven, _)| driven == name) {
-            findings.0.push(
+            findings.push(
                 Finding::warning(
                     KeyPath::root().key("specimen").index(index),
                     format!("specimen `{name}` has no prescribed displacement"),

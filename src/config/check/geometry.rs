@@ -27,7 +27,7 @@ pub(super) fn check_geometry(
             } else {
                 "space"
             };
-            findings.0.push(refusal(&error, form, &here));
+            findings.push(refusal(&error, form, &here));
             return;
         }
     };
@@ -40,7 +40,7 @@ pub(super) fn check_geometry(
         } else {
             "rows"
         };
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key(rows),
                 format!(
@@ -55,7 +55,7 @@ pub(super) fn check_geometry(
         );
     }
     if specimen.mass_in_force_kg != 0.0 {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key("mass_in_force_kg"),
                 "`mass_in_force_kg` cannot describe the inertia of a platform in the forces of a loading unit",
@@ -66,7 +66,7 @@ pub(super) fn check_geometry(
     }
     let probe = specimen.link.as_ref().and_then(|link| link.probe_m);
     if probe.is_some() && is_redundant(&geometry) {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key("link").key("probe_m"),
                 "a single actuator cannot move alone if there are more actuators than coordinates",

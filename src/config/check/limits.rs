@@ -26,11 +26,12 @@ pub(super) fn check_limits(
     at: &KeyPath,
     findings: &mut Findings,
 ) {
-    let before = findings.0.len();
+    check_settings(specimen, at, findings);
+    let before = findings.list.len();
     let mut judge = |limits: &Option<LimitsSpec>, at: KeyPath| {
         if let Some(Err(error)) = limits.as_ref().map(LimitsSpec::check) {
-            let finding = Finding::error(at.key(error.key()), error.to_string());
-            findings.0.push(finding);
+            let finding = Finding::error(at.key(error.key), error.to_string());
+            findings.push(finding);
         }
     };
     judge(&specimen.limits, at.key("limits"));
@@ -38,11 +39,11 @@ pub(super) fn check_limits(
         judge(&axis.limits, at.key("axis").index(index).key("limits"));
     }
     // Invalid limits are not compared.
-    if findings.0.len() > before {
+    if findings.list.len() > before {
         return;
     }
     check_merged(specimen, at, findings);
-    if findings.0.len() > before {
+    if findings.list.len() > before {
         return;
     }
     for (index, limits) in specimen.limits_of(specimen.axes()).iter().enumerate() {
@@ -62,17 +63,41 @@ pub(super) fn check_limits(
     }
 }
 
+/// Numbers that only affect the judgement of a bound, without that bound.
+fn check_settings(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let merged = specimen.limits_of(specimen.axes().max(specimen.axis.len()));
+    let mut check = |limits: &LimitsSpec, bounds: &[LimitsSpec], at: &KeyPath| {
+        for limit in Limit::OF_AXIS {
+            if let Some((setting, _)) = limits.setting(limit)
+                && !bounds.iter().any(|axis| axis.has(limit))
+            {
+                let why = format!("only with a limit `{}`", limit.key());
+                findings.no_effect(at, setting.key, &why);
+            }
+        }
+    };
+    if let Some(all) = &specimen.limits {
+        check(all, &merged, &at.key("limits"));
+    }
+    for (index, axis) in specimen.axis.iter().enumerate() {
+        if let (Some(own), Some(merged)) = (&axis.limits, merged.get(index)) {
+            let at = at.key("axis").index(index).key("limits");
+            check(own, std::slice::from_ref(merged), &at);
+        }
+    }
+}
+
 /// A level of an axis and the other one of its specimen may contradict each other.
 fn check_merged(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let merged = specimen.limits_of(specimen.axis.len());
     for (index, (axis, merged)) in specimen.axis.iter().zip(merged).enumerate() {
         if let (Some(_), Err(error)) = (&axis.limits, merged.check()) {
-            let own = at.key("axis").index(index).key("limits").key(error.key());
-            let all = at.key("limits").key(error.key());
+            let own = at.key("axis").index(index).key("limits").key(error.key);
+            let all = at.key("limits").key(error.key);
             let finding = Finding::error(own, error.to_string())
                 .beside(all, "the specimen gives the other level")
                 .help("give both `warn` and `trip` at the axis");
-            findings.0.push(finding);
+            findings.push(finding);
         }
     }
 }
@@ -109,7 +134,7 @@ impl Place<'_> {
         {
             let there = self.of(Limit::CommandStep);
             let here = self.of(Limit::CommandVel);
-            findings.0.push(
+            findings.push(
                 Finding::error(
                     here,
                     format!(
@@ -137,7 +162,7 @@ impl Place<'_> {
                 continue;
             };
             if low < least || high > most {
-                findings.0.push(
+                findings.push(
                     Finding::error(
                         self.of(measured),
                         format!(
@@ -160,91 +185,53 @@ impl Place<'_> {
         tick_s: Option<f64>,
         findings: &mut Findings,
     ) {
-        let moves = [safety.on_trip, safety.at_end]
-            .iter()
-            .any(|choice| *choice != ExitChoice::Freeze);
-        let vel = limits.trip_size(Limit::CommandVel);
-        let step = limits.trip_size(Limit::CommandStep);
-        let exit = KeyPath::root().key("safety").key("exit_speed_m_per_s");
-        if let (true, Some(speed), Some(step), Some(tick_s)) =
-            (moves, safety.exit_speed_m_per_s, step, tick_s)
+        let leaves = [safety.on_trip, safety.at_end] != [ExitChoice::Freeze; 2];
+        let Some(speed) = safety.exit_speed_m_per_s.filter(|_| leaves) else {
+            return;
+        };
+        let name = &self.specimen.name;
+        let mut refuse = |why: String, label: &str, (place, words): (KeyPath, &str)| {
+            let exit = KeyPath::root().under("safety.exit_speed_m_per_s");
+            let text =
+                format!("specimen \"{name}\" would move to its end position at {speed} m/s, {why}");
+            let finding = Finding::error(exit, text).label(label);
+            findings.push(finding.beside(place, words));
+        };
+        let (of_limit, its_limit) = ("faster than its limit", "its limit");
+        if let (Some(step), Some(tick_s)) = (limits.trip_size(Limit::CommandStep), tick_s)
             && speed * tick_s > SAME * step
         {
-            findings.0.push(
-                Finding::error(
-                    exit.clone(),
-                    format!(
-                        "specimen \"{}\" would move to its end position at {speed} m/s, {} m in a tick of {tick_s} s, but \
-                         {step} m trip",
-                        self.specimen.name,
-                        speed * tick_s
-                    ),
-                )
-                .label("faster than its limit")
-                .beside(
-                    self.of(Limit::CommandStep),
-                    "its limit",
-                ),
-            );
+            let way = speed * tick_s;
+            let why = format!("{way} m in a tick of {tick_s} s, but {step} m trip");
+            refuse(why, of_limit, (self.of(Limit::CommandStep), its_limit));
         }
-        if let (true, Some(speed), Some(vel)) = (moves, safety.exit_speed_m_per_s, vel)
+        if let Some(vel) = limits.trip_size(Limit::CommandVel)
             && speed > vel
         {
-            findings.0.push(
-                Finding::error(
-                    exit.clone(),
-                    format!(
-                        "specimen \"{}\" would move to its end position at {speed} m/s, but {vel} m/s trip",
-                        self.specimen.name
-                    ),
-                )
-                .label("faster than its limit")
-                .beside(
-                    self.of(Limit::CommandVel),
-                    "its limit",
-                ),
-            );
+            let why = format!("but {vel} m/s trip");
+            refuse(why, of_limit, (self.of(Limit::CommandVel), its_limit));
         }
         let most = self.specimen.capacity.unwrap_or_default().velocity_m_per_s;
-        if let (true, Some(speed), Some(most)) = (moves, safety.exit_speed_m_per_s, most)
+        if let Some(most) = most
             && speed > SAME * most
         {
-            let name = &self.specimen.name;
-            let text = format!(
-                "specimen \"{name}\" would move to its end position at {speed} m/s, but its rig reaches only {most} m/s"
-            );
-            findings.0.push(
-                Finding::error(exit, text)
-                    .label("faster than the rig")
-                    .beside(
-                        self.at.key("capacity").key("velocity_m_per_s"),
-                        "what it can give",
-                    ),
-            );
+            let place = self.at.under("capacity.velocity_m_per_s");
+            let why = format!("but its rig reaches only {most} m/s");
+            refuse(why, "faster than the rig", (place, "what it can give"));
         }
     }
 
     /// The start and the safe position are within the allowed commands and the capacity of the rig, and so is the wiring check.
     fn check_places(&self, limits: &LimitsSpec, findings: &mut Findings) {
-        let range = limits.trip(Limit::CommandDisp);
-        let range = range.map(|range| {
-            let at = self.of(Limit::CommandDisp);
-            (
-                range,
-                at,
-                "which is outside the allowed commands",
-                "its limit",
-            )
+        let range = limits.trip(Limit::CommandDisp).map(|range| {
+            let why = "which is outside the allowed commands";
+            (range, self.of(Limit::CommandDisp), why, "its limit")
         });
         let stroke = self.specimen.capacity.unwrap_or_default().stroke_m;
         let stroke = stroke.map(|stroke| {
-            let at = self.at.key("capacity").key("stroke_m");
-            (
-                [-stroke, stroke],
-                at,
-                "which its rig cannot reach",
-                "what it can give",
-            )
+            let at = self.at.under("capacity.stroke_m");
+            let why = "which its rig cannot reach";
+            ([-stroke, stroke], at, why, "what it can give")
         });
         let bounds: Vec<PlaceBound> = range.into_iter().chain(stroke).collect();
         let place = |given: Option<&Vec<f64>>| given?.get(self.index).copied();
@@ -260,7 +247,7 @@ impl Place<'_> {
             let beyond = |([low, high], ..): &&PlaceBound| !(place >= *low && place <= *high);
             if let Some((_, bound, why, label)) = bounds.iter().find(beyond) {
                 let text = format!("axis {} {is} at {place} m, {why}", self.index + 1);
-                findings.0.push(
+                findings.push(
                     Finding::error(key, text)
                         .label("outside its limit")
                         .beside(bound.clone(), *label),
@@ -300,7 +287,7 @@ impl Place<'_> {
                 "the wiring check moves axis {} by {way} m, which its limits do not allow",
                 self.index + 1
             );
-            findings.0.push(
+            findings.push(
                 Finding::error(at.key("probe_m"), text)
                     .label("outside its limit")
                     .beside(bound.clone(), *label),
@@ -317,7 +304,7 @@ pub(super) fn check_required(
 ) {
     let why = KeyPath::root().key("safety").key("unlimited");
     if unlimited.is_some_and(|reason| !is_reason(reason)) {
-        findings.0.push(
+        findings.push(
             Finding::error(why, "`unlimited` gives no reason")
                 .label("a reason why the specimen may run without limits is needed")
                 .help("the reason is shown at the start and written to the summary of the run"),
@@ -333,7 +320,7 @@ pub(super) fn check_required(
         idle = false;
         let what = missing.join(", ");
         let name = &specimen.name;
-        findings.0.push(match unlimited {
+        findings.push(match unlimited {
             Some(reason) => Finding::warning(
                 why.clone(),
                 format!(
@@ -353,7 +340,7 @@ pub(super) fn check_required(
         });
     }
     if idle && unlimited.is_some() {
-        findings.0.push(
+        findings.push(
             Finding::warning(
                 why,
                 "`unlimited` has no effect: every specimen behind a link has limits",

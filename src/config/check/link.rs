@@ -17,7 +17,7 @@ pub(super) fn check_link(
 ) {
     let here = at.key("link");
     if specimen.stiffness_n_per_m.is_none() {
-        findings.0.push(
+        findings.push(
             Finding::error(here.clone(), "`stiffness_n_per_m` is missing")
                 .label("needed for a specimen behind a link, which has no law")
                 .help(
@@ -25,46 +25,9 @@ pub(super) fn check_link(
                 ),
         );
     }
-    if let Some(bound) = specimen.hardening_bound
-        && bound < 1.0
-    {
-        findings.0.push(
-            Finding::error(
-                at.key("hardening_bound"),
-                format!("`hardening_bound` is {bound}, but must be 1 or greater"),
-            )
-            .label("a factor on the initial tangent stiffness"),
-        );
-    }
-    findings.positive(here.key("connect_timeout_s"), Some(link.connect_timeout_s));
-    findings.positive(here.key("reply_timeout_s"), Some(link.reply_timeout_s));
-    findings.positive(here.key("watchdog_s"), link.watchdog_s);
-    findings.positive(here.key("sample_after"), link.sample_after);
-    if link.sample_after.is_some_and(|part| part > 1.0) {
-        findings.0.push(
-            Finding::error(
-                here.key("sample_after"),
-                "`sample_after` is beyond the tick",
-            )
-            .label("a fraction of the tick, at most 1"),
-        );
-    }
-    if link.spin_us < 0.0 {
-        findings.0.push(
-            Finding::error(here.key("spin_us"), "`spin_us` is negative")
-                .label("must be zero or greater"),
-        );
-    }
-    if link.max_stale == Some(0) {
-        findings.0.push(
-            Finding::error(here.key("max_stale"), "`max_stale` is 0")
-                .label("must be 1 or greater")
-                .help("`on_stale = \"stop\"` stops at the first stale measurement"),
-        );
-    }
     check_probe(specimen, link, &here, findings);
     if let Err(text) = check_address(&link.address) {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 here.key("address"),
                 format!("{:?} has no {text}", link.address),
@@ -73,7 +36,7 @@ pub(super) fn check_link(
         );
     }
     if link.tls.is_some() && link.transport != Carrier::Tls {
-        findings.0.push(
+        findings.push(
             Finding::error(here.key("tls"), "certificates are for TLS only")
                 .at_key()
                 .label("needed for `transport = \"tls\"`"),
@@ -87,7 +50,7 @@ pub(super) fn check_link(
         return;
     }
     if link.openfresco.is_some() {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 here.key("openfresco"),
                 "the protocol of Gusset has no such settings",
@@ -100,7 +63,7 @@ pub(super) fn check_link(
         let at = at.key("axis").index(index);
         for (key, known) in axis.foreign_units() {
             let text = format!("the protocol of Gusset does not support this `{key}`");
-            findings.0.push(
+            findings.push(
                 Finding::error(at.key(key), text)
                     .label(known)
                     .help(
@@ -133,7 +96,7 @@ pub(super) fn check_shared(specimens: &[SpecimenTable], findings: &mut Findings)
                 name(first),
                 name(index)
             );
-            findings.0.push(
+            findings.push(
                 Finding::error(at(index), text)
                     .label("also here")
                     .beside(at(first), "first here")
@@ -158,13 +121,13 @@ pub(super) fn check_pace(
     }
     let here = at.key("link").key("commands");
     if file.time.ticks_per_step == 1 {
-        findings.0.push(
+        findings.push(
             Finding::error(here, "each step has only one tick here")
                 .label("\"every_step\" is for tests with several ticks per step")
                 .help("set `ticks_per_step` in [time]"),
         );
     } else if link.protocol == Protocol::Gusset && link.coupling == LinkCoupling::Sampled {
-        findings.0.push(
+        findings.push(
             Finding::error(here, "a sampled specimen needs a command at every tick")
                 .label("\"every_step\" needs `coupling = \"lockstep\"`")
                 .beside(at.key("link").key("coupling"), "sampled here"),
@@ -174,9 +137,7 @@ pub(super) fn check_pace(
         let warm_up = KeyPath::root().key("timing").key("warmup_ticks");
         let text =
             "a specimen that is commanded once per step needs a warm-up of at least one tick";
-        findings
-            .0
-            .push(Finding::error(warm_up, text).beside(here, "commanded once per step here"));
+        findings.push(Finding::error(warm_up, text).beside(here, "commanded once per step here"));
     }
 }
 
@@ -198,13 +159,11 @@ fn check_address(address: &str) -> Result<(), &'static str> {
 }
 
 fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
-    findings.positive(at.key("probe_m"), link.probe_m);
-    findings.positive(at.key("probe_ramp_s"), Some(link.probe_ramp_s));
     if link.probe_m.is_none() {
         return;
     }
     if link.probe.is_some() {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key("probe"),
                 "`probe = \"none\"` and `probe_m` contradict each other",
@@ -218,7 +177,7 @@ fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings
     let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
     let soft = (0..rows.len()).find(|axis| rows[*axis].get(*axis).is_none_or(|k| *k <= 0.0));
     if let Some(axis) = soft {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key("probe_m"),
                 format!("the wiring check needs a stiffness on axis {}", axis + 1),
@@ -240,7 +199,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
     let here = at.key("stands_at_m");
     match &link.stands_at_m {
         None if reports != Some(false) || link.computed => {}
-        None => findings.0.push(
+        None => findings.push(
             Finding::error(at.clone(), "the position of this specimen before the test is unknown")
                 .label("this protocol cannot report the position before the first command")
                 .help(format!(
@@ -253,7 +212,7 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
             let finding = Finding::error(here, "the specimen reports its position, so `stands_at_m` is not needed").at_key();
             let chosen = link.openfresco.as_ref();
             let given = chosen.is_some_and(|given| given.answer_signals.is_some());
-            findings.0.push(if given {
+            findings.push(if given {
                 finding
                     .label("`openfresco.answer_signals` gives displacements and forces")
                     .help("remove one of the two keys: an element server of OpenFresco measures no displacement")
@@ -264,16 +223,12 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
         }
         Some(stands) if stands.len() != axes => {
             let text = format!("{} displacements for {axes} axes", stands.len());
-            findings
-                .0
-                .push(Finding::error(here, text).label("one per axis"));
+            findings.push(Finding::error(here, text).label("one per axis"));
         }
         Some(stands) => {
             if let Some(index) = stands.iter().position(|disp| !disp.is_finite()) {
                 let text = format!("axis {} is at {}", index + 1, stands[index]);
-                findings
-                    .0
-                    .push(Finding::error(here, text).label("must be a finite number, in m"));
+                findings.push(Finding::error(here, text).label("must be a finite number, in m"));
             }
         }
     }
@@ -285,31 +240,17 @@ fn check_openfresco(link: &LinkSpec, axes: usize, at: &KeyPath, findings: &mut F
     for (key, found, allowed) in more.flat_map(|more| more.out_of_range(axes)) {
         let text = format!("`{key}` is {found}, but must be {allowed}");
         let at = at.key("openfresco").key(key);
-        findings.0.push(Finding::error(at, text));
+        findings.push(Finding::error(at, text));
     }
-    for (key, given, why) in [
-        ("key_file", link.key_file.is_some(), "they know no key"),
-        (
-            "watchdog_s",
-            link.watchdog_s.is_some(),
-            "this server has no watchdog for commands",
-        ),
-        (
-            "sample_after",
-            link.sample_after.is_some(),
-            "the server answers each request",
-        ),
-        (
-            "axis_names",
-            link.axis_names.is_some(),
-            "this protocol has no names of axes",
-        ),
+    for (key, why) in [
+        ("key_file", "they know no key"),
+        ("watchdog_s", "this server has no watchdog for commands"),
+        ("sample_after", "the server answers each request"),
+        ("axis_names", "this protocol has no names of axes"),
     ] {
-        if given {
+        for place in findings.given(at, key) {
             let text = format!("OpenFresco's protocols do not support `{key}`");
-            findings
-                .0
-                .push(Finding::error(at.key(key), text).at_key().label(why));
+            findings.push(Finding::error(place, text).at_key().label(why));
         }
     }
 }
@@ -318,14 +259,12 @@ fn check_names(names: &[String], specimen: &SpecimenTable, at: &KeyPath, finding
     let axes = specimen.axes();
     if names.len() != axes {
         let text = format!("{} names for {axes} axes", names.len());
-        findings
-            .0
-            .push(Finding::error(at.clone(), text).label("one name per axis"));
+        findings.push(Finding::error(at.clone(), text).label("one name per axis"));
     }
     for (index, name) in names.iter().enumerate() {
         let fits = !name.is_empty() && name.len() <= 64 && !name.chars().any(is_hidden);
         if !fits || names[..index].contains(name) {
-            findings.0.push(
+            findings.push(
                 Finding::error(at.index(index), format!("{name:?} cannot name an axis"))
                     .label("a name has 1 to 64 bytes and is unique"),
             );

@@ -22,7 +22,7 @@ pub(super) fn check_measured(specimen: &SpecimenTable, at: &KeyPath, findings: &
         let text = format!(
             "`{key}` needs a measured displacement, but this link answers with forces only"
         );
-        findings.0.push(
+        findings.push(
             Finding::error(place, text)
                 .at_key()
                 .label("it would compare the command with itself")
@@ -58,7 +58,7 @@ pub(super) fn check_judged(file: &TestFile, findings: &mut Findings) {
                 format!("`{key}` does not check {names}: their links answer with forces only");
             Finding::warning(at, text).label("it needs a measured displacement")
         };
-        findings.0.push(
+        findings.push(
             finding
                 .at_key()
                 .beside(link.clone(), "no measured displacement"),

@@ -10,33 +10,32 @@ mod idle;
 mod limits;
 mod link;
 pub mod measured;
+mod numbers;
+mod rules;
 mod safety;
 mod specimen;
 mod waits;
 mod way;
 
+use certificate::check_certificate;
 pub(super) use certificate::check_samples;
-use certificate::{check_certificate, check_known};
 use excitation::check_excitation;
-use idle::{check_idle, check_idle_link, check_idle_served, check_idle_specimen};
 use limits::{check_limits, check_required};
+use rules::Findings;
 use specimen::{Source, check_names, check_seeds, check_specimen};
-use waits::{check_link_waits, check_record, check_waits};
+use waits::{check_link_waits, check_ticks};
 use way::check_way;
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
-use super::schema::{Method, Start, StructureTable, TestFile};
-use super::serve_table::ServeFile;
+use super::schema::{Method, TestFile};
+use super::serve_table::{PaceTable, ServeFile};
 use super::specimen::SpecimenTable;
-use super::steps::{Time, not_positive};
-use super::suggest::listed;
+use super::steps::Time;
 use super::timetable::ClockChoice;
-use super::timing_table::OnMiss;
-use super::value::{DofChoice, LambdaValue};
+use super::timing_table::{OnMiss, TimingSpec};
+use super::value::DofChoice;
 pub use limits::missing_limits;
-
-use gusset_quantity::text::is_hidden;
 
 /// Every number of the document that is not finite, but λ, which may be infinite.
 pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
@@ -57,34 +56,40 @@ pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
     findings
 }
 
-/// All that is wrong with `file`, in the order of its tables. `clock_is_chosen`: for this run alone, beside the file.
+/// All that is wrong with `file`, in the order of its tables. `clock_is_chosen`: the user overrides the clock for this run, and
+/// knows which keys it ignores.
 pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
-    let mut findings = Findings::default();
+    let mut findings = Findings::of(file);
     let time = match Time::of(&file.time) {
         Ok(time) => Some(time),
         Err(finding) => {
-            findings.0.push(*finding);
+            findings.push(*finding);
             None
         }
     };
     let tick_s = time.map(|time| time.period.value());
     let root = KeyPath::root();
+    let [of_integrator, of_safety, of_timing, of_record] =
+        ["integrator", "safety", "timing", "record"].map(|key| root.key(key));
+    findings.numbers(
+        &root.under("structure.gravity"),
+        numbers::NUMBERS_OF_GRAVITY,
+    );
+    findings.numbers(&of_integrator, numbers::NUMBERS_OF_INTEGRATOR);
+    findings.numbers(&of_safety, numbers::NUMBERS_OF_SAFETY);
+    findings.numbers(&of_record, numbers::NUMBERS_OF_RECORD);
+    check_misses(&file.timing, &of_timing, &mut findings);
     findings.printable(&root.key("title"), Some(&file.title));
-    let reasons = [
-        ("accept_unstable", &file.safety.accept_unstable),
-        ("accept_trip", &file.safety.accept_trip),
-        ("accept_wiring", &file.safety.accept_wiring),
-        ("accept_speed", &file.safety.accept_speed),
-        ("accept_error", &file.safety.accept_error),
-    ];
-    for (key, reason) in reasons {
-        findings.reason(root.key("safety").key(key), reason.as_deref());
-    }
+    findings.reasons("accept_unstable accept_trip accept_wiring accept_speed accept_error");
     let unlimited = file.safety.unlimited.as_deref();
-    findings.printable(&root.key("safety").key("unlimited"), unlimited);
+    findings.printable(&of_safety.key("unlimited"), unlimited);
     match &file.structure {
-        Some(structure) => check_structure(structure, &root.key("structure"), &mut findings),
-        None if file.specimen.is_empty() => findings.0.push(
+        Some(_) => findings.exactly_one(
+            &root.key("structure"),
+            &["shear_building", "matrices", "chain"],
+            "a test has one structure",
+        ),
+        None if file.specimen.is_empty() => findings.push(
             Finding::error(root.clone(), "this test has neither a `[structure]` nor a `[[specimen]]`")
                 .help("a test needs a `[structure]`, or a `[[specimen]]` with a prescribed displacement, or both"),
         ),
@@ -99,23 +104,20 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
             None => Source::Prescribed,
         };
         check_specimen(specimen, source, &at, &mut findings);
-        check_known(specimen, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
         link::check_pace(specimen, file, &at, &mut findings);
         check_way(specimen, file, &at, &mut findings);
-        link::check_standing(specimen, &at, &mut findings);
         measured::check_measured(specimen, &at, &mut findings);
-        let with_structure = file.structure.is_some();
-        check_idle_specimen(
-            specimen,
-            with_structure,
-            Some(&file.safety),
-            &at,
-            &mut findings,
-        );
+        findings.idle(&at, idle::IDLE_SPECIMEN_OF_TEST, |when| {
+            when(specimen, file)
+        });
+        for (index, axis) in specimen.axis.iter().enumerate() {
+            let at = at.key("axis").index(index);
+            findings.idle(&at, idle::IDLE_AXIS_OF_TEST, |when| when(axis));
+        }
         if let Some(link) = &specimen.link {
             check_link_waits(link, time.as_ref(), &at.key("link"), &mut findings);
-            check_idle_link(link, &at.key("link"), &mut findings);
+            findings.idle(&at.key("link"), idle::IDLE_LINK, |when| when(link));
         }
     }
     measured::check_judged(file, &mut findings);
@@ -125,145 +127,130 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     check_seeds(&file.specimen, &mut findings);
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
     if remote && file.timing.on_miss == OnMiss::CatchUp {
-        let on_miss = root.key("timing").key("on_miss");
-        findings.0.push(
-            Finding::error(
-                on_miss,
-                "`on_miss = \"catch_up\"` is not allowed with a specimen behind a link",
-            )
+        let text = "`on_miss = \"catch_up\"` is not allowed with a specimen behind a link";
+        let finding = Finding::error(of_timing.key("on_miss"), text)
             .label("it would move the specimen faster than planned")
-            .help("use \"stretch\", which never moves it faster than planned, or \"stop\""),
-        );
+            .help("use \"stretch\", which never moves it faster than planned, or \"stop\"");
+        findings.push(finding);
     }
     safety::check_safety(file, &mut findings);
     check_certificate(file, &mut findings);
-    let record = root.key("record");
-    findings.positive(record.key("queue_s"), Some(file.record.queue_s));
-    findings.positive(record.key("checkpoint_s"), Some(file.record.checkpoint_s));
     if let Some(DofChoice::Listed(dofs)) = &file.record.dofs {
-        findings.dofs(&record.key("dofs"), dofs);
+        findings.dofs(&of_record.key("dofs"), dofs);
     }
-    check_waits(file, time.as_ref(), &mut findings);
-    check_idle(file, clock_is_chosen, &mut findings);
-    findings.0
+    if let Some(time) = time {
+        check_ticks(&time, &file.timing, &mut findings);
+    }
+    findings.idle(&root.key("time"), idle::IDLE_TIME, |when| when(file));
+    findings.idle(&of_integrator, idle::IDLE_INTEGRATOR, |when| when(file));
+    findings.idle(&of_safety, idle::IDLE_SAFETY, |when| when(file));
+    findings.idle(&of_timing, idle::IDLE_TIMING, |when| when(&file.timing));
+    findings.idle(&of_timing, idle::IDLE_TIMING_OF_TEST, |when| {
+        when(&file.timing)
+    });
+    if file.time.clock == ClockChoice::Simulated && !clock_is_chosen {
+        check_clock(&of_timing, &mut findings);
+    }
+    findings.idle(&of_record, idle::IDLE_RECORD, |when| when(file));
+    findings.list
 }
 
-#[derive(Debug, Default)]
-struct Findings(Vec<Finding>);
-
-impl Findings {
-    /// Finite and greater than zero, where given. Infinity and NaN are reported elsewhere.
-    fn positive(&mut self, at: KeyPath, value: Option<f64>) {
-        if let Some(found) = value
-            && found <= 0.0
-            && found.is_finite()
+/// The ranges of `[timing]`; a warning that would come with the end of the test, or after it, is refused.
+fn check_misses(timing: &TimingSpec, at: &KeyPath, findings: &mut Findings) {
+    findings.numbers(at, numbers::NUMBERS_OF_TIMING);
+    for (key, levels) in timing.misses.entries() {
+        if let (Some(warn), Some(most)) = (levels.warn, levels.trip)
+            && warn >= most
         {
-            self.0.push(not_positive(at, found));
+            let at = at.key("misses").key(key).key("warn");
+            let text = format!("`{at}` is {warn}, but must be less than {most}");
+            let finding = Finding::error(at, text);
+            findings.push(finding.label("the test stops at that number"));
         }
     }
+}
 
-    /// A text that is shown to people holds nothing that a terminal would obey.
-    fn printable(&mut self, at: &KeyPath, text: Option<&str>) {
-        if let Some(c) = text.and_then(|text| text.chars().find(|c| is_hidden(*c))) {
-            let headline = format!("`{at}` contains a character that cannot be printed");
-            let finding = Finding::error(at.clone(), headline);
-            self.0
-                .push(finding.label(format!("{}", c.escape_unicode())));
-        }
-    }
-
-    /// The user's reason must have content, in characters that can be printed.
-    fn reason(&mut self, at: KeyPath, reason: Option<&str>) {
-        self.printable(&at, reason);
-        if reason.is_some_and(|reason| !gusset_quantity::text::is_reason(reason)) {
-            let headline = format!("`{at}` gives no reason");
-            self.0.push(
-                Finding::error(at, headline)
-                    .label("write a reason in words, which the summary repeats"),
-            );
-        }
-    }
-
-    /// Numbers from 1, none twice.
-    fn dofs(&mut self, at: &KeyPath, dofs: &[usize]) {
-        if dofs.is_empty() {
-            self.0.push(
-                Finding::error(at.clone(), format!("`{at}` is empty"))
-                    .label("at least one DOF is needed"),
-            );
-        }
-        for (index, dof) in dofs.iter().enumerate() {
-            let here = at.index(index);
-            if *dof == 0 {
-                self.0.push(
-                    Finding::error(here, "there is no DOF 0").label("DOFs are counted from 1"),
-                );
-            } else if let Some(before) = dofs[..index].iter().position(|d| d == dof) {
-                let finding =
-                    Finding::error(here, format!("DOF {dof} is listed twice")).label("again here");
-                self.0.push(finding.beside(at.index(before), "first here"));
-            }
-        }
-    }
-
-    /// Exactly one of `allowed` is among `given`.
-    fn exactly_one(&mut self, at: &KeyPath, given: &[&str], allowed: &[&str], why: &str) {
-        let headline = || format!("`{at}` must have exactly one of {}", listed(allowed, "and"));
-        match given {
-            [_] => {}
-            [] => self.0.push(
-                Finding::error(at.clone(), headline())
-                    .label("has none of them")
-                    .help(why),
-            ),
-            [first, second, ..] => self.0.push(
-                Finding::error(at.key(second), headline())
-                    .at_key()
-                    .label(format!("`{second}` is given"))
-                    .beside(at.key(first), format!("and so is `{first}`"))
-                    .help(why),
-            ),
-        }
-    }
+/// On the simulated clock no thread waits for an edge, and no request goes to the machine: one finding for all keys.
+fn check_clock(at: &KeyPath, findings: &mut Findings) {
+    let keys = findings.given(at, idle::REAL_CLOCK);
+    let Some(first) = keys.first() else { return };
+    let named = keys.iter().filter_map(KeyPath::last_key);
+    let named: Vec<String> = named.map(|key| format!("`{key}`")).collect();
+    let headline = format!(
+        "the simulated clock needs no real-time settings and misses no deadlines, so these keys have no effect: {}",
+        named.join(", ")
+    );
+    let finding = Finding::warning(first.clone(), headline).at_key();
+    let clock = KeyPath::root().under("time.clock");
+    findings.push(
+        finding
+            .label("only for the real clock")
+            .beside(clock, "simulated here"),
+    );
 }
 
 /// All that is wrong with the specimens of a file that is only served.
 pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
-    let mut findings = Findings::default();
+    let mut findings = Findings::of(file);
     let root = KeyPath::root();
+    findings.numbers(&root.key("record"), numbers::NUMBERS_OF_RECORD);
+    findings.numbers(&root.key("serve"), numbers::NUMBERS_OF_SERVE);
+    if let Some(pace) = &file.serve.pace {
+        check_pace(pace, &mut findings);
+    }
     if file.specimen.is_empty() {
         let text = "this file has no `[[specimen]]` to serve";
-        findings.0.push(Finding::error(root.clone(), text));
+        findings.push(Finding::error(root.clone(), text));
     }
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, Source::Client, &at, &mut findings);
-        check_known(specimen, &at, &mut findings);
         check_limits(specimen, None, None, &at, &mut findings);
-        check_idle_specimen(specimen, false, None, &at, &mut findings);
-        link::check_standing(specimen, &at, &mut findings);
-        measured::check_measured(specimen, &at, &mut findings);
-        if let Some(link) = &specimen.link {
-            check_link_waits(link, None, &at.key("link"), &mut findings);
+        findings.idle(&at, idle::IDLE_SPECIMEN_OF_SERVER, |when| when(specimen));
+        if specimen.link.is_some() {
+            specimen::refuse_relative_zeros(specimen, &at, &mut findings);
+        } else {
+            let (keys, why) = idle::IDLE_AXIS_OF_SERVER;
+            for index in 0..specimen.axis.len() {
+                findings.no_effect(&at.key("axis").index(index), keys, why);
+            }
         }
+        measured::check_measured(specimen, &at, &mut findings);
         check_served_compensation(specimen, file.serve.pace.is_some(), &at, &mut findings);
     }
-    let safety = file.safety.as_ref();
-    let unlimited = safety.and_then(|safety| safety.unlimited.as_deref());
+    let unlimited = file.safety.as_ref();
+    let unlimited = unlimited.and_then(|safety| safety.unlimited.as_deref());
     findings.printable(&root.key("title"), Some(&file.title));
-    findings.printable(&root.key("safety").key("unlimited"), unlimited);
-    let accepted = safety.and_then(|safety| safety.accept_wiring.as_deref());
-    findings.reason(root.key("safety").key("accept_wiring"), accepted);
-    let accepts = safety.and_then(|safety| safety.accept_speed.as_deref());
-    findings.reason(root.key("safety").key("accept_speed"), accepts);
-    if let Some(record) = &file.record {
-        findings.positive(root.key("record").key("queue_s"), Some(record.queue_s));
-        check_record(record, &mut findings);
+    findings.printable(&root.under("safety.unlimited"), unlimited);
+    findings.reasons("accept_wiring accept_speed");
+    if let Some(timing) = &file.timing {
+        let at = root.key("timing");
+        check_misses(timing, &at, &mut findings);
+        findings.idle(&at, idle::IDLE_TIMING, |when| when(timing));
+        findings.idle(&at, idle::IDLE_TIMING_OF_SERVER, |when| when(timing));
     }
-    check_idle_served(file.timing.as_ref(), file.record.as_ref(), &mut findings);
+    let (keys, why) = idle::IDLE_RECORD_OF_SERVER;
+    findings.no_effect(&root.key("record"), keys, why);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
-    findings.0
+    findings.list
+}
+
+/// Refuses a pace that takes longer to a target than a person waits.
+fn check_pace(pace: &PaceTable, findings: &mut Findings) {
+    /// Longest path to one target, s.
+    const MOST_S: f64 = 60.0;
+    let ticks = [
+        ("ticks_per_step", pace.ticks_per_step),
+        ("settle_ticks", pace.settle_ticks),
+    ];
+    for (key, ticks) in ticks {
+        if f64::from(ticks) / pace.rate_hz > MOST_S {
+            let at = KeyPath::root().under("serve.pace").key(key);
+            let text = format!("`{at}` must be at most {MOST_S} s of ticks");
+            findings.push(Finding::error(at, text).label(format!("found {ticks}")));
+        }
+    }
 }
 
 /// A compensator of a served specimen: only a gateway that paces has evenly spaced commands.
@@ -287,97 +274,29 @@ fn check_served_compensation(
         ),
     };
     let finding = Finding::error(at.key("compensation"), text).at_key();
-    findings.0.push(finding.label("no effect here").help(help));
-}
-
-fn check_structure(structure: &StructureTable, at: &KeyPath, findings: &mut Findings) {
-    let given: Vec<_> = structure.kinds().iter().map(|(key, _)| *key).collect();
-    findings.exactly_one(
-        at,
-        &given,
-        &["shear_building", "matrices", "chain"],
-        "a test has one structure",
-    );
-    if let Some(gravity) = &structure.gravity {
-        findings.positive(
-            at.key("gravity").key("accel_m_per_s2"),
-            Some(gravity.accel_m_per_s2),
-        );
-    }
+    findings.push(finding.label("no effect here").help(help));
 }
 
 fn check_integrator(file: &TestFile, findings: &mut Findings) {
     let table = &file.integrator;
     let integrator = KeyPath::root().key("integrator");
-    findings.positive(integrator.key("gain_bound"), table.gain_bound);
-    if let LambdaValue::Number(value) = table.lambda {
-        findings.positive(integrator.key("lambda"), Some(value));
-    }
-    if let Some(share) = table.rest_damping_share
-        && !(0.0..=1.0).contains(&share)
-    {
-        let text = format!("`rest_damping_share` is {share}, but must be from 0 to 1");
-        let at = integrator.key("rest_damping_share");
-        findings.0.push(Finding::error(at, text).label("a share"));
-    }
-    findings.positive(integrator.key("newton_tolerance"), table.newton_tolerance);
     let method = integrator.key("method");
-    let of_family = table.method == Method::Gui;
-    let idle = [
-        ("lambda", table.lambda != LambdaValue::Auto, of_family),
-        ("gain_bound", table.gain_bound.is_some(), of_family),
-        (
-            "rest_damping_share",
-            table.rest_damping_share.is_some(),
-            of_family,
-        ),
-        ("start", table.start != Start::Published, of_family),
-        (
-            "rho_infinity",
-            table.rho_infinity.is_some(),
-            table.is_alpha(),
-        ),
-        ("weighting", table.weighting.is_some(), table.is_alpha()),
-        (
-            "newton_tolerance",
-            table.newton_tolerance.is_some(),
-            table.iterates(),
-        ),
-        (
-            "newton_iterations",
-            table.newton_iterations.is_some(),
-            table.iterates(),
-        ),
-    ];
-    for (key, given, meant) in idle {
-        if given && !meant {
-            let finding = Finding::error(
-                integrator.key(key),
-                format!("`integrator.{key}` has no effect with this method"),
-            );
-            findings
-                .0
-                .push(finding.at_key().beside(method.clone(), "the method"));
+    let without_effect = match table.method {
+        Method::Gui => "rho_infinity weighting newton_tolerance newton_iterations",
+        _ if table.is_alpha() => {
+            "lambda gain_bound rest_damping_share start newton_tolerance newton_iterations"
         }
+        _ => "lambda gain_bound rest_damping_share start rho_infinity weighting",
+    };
+    for key in findings.given(&integrator, without_effect) {
+        let headline = format!("`{key}` has no effect with this method");
+        let finding = Finding::error(key, headline).at_key();
+        findings.push(finding.beside(method.clone(), "the method"));
     }
-    match table.rho_infinity {
-        Some(rho) if rho.is_finite() && !(0.0..=1.0).contains(&rho) => findings.0.push(
-            Finding::error(
-                integrator.key("rho_infinity"),
-                format!("`integrator.rho_infinity` is {rho}, but must be from 0 to 1"),
-            )
-            .label("rho_infinity is a spectral radius"),
-        ),
-        None if table.is_alpha() => findings.0.push(
-            Finding::error(method.clone(), "this method needs `rho_infinity`")
-                .help("rho_infinity = 1 damps nothing, 0 damps high frequencies most"),
-        ),
-        _ => {}
-    }
-    if table.newton_iterations == Some(0) {
+    if table.is_alpha() && table.rho_infinity.is_none() {
+        let finding = Finding::error(method.clone(), "this method needs `rho_infinity`");
         findings
-            .0
-            .push(not_positive(integrator.key("newton_iterations"), 0.0));
+            .push(finding.help("rho_infinity = 1 damps nothing, 0 damps high frequencies most"));
     }
     let Some(reason) = table.why_no_specimen() else {
         return;
@@ -386,13 +305,100 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
         let finding = Finding::error(method, "this method cannot command a specimen")
             .label(reason)
             .beside(KeyPath::root().key("specimen").index(0), "the specimen");
-        findings.0.push(finding.help(
+        findings.push(finding.help(
             "use \"gui\", or \"kr_alpha\" or \"mkr_alpha\" with weighting = \"forces\": they are explicit in displacement and velocity",
         ));
     } else if file.time.clock == ClockChoice::Real {
         let finding = Finding::error(method, "this method cannot run on the real clock")
             .label(reason)
             .help("use `clock = \"simulated\"` in [time], or --clock simulated");
-        findings.0.push(finding);
+        findings.push(finding);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::idle::*;
+    use super::numbers::*;
+    use super::rules::{Idle, Range, USUAL};
+    use super::*;
+    use crate::certificate::value_at;
+    use crate::hints::Hints;
+
+    fn keys_of<When>(rules: &[Idle<When>]) -> Vec<&'static str> {
+        let keys = rules.iter().flat_map(|(keys, ..)| keys.split_whitespace());
+        keys.filter(|key| *key != "*").collect()
+    }
+
+    fn numbers_of(ranges: &[Range]) -> Vec<&'static str> {
+        let keys = ranges.iter().flat_map(|(keys, _)| keys.split_whitespace());
+        keys.collect()
+    }
+
+    #[test]
+    fn each_key_of_a_rule_is_in_the_schema() {
+        let served = Hints::of::<ServeFile>();
+        for key in numbers_of(NUMBERS_OF_SERVE) {
+            assert!(
+                served.knows(&KeyPath::root().key("serve").under(key)),
+                "{key}"
+            );
+        }
+        let test = Hints::of::<TestFile>();
+        let axis_of_server = IDLE_AXIS_OF_SERVER.0.split_whitespace().collect();
+        let record_of_server = IDLE_RECORD_OF_SERVER.0.split_whitespace().collect();
+        for (table, keys) in [
+            ("time", keys_of(IDLE_TIME)),
+            ("structure.gravity", numbers_of(NUMBERS_OF_GRAVITY)),
+            ("integrator", keys_of(IDLE_INTEGRATOR)),
+            ("integrator", numbers_of(NUMBERS_OF_INTEGRATOR)),
+            ("safety", keys_of(IDLE_SAFETY)),
+            ("safety", numbers_of(NUMBERS_OF_SAFETY)),
+            ("timing", keys_of(IDLE_TIMING)),
+            ("timing", numbers_of(NUMBERS_OF_TIMING)),
+            ("timing", keys_of(IDLE_TIMING_OF_TEST)),
+            ("timing", keys_of(IDLE_TIMING_OF_SERVER)),
+            ("timing", REAL_CLOCK.split_whitespace().collect()),
+            ("record", keys_of(IDLE_RECORD)),
+            ("record", record_of_server),
+            ("record", numbers_of(NUMBERS_OF_RECORD)),
+            ("certificate", numbers_of(NUMBERS_OF_CERTIFICATE)),
+            ("uncertainty[0]", numbers_of(NUMBERS_OF_UNCERTAINTY)),
+            ("specimen[0]", keys_of(IDLE_SPECIMEN)),
+            ("specimen[0]", keys_of(IDLE_SPECIMEN_OF_TEST)),
+            ("specimen[0]", keys_of(IDLE_SPECIMEN_OF_SERVER)),
+            ("specimen[0]", numbers_of(NUMBERS_OF_SPECIMEN)),
+            ("specimen[0].axis[0]", keys_of(IDLE_AXIS_OF_TEST)),
+            ("specimen[0].axis[0]", axis_of_server),
+            ("specimen[0].axis[0]", numbers_of(NUMBERS_OF_AXIS)),
+            ("specimen[0].link", keys_of(IDLE_LINK)),
+            ("specimen[0].link", numbers_of(NUMBERS_OF_LINK)),
+        ] {
+            let table = KeyPath::parse(table).unwrap();
+            for key in keys {
+                assert!(test.knows(&table.under(key)), "{table}: {key}");
+            }
+        }
+    }
+
+    /// A key with a default counts as given if its default is unknown.
+    #[test]
+    fn the_least_file_has_every_default() {
+        for path in [
+            "time.prediction_order",
+            "safety.ramp_s",
+            "timing.misses.window_s",
+            "record.checkpoint_s",
+            "specimen[0].similitude.time",
+            "specimen[0].axis[0].scale",
+            "specimen[0].link.probe_ramp_s",
+            "specimen[0].link.openfresco.site",
+            "specimen[0].transfer.seed",
+            "specimen[0].compensation.ats.gain",
+            "specimen[0].limits.stuck_travel_m",
+        ] {
+            let path = KeyPath::parse(path).unwrap();
+            assert!(value_at(&USUAL, &path).is_some(), "{path}");
+        }
     }
 }

@@ -6,10 +6,6 @@ use crate::{ExitChoice, ShareSpec, ZeroChoice};
 pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     let safety = &file.safety;
     let at = KeyPath::root().key("safety");
-    findings.positive(at.key("divergence_m"), safety.divergence_m);
-    findings.positive(at.key("exit_speed_m_per_s"), safety.exit_speed_m_per_s);
-    findings.positive(at.key("resume_within_m"), safety.resume_within_m);
-    findings.positive(at.key("resume_within_n"), safety.resume_within_n);
     for (key, bound) in [
         ("stability_used", safety.stability_used),
         ("delay_used", safety.delay_used),
@@ -20,21 +16,14 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
         ),
     ] {
         if let Some(Err(error)) = bound.map(|bound| bound.check(key)) {
-            findings
-                .0
-                .push(Finding::error(at.key(key), error.to_string()));
+            findings.push(Finding::error(at.key(key), error.to_string()));
         }
     }
-    if let Some(share) = safety.added_energy_share {
-        let place = at.key("added_energy_share");
-        findings.positive(place.key("floor_j"), Some(share.floor_j));
-        if file.structure.is_none() {
-            findings.0.push(
-                Finding::error(place, "this test has no structure")
-                    .label("a share of what?")
-                    .help("use `added_energy_j` in the limits of a specimen for one axis, in J"),
-            );
-        }
+    if safety.added_energy_share.is_some() && file.structure.is_none() {
+        let finding = Finding::error(at.key("added_energy_share"), "this test has no structure")
+            .label("a share of what?")
+            .help("use `added_energy_j` in the limits of a specimen for one axis, in J");
+        findings.push(finding);
     }
     let (warn, refuse) = (safety.error_warn, safety.error_refuse);
     let is_sound = warn > 0.0 && warn <= 1.0 && refuse >= warn && refuse.is_finite();
@@ -42,31 +31,14 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
         let text = format!(
             "`error_warn` is {warn} and `error_refuse` is {refuse}, but 0 < `error_warn` ≤ 1 and `error_warn` ≤ `error_refuse` are required"
         );
-        findings
-            .0
-            .push(Finding::error(at.key("error_refuse"), text).label("shares of a drift"));
-    }
-    for (key, value) in [
-        ("zero_s", safety.zero_s.unwrap_or(0.0)),
-        ("ramp_s", safety.ramp_s),
-        ("ease_s", safety.ease_s),
-    ] {
-        if value < 0.0 {
-            findings.0.push(
-                Finding::error(
-                    at.key(key),
-                    format!("`{key}` is {value}, but must not be negative"),
-                )
-                .label("seconds"),
-            );
-        }
+        findings.push(Finding::error(at.key("error_refuse"), text).label("shares of a drift"));
     }
     for (key, choice) in [("on_trip", safety.on_trip), ("at_end", safety.at_end)] {
         if choice == ExitChoice::Freeze {
             continue;
         }
         if safety.exit_speed_m_per_s.is_none() {
-            findings.0.push(
+            findings.push(
                 Finding::error(
                     at.key(key),
                     format!(
@@ -80,7 +52,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
         for (index, specimen) in file.specimen.iter().enumerate() {
             if choice == ExitChoice::SafeDisplacement && specimen.safe_disp_m.is_none() {
                 let place = KeyPath::root().key("specimen").index(index);
-                findings.0.push(
+                findings.push(
                     Finding::error(place, "the safe position of this specimen is not given")
                         .label("`safe_disp_m` is missing")
                         .beside(at.key(key), "asked for here"),
@@ -98,7 +70,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
                 ("zero_force", axis.zero_force),
             ] {
                 if zero == ZeroChoice::Relative && safety.zero_s.is_some_and(|zero| zero <= 0.0) {
-                    findings.0.push(
+                    findings.push(
                         Finding::error(place.key(key), "the sensors are not read before the test")
                             .label("a relative zero needs a reading")
                             .beside(at.key("zero_s"), "0 here"),
@@ -112,27 +84,12 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
 /// Readings that must be confirmed need zeroing.
 fn check_confirmation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let safety = &file.safety;
-    if !safety.confirm || file.specimen.is_empty() {
-        return;
-    }
-    let mut axes = file.specimen.iter().flat_map(|specimen| &specimen.axis);
-    let relative = axes.any(|axis| {
-        axis.zero_disp == ZeroChoice::Relative || axis.zero_force == ZeroChoice::Relative
-    });
-    match safety.zero_s {
-        Some(zero) if zero <= 0.0 => findings.0.push(
-            Finding::error(
-                at.key("confirm"),
-                "the sensors are not read before the test, so there is nothing to confirm",
-            )
+    let is_unread = safety.zero_s.is_some_and(|zero| zero <= 0.0);
+    if safety.confirm && is_unread && !file.specimen.is_empty() {
+        let text = "the sensors are not read before the test, so there is nothing to confirm";
+        let finding = Finding::error(at.key("confirm"), text)
             .label("this waits for the operator")
-            .beside(at.key("zero_s"), "no sensor is read, because this is 0"),
-        ),
-        None if !relative && file.specimen.iter().all(|specimen| specimen.link.is_none()) => {
-            let why =
-                "the sensors of simulated specimens are read before the test only with `zero_s`";
-            findings.idle(at, "confirm", true, why);
-        }
-        _ => {}
+            .beside(at.key("zero_s"), "no sensor is read, because this is 0");
+        findings.push(finding);
     }
 }

@@ -1,10 +1,12 @@
 //! `[[specimen]]`: its axes, its estimates, and its name.
 
-use super::Findings;
+use super::certificate::check_known;
 use super::geometry::check_geometry;
-use super::link::check_link;
+use super::link::{check_link, check_standing};
+use super::{Findings, idle, numbers};
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
+use crate::safety::ZeroChoice;
 use crate::specimen::SpecimenTable;
 use crate::value::MatrixValue;
 use gusset_actuator::transfer::TransferSpec;
@@ -27,57 +29,38 @@ pub(super) fn check_specimen(
     at: &KeyPath,
     findings: &mut Findings,
 ) {
-    let laws: Vec<_> = specimen.sources().iter().map(|(key, _)| *key).collect();
-    match (&specimen.link, laws.len()) {
-        (Some(_), 0 | 1) => {}
-        (Some(_), _) => findings.exactly_one(
-            at,
-            &laws,
-            &["law", "laws", "coupled"],
-            "beside a `link` it is the stand-in for rehearsals",
-        ),
-        (None, _) => findings.exactly_one(
-            at,
-            &laws,
-            &["law", "laws", "coupled", "link"],
-            "a specimen is either simulated (`law`, `laws`, `coupled`) or behind a `link`",
-        ),
+    check_rules(specimen, at, findings);
+    check_known(at, findings);
+    if specimen.link.is_none() {
+        let why = "a specimen is either simulated (`law`, `laws`, `coupled`) or behind a `link`";
+        findings.exactly_one(at, &["law", "laws", "coupled", "link"], why);
+    } else if specimen.source().is_some() {
+        let why = "beside a `link` it is the stand-in for rehearsals";
+        findings.exactly_one(at, &["law", "laws", "coupled"], why);
     }
     match &specimen.link {
         Some(link) => check_link(specimen, link, at, findings),
-        None if specimen.hardening_bound.is_some() => findings.0.push(
+        None if specimen.hardening_bound.is_some() => findings.push(
             Finding::error(at.key("hardening_bound"), "a law has its own bound")
                 .at_key()
                 .label("only for a specimen behind a link"),
         ),
         None => {}
     }
-    if let Some(drill) = &specimen.drill {
-        findings.positive(at.key("drill").key("panic_at_s"), Some(drill.panic_at_s));
-        if specimen.link.is_some() {
-            findings.0.push(
-                Finding::error(
-                    at.key("drill"),
-                    "a `drill` injects faults into this program",
-                )
-                .at_key()
-                .label("not for a specimen behind a link")
-                .help("`gusset serve --fault` injects faults at the server"),
-            );
-        }
+    if specimen.drill.is_some() && specimen.link.is_some() {
+        let text = "a `drill` injects faults into this program";
+        let finding = Finding::error(at.key("drill"), text)
+            .at_key()
+            .label("not for a specimen behind a link")
+            .help("`gusset serve --fault` injects faults at the server");
+        findings.push(finding);
     }
-    let seen: Vec<_> = [
-        ("storey", specimen.storey.is_some()),
-        ("rows", specimen.rows.is_some()),
-    ]
-    .into_iter()
-    .filter_map(|(key, given)| given.then_some(key))
-    .collect();
     if source == Source::Structure {
         let why = "give the deformation d = B·x that the specimen follows";
-        findings.exactly_one(at, &seen, &["storey", "rows"], why);
+        findings.exactly_one(at, &["storey", "rows"], why);
     } else {
-        for key in seen {
+        for place in findings.given(at, "storey rows") {
+            let key = place.last_key().unwrap_or_default();
             if source == Source::Client && key == "rows" {
                 check_served_rows(specimen, at, findings);
                 continue;
@@ -88,9 +71,9 @@ pub(super) fn check_specimen(
             } else {
                 "without a structure the displacement is prescribed: remove this key"
             };
-            findings.0.push(
+            findings.push(
                 Finding::error(
-                    at.key(key),
+                    place.clone(),
                     format!("`{key}` refers to a structure, and this test has no `[structure]`"),
                 )
                 .at_key()
@@ -100,7 +83,7 @@ pub(super) fn check_specimen(
         }
     }
     if specimen.storey == Some(0) {
-        findings.0.push(
+        findings.push(
             Finding::error(at.key("storey"), "storey 0 does not exist")
                 .label("storeys are counted from 1 at the bottom"),
         );
@@ -125,23 +108,19 @@ pub(super) fn check_specimen(
             check_estimate(matrix, laws, &at.key(key), findings);
         }
     }
-    findings.positive(at.key("reach_disp_m"), specimen.reach_disp_m);
-    findings.positive(at.key("reach_vel_m_per_s"), specimen.reach_vel_m_per_s);
-    if specimen.mass_in_force_kg < 0.0 {
-        let headline = format!(
-            "`mass_in_force_kg` is {}, but a mass is not negative",
-            specimen.mass_in_force_kg
-        );
-        findings.0.push(
-            Finding::error(at.key("mass_in_force_kg"), headline).label("must be zero or greater"),
-        );
-    }
-    let similitude = at.key("similitude");
-    findings.positive(similitude.key("length"), Some(specimen.similitude.length));
-    findings.positive(similitude.key("force"), Some(specimen.similitude.force));
-    findings.positive(similitude.key("time"), Some(specimen.similitude.time));
     check_time(specimen, at, findings);
+    check_standing(specimen, at, findings);
     check_axes(specimen, axes, at, findings);
+}
+
+/// The conditions on keys that hold in the file of a test and in that of a server.
+fn check_rules(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    findings.numbers(at, numbers::NUMBERS_OF_SPECIMEN);
+    findings.numbers(&at.key("link"), numbers::NUMBERS_OF_LINK);
+    for index in 0..specimen.axis.len() {
+        findings.numbers(&at.key("axis").index(index), numbers::NUMBERS_OF_AXIS);
+    }
+    findings.idle(at, idle::IDLE_SPECIMEN, |when| when(specimen));
 }
 
 /// A simulated actuator makes the velocity of its specimen itself, and knows the time of the test alone.
@@ -151,7 +130,7 @@ fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     }
     let spec = specimen.transfer.as_ref();
     if spec.is_some_and(TransferSpec::has_its_own_time) {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key("transfer"),
                 "a simulated actuator runs in test time: `similitude.time` must be 1",
@@ -177,7 +156,7 @@ fn check_axes(
         && given > 0
         && given != axes
     {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key("axis"),
                 format!(
@@ -191,9 +170,8 @@ fn check_axes(
     }
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
-        findings.positive(at.key("scale"), Some(axis.scale));
         if !matches!(axis.sign, -1 | 1) {
-            findings.0.push(
+            findings.push(
                 Finding::error(
                     at.key("sign"),
                     format!("`sign` is {}, but must be 1 or -1", axis.sign),
@@ -207,7 +185,7 @@ fn check_axes(
 
 fn check_rows(rows: &[Vec<f64>], at: &KeyPath, findings: &mut Findings) {
     let Some(first) = rows.first() else {
-        findings.0.push(
+        findings.push(
             Finding::error(at.clone(), "`rows` is empty").label("one row per axis is needed"),
         );
         return;
@@ -215,7 +193,7 @@ fn check_rows(rows: &[Vec<f64>], at: &KeyPath, findings: &mut Findings) {
     for (index, row) in rows.iter().enumerate() {
         let here = at.index(index);
         if row.len() != first.len() {
-            findings.0.push(
+            findings.push(
                 Finding::error(
                     here,
                     format!(
@@ -228,7 +206,7 @@ fn check_rows(rows: &[Vec<f64>], at: &KeyPath, findings: &mut Findings) {
                 .label("one number per DOF of the structure"),
             );
         } else if row.iter().all(|b| *b == 0.0) {
-            findings.0.push(
+            findings.push(
                 Finding::error(here, format!("row {} is all zero", index + 1))
                     .label("this axis would not move, and its force would have no effect"),
             );
@@ -243,7 +221,7 @@ fn check_served_rows(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Find
         return;
     }
     if specimen.geometry.is_some() {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.key("geometry"),
                 "`geometry` and `rows` exclude each other here",
@@ -261,7 +239,7 @@ fn check_served_rows(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Find
             Some(_) => at.key("axis").index(index),
             None => at.key("axis"),
         };
-        findings.0.push(
+        findings.push(
             Finding::error(
                 here,
                 format!("axis {} has other units than axis 1", index + 1),
@@ -287,7 +265,7 @@ fn check_estimate(
     if let Some(axes) = axes
         && n != axes
     {
-        findings.0.push(
+        findings.push(
             Finding::error(
                 at.clone(),
                 format!(
@@ -300,7 +278,7 @@ fn check_estimate(
         return;
     }
     if let Some(index) = rows.iter().position(|row| row.len() != n) {
-        findings.0.push(
+        findings.push(
             Finding::error(at.index(index), "the matrix is not square").label(format!(
                 "row {} has {} numbers, but there are {n} rows",
                 index + 1,
@@ -314,7 +292,7 @@ fn check_estimate(
         for (j, below) in row.iter().enumerate().take(i) {
             let above = rows[j][i];
             if *below != above && below.is_finite() && above.is_finite() {
-                findings.0.push(
+                findings.push(
                     Finding::error(at.index(i).index(j), "the matrix is not symmetric")
                         .label(format!("{below} here"))
                         .beside(at.index(j).index(i), format!("{above} there")),
@@ -327,11 +305,37 @@ fn check_estimate(
                 MatrixValue::Number(_) => at.clone(),
                 MatrixValue::Rows(_) => at.index(i).index(i),
             };
-            findings.0.push(
+            findings.push(
                 Finding::error(place, format!("the estimate is {}, but must not be negative", row[i]))
                     .label("must be zero or greater")
                     .help("it enters M_eff, which must be positive definite; a too large estimate is safe"),
             );
+        }
+    }
+}
+
+/// A gateway adds its offsets to every command and measurement, and reads no zero before a session: its zero would differ from
+/// that of the file.
+pub(super) fn refuse_relative_zeros(
+    specimen: &SpecimenTable,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    for (index, axis) in specimen.axis.iter().enumerate() {
+        let at = at.key("axis").index(index);
+        let of_disp = "`offset_m` is the position of the axis at zero deformation";
+        let of_force = "`offset_n` is the reading of the load cell at zero force";
+        for (key, zero, offset) in [
+            ("zero_disp", axis.zero_disp, of_disp),
+            ("zero_force", axis.zero_force, of_force),
+        ] {
+            if zero == ZeroChoice::Relative {
+                let text = format!("a gateway does not support `{key} = \"relative\"`");
+                let finding = Finding::error(at.key(key), text)
+                    .label("it takes no zero before a session")
+                    .help(format!("remove the key; {offset}"));
+                findings.push(finding);
+            }
         }
     }
 }
@@ -349,7 +353,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
             || name.len() > LONGEST
             || !name.chars().all(plain)
         {
-            findings.0.push(
+            findings.push(
                 Finding::error(at, format!("{name:?} cannot name a specimen"))
                     .label("it is part of file names")
                     .help("a name has up to 64 letters (a-z), digits, `-`, `_` and `.`, and does not begin with a dot"),
@@ -359,7 +363,7 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
             .position(|other| other.name.eq_ignore_ascii_case(name))
         {
             let first = KeyPath::root().key("specimen").index(before).key("name");
-            findings.0.push(
+            findings.push(
                 Finding::error(at, format!("two specimens are called `{name}`"))
                     .label("again here")
                     .beside(first, "first here")
@@ -390,7 +394,7 @@ pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) 
             "the sensors of `{}` and `{}` have identical noise",
             first.1.name, specimen.name
         );
-        findings.0.push(
+        findings.push(
             Finding::warning(at(index), headline)
                 .at_key()
                 .label(format!("`seed` is {own}"))

@@ -33,7 +33,7 @@ pub(super) fn check_way(
     } else {
         ""
     };
-    findings.0.push(
+    findings.push(
         Finding::warning(at.key("compensation").key(spec.kind()), headline)
             .at_key()
             .label("it uses second or higher differences from tick to tick, so its commands jerk at each target")

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::CampaignError;
 use gusset_config::{Finding, KeyPath, LoadedStudy, nearest};
 use gusset_control::engine::{Experiment, Phase};
-use gusset_numerics::model::StructureSpec;
 use gusset_quantity::catalog::column;
 use gusset_record::{Column, Recorder, TimedEvent};
 
@@ -190,10 +189,7 @@ pub(super) fn storeys(loaded: &LoadedStudy) -> usize {
     }
     let structure = loaded.test.file.structure.as_ref();
     let building = structure.and_then(|structure| structure.shear_building.as_ref());
-    let storeys = match building {
-        Some(StructureSpec::ShearBuilding(building)) => building.mass_kg.len(),
-        _ => 0,
-    };
+    let storeys = building.map_or(0, |building| building.mass_kg.len());
     if storeys > MOST_STOREYS { 0 } else { storeys }
 }
 

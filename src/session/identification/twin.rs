@@ -12,7 +12,7 @@ use super::matrices::{self, Found, rows};
 use super::outcome::{Axis, Outcome};
 use super::plan::Plan;
 use gusset_actuator::compensation::{CompensationSpec, ModelInverseSpec};
-use gusset_actuator::specimen::{CoupledSpec, SpecimenLaw};
+use gusset_actuator::specimen::CoupledSpec;
 use gusset_actuator::transfer::{
     ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,
 };
@@ -239,15 +239,15 @@ fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], to_hz
     };
     let n = law.stiffness.nrows();
     if n == 1 {
-        table.law = Some(SpecimenLaw::Law(linear(0)));
+        table.law = Some(linear(0));
     } else if law.is_diagonal() {
-        table.laws = Some(SpecimenLaw::Laws((0..n).map(linear).collect()));
+        table.laws = Some((0..n).map(linear).collect());
     } else {
-        table.coupled = Some(SpecimenLaw::Coupled(CoupledSpec {
+        table.coupled = Some(CoupledSpec {
             stiffness_n_per_m: rows(&law.stiffness),
             damping_n_s_per_m: Some(rows(&law.damping)),
             mass_kg: None,
-        }));
+        });
     }
     let value = |matrix: &DMatrix<f64>| match n {
         1 => MatrixValue::Number(matrix[(0, 0)]),

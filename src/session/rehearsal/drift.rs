@@ -2,7 +2,6 @@
 
 use super::Rehearsal;
 use gusset_config::{Finding, KeyPath, Loaded};
-use gusset_numerics::model::StructureSpec;
 use gusset_quantity::units::quantity;
 
 /// Largest drift of a storey that is not doubted, m.
@@ -13,10 +12,10 @@ const MOST_M: f64 = 1.0;
 #[must_use]
 pub(crate) fn large_drift(loaded: &Loaded, rehearsal: &Rehearsal) -> Option<Finding> {
     let file = &loaded.file;
-    let kinds = file.structure.as_ref()?.kinds();
+    let structure = file.structure.as_ref()?;
     let root = KeyPath::root();
-    let storeys = kinds.iter().flat_map(|(key, spec)| {
-        let is_building = matches!(spec, StructureSpec::ShearBuilding(_));
+    let storeys = structure.kind().into_iter().flat_map(|(key, _)| {
+        let is_building = structure.shear_building.is_some();
         let at = root.key("structure").key(key);
         let peaks = rehearsal.peaks.iter().filter(move |_| is_building);
         let below = std::iter::once(&0.0).chain(&rehearsal.peaks);

@@ -187,7 +187,8 @@ const fn words(why: NoCourse) -> &'static str {
 /// Storeys of a shear building or chain, otherwise DOFs; then the other axes of specimens.
 fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     let structure = loaded.file.structure.as_ref();
-    let kind = structure.and_then(|table| table.kinds().first().map(|(_, spec)| *spec));
+    let kind = structure.and_then(|table| table.kind());
+    let kind = kind.as_ref().map(|(_, spec)| spec);
     let rotations = structure.map_or(&[][..], |table| table.rotations.as_slice());
     let iota = ideal.influence();
     let base = |row: &[(usize, f64)]| -> f64 { row.iter().map(|(dof, b)| b * iota[*dof]).sum() };

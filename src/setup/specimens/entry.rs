@@ -8,7 +8,9 @@ use super::loading::{at_actuators, behind_actuators, loading, offsets, own_offse
 use super::{Entry, Stand, order, rest, stand_in};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
 use gusset_config::echo::number;
-use gusset_config::{Finding, KeyPath, LinkSpec, Loaded, MatrixValue, Protocol, SpecimenTable};
+use gusset_config::{
+    Finding, KeyPath, LinkSpec, Loaded, MatrixValue, Protocol, SpecimenTable, StructureTable,
+};
 use gusset_control::port::LoadingUnitSpec;
 use gusset_control::port::{Axis, shares};
 use gusset_numerics::law::Reach;
@@ -36,10 +38,10 @@ pub(super) fn entry(
     let (rows, loading) = loading(site, at, table, rows)?;
     let n = rows.len();
     let laws = loading.as_ref().map_or(n, |_| table.law_axes());
-    let mut law = match (table.sources().into_iter().next(), &table.link) {
+    let mut law = match (table.source(), &table.link) {
         (_, Some(_)) => None,
         (Some((key, source)), None) => {
-            let mut law = built(site, at, table, (key, source), laws)?;
+            let mut law = built(site, at, table, (key, &source), laws)?;
             if site.trial.is_none() {
                 rest::says_its_force(site, at, table, (key, law.as_mut()));
             }
@@ -161,7 +163,7 @@ pub(super) fn entry(
         warn_of_identified(site, at, table, largest);
     }
     let stand_in = match table.stand_in() {
-        Some(source) => Some(built(site, at, table, source, laws)?),
+        Some((key, source)) => Some(built(site, at, table, (key, &source), laws)?),
         None => None,
     };
     if let (Some(law), true) = (&stand_in, table.stiffness_n_per_m.is_some()) {
@@ -346,13 +348,8 @@ fn rows(
     at: &KeyPath,
     table: &SpecimenTable,
 ) -> Result<Vec<Vec<(usize, f64)>>, Refused> {
-    let kinds = site
-        .loaded
-        .file
-        .structure
-        .as_ref()
-        .map(|structure| structure.kinds());
-    let spec = kinds.and_then(|kinds| kinds.first().copied());
+    let structure = site.loaded.file.structure.as_ref();
+    let spec = structure.and_then(StructureTable::kind);
     match (table.storey, &table.rows, spec) {
         (Some(storey), _, Some((kind, spec))) => match spec.storey_row(storey) {
             Ok(row) => Ok(vec![row]),

@@ -9,7 +9,7 @@ fn good_file_gives_values_and_defaults() {
     assert_eq!(loaded.time.step.terms(), (1, 1024));
     assert_eq!(loaded.file.integrator.lambda, LambdaValue::Auto);
     assert_eq!(loaded.file.time.clock, ClockChoice::Real);
-    assert_eq!(loaded.file.specimen[0].sources()[0].0, "law");
+    assert_eq!(loaded.file.specimen[0].source().unwrap().0, "law");
     assert!(loaded.warnings.is_empty());
     assert_eq!(loaded.text, GOOD);
 }

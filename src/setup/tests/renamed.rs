@@ -1,7 +1,6 @@
 //! Old names of keys and laws: read, noted, overridden, refused beside the new name; and removed keys.
 
 use super::*;
-use gusset_actuator::specimen::SpecimenLaw;
 use gusset_numerics::law::LawSpec;
 
 fn law(text: &str) -> LawSpec {
@@ -106,9 +105,7 @@ fn old_law_name_is_a_special_case() {
         ),
     ] {
         let loaded = accepted(&with_law(old), &[]);
-        let SpecimenLaw::Law(found) = loaded.file.specimen[0].law.clone().unwrap() else {
-            panic!("{old}");
-        };
+        let found = loaded.file.specimen[0].law.clone().unwrap();
         assert_eq!(found, law(new), "{old}");
         let again = accepted(&loaded.effective, &[]);
         assert_eq!(again.file, loaded.file, "{}", loaded.effective);
@@ -116,9 +113,7 @@ fn old_law_name_is_a_special_case() {
     let coulomb = with_law("coulomb = { stiffness_n_per_m = 2e6, slip_force_n = 1e3 }");
     let set = "specimen.0.law.coulomb.slip_force_n=5e3";
     let loaded = accepted(&coulomb, &[set]);
-    let SpecimenLaw::Law(found) = loaded.file.specimen[0].law.clone().unwrap() else {
-        panic!("no law");
-    };
+    let found = loaded.file.specimen[0].law.clone().unwrap();
     assert_eq!(found.yield_force(), Some(5e3));
     let text = read(&coulomb.replace("1e3", "-1"), &[]);
     let build = |loaded: Loaded| crate::build(&loaded).map(|_| ());
