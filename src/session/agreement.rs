@@ -10,7 +10,7 @@ use std::fmt::{Display, Formatter};
 
 use serde::Serialize;
 
-use super::lineage::Origin;
+use super::origin::Origin;
 use super::summary::finite;
 use gusset_config::{Time, TimeTable};
 use gusset_control::engine::{Ending, Outcome, Phase, Stop};

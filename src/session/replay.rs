@@ -58,7 +58,7 @@ impl Replay {
 /// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
 pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let run = Run::open(folder)?;
-    let test = prepared(&run, Replaced::All, false)?;
+    let test = prepared(&run, Replaced::All)?;
     let files_proven = check_files(&run)?;
     let recording = Recording::of(&run)?;
     let (steps, has_specimens) = (test.experiment.steps, !test.experiment.ports.is_empty());
@@ -86,7 +86,7 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
 
 /// How the test ended if the loop trips in the tick after the last row: the command beyond the limit never left.
 fn trip_of_the_next_tick(run: &Run) -> Result<Option<Outcome>, ReplayError> {
-    let test = prepared(run, Replaced::All, false)?;
+    let test = prepared(run, Replaced::All)?;
     let recording = Recording::of(run)?;
     let (found, outcome, ran_out) = follow(test.experiment, run.layout(), recording, true)?;
     Ok((found.is_exact() && !ran_out).then_some(outcome))
