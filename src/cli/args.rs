@@ -23,8 +23,8 @@ use clap::{Parser, Subcommand, ValueEnum};
 use tracing::level_filters::LevelFilter;
 
 pub(super) use campaign::{
-    CampaignArgs, CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, RunCampaignArgs,
-    SubmitArgs, WorkArgs,
+    CampaignArgs, CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, ResultArgs,
+    RunCampaignArgs, SubmitArgs, WorkArgs,
 };
 pub(super) use check::{CheckArgs, VerifyArgs};
 pub(super) use files::{

@@ -6,8 +6,8 @@ use anyhow::Context;
 use serde_json::json;
 
 use super::args::{
-    CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, RunCampaignArgs, SubmitArgs,
-    WorkArgs,
+    CampaignCommand, CollectArgs, EngineArg, FolderArgs, PlanArgs, ResultArgs, RunCampaignArgs,
+    SubmitArgs, WorkArgs,
 };
 use super::exit::{Exit, Mistakes, WithExit};
 use super::{answer, screen, tell};
@@ -55,7 +55,7 @@ fn in_words(campaign: &Campaign) -> String {
 }
 
 fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
-    let prove = proof(&args.prove, args.prove_seed)?;
+    let prove = proof(&args.results)?;
     let campaign = if args.study.is_dir() {
         if args.out.is_some() {
             let text = "--out is for a study, and this is a campaign folder";
@@ -75,7 +75,7 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
     if let Some(exit) = worked {
         return Ok(exit);
     }
-    conclude(&campaign, prove, jobs, args.json, &signals)
+    conclude(&campaign, prove, jobs, args.results.json, &signals)
 }
 
 /// The campaign of `study` in `out`: a new one, or the one that was begun there.
@@ -194,13 +194,20 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
 }
 
 fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
-    let prove = proof(&args.prove, args.prove_seed)?;
+    let prove = proof(&args.results)?;
     let campaign = Campaign::open(&args.folder).map_err(told)?;
-    conclude(&campaign, prove, processors(), args.json, &listen()?)
+    conclude(
+        &campaign,
+        prove,
+        processors(),
+        args.results.json,
+        &listen()?,
+    )
 }
 
-fn proof(text: &str, seed: Option<u64>) -> anyhow::Result<Prove> {
-    Prove::parse(text, seed).ok_or_else(|| {
+fn proof(args: &ResultArgs) -> anyhow::Result<Prove> {
+    let text = &args.prove;
+    Prove::parse(text, args.prove_seed).ok_or_else(|| {
         let text =
             format!("--prove {text:?}: expected a number of tasks, or a share from 0% to 100%");
         WithExit(Exit::Usage, text).into()
@@ -238,10 +245,7 @@ fn conclude(
         answer(serde_json::to_string_pretty(&collected.summary)?)?;
     } else {
         let errors = campaign.plan.of_errors();
-        let errors = errors.map(|(text, is_small)| match is_small {
-            true => format!("\nerrors   {text}"),
-            false => format!("\nerrors   {text}: not known or large"),
-        });
+        let errors = errors.map(|(text, _)| format!("\nerrors   {text}"));
         answer(found(&collected) + &errors.collect::<String>())?;
     }
     if !collected.is_complete() {

@@ -1,4 +1,4 @@
-//! The closing summary of `run`: verdict, peaks, tracking, timing and files, in at most 20 lines or in full.
+//! The closing summary of `run`: verdict, peaks, tracking, timing and files, in at most 20 lines.
 
 use std::collections::BTreeMap;
 
@@ -9,126 +9,71 @@ use gusset_quantity::units::{duration, number, quantity};
 use gusset_record::rt::timing::Quantity;
 use gusset_record::{Run, Summary};
 use gusset_session::{self as session, Finished, Page, integration};
-use gusset_setup::{Facts, StructureFacts};
+use gusset_setup::Facts;
 use gusset_view::report::told;
 
-/// Specimens or axes with their own row in the short form. The others have one row together.
+/// Specimens or axes with their own row. The others are counted.
 const MOST_ROWS: usize = 2;
 
-/// One row: its name and its text. The short form leaves out rows that are not `short`.
-struct Row {
-    name: String,
-    text: String,
-    short: bool,
+/// Adds a row, in one line.
+fn row(table: &mut Table, name: &str, text: &str) {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    table.row(name, &words.join(" "));
 }
 
-/// A section of the summary with its rows.
-struct Section(&'static str, Vec<Row>);
-
-impl Section {
-    fn short(&mut self, name: &str, text: impl Into<String>) {
-        self.add(name, text, true);
-    }
-
-    /// The short form has the first of these rows, and the number of the others.
-    fn add_all(&mut self, rows: impl ExactSizeIterator<Item = (String, String)>) {
-        let others = rows.len().saturating_sub(MOST_ROWS);
-        for (place, (name, mut text)) in rows.enumerate() {
-            if others > 0 && place + 1 == MOST_ROWS {
-                text.push_str(&format!("; {others} more with `--status full`"));
-            }
-            self.add(&name, text, place < MOST_ROWS);
+/// Adds the first of these rows, and the number of the others.
+fn first_rows(table: &mut Table, rows: impl ExactSizeIterator<Item = (String, String)>) {
+    let others = rows.len().saturating_sub(MOST_ROWS);
+    for (place, (name, mut text)) in rows.enumerate().take(MOST_ROWS) {
+        if others > 0 && place + 1 == MOST_ROWS {
+            text.push_str(&format!("; {others} more in the report"));
         }
-    }
-
-    fn add(&mut self, name: &str, text: impl Into<String>, short: bool) {
-        self.1.push(Row {
-            name: name.to_owned(),
-            text: text.into(),
-            short,
-        });
+        row(table, &name, &text);
     }
 }
 
-/// The closing summary of a test, in full or in at most 20 lines.
-pub(super) fn closing(
-    facts: &Facts,
-    finished: &Finished,
-    page: Option<&Page>,
-    in_full: bool,
-) -> Table {
+/// The closing summary of a test in at most 20 lines.
+pub(super) fn closing(facts: &Facts, finished: &Finished, page: Option<&Page>) -> Table {
     let title = format!("{} — {}", facts.title, finished.cause.heading());
     let mut table = Table::new(&title);
-    let sections = [
-        verdict(facts, finished),
-        peaks(facts, finished),
-        tracking(&finished.summary, page),
-        timing(finished),
-        files(finished, page),
-    ];
-    for Section(heading, rows) in sections {
-        if in_full && !rows.is_empty() {
-            table.line(heading);
-        }
-        for row in rows.into_iter().filter(|row| in_full || row.short) {
-            let text = if in_full {
-                row.text
-            } else {
-                in_one_line(&row.text)
-            };
-            table.row(&row.name, &text);
-        }
-    }
+    verdict(&mut table, facts, finished);
+    peaks(&mut table, facts, finished);
+    tracking(&mut table, &finished.summary, page);
+    timing(&mut table, finished);
+    files(&mut table, finished, page);
     table
 }
 
-/// A text in one line.
-fn in_one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-fn verdict(facts: &Facts, finished: &Finished) -> Section {
+fn verdict(table: &mut Table, facts: &Facts, finished: &Finished) {
     let summary = &finished.summary;
-    let mut section = Section("Verdict", Vec::new());
     if let Some(verdict) = &summary.verdict {
-        section.short("verdict", in_words(verdict));
-        for finding in &verdict.findings {
-            section.add(&finding.severity, finding.text.clone(), false);
+        row(table, "verdict", &in_words(verdict));
+        if let Some(errors) = &verdict.errors {
+            for (name, error) in errors.each() {
+                row(table, &format!("error, {name}"), &error.words());
+            }
+            if let Some(text) = errors.of_modes().filter(|_| errors.take_damping()) {
+                row(table, "damping", &text);
+            }
         }
     }
-    if let Some(errors) = summary
-        .verdict
-        .as_ref()
-        .and_then(|verdict| verdict.errors.as_ref())
-    {
-        for (name, error) in errors.each() {
-            section.short(&format!("error, {name}"), error.words());
-        }
-        if let Some(text) = errors.of_modes() {
-            section.add("damping", text, errors.take_damping());
-        }
-    }
-    section.short("ended", summary.reason.clone());
+    row(table, "ended", &summary.reason);
     let after = facts.resumed.as_ref().map(|(_, step)| *step);
     let clock = if finished.granted.is_some() {
         "real"
     } else {
         "simulated"
     };
-    section.short(
-        "test",
-        format!(
-            "{} in {} of wall time ({clock} clock, {} Hz)",
-            tested(summary.steps, after, summary.dt),
-            duration(summary.wall_seconds),
-            number(summary.rate_hz)
-        ),
+    let text = format!(
+        "{} in {} of wall time ({clock} clock, {} Hz)",
+        tested(summary.steps, after, summary.dt),
+        duration(summary.wall_seconds),
+        number(summary.rate_hz)
     );
+    row(table, "test", &text);
     if let Some(structure) = &facts.structure {
-        let (name, text) = method(structure);
-        section.short(name, text);
+        row(table, "integrator", &integration::in_words(structure));
     }
-    section
 }
 
 /// The verdict on the stability of the test in one sentence.
@@ -142,24 +87,6 @@ fn in_words(verdict: &RecordedVerdict) -> String {
         [first, rest @ ..] => {
             let more = rest.len();
             format!("{}: {} (and {more} more)", first.severity, first.text)
-        }
-    }
-}
-
-fn method(structure: &StructureFacts) -> (&'static str, String) {
-    let limit = integration::brief(structure);
-    match structure.lambda {
-        None => {
-            let name = integration::method_name(structure.method);
-            ("method", format!("{name} ({limit})"))
-        }
-        Some(lambda) => {
-            let how = if structure.lambda_by_number {
-                "by number"
-            } else {
-                "automatic"
-            };
-            ("lambda", format!("{lambda} ({how}; {limit})"))
         }
     }
 }
@@ -182,20 +109,19 @@ fn largest(values: impl Iterator<Item = Option<f64>>) -> Option<(usize, f64)> {
     known.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-fn peaks(facts: &Facts, finished: &Finished) -> Section {
+fn peaks(table: &mut Table, facts: &Facts, finished: &Finished) {
     let summary = &finished.summary;
-    let mut section = Section("Peaks", Vec::new());
     let floors = Run::open(finished.folder.path())
         .ok()
         .and_then(|run| session::floor_peaks(&run).ok());
     let accel = floors.and_then(|floors| floors.accel);
     if let Some((storey, drift)) = floors.and_then(|floors| floors.drift) {
         let text = format!("{} in storey {storey}", quantity(drift, "m"));
-        section.short("peak storey drift", text);
+        row(table, "peak storey drift", &text);
     }
     if let Some((dof, accel)) = accel {
         let text = format!("{} at DOF {dof}, absolute", quantity(accel, "m/s²"));
-        section.short("peak acceleration", text);
+        row(table, "peak acceleration", &text);
     }
     let structure = facts.structure.as_ref();
     let ground = structure.and_then(|structure| structure.peak_ground_accel);
@@ -205,35 +131,15 @@ fn peaks(facts: &Facts, finished: &Finished) -> Section {
     };
     let rotations = structure.map_or(&[][..], |structure| &structure.rotations);
     let peak = &summary.peak;
-    for (is_rotation, name, unit, values, short) in [
-        (false, "peak displacement", "m", &peak.displacement, true),
-        (false, "peak velocity", "m/s", &peak.velocity, false),
-        (
-            false,
-            if accel.is_some() {
-                "relative acceleration"
-            } else {
-                "peak acceleration"
-            },
-            "m/s²",
-            &peak.acceleration,
-            accel.is_none(),
-        ),
-        (true, "peak rotation", "rad", &peak.displacement, true),
-        (
-            true,
-            "peak angular velocity",
-            "rad/s",
-            &peak.velocity,
-            false,
-        ),
-        (
-            true,
-            "peak angular accel.",
-            "rad/s²",
-            &peak.acceleration,
-            false,
-        ),
+    let relative = if accel.is_none() {
+        &peak.acceleration[..]
+    } else {
+        &[]
+    };
+    for (is_rotation, name, unit, values) in [
+        (false, "peak displacement", "m", &peak.displacement[..]),
+        (false, "peak acceleration", "m/s²", relative),
+        (true, "peak rotation", "rad", &peak.displacement[..]),
     ] {
         let of_kind = values.iter().enumerate();
         let of_kind =
@@ -241,15 +147,14 @@ fn peaks(facts: &Facts, finished: &Finished) -> Section {
         if let Some((dof, value)) = largest(of_kind) {
             let against = if is_rotation { "" } else { against };
             let text = format!("{} at DOF {dof}{against}", quantity(value, unit));
-            section.add(name, text, short);
+            row(table, name, &text);
         }
     }
-    forces(&mut section, facts, summary);
-    section
+    forces(table, facts, summary);
 }
 
-/// The peak force of each specimen. The short form has the largest ones.
-fn forces(section: &mut Section, facts: &Facts, summary: &Summary) {
+/// The peak force of each specimen, the largest ones first.
+fn forces(table: &mut Table, facts: &Facts, summary: &Summary) {
     let mut found = Vec::new();
     for (name, forces) in &summary.peak.force {
         // Without a step, the largest force is one of the startup.
@@ -277,7 +182,8 @@ fn forces(section: &mut Section, facts: &Facts, summary: &Summary) {
         found.push((value, format!("{when}, {name}"), text));
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    section.add_all(found.into_iter().map(|(_, name, text)| (name, text)));
+    let rows = found.into_iter().map(|(_, name, text)| (name, text));
+    first_rows(table, rows);
 }
 
 /// How an axis followed its target, in words.
@@ -303,9 +209,8 @@ fn tracked(axis: &Tracking) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-fn tracking(summary: &Summary, page: Option<&Page>) -> Section {
+fn tracking(table: &mut Table, summary: &Summary, page: Option<&Page>) {
     type Metrics = BTreeMap<String, Vec<Option<Tracking>>>;
-    let mut section = Section("Tracking", Vec::new());
     let metrics: Metrics = serde_json::from_value(summary.metrics.clone()).unwrap_or_default();
     let mut axes = Vec::new();
     for (specimen, of_specimen) in &metrics {
@@ -319,77 +224,74 @@ fn tracking(summary: &Summary, page: Option<&Page>) -> Section {
             axes.push((axis.nrmse.value, name, tracked(axis)));
         }
     }
-    // The short form has the axes that followed worst.
+    // Those that followed worst.
     axes.sort_by(|a, b| b.0.total_cmp(&a.0));
     let axes = axes.into_iter();
-    section.add_all(axes.map(|(_, name, text)| (format!("tracking, {name}"), text)));
+    first_rows(
+        table,
+        axes.map(|(_, name, text)| (format!("tracking, {name}"), text)),
+    );
     let missing = summary.metrics_missing.iter();
-    section.add_all(missing.map(|text| ("not known".to_owned(), text.clone())));
-    for (place, axis) in page.iter().flat_map(|page| &page.identified).enumerate() {
-        let unknown = || "unknown".to_owned();
-        let stiffness = axis.stiffness.as_ref();
-        let text = format!(
-            "stiffness {}, lag {}",
-            stiffness.map_or_else(unknown, |k| told(k, |k| quantity(k, "N/m"))),
-            axis.lag.map_or_else(unknown, duration)
-        );
-        section.add(
-            &format!("identified, {}", axis.name),
-            text,
-            place < MOST_ROWS,
-        );
-    }
-    section
+    first_rows(
+        table,
+        missing.map(|text| ("not known".to_owned(), text.clone())),
+    );
+    let identified = page.map_or(&[][..], |page| &page.identified);
+    first_rows(
+        table,
+        identified.iter().map(|axis| {
+            let unknown = || "unknown".to_owned();
+            let stiffness = axis.stiffness.as_ref();
+            let text = format!(
+                "stiffness {}, lag {}",
+                stiffness.map_or_else(unknown, |k| told(k, |k| quantity(k, "N/m"))),
+                axis.lag.map_or_else(unknown, duration)
+            );
+            (format!("identified, {}", axis.name), text)
+        }),
+    );
 }
 
-fn timing(finished: &Finished) -> Section {
-    let mut section = Section("Timing", Vec::new());
+fn timing(table: &mut Table, finished: &Finished) {
     let Some(granted) = &finished.granted else {
-        return section;
+        return;
     };
     let summary = &finished.summary;
-    for quantity in Quantity::ALL {
-        let entry = &summary.timing[quantity.key()];
-        let number = |key: &str| entry[key].as_f64().unwrap_or(0.0);
-        if number("count") == 0.0 {
-            continue;
-        }
-        let us = |key: &str| duration(1e-6 * number(key));
-        let [p50, p99, p999, max] = ["p50", "p99", "p99_9", "max"].map(us);
+    let key = Quantity::WakeupLateness.key();
+    let number = |of: &str| summary.timing[key][of].as_f64().unwrap_or(0.0);
+    if number("count") > 0.0 {
+        let [p50, p99, p999, max] =
+            ["p50", "p99", "p99_9", "max"].map(|of| duration(1e-6 * number(of)));
         let text = format!("p50 {p50}, p99 {p99}, p99.9 {p999}, max {max}");
-        let name = quantity.key().replace('_', " ");
-        section.add(&name, text, quantity == Quantity::WakeupLateness);
+        row(table, &key.replace('_', " "), &text);
     }
-    section.short("deadline misses", misses(summary));
-    let missing = session::missing(granted);
-    for text in &missing {
-        section.add("not granted", text.clone(), missing.len() == 1);
+    row(table, "deadline misses", &misses(summary));
+    match session::missing(granted).as_slice() {
+        [] => {}
+        [one] => row(table, "not granted", one),
+        several => {
+            let text = format!(
+                "{} real-time conditions; see `gusset doctor`",
+                several.len()
+            );
+            row(table, "not granted", &text);
+        }
     }
-    if missing.len() > 1 {
-        let text = format!(
-            "{} real-time conditions; see `gusset doctor`",
-            missing.len()
-        );
-        section.short("not granted", text);
-    }
-    section
 }
 
-fn files(finished: &Finished, page: Option<&Page>) -> Section {
-    let mut section = Section("Files", Vec::new());
+fn files(table: &mut Table, finished: &Finished, page: Option<&Page>) {
     if finished.summary.rows_lost > 0 {
-        section.short("ROWS LOST", finished.summary.rows_lost.to_string());
+        row(table, "ROWS LOST", &finished.summary.rows_lost.to_string());
     }
     if let Some(page) = page {
-        section.short("report", page.path.display().to_string());
+        row(table, "report", &page.path.display().to_string());
     }
     let data = finished.folder.path().display();
     if finished.folder.is_there() {
-        section.short("data", data.to_string());
+        row(table, "data", &data.to_string());
     } else {
-        section.short("DATA LOST", format!("{data} was deleted"));
+        row(table, "DATA LOST", &format!("{data} was deleted"));
     }
-    section
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 
-use super::args::{RunArgs, StatusArg};
+use super::args::RunArgs;
 use super::attend;
 use super::closing::closing;
 use super::conduct;
@@ -86,9 +86,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         tell(format_args!("warning: stdout: {error}"));
     }
     if !args.quiet {
-        let in_full = args.status == StatusArg::Full;
-        let page = report.as_ref().ok();
-        tell(closing(&facts, &finished, page, in_full));
+        tell(closing(&facts, &finished, report.as_ref().ok()));
     }
     let exit = finished.exit(signals.seen());
     conduct::end(&finished, exit, !args.quiet)

@@ -51,6 +51,16 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
+/// The text as one word of a shell.
+#[must_use]
+pub fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+:@,=%".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
 /// Whether received texts are replaced.
 #[cfg(debug_assertions)]
 static REWORDS: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
@@ -126,5 +136,13 @@ mod tests {
         for reason in [" a\u{200b}", "№ 3 geprüft", "試験"] {
             assert!(is_reason(reason), "{reason:?}");
         }
+    }
+
+    #[test]
+    fn quoted_words_reach_the_program_unchanged() {
+        assert_eq!(shell_word("config/cyclic.toml"), "config/cyclic.toml");
+        assert_eq!(shell_word("my test.toml"), "'my test.toml'");
+        assert_eq!(shell_word("title=\"it's\""), "'title=\"it'\\''s\"'");
+        assert_eq!(shell_word("$HOME"), "'$HOME'");
     }
 }

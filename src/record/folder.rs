@@ -32,6 +32,9 @@ pub(super) const FILES: [&str; 9] = [
     "resumed.json",
 ];
 
+/// Holds the interrupted run in the folder of the run that resumed it.
+pub const BEFORE: &str = "before";
+
 /// Those that come when it has ended.
 pub(super) const AFTER: [&str; 3] = ["summary.json", "timing.json", "report.html"];
 
@@ -133,6 +136,34 @@ pub(crate) fn slug(title: &str) -> String {
     } else {
         trimmed.to_owned()
     }
+}
+
+/// Copies the files of a run into another folder. Its rows are linked where the file system has links.
+fn link_run(from: &Path, to: &Path) -> Result<(), FolderError> {
+    let inputs = to.join("inputs");
+    fs::create_dir_all(&inputs).map_err(at(&inputs))?;
+    let inputs = fs::read_dir(from.join("inputs")).into_iter().flatten();
+    let inputs = inputs
+        .flatten()
+        .map(|entry| Path::new("inputs").join(entry.file_name()));
+    let names = FILES.into_iter().chain(AFTER).map(PathBuf::from);
+    for name in names.chain(inputs) {
+        let (one, other) = (from.join(&name), to.join(&name));
+        if one.is_file() {
+            let copy = || fs::copy(&one, &other).map(drop);
+            let kept = if name == Path::new("samples.bin") {
+                fs::hard_link(&one, &other).or_else(|_| copy())
+            } else {
+                copy()
+            };
+            kept.map_err(at(&other))?;
+        }
+    }
+    let before = from.join(BEFORE);
+    if before.is_dir() {
+        link_run(&before, &to.join(BEFORE))?;
+    }
+    Ok(())
 }
 
 /// Makes the folder, and those above it, for new files. An existing empty folder is used.
@@ -246,6 +277,7 @@ impl RunFolder {
             let _it_may_not_be_there = fs::remove_file(self.path.join(name));
         }
         let _others_may_be_in_it = fs::remove_dir(self.path.join("inputs"));
+        let _there_may_be_none = fs::remove_dir_all(self.path.join(BEFORE));
         if self.made {
             let _others_may_be_in_it = fs::remove_dir(&self.path);
         }
@@ -288,6 +320,14 @@ impl RunFolder {
     /// The system refuses.
     pub fn open_states(&self) -> Result<StateFolder, FolderError> {
         StateFolder::open(&self.path).map_err(at(&self.path))
+    }
+
+    /// Keeps the interrupted `run` that this one resumes in `before`.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn keep_before(&self, run: &Path) -> Result<(), FolderError> {
+        link_run(run, &self.place(BEFORE)?)
     }
 
     /// `test.toml`: the configuration, byte for byte.

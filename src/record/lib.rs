@@ -59,7 +59,7 @@ pub mod writer;
 pub use checkpoint::{Checkpoint, CheckpointFault, StateFaults, StateFolder};
 pub use checksum::Checksum;
 pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
-pub use folder::{FolderError, RunFolder, make_free};
+pub use folder::{BEFORE, FolderError, RunFolder, make_free};
 #[cfg(any(test, feature = "test-doubles"))]
 pub use image::FolderImage;
 pub use intact::{Extent, Meddled};

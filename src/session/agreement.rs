@@ -4,22 +4,20 @@
 //! report builds no test, and checks only the recorded DOFs. A summary that was edited, or that belongs to another test, shows
 //! here. Folders of earlier versions may differ for other reasons: their differences are warnings.
 
-mod rows;
-
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Formatter};
 
 use serde::Serialize;
 
-use super::lineage::Origin;
-use super::summary::finite;
+use super::origin::Origin;
+use super::row_peaks::{RowPeaks, raise_all};
 use gusset_config::{Time, TimeTable};
 use gusset_control::engine::{Ending, Outcome, Phase, Stop};
 use gusset_quantity::catalog::ending::{Cause, Kind};
-use gusset_quantity::catalog::phase::Part;
+use gusset_quantity::catalog::phase::{GIVEN_UP, Part};
 use gusset_quantity::substructure::LinkFault;
 use gusset_record::summary::{Peak, Status};
-use gusset_record::{Event, EventLine, FolderError, Run, Summary};
-use rows::Rows;
+use gusset_record::{End, Event, EventLine, FolderError, Run, Summary};
 
 /// A key of `summary.json` that differs from the record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,88 +59,60 @@ fn json(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default()
 }
 
-/// Whether this version wrote the run, if the event names one.
-fn is_of_this_version(line: &EventLine) -> Option<bool> {
-    match &line.event {
-        Event::Files { version, .. } => Some(version == env!("CARGO_PKG_VERSION")),
-        _ => None,
-    }
-}
-
 /// True if an earlier version wrote the run of these events: its summary may differ for other reasons than that it was edited.
 pub(super) fn is_of_an_earlier_version<'a>(
     mut events: impl Iterator<Item = &'a EventLine>,
 ) -> bool {
-    events.find_map(is_of_this_version) == Some(false)
+    let written = events.find_map(|line| match &line.event {
+        Event::Files { version, .. } => Some(version),
+        _ => None,
+    });
+    written.is_some_and(|version| version != env!("CARGO_PKG_VERSION"))
 }
 
-/// True if an earlier version wrote the run; false if its events name none. Its events are read up to the one that names the
-/// version.
+/// Status and cause of an ending; no cause where the record does not show it.
+type Found = (Status, Option<String>);
+
+/// Differences from the result of the loop when all recorded rows have passed through it again. Where nothing moved after the rows
+/// (`ran_out`), they do not show the end, and the events contain it. `required`: the test file makes a damaged record a stopped test.
 ///
 /// # Errors
 /// The events cannot be read.
-pub(super) fn of_an_earlier_version(run: &Run) -> Result<bool, FolderError> {
-    for event in run.event_lines()? {
-        if let Some(is_of_this) = event?.as_ref().and_then(is_of_this_version) {
-            return Ok(!is_of_this);
-        }
-    }
-    Ok(false)
-}
-
-/// Differences from the result of the loop when all recorded rows have passed through it again. `required`: the test file makes a
-/// damaged record a stopped test.
 pub(super) fn with_loop(
-    summary: &Summary,
-    outcome: &Outcome,
-    required: bool,
-) -> Vec<SummaryDifference> {
-    let differs = ending(summary, Some(found(outcome)), required).into_iter();
-    differs.chain(steps_and_peaks(summary, outcome)).collect()
-}
-
-/// How the loop ended, as far as measurements show it.
-fn found(outcome: &Outcome) -> Found {
-    let ending = &outcome.ending;
-    // How many deadlines were missed only the clock knows.
-    let is_known = !ending.is_for_being_late() && *ending != Ending::Stopped(Stop::Internal);
-    let word = is_known.then(|| ending.word().to_owned());
-    (ending.cause().status(), word)
-}
-
-/// Differences of a test whose rows do not show its end, since nothing moved after it: the events contain it. In any case, a test
-/// of fewer steps than its `duration_s` is not completed.
-///
-/// # Errors
-/// The events cannot be read.
-pub(super) fn with_events(
     run: &Run,
     summary: &Summary,
-    outcome: &Outcome,
+    (outcome, found): (&Outcome, &Peak),
+    ran_out: bool,
     (required, steps): (bool, u64),
 ) -> Result<Vec<SummaryDifference>, FolderError> {
     let mut all = Vec::new();
-    let differs = ending(summary, Events::of(run)?.ending, required);
-    all.extend(differs.or_else(|| too_few(summary, outcome.steps, steps)));
-    if outcome.ending == Ending::Stopped(Stop::Operator) {
-        all.extend(steps_and_peaks(summary, outcome));
+    if ran_out {
+        let differs = ending(summary, Events::of(run)?.ending, required);
+        all.extend(differs.or_else(|| too_few(summary, steps)));
+    } else {
+        let ending_of = &outcome.ending;
+        // How many deadlines were missed only the clock knows.
+        let is_known =
+            !ending_of.is_for_being_late() && *ending_of != Ending::Stopped(Stop::Internal);
+        let word = is_known.then(|| ending_of.word().to_owned());
+        all.extend(ending(
+            summary,
+            Some((ending_of.cause().status(), word)),
+            required,
+        ));
+    }
+    let is_whole = !ran_out || outcome.ending == Ending::Stopped(Stop::Operator);
+    if is_whole && !has_no_outcome(summary) {
+        if summary.steps != outcome.steps {
+            all.push(SummaryDifference::new(
+                "steps",
+                summary.steps,
+                outcome.steps,
+            ));
+        }
+        all.extend(peaks(&summary.peak, found, found));
     }
     Ok(all)
-}
-
-/// The status `completed` of a test that made fewer steps than it has.
-fn too_few(summary: &Summary, made: u64, steps: u64) -> Option<SummaryDifference> {
-    let is_too_few = summary.status == Status::Completed && made < steps;
-    is_too_few.then(|| {
-        let found = format!("{made} of {steps} steps");
-        SummaryDifference::new("status", summary.status.word(), found)
-    })
-}
-
-/// Number of steps of the test; none if this version does not understand its `[time]`.
-fn steps_of(table: &toml::Table) -> Option<u64> {
-    let time: TimeTable = table.get("time")?.clone().try_into().ok()?;
-    Time::of(&time).ok().map(|time| time.steps)
 }
 
 /// True if the rows end in the running test, so that a limit may have tripped after them. No limit tripped if the operator or a
@@ -159,85 +129,6 @@ pub(super) fn may_trip_after_its_rows(run: &Run) -> Result<bool, FolderError> {
     Ok(!ended_before && last.is_some_and(|state| Part::Test.has(state)))
 }
 
-/// Status and cause of an ending; no cause where the record does not show it.
-type Found = (Status, Option<String>);
-
-/// A status or cause that differs; none where it is not known.
-fn ending(summary: &Summary, found: Option<Found>, required: bool) -> Option<SummaryDifference> {
-    let (status, cause) = found?;
-    if is_stopped_for_its_record(summary, required) {
-        return None;
-    }
-    if status != summary.status {
-        let (told, found) = (summary.status.word(), status.word());
-        return Some(SummaryDifference::new("status", told, found));
-    }
-    let (told, found) = (summary.cause.as_deref().unwrap_or("none"), cause?);
-    (*told != *found).then(|| SummaryDifference::new("cause", told, found))
-}
-
-/// Only the writer knows that a record is damaged which the test file requires.
-fn is_stopped_for_its_record(summary: &Summary, required: bool) -> bool {
-    let cause = summary.cause.as_deref();
-    required && summary.status == Status::Stopped && cause == Some(Cause::RecordDamaged.word())
-}
-
-/// True for a test whose loop broke down: its summary has no steps and no peaks.
-fn has_no_outcome(summary: &Summary) -> bool {
-    summary.status == Status::Failed && summary.steps == 0 && summary.peak == Peak::default()
-}
-
-fn steps_and_peaks(summary: &Summary, outcome: &Outcome) -> Vec<SummaryDifference> {
-    let mut all = Vec::new();
-    if has_no_outcome(summary) {
-        return all;
-    }
-    if summary.steps != outcome.steps {
-        all.push(SummaryDifference::new(
-            "steps",
-            summary.steps,
-            outcome.steps,
-        ));
-    }
-    let forces = outcome.ports.iter();
-    let peak = Peak {
-        displacement: finite(&outcome.peaks.disp),
-        velocity: finite(&outcome.peaks.vel),
-        acceleration: finite(&outcome.peaks.accel),
-        force: forces
-            .map(|(name, force, _)| (name.clone(), finite(force)))
-            .collect(),
-        ..Peak::default()
-    };
-    all.extend(peaks(&summary.peak, &peak));
-    all
-}
-
-/// Peaks that differ, each by its key.
-fn peaks(told: &Peak, found: &Peak) -> Vec<SummaryDifference> {
-    let mut all = Vec::new();
-    let mut compare = |key: String, told: &[Option<f64>], found: &[Option<f64>]| {
-        let most = told.len().max(found.len());
-        let at = |values: &[Option<f64>], index: usize| values.get(index).copied().flatten();
-        let differs = (0..most).find(|index| at(told, *index) != at(found, *index));
-        all.extend(differs.map(|index| {
-            let key = format!("{key}[{index}]");
-            SummaryDifference::new(key, at(told, index), at(found, index))
-        }));
-    };
-    let key = |name: &str| format!("peak.{name}");
-    compare(key("displacement"), &told.displacement, &found.displacement);
-    compare(key("velocity"), &told.velocity, &found.velocity);
-    compare(key("acceleration"), &told.acceleration, &found.acceleration);
-    let names = told.force.keys().chain(found.force.keys());
-    let names: std::collections::BTreeSet<&String> = names.collect();
-    for name in names {
-        let of = |peak: &Peak| peak.force.get(name).cloned().unwrap_or_default();
-        compare(key(&format!("force.{name}")), &of(told), &of(found));
-    }
-    all
-}
-
 /// Differences from the rows and events of a run. Empty without a summary, and for a server's record, whose controller knows the
 /// test. The rows are read once.
 ///
@@ -251,27 +142,22 @@ pub(super) fn with_record(
         return Ok(Vec::new());
     };
     let table: toml::Table = resolved.parse().unwrap_or_default();
-    let origin = Origin::of(run.path()).ok().flatten();
-    let mut all = Vec::new();
-    let events = Events::of(run)?;
-    let rows = Rows::of(run, &table)?;
+    let required = (table.get("record")).and_then(|record| record.get("required")?.as_bool());
+    let (events, rows) = (Events::of(run)?, Rows::of(run, &table)?);
     // A row does not show whether a limit or a link tripped the test there.
     let is_shown = rows.tripped && summary.status != Status::Failed;
     let found = events
         .ending
         .or(is_shown.then_some((Status::Stopped, None)));
-    // The events may show that only the last rows are missing: that is reported elsewhere.
-    let are_all = rows.are_whole && events.last_step.is_none_or(|last| last < summary.steps);
-    let made = rows.steps.filter(|_| are_all).unwrap_or(summary.steps);
-    let made = made.min(summary.steps);
-    let differs = ending(summary, found, is_required(&table));
-    all.extend(differs.or_else(|| too_few(summary, made, steps_of(&table)?)));
+    let differs = ending(summary, found, required == Some(true));
+    let mut all = Vec::from_iter(differs.or_else(|| too_few(summary, steps_of(&table)?)));
     if !rows.are_whole || summary.rows_lost > 0 || has_no_outcome(summary) {
         // Missing rows are reported elsewhere.
         return Ok(all);
     }
-    let before = origin.as_ref().map_or(0, |origin| origin.step);
-    let steps = rows.steps.unwrap_or(before);
+    let origin = Origin::of(run.path()).ok().flatten();
+    let steps = rows.steps.or(origin.as_ref().map(|origin| origin.step));
+    let steps = steps.unwrap_or(0);
     // Rows that are missing at the end are reported elsewhere, if the events go as far as the summary.
     let is_cut_off =
         steps < summary.steps && events.last_step.is_none_or(|last| last >= summary.steps);
@@ -280,62 +166,90 @@ pub(super) fn with_record(
     if steps != summary.steps && !is_cut_off && !is_refused {
         all.push(SummaryDifference::new("steps", summary.steps, steps));
     }
-    let mut peak = rows.peak;
+    let (mut least, mut most) = (rows.least, rows.most);
     if let Some(origin) = &origin {
-        super::row_peaks::raise_all(&mut peak, &origin.peak);
+        raise_all(&mut least, &origin.peak);
     }
-    all.extend(lower_peaks(&summary.peak, &peak));
-    // Steps of a parent folder have their peaks there; a test without a step has the force before it.
-    if origin.is_none() && rows.steps.is_some() && !is_cut_off {
-        all.extend(higher_peaks(&summary.peak, &rows.most));
+    // A test without a step has the force before it, and a resumed one the peaks of the steps before.
+    if origin.is_some() || rows.steps.is_none() || is_cut_off {
+        most = Peak::default();
     }
+    all.extend(peaks(&summary.peak, &least, &most));
     Ok(all)
 }
 
-fn is_required(table: &toml::Table) -> bool {
-    let required = table
-        .get("record")
-        .and_then(|record| record.get("required"));
-    required.and_then(toml::Value::as_bool) == Some(true)
-}
-
-/// Peaks of the summary that are smaller than those of the rows.
-fn lower_peaks(told: &Peak, found: &Peak) -> Vec<SummaryDifference> {
-    differing(told, found, |told, found| {
-        told.is_none_or(|told| told < found)
+/// The status `completed` of a test that made fewer steps than it has.
+fn too_few(summary: &Summary, steps: u64) -> Option<SummaryDifference> {
+    let made = summary.steps;
+    let is_too_few = summary.status == Status::Completed && made < steps;
+    is_too_few.then(|| {
+        let found = format!("{made} of {steps} steps");
+        SummaryDifference::new("status", summary.status.word(), found)
     })
 }
 
-/// Peaks of the summary that are larger than in any row. A DOF that was not recorded cannot be checked.
-fn higher_peaks(told: &Peak, most: &Peak) -> Vec<SummaryDifference> {
-    differing(told, most, |told, most| {
-        told.is_some_and(|told| told > most)
-    })
+/// Number of steps of the test; none if this version does not understand its `[time]`.
+fn steps_of(table: &toml::Table) -> Option<u64> {
+    let time: TimeTable = table.get("time")?.clone().try_into().ok()?;
+    Time::of(&time).ok().map(|time| time.steps)
 }
 
-/// Peaks for which `is_wrong` is true, given the number of the summary and that of the rows.
-fn differing(
-    told: &Peak,
-    found: &Peak,
-    is_wrong: impl Fn(Option<f64>, f64) -> bool,
-) -> Vec<SummaryDifference> {
-    let mut wrong = found.clone();
-    let keep_wrong = |found: &mut Vec<Option<f64>>, told: &[Option<f64>]| {
-        found.resize(told.len().max(found.len()), None);
-        for (index, found) in found.iter_mut().enumerate() {
-            let told = told.get(index).copied().flatten();
-            if !found.is_some_and(|found| is_wrong(told, found)) {
-                *found = told;
-            }
-        }
-    };
-    keep_wrong(&mut wrong.displacement, &told.displacement);
-    keep_wrong(&mut wrong.velocity, &told.velocity);
-    keep_wrong(&mut wrong.acceleration, &told.acceleration);
-    for (name, told) in &told.force {
-        keep_wrong(wrong.force.entry(name.clone()).or_default(), told);
+/// A status or cause that differs; none where it is not known.
+fn ending(summary: &Summary, found: Option<Found>, required: bool) -> Option<SummaryDifference> {
+    let (status, cause) = found?;
+    let told = summary.cause.as_deref();
+    // Only the writer knows that a record is damaged which the test file requires.
+    if required && told == Some(Cause::RecordDamaged.word()) && summary.status == Status::Stopped {
+        return None;
     }
-    peaks(told, &wrong)
+    if status != summary.status {
+        let (told, found) = (summary.status.word(), status.word());
+        return Some(SummaryDifference::new("status", told, found));
+    }
+    let (told, found) = (told.unwrap_or("none"), cause?);
+    (*told != *found).then(|| SummaryDifference::new("cause", told, found))
+}
+
+/// True for a test whose loop broke down: its summary has no steps and no peaks.
+fn has_no_outcome(summary: &Summary) -> bool {
+    summary.status == Status::Failed && summary.steps == 0 && summary.peak == Peak::default()
+}
+
+/// Peaks below the `least` or above the `most` of the record, the first of each key. What the record does not have is not checked.
+fn peaks(told: &Peak, least: &Peak, most: &Peak) -> Vec<SummaryDifference> {
+    let [told, least, most] = [told, least, most].map(series);
+    let keys: BTreeSet<&String> = least.keys().chain(most.keys()).collect();
+    let first = |key: &String| {
+        let of = |series: &BTreeMap<String, &[Option<f64>]>, index: usize| {
+            series.get(key)?.get(index).copied().flatten()
+        };
+        let sizes = [&least, &most].map(|one| one.get(key).map_or(0, |values| values.len()));
+        (0..sizes[0].max(sizes[1])).find_map(|index| {
+            let own = of(&told, index);
+            let below = of(&least, index).filter(|least| own.is_none_or(|own| own < *least));
+            let above = of(&most, index).filter(|most| own.is_some_and(|own| own > *most));
+            let found = below.or(above)?;
+            Some(SummaryDifference::new(
+                format!("peak.{key}[{index}]"),
+                own,
+                found,
+            ))
+        })
+    };
+    keys.into_iter().filter_map(first).collect()
+}
+
+/// The lists of numbers of a peak, by their keys.
+fn series(peak: &Peak) -> BTreeMap<String, &[Option<f64>]> {
+    let of_structure = [
+        ("displacement", &peak.displacement),
+        ("velocity", &peak.velocity),
+        ("acceleration", &peak.acceleration),
+    ];
+    let of_structure = of_structure.map(|(name, values)| (name.to_owned(), &**values));
+    let forces = peak.force.iter();
+    let forces = forces.map(|(name, values)| (format!("force.{name}"), &**values));
+    of_structure.into_iter().chain(forces).collect()
 }
 
 /// How the test ended according to its events.
@@ -397,5 +311,53 @@ impl Events {
             _ => false,
         };
         is_orderly && is_end
+    }
+}
+
+/// Findings in the rows of a run.
+#[derive(Debug, Default)]
+struct Rows {
+    /// A limit, a fault or the clock ended the test in one of them.
+    tripped: bool,
+    /// The last step that has a row.
+    steps: Option<u64>,
+    /// Largest magnitudes of the DOFs and specimens that were recorded.
+    least: Peak,
+    /// Largest magnitudes in all rows, with those of stale measurements.
+    most: Peak,
+    /// None of them is missing or damaged.
+    are_whole: bool,
+}
+
+impl Rows {
+    fn of(run: &Run, table: &toml::Table) -> Result<Self, FolderError> {
+        let at = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
+        let (state, step) = (at("state"), at("step"));
+        let specimens = table.get("specimen").and_then(toml::Value::as_array);
+        let name = |specimen: &toml::Value| Some(specimen.get("name")?.as_str()?.to_owned());
+        let names: Vec<String> = (specimens.into_iter().flatten()).filter_map(name).collect();
+        let mut least = RowPeaks::of_test(run, names.len());
+        let mut most = RowPeaks::of_every_row(run, names.len());
+        let mut found = Self::default();
+        let mut journal = run.journal()?;
+        let path = run.path().join("samples.bin");
+        let io = |source| FolderError::Io {
+            path: path.clone(),
+            source,
+        };
+        while let Some(row) = journal.next_row().map_err(io)? {
+            let value = |place: usize| row.values.get(place).copied().unwrap_or(f64::NAN);
+            let state = value(state);
+            found.tripped |= state == Phase::Tripped.code() || state == GIVEN_UP;
+            if state == Phase::Running.code() {
+                found.steps = Some(value(step) as u64);
+            }
+            least.take(row.values, true);
+            most.take(row.values, true);
+        }
+        found.are_whole = journal.end() == Some(End::Clean) && journal.lost() == 0;
+        found.least = least.finish(names.iter().cloned());
+        found.most = most.finish(names.into_iter());
+        Ok(found)
     }
 }

@@ -1,7 +1,7 @@
 //! The files of a test, archived in its run folder and recorded with their digests.
 
 use super::checksum::sha256;
-use super::lineage::{ORIGIN, Origin};
+use super::origin::ORIGIN;
 use gusset_record::{Event, FolderError, Layout, RunFolder};
 use gusset_setup::Files;
 
@@ -12,9 +12,9 @@ pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderEr
     for (path, bytes) in &files.inputs {
         folder.add_input(path, bytes)?;
     }
-    if let Some(origin) = &files.origin {
-        let near = Origin::text_for(origin, folder.path());
-        folder.write_extra(ORIGIN, near.as_ref().unwrap_or(origin).as_bytes())?;
+    if let Some((interrupted, origin)) = &files.origin {
+        folder.keep_before(interrupted)?;
+        folder.write_extra(ORIGIN, origin.as_bytes())?;
     }
     Ok(())
 }

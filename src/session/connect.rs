@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender};
 
-use super::lineage::ACCEPT;
+use super::origin::ACCEPT;
 use gusset_config::ClockChoice;
 use gusset_control::engine::{Control, Experiment, Operator};
 use gusset_control::port::Port;

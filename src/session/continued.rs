@@ -1,10 +1,9 @@
-//! Lineage of an interrupted test: `continued.json` in its folder lists the tests that resumed it, so that its specimens do
-//! not repeat steps.
+//! `continued.json` in the folder of an interrupted test names the test that resumed it, so that its specimens do not repeat steps.
 //!
 //! It is written before anything moves: a test that cannot write it does not begin. At its end the test adds the step that it
 //! reached. If it was killed, its own record shows that step. A test that ended before it moved anything as part of the test
-//! removes its entry. A resume of such a test also resumes the test before it, back to the last that made steps. Where every
-//! specimen is a formula, which restarts, nothing is written or read.
+//! removes its entry. A resume of such a test is one of the test before it. Where every specimen is a formula, which restarts,
+//! nothing is written or read.
 
 use std::fs::File;
 use std::io;
@@ -12,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::lineage::{Generation, Lineage, Origin, places, way_from};
+use super::origin::{Origin, places};
 use gusset_control::port::Port;
 use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use gusset_record::summary::Status;
@@ -25,10 +24,8 @@ const CONTINUED: &str = "continued.json";
 /// A test that resumed an interrupted one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Continuation {
-    /// Its folder, from that of the interrupted test, or absolute.
+    /// Its folder when it began.
     folder: PathBuf,
-    /// Its folder, absolute, when it began.
-    folder_absolute: PathBuf,
     /// SHA-256 of the rows before the resume, as in its `resumed.json`.
     rows_sha256: String,
     /// Step after which it resumed.
@@ -101,7 +98,7 @@ impl Continuation {
             let origin = Origin::of(place).ok().flatten();
             origin.is_some_and(|origin| origin.rows_sha256 == self.rows_sha256)
         };
-        places(parent, &self.folder, &self.folder_absolute).find(is_it)
+        places(parent, &self.folder).find(is_it)
     }
 
     /// Its state as known; `None` if it has moved nothing as part of the test.
@@ -119,7 +116,7 @@ impl Continuation {
             None => Now::Gone,
         };
         (way != Way::None || now == Now::Running).then(|| WentOn {
-            folder: found.unwrap_or_else(|| self.folder_absolute.clone()),
+            folder: found.unwrap_or_else(|| self.folder.clone()),
             after: self.after_step,
             reached: match way {
                 Way::To(step) => Some(step),
@@ -134,6 +131,16 @@ fn is_complete(folder: &Path) -> bool {
     let run = Run::open(folder);
     let summary = run.as_ref().ok().and_then(Run::summary);
     summary.is_some_and(|summary| summary.status == Status::Completed)
+}
+
+/// The folder of the interrupted test that a resume of this run continues: its own, or, if it moved nothing as part of the test, that
+/// of the test that it resumed.
+pub(super) fn interrupted(run: &Run, origin: Option<&Origin>) -> PathBuf {
+    let folder = run.path();
+    match origin {
+        Some(origin) if way_of(folder, origin.step) == Way::None => origin.interrupted(folder),
+        _ => folder.to_owned(),
+    }
 }
 
 /// How far the test in `folder` came, which resumed after step `after`.
@@ -191,9 +198,7 @@ fn last_step_of(run: &Run) -> Result<Option<u64>, FolderError> {
 /// The entry of its folder cannot be read.
 pub(super) fn last_of(folder: &Path) -> Result<Option<WentOn>, FolderError> {
     let all = read(folder)?;
-    let mut told = all.iter().rev().filter_map(|one| one.told(folder));
-    let last = told.next();
-    Ok(told.find(|one| one.now == Now::Running).or(last))
+    Ok(all.iter().rev().find_map(|one| one.told(folder)))
 }
 
 fn read(folder: &Path) -> Result<Vec<Continuation>, FolderError> {
@@ -239,74 +244,51 @@ fn change<R>(
     Ok(result)
 }
 
-/// The entry of a resumed test, in the folders of the tests that it resumes.
-#[derive(Debug, Default)]
+/// The entry of a resumed test in the folder of the interrupted one.
+#[derive(Debug)]
 pub(super) struct Word {
-    said_in: Vec<PathBuf>,
-    folder: PathBuf,
-    after: u64,
+    said_in: PathBuf,
+    own: Continuation,
 }
 
 impl Word {
-    /// Records that the test of these files resumes in `folder`, if a specimen of it does not restart.
-    pub(crate) fn say(files: &Files, ports: &[Port], folder: &Path) -> Result<Self, Unsaid> {
-        let origin = files.origin.as_deref().map(serde_json::from_str::<Origin>);
-        let Some(Ok(origin)) =
-            origin.filter(|_| !ports.iter().all(|port| port.exchange().is_formula()))
-        else {
-            return Ok(Self::default());
+    /// Records that the test of these files resumes in `folder`; none if each of its specimens restarts.
+    pub(crate) fn say(
+        files: &Files,
+        ports: &[Port],
+        folder: &Path,
+    ) -> Result<Option<Self>, Unsaid> {
+        let origin = files.origin.as_ref();
+        let origin = origin.map(|(_, text)| serde_json::from_str::<Origin>(text));
+        let restart = ports.iter().all(|port| port.exchange().is_formula());
+        let Some(Ok(origin)) = origin.filter(|_| !restart) else {
+            return Ok(None);
         };
-        let mut word = Self {
-            said_in: Vec::new(),
-            folder: std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()),
-            after: origin.step,
-        };
-        for parent in line_of(&origin) {
-            if let Err(unsaid) = word.say_in(&parent, &origin) {
-                word.take_back();
-                return Err(unsaid);
-            }
-            word.said_in.push(parent);
-        }
-        Ok(word)
-    }
-
-    fn say_in(&self, parent: &Path, origin: &Origin) -> Result<(), Unsaid> {
         let own = Continuation {
-            folder: way_from(parent, &self.folder).unwrap_or_else(|| self.folder.clone()),
-            folder_absolute: self.folder.clone(),
-            rows_sha256: origin.rows_sha256.clone(),
+            folder: std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()),
+            rows_sha256: origin.rows_sha256,
             after_step: origin.step,
             reached: None,
         };
-        let said = change(parent, |all| {
-            let mut running = None;
-            all.retain_mut(|one| {
-                if one.folder_absolute == self.folder {
-                    // The earlier content of this folder is gone.
-                    one.reached.get_or_insert(one.after_step);
-                    return true;
-                }
-                let told = one.told(parent);
-                let is_something = told.is_some();
-                running = told
-                    .filter(|told| told.now == Now::Running)
-                    .or(running.take());
-                is_something
-            });
-            if let Some(running) = running {
-                return Err(running);
+        let parent = origin.parent;
+        let other = change(&parent, |all| {
+            // Earlier content of the own folder is gone.
+            let others = all.iter().filter(|one| one.folder != own.folder);
+            let other = others.rev().find_map(|one| one.told(&parent));
+            if other.is_none() {
+                *all = vec![own.clone()];
             }
-            all.push(own);
-            Ok(())
+            other
         });
-        match said {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(other)) => Err(Unsaid::Running {
-                folder: parent.to_owned(),
+        match other.map_err(Unsaid::Folder)? {
+            None => Ok(Some(Self {
+                said_in: parent,
+                own,
+            })),
+            Some(other) => Err(Unsaid::Resumed {
+                folder: parent,
                 other,
             }),
-            Err(error) => Err(Unsaid::Folder(error)),
         }
     }
 
@@ -318,30 +300,20 @@ impl Word {
     /// The test is over, and recorded in its folder as far as it came, if that is still there.
     pub(crate) fn end(self, folder: &RunFolder) -> Result<(), FolderError> {
         let is_there = folder.is_there();
-        let way = is_there.then(|| way_of(folder.path(), self.after));
+        let way = is_there.then(|| way_of(folder.path(), self.own.after_step));
         self.end_as(way.unwrap_or(Way::Unknown))
     }
 
     fn end_as(self, way: Way) -> Result<(), FolderError> {
-        let mut result = Ok(());
-        for parent in &self.said_in {
-            let ended = change(parent, |all| {
-                let own = all
-                    .iter()
-                    .rposition(|one| one.folder_absolute == self.folder && one.reached.is_none());
-                match (own, way) {
-                    (Some(own), Way::None) => drop(all.remove(own)),
-                    (Some(own), Way::To(step)) => {
-                        if let Some(own) = all.get_mut(own) {
-                            own.reached = Some(step);
-                        }
-                    }
-                    (_, Way::Unknown) | (None, _) => {}
+        change(&self.said_in, |all| match way {
+            Way::None => all.retain(|one| *one != self.own),
+            Way::To(step) => {
+                for own in all.iter_mut().filter(|one| **one == self.own) {
+                    own.reached = Some(step);
                 }
-            });
-            result = result.and(ended);
-        }
-        result
+            }
+            Way::Unknown => {}
+        })
     }
 }
 
@@ -354,32 +326,12 @@ pub enum Unsaid {
          specimens would repeat steps: {0}; make the folder writable, or resume a copy of it"
     )]
     Folder(FolderError),
-    /// Another resumed test is running.
+    /// Another test has resumed it.
     #[error("{}: {other}", folder.display())]
-    Running {
+    Resumed {
         /// The folder of the interrupted test.
         folder: PathBuf,
         /// The other.
         other: WentOn,
     },
-}
-
-/// The interrupted test, and those before it as long as the last one made no steps itself.
-fn line_of(origin: &Origin) -> Vec<PathBuf> {
-    let mut line = vec![origin.parent_absolute.clone()];
-    for generation in Lineage::of(&origin.parent_absolute) {
-        let Ok(Generation {
-            folder,
-            origin,
-            parent: Ok(parent),
-        }) = generation
-        else {
-            break;
-        };
-        if way_of(&folder, origin.step) != Way::None {
-            break;
-        }
-        line.push(parent.path().to_owned());
-    }
-    line
 }

@@ -3,7 +3,7 @@
 use gusset_actuator::geometry::LawPlace;
 use gusset_config::Method;
 use gusset_numerics::integrate::Lambda;
-use gusset_proof::{Stability, grows, is_stable};
+use gusset_proof::{Stability, grows};
 use gusset_quantity::units::{compared, number};
 use gusset_setup::{Facts, StructureFacts};
 
@@ -69,20 +69,7 @@ fn without_limit(stability: &Stability) -> String {
     }
 }
 
-/// The stability in a few words, for the end of `run`.
-#[must_use]
-pub fn brief(structure: &StructureFacts) -> String {
-    match structure.choice().map(|choice| choice.limit) {
-        Some(Some(_)) => {
-            let [_, limit] = lambda_and_limit(structure);
-            format!("limit {limit}")
-        }
-        Some(None) => "stable for every λ".to_owned(),
-        None => without_limit(&structure.stability),
-    }
-}
-
-/// Method, λ and stability in one sentence, for the short page of `check`.
+/// Method, λ and stability in one sentence.
 #[must_use]
 pub fn in_words(structure: &StructureFacts) -> String {
     let [lambda, limit] = lambda_and_limit(structure);
@@ -124,38 +111,6 @@ fn method_of(structure: &StructureFacts, lambda: &str) -> String {
         "chosen automatically"
     };
     format!("Gui-λ with λ = {lambda} ({origin})")
-}
-
-/// The judgement of a certificate on the integration.
-pub(super) fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
-    let method = match structure.lambda {
-        Some(lambda) => format!("λ = {lambda}"),
-        None => method_name(structure.method),
-    };
-    if let Some(why) = grows(structure.analysis.as_ref()) {
-        return (Some(false), why);
-    }
-    let text = match &structure.stability {
-        Stability::Limit(choice) => {
-            let margin = if choice.margin.is_finite() {
-                format!(", margin {:.4}", choice.margin)
-            } else {
-                String::new()
-            };
-            match choice.limit {
-                Some(_) => {
-                    let [_, limit] = lambda_and_limit(structure);
-                    format!("{method}, stable up to {limit}{margin}")
-                }
-                None => format!("{method}, every λ is stable{margin}"),
-            }
-        }
-        other => format!("{method}, {}", without_limit(other)),
-    };
-    (
-        is_stable(&structure.stability, structure.analysis.as_ref()),
-        text,
-    )
 }
 
 /// A method as the test file spells it.

@@ -32,7 +32,7 @@ pub mod identification;
 pub mod integration;
 mod judged;
 mod kept;
-mod lineage;
+mod origin;
 mod page;
 mod playback;
 mod ready;
@@ -80,7 +80,7 @@ pub use reset::{
 };
 #[cfg(any(test, feature = "test-doubles"))]
 pub use resume::resume_over;
-pub use resume::{Allowed, ResumeError, resume, resume_allowed};
+pub use resume::{Allowed, ResumeError, resume_allowed};
 pub use signals::{Signal, Signals, Taken};
 pub use specimen_records::SpecimenRecords;
 pub use watches::{Attendance, Watches};
@@ -226,13 +226,14 @@ pub fn run(
                 ready.writer.note(Event::said(Remark::Warning, text));
             }
             let mut finished = carry_out(ready, (line, records), &facts, verdict, folder, progress);
-            if let Err(error) = word.end(&finished.folder) {
+            let ended = word.map_or(Ok(()), |word| word.end(&finished.folder));
+            if let Err(error) = ended {
                 finished.unwritten.push(error.to_string());
             }
             Ok(finished)
         }
         Err(error) => {
-            word.take_back();
+            word.into_iter().for_each(Word::take_back);
             folder.abandon();
             Err(error)
         }

@@ -9,14 +9,13 @@ use thiserror::Error;
 use super::Finished;
 use super::agreement::{is_of_an_earlier_version, with_record};
 use super::energetics::{Without, known};
-use super::lineage::{Generation, Lineage, Origin, way_from};
-use super::replay_error::ReplayError;
+use super::origin::Origin;
 use gusset_motion::metrics::energy::Model;
 use gusset_quantity::catalog::phase::Phase;
 use gusset_record::summary::Status;
-use gusset_record::{COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
+use gusset_record::{BEFORE, COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use gusset_view::report::{
-    BLOCK, Digest, Earlier, IdentifiedAxis, Source, count, effect, followed, hero_svg, identified,
+    BLOCK, Digest, Earlier, IdentifiedAxis, Source, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
 };
 use gusset_view::{Flaws, ResolvedTest, RunView, SummaryView, Timings, Trials};
@@ -53,7 +52,7 @@ pub struct Page {
     pub damaged: Vec<String>,
     /// One of that is a damaged row.
     pub has_damaged_rows: bool,
-    /// Keys of the summary that the rows and events contradict, and a run that names itself as an ancestor, in words.
+    /// Keys of the summary that the rows and events contradict, in words.
     pub contradicted: Vec<String>,
     /// The summary is of an earlier version.
     pub is_of_an_earlier_version: bool,
@@ -251,7 +250,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     let step = origin.as_ref().map(|origin| origin.step);
     let known = known(folder, &test.text, run.layout().columns(), step);
     let earlier = origin.map(|origin| Earlier {
-        folders: folders_of(folder),
+        folders: format!("{BEFORE}/"),
         step: origin.step,
         ground: known.ground_before,
     });
@@ -306,60 +305,13 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
             unfinished,
             damaged,
             has_damaged_rows: rows.is_some_and(|rows| rows.end.is_some_and(End::is_damage)),
-            contradicted: circle(folder).into_iter().chain(contradicted).collect(),
+            contradicted: contradicted.collect(),
             missing_rows: rows.map_or(0, |rows| rows.lost),
             unreadable_events: told.unreadable,
             events_left_out: told.left_out,
         },
         test,
     })
-}
-
-/// Error of a run that continues itself, if it does.
-fn circle(folder: &Path) -> Option<String> {
-    let mut generations = Lineage::of(folder).filter_map(Result::ok);
-    generations.find_map(|generation| match generation.parent {
-        Err(error @ ReplayError::Circle { .. }) => Some(error.to_string()),
-        _ => None,
-    })
-}
-
-/// The folders that hold the earlier steps of a resumed test, with their steps if there are several folders. A test without steps
-/// is omitted. The ancestors of a missing folder are unknown.
-fn folders_of(folder: &Path) -> String {
-    let mut folders: Vec<(String, u64, u64)> = Vec::new();
-    let mut generations = Lineage::of(folder).flatten().peekable();
-    while let Some(Generation {
-        folder: at,
-        origin,
-        parent,
-    }) = generations.next()
-    {
-        let before = generations.peek().map(|before| before.origin.step);
-        let first = before.map_or(0, |step| step + 1);
-        if first <= origin.step {
-            let parent = parent.as_ref().map(|run| run.path()).ok();
-            let way = parent.and_then(|to| way_from(folder, to));
-            let way = way.unwrap_or(if at == folder {
-                origin.parent
-            } else {
-                origin.parent_absolute
-            });
-            folders.push((way.display().to_string(), first, origin.step));
-        }
-    }
-    if let [(only, ..)] = folders.as_slice() {
-        return only.clone();
-    }
-    let each = folders.iter().map(|(way, first, last)| {
-        let (first, last) = (count(*first), count(*last));
-        if first == last {
-            format!("{way} (step {first})")
-        } else {
-            format!("{way} (steps {first} to {last})")
-        }
-    });
-    each.collect::<Vec<_>>().join(" and ")
 }
 
 /// Missing parts of a record, in words. The summary reports rows that were lost during recording.

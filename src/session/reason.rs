@@ -1,6 +1,6 @@
 //! Why a test ended, in words, and the reports of its specimens after the last command.
 
-use super::lineage::ACCEPT;
+use super::origin::ACCEPT;
 use gusset_control::engine::{EndPosition, Ending, IncompleteShutdown, Outcome, Stop};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{AGREED, Holder};

@@ -11,13 +11,14 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use super::agreement::{
-    SummaryDifference, may_trip_after_its_rows, of_an_earlier_version, with_events, with_loop,
+    SummaryDifference, is_of_an_earlier_version, may_trip_after_its_rows, with_loop,
 };
 use super::checksum::check_files;
 use super::playback::{Comparing, Difference, Playback, Recording, with};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::retrace::{prepared, same_columns};
+use super::summary::peak;
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Outcome};
 use gusset_record::{End, Layout, MissingEnd, Run};
 
@@ -58,38 +59,31 @@ impl Replay {
 /// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
 pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let run = Run::open(folder)?;
-    let test = prepared(&run, Replaced::All, false)?;
+    let test = prepared(&run, Replaced::All)?;
     let files_proven = check_files(&run)?;
     let recording = Recording::of(&run)?;
     let (steps, has_specimens) = (test.experiment.steps, !test.experiment.ports.is_empty());
-    let (mut found, outcome, ran_out) = follow(test.experiment, run.layout(), recording, false)?;
+    let (mut found, mut outcome, mut ran_out) =
+        follow(test.experiment, run.layout(), recording, false)?;
     if found.is_exact() {
         found.short = missing_end(&run, &found);
     }
     if let Some(summary) = run.summary().filter(|_| found.is_exact()) {
+        if ran_out && has_specimens && may_trip_after_its_rows(&run)? {
+            // The command beyond the limit never left, and its tick has no row.
+            let test = prepared(&run, Replaced::All)?.experiment;
+            let next = follow(test, run.layout(), Recording::of(&run)?, true)?;
+            if next.0.is_exact() && !next.2 {
+                (outcome, ran_out) = (next.1, false);
+            }
+        }
+        let outcome = (&outcome, &peak(&outcome, &test.facts));
         let required = test.facts.record_required;
-        let tripped = if ran_out && has_specimens && may_trip_after_its_rows(&run)? {
-            trip_of_the_next_tick(&run)?
-        } else {
-            None
-        };
-        found.summary = match tripped {
-            Some(tripped) => with_loop(summary, &tripped, required),
-            None if ran_out => with_events(&run, summary, &outcome, (required, steps))?,
-            None => with_loop(summary, &outcome, required),
-        };
-        found.is_of_an_earlier_version = of_an_earlier_version(&run)?;
+        found.summary = with_loop(&run, summary, outcome, ran_out, (required, steps))?;
+        found.is_of_an_earlier_version = is_of_an_earlier_version(run.events()?.events.iter());
     }
     found.files_proven = files_proven;
     Ok(found)
-}
-
-/// How the test ended if the loop trips in the tick after the last row: the command beyond the limit never left.
-fn trip_of_the_next_tick(run: &Run) -> Result<Option<Outcome>, ReplayError> {
-    let test = prepared(run, Replaced::All, false)?;
-    let recording = Recording::of(run)?;
-    let (found, outcome, ran_out) = follow(test.experiment, run.layout(), recording, true)?;
-    Ok((found.is_exact() && !ran_out).then_some(outcome))
 }
 
 /// The record may be longer than its proven part: too few rows may be whole.

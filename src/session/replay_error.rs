@@ -49,25 +49,12 @@ pub enum ReplayError {
         /// The mistake.
         source: serde_json::Error,
     },
-    /// The interrupted test that this one resumed was not found.
-    #[error("this run resumed the interrupted run {1} (named in {0}), which is neither there nor beside this run; the replay needs it", path.display(), parent.display())]
-    NoParent {
-        /// `resumed.json`.
+    /// The folder lacks the interrupted test that this one resumed.
+    #[error("{} is missing: it holds the interrupted run that this run resumed. Copy {} there", path.display(), parent.display())]
+    NoBefore {
+        /// Where it must be.
         path: PathBuf,
         /// Where the interrupted test was.
-        parent: PathBuf,
-    },
-    /// A run continues itself, directly or through others.
-    #[error(
-        "{} says that the test continued {}, which is this test or one that continued it: no test can be its own ancestor. The file \
-         was changed; put back the one that the test wrote",
-        path.display(),
-        parent.display()
-    )]
-    Circle {
-        /// `resumed.json`.
-        path: PathBuf,
-        /// The folder that it names.
         parent: PathBuf,
     },
     /// The interrupted test that this one resumed does not replay identically.

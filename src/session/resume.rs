@@ -12,25 +12,24 @@ mod places;
 mod trips;
 mod widened;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::checksum::{check_files as check_files_of, read, rows_sha256, sha256};
 use super::continued;
-use super::lineage::Origin;
+use super::origin::{Kept, Origin};
 use super::recorded::Replaced;
 use super::request_socket::{Request, Unanswered, ask};
 use super::retrace::{
-    Build, Retraced, prepared_by, prepared_to_resume, recorded_file, retrace, take_over,
-    unusable_states,
+    Build, Retraced, go_on_from, prepared_to_resume, recorded_file, retrace, unusable_states,
 };
-use super::row_peaks::{earlier_peaks, peak_of};
+use super::row_peaks::peak_of;
 pub use error::ResumeError;
 #[cfg(any(test, feature = "test-doubles"))]
 use gusset_config::Loaded;
 use gusset_control::port::Port;
 use gusset_quantity::units::duration;
 use gusset_record::summary::Status;
-use gusset_record::{MissingEnd, Run, ToldBy};
+use gusset_record::{BEFORE, MissingEnd, Run, ToldBy};
 #[cfg(any(test, feature = "test-doubles"))]
 use gusset_setup::Dial;
 use gusset_setup::{self as setup, Facts, Prepared};
@@ -59,24 +58,8 @@ pub struct Allowed<'a> {
     pub wider: Option<(&'a [String], &'a str)>,
 }
 
-/// Prepares the test in `folder` for a resume. `test`: the test file, if one was given; it must be the interrupted one.
-/// `after_trip`: see [`Allowed`].
-///
-/// # Errors
-/// See [`ResumeError`].
-pub fn resume(
-    folder: &Path,
-    test: Option<&Path>,
-    after_trip: bool,
-) -> Result<Prepared, ResumeError> {
-    let allowed = Allowed {
-        after_trip,
-        ..Allowed::default()
-    };
-    resume_allowed(folder, test, allowed)
-}
-
-/// Prepares the test in `folder` to continue, with all permissions of the user.
+/// Prepares the test in `folder` to continue, with all permissions of the user. `test`: the test file, if one was given; it must be the
+/// interrupted one.
 ///
 /// # Errors
 /// See [`ResumeError`].
@@ -91,7 +74,7 @@ pub fn resume_allowed(
 /// Resumes over transports that are connected already: those that `dial` makes, one after the other.
 ///
 /// # Errors
-/// As [`resume`].
+/// As [`resume_allowed`].
 #[cfg(any(test, feature = "test-doubles"))]
 pub fn resume_over(
     folder: &Path,
@@ -113,23 +96,21 @@ fn resume_by(
     build: &mut Build<'_>,
 ) -> Result<Prepared, ResumeError> {
     let run = Run::open(folder)?;
-    may_be_resumed(&run)?;
     let before = Origin::of(folder)?;
+    let interrupted = may_be_resumed(&run, before.as_ref())?;
     has_its_end(&run, before.as_ref())?;
     check_files(&run, test, before.as_ref())?;
     let ended = end_before(&run, allowed.after_trip)?;
     let (mut traced, note) = trace(&run)?;
-    let Some((side, ports, mut resumption)) = traced.state.take() else {
+    let Some((side, ports, resumption)) = traced.state.take() else {
         return Err(if traced.completed {
             ResumeError::Complete(folder.to_owned())
         } else {
             ResumeError::NotBegun(folder.to_owned())
         });
     };
-    let mut next = match allowed.wider {
-        None => prepared_by(&run, Replaced::Remote, true, build)?,
-        Some((sets, _)) => prepared_to_resume(&run, sets, build)?,
-    };
+    let sets = allowed.wider.map_or(&[][..], |(sets, _)| sets);
+    let mut next = prepared_to_resume(&run, sets, build)?;
     next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
     let earlier = before.as_ref().and_then(|one| one.wider_limits.clone());
     let wider = widened_limits(&run, allowed, earlier, &mut next)?;
@@ -141,11 +122,15 @@ fn resume_by(
     let rate_hz = next.facts.rate_hz;
     check_way_back(&run, &traced, &ports, step, rate_hz)?;
     let on_its_way_in = traced.on_its_way_in;
-    let origin = origin_of(&run, &traced, &ports, (step, &next.facts), before, allowed)?;
-    resumption.left = origin.places();
-    resumption.earlier = earlier_peaks(&origin.peak, &ports);
-    resumption.accepts_changed = origin.accepts_changed();
-    take_over(&mut next.experiment, side, ports);
+    let origin = (before, &*interrupted);
+    let origin = origin_of(&run, &traced, &ports, (step, &next.facts), origin, allowed)?;
+    // The rows of a test that made no step do not count: those of the test before it do.
+    let kept = if on_its_way_in {
+        folder.join(BEFORE)
+    } else {
+        folder.to_owned()
+    };
+    go_on_from(&mut next.experiment, &origin, (side, ports, resumption));
     for (index, port) in next.experiment.ports.iter().enumerate() {
         if let Some(hit) = port.next_command_beyond() {
             let specimen = port.name().to_owned();
@@ -156,11 +141,10 @@ fn resume_by(
             });
         }
     }
-    origin.put(&mut next.experiment.ports);
-    next.experiment.resume = Some(resumption);
     next.files.test = read(&folder.join("test.toml"))?;
     next.facts.resumed = Some((folder.to_owned(), step));
-    next.files.origin = serde_json::to_string_pretty(&origin).ok();
+    let text = serde_json::to_string_pretty(&origin).ok();
+    next.files.origin = text.map(|text| (kept, text));
     let retraced = match traced.restored {
         Some((step, rows)) => format!(
             "the state of step {step} restored, {} rows after it retraced",
@@ -205,39 +189,35 @@ fn widened_limits(
     earlier: Option<String>,
     next: &mut Prepared,
 ) -> Result<Option<String>, ResumeError> {
-    let accepted = &mut next.facts.accepted;
-    let said = earlier.map(|reason| {
-        let said = format!("LIMITS WERE WIDENED in an earlier part of the test; reason: {reason}");
-        accepted.insert(WIDENED.to_owned(), reason);
-        said
-    });
-    let Some(((_, reason), loaded)) = allowed.wider.zip(next.loaded.as_deref()) else {
-        return Ok(said);
-    };
-    let before = recorded_file(run.path(), &[])?;
-    let limits = widened::widened(&before, loaded)?;
-    if limits.is_empty() {
-        return Ok(said);
+    let (mut reasons, mut told) = (Vec::new(), Vec::new());
+    if let Some(reason) = earlier {
+        told.push(format!(
+            "LIMITS WERE WIDENED in an earlier part of the test; reason: {reason}"
+        ));
+        reasons.push(reason);
     }
-    next.files.resolved.clone_from(&loaded.effective);
-    let text = format!(
-        "LIMITS WERE WIDENED for this part of the test: {}; reason: {reason}",
-        limits.join(", ")
-    );
-    let before = accepted.get(WIDENED);
-    let reasons = before.map_or_else(|| reason.to_owned(), |before| format!("{before}; {reason}"));
-    accepted.insert(WIDENED.to_owned(), reasons);
-    Ok(Some(
-        [said, Some(text)]
-            .into_iter()
-            .flatten()
-            .collect::<Vec<_>>()
-            .join(". "),
-    ))
+    if let Some(((_, reason), loaded)) = allowed.wider.zip(next.loaded.as_deref()) {
+        let limits = widened::widened(&recorded_file(run.path(), &[])?, loaded)?;
+        if !limits.is_empty() {
+            next.files.resolved.clone_from(&loaded.effective);
+            told.push(format!(
+                "LIMITS WERE WIDENED for this part of the test: {}; reason: {reason}",
+                limits.join(", ")
+            ));
+            reasons.push(reason.to_owned());
+        }
+    }
+    if reasons.is_empty() {
+        return Ok(None);
+    }
+    let accepted = &mut next.facts.accepted;
+    accepted.insert(WIDENED.to_owned(), reasons.join("; "));
+    Ok(Some(told.join(". ")))
 }
 
-/// Refuses a test that runs, may be running, is complete, or was resumed already.
-fn may_be_resumed(run: &Run) -> Result<(), ResumeError> {
+/// Refuses a test that runs, may be running, is complete, or was resumed already. Returns the folder of the interrupted test: that of
+/// `run`, or of the test before it if `run` made no step.
+fn may_be_resumed(run: &Run, origin: Option<&Origin>) -> Result<PathBuf, ResumeError> {
     let folder = run.path();
     match ask(folder, Request::Phase) {
         Ok(_) => return Err(ResumeError::Running(folder.to_owned())),
@@ -250,9 +230,10 @@ fn may_be_resumed(run: &Run) -> Result<(), ResumeError> {
             });
         }
     }
-    if let Some(before) = continued::last_of(folder)? {
+    let interrupted = continued::interrupted(run, origin);
+    if let Some(before) = continued::last_of(&interrupted)? {
         return Err(ResumeError::WentOn {
-            folder: folder.to_owned(),
+            folder: interrupted,
             before,
         });
     }
@@ -265,7 +246,7 @@ fn may_be_resumed(run: &Run) -> Result<(), ResumeError> {
             fault: fault.to_owned(),
         });
     }
-    Ok(())
+    Ok(interrupted)
 }
 
 /// Refuses a record whose last rows are missing.
@@ -290,10 +271,9 @@ fn origin_of(
     traced: &Retraced,
     ports: &[Port],
     (step, facts): (u64, &Facts),
-    before: Option<Origin>,
+    (before, interrupted): (Option<Origin>, &Path),
     allowed: Allowed<'_>,
 ) -> Result<Origin, ResumeError> {
-    let folder = run.path();
     let peak = before.as_ref().map(|before| &before.peak);
     let peak = peak_of(run, traced.rows, ports, peak)?;
     let by = Tolerances {
@@ -305,24 +285,23 @@ fn origin_of(
     };
     let before = before.filter(|_| traced.on_its_way_in);
     let left = places(run, ports, &by, before.as_ref())?;
-    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    let mut origin = Origin {
-        parent: absolute.clone(),
-        parent_absolute: absolute,
-        rows: traced.rows,
-        rows_sha256: rows_sha256(run, traced.rows)?,
-        resolved_sha256: sha256(&read(&folder.join("resolved.toml"))?),
+    let (rows, rows_sha256) = match before {
+        Some(before) => (before.rows, before.rows_sha256),
+        None => (traced.rows, rows_sha256(run, traced.rows)?),
+    };
+    Ok(Origin {
+        parent: std::path::absolute(interrupted).unwrap_or_else(|_| interrupted.to_owned()),
+        rows,
+        rows_sha256,
         step,
         time: step as f64 * facts.dt,
-        left: Vec::new(),
-        left_forces: Vec::new(),
-        left_ways: Vec::new(),
+        places: (left.iter())
+            .map(|axes| axes.iter().map(Kept::words).collect())
+            .collect(),
         peak,
         accepted_changed: allowed.changed.map(str::to_owned),
         wider_limits: facts.accepted.get(WIDENED).cloned(),
-    };
-    origin.keep(&left);
-    Ok(origin)
+    })
 }
 
 /// How the test ended before, to be reported. A test that tripped, or may have, needs `--after-trip`.

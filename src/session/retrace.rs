@@ -1,7 +1,6 @@
 //! From a run folder back to the experiment, and to the state that its test had after any of its rows.
 //!
-//! A resumed test has its parent's rows before its own ([`super::lineage`]). So the state is made of
-//! all its ancestors. Rows and events are read one after the other: no record is held whole.
+//! The state of a resumed test begins with that of the interrupted one, which its folder holds ([`super::origin`]). Rows and events are read one after the other: no record is held whole.
 
 use std::ops::Range;
 use std::path::Path;
@@ -10,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use super::checksum::check_inputs;
 use super::connect::put_standing;
 use super::earlier_rows::may_be_absent;
-use super::lineage::{Ancestor, Origin, ancestors};
+use super::origin::Origin;
 use super::playback::{Comparing, Playback, Recording, Verified, with};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
@@ -26,24 +25,13 @@ use gusset_setup::{self as setup, Prepared};
 /// Makes the experiment of a test file.
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
 
-/// Rebuilds the test of a run folder, with the state of its ancestors, if any. No specimen is connected.
-pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prepared, ReplayError> {
-    prepared_by(run, replaced, keys, &mut setup::build)
+/// Rebuilds the test of a run folder, with the state of the test that it resumed, if any. No specimen is connected.
+pub(super) fn prepared(run: &Run, replaced: Replaced) -> Result<Prepared, ReplayError> {
+    let before = state_before(run, replaced)?;
+    prepared_from(run, &[], before, false, &mut setup::build)
 }
 
-/// Like `prepared`, but built by `build`.
-pub(super) fn prepared_by(
-    run: &Run,
-    replaced: Replaced,
-    keys: bool,
-    build: &mut Build<'_>,
-) -> Result<Prepared, ReplayError> {
-    let origin = Origin::of(run.path())?;
-    let state = state_of(ancestors(run.path())?, replaced)?;
-    prepared_from(run, &[], origin.zip(state), keys, build)
-}
-
-/// The test of a run folder with changed keys, for a resume.
+/// The test of a run folder with changed keys, for a resume; its state follows.
 pub(super) fn prepared_to_resume(
     run: &Run,
     sets: &[String],
@@ -65,7 +53,7 @@ pub(super) fn recorded_file(folder: &Path, sets: &[String]) -> Result<Loaded, Co
     Ok(loaded)
 }
 
-/// Builds the test of a run folder, with the final state of its ancestors, if it has any.
+/// Builds the test of a run folder, with the state of the test that it resumed, if any.
 fn prepared_from(
     run: &Run,
     sets: &[String],
@@ -101,62 +89,38 @@ fn prepared_from(
 /// State of a test that is resumed: the numerical side, the ports, and the rest.
 type State = (Side, Vec<Port>, Resumption);
 
-/// Makes an experiment continue from its `resumed.json`, with the final state of its ancestors.
-fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
+/// Makes an experiment continue from its `resumed.json`, with the state of the interrupted test.
+pub(super) fn go_on_from(experiment: &mut Experiment, origin: &Origin, state: State) {
     let (side, ports, mut resumption) = state;
-    resumption.left = origin.places();
+    resumption.left = origin.left();
     resumption.earlier = earlier_peaks(&origin.peak, &ports);
-    resumption.accepts_changed = origin.accepts_changed();
+    resumption.accepts_changed = origin.accepted_changed.is_some();
     take_over(experiment, side, ports);
     origin.put(&mut experiment.ports);
     experiment.resume = Some(resumption);
 }
 
-/// The final state of the ancestors of a test, the first of them first; `None` for a test without any. An ancestor that ended
-/// before its first step has changed nothing: the state is that of those before it.
-fn state_of(
-    mut ancestors: Vec<Ancestor>,
-    replaced: Replaced,
-) -> Result<Option<State>, ReplayError> {
-    let (mut state, mut next) = match kept_state(&ancestors, replaced)? {
-        Some((index, kept)) => (Some(kept), index + 1),
-        None => (None, 0),
+/// Where a test comes from, and the state of the interrupted test after its last row that counts; none for a test that began at its
+/// beginning.
+fn state_before(run: &Run, replaced: Replaced) -> Result<Option<(Origin, State)>, ReplayError> {
+    let Some(origin) = Origin::of(run.path())? else {
+        return Ok(None);
     };
-    while let Some(Ancestor { run, rows, origin }) = ancestors.get(next) {
-        let before = origin.clone().zip(state.take());
-        let test = prepared_from(run, &[], before, false, &mut setup::build)?.experiment;
-        let traced = follow(run, test, Some(*rows), replaced)?;
-        match traced.state {
-            Some(reached) => {
-                state = Some(reached);
-                next += 1;
-            }
-            None if origin.is_some() && !traced.completed => {
-                ancestors.remove(next);
-                next = 0;
-            }
-            None => return Err(ReplayError::Parent(run.path().to_owned())),
+    let (before, rows) = (origin.before(run.path())?, Some(origin.rows));
+    let traced = match retrace_from_state(&before, rows, replaced)? {
+        Some(traced) => traced,
+        None => {
+            let test = prepared(&before, replaced)?.experiment;
+            follow(&before, test, rows, replaced)?
         }
-    }
-    Ok(state)
-}
-
-/// The state of the newest ancestor that kept one, after its last row that counts, and which ancestor that is.
-fn kept_state(
-    ancestors: &[Ancestor],
-    replaced: Replaced,
-) -> Result<Option<(usize, State)>, ReplayError> {
-    for (index, Ancestor { run, rows, .. }) in ancestors.iter().enumerate().rev() {
-        let traced = retrace_from_state(run, Some(*rows), replaced)?;
-        if let Some(state) = traced.and_then(|traced| traced.state) {
-            return Ok(Some((index, state)));
-        }
-    }
-    Ok(None)
+    };
+    let state = traced.state;
+    let state = state.ok_or_else(|| ReplayError::Parent(before.path().to_owned()))?;
+    Ok(Some((origin, state)))
 }
 
 /// The retraced side and ports in place of new ones; links stay those of the new ones.
-pub(super) fn take_over(experiment: &mut Experiment, side: Side, ports: Vec<Port>) {
+fn take_over(experiment: &mut Experiment, side: Side, ports: Vec<Port>) {
     experiment.side = side;
     let fresh = std::mem::replace(&mut experiment.ports, ports);
     for (port, fresh) in experiment.ports.iter_mut().zip(fresh) {
@@ -205,10 +169,10 @@ pub(super) fn retrace(
     {
         return Ok(traced);
     }
-    let experiment = prepared(run, replaced, false)?.experiment;
+    let experiment = prepared(run, replaced)?.experiment;
     let mut traced = follow(run, experiment, until, replaced)?;
     if traced.state.is_none() && !traced.completed {
-        traced.state = state_of(ancestors(run.path())?, replaced)?;
+        traced.state = state_before(run, replaced)?.map(|(_, state)| state);
         traced.on_its_way_in = traced.state.is_some();
     }
     Ok(traced)
@@ -225,7 +189,7 @@ fn retrace_from_state(
     let Some(kept) = kept else {
         return Ok(None);
     };
-    // The state contains everything from the ancestors.
+    // The state contains everything from the interrupted test.
     let experiment = prepared_from(run, &[], None, false, &mut setup::build)?.experiment;
     let rows = kept.rows..until.unwrap_or(u64::MAX);
     let (test, playback, control) = recorded_test(run, experiment, rows, replaced)?;

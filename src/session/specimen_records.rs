@@ -4,10 +4,9 @@
 //! A record is written after the specimens are connected and before the loop starts, and again when the loop has ended. The loop
 //! itself does not use it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::guarded::Ended;
-use super::lineage::itself;
 use gusset_control::engine::EndPosition;
 use gusset_control::port::Port;
 use gusset_quantity::catalog::ending::Cause;
@@ -171,4 +170,9 @@ impl HeldRecords {
 fn is_left(before: &Kept, last: &[f64]) -> bool {
     let place = before.place.as_ref();
     place.is_some_and(|place| is_same(&place.left, last))
+}
+
+/// The canonical path of a folder.
+fn itself(folder: &Path) -> PathBuf {
+    folder.canonicalize().unwrap_or_else(|_| folder.to_owned())
 }

@@ -208,14 +208,14 @@ fn machine() -> Value {
         .collect()
 }
 
-pub(super) fn finite(values: &[f64]) -> Vec<Option<f64>> {
+fn finite(values: &[f64]) -> Vec<Option<f64>> {
     values
         .iter()
         .map(|value| value.is_finite().then_some(*value))
         .collect()
 }
 
-fn peak(outcome: &Outcome, facts: &Facts) -> Peak {
+pub(super) fn peak(outcome: &Outcome, facts: &Facts) -> Peak {
     let force = outcome
         .ports
         .iter()

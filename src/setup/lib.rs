@@ -86,8 +86,8 @@ pub struct Files {
     pub resolved: String,
     /// Path and bytes of every file that the test read.
     pub inputs: Vec<(PathBuf, Vec<u8>)>,
-    /// Where a resumed test comes from: the text of `resumed.json`.
-    pub origin: Option<String>,
+    /// Where a resumed test comes from: the folder to keep, and the text of `resumed.json`.
+    pub origin: Option<(PathBuf, String)>,
 }
 
 /// Makes the experiment that a test file describes.

@@ -226,7 +226,7 @@ fn reports_have_their_designs_pictures() {
     };
     let alone = report(EVERY_TYPE);
     for words in [
-        "Tornado: max_drift",
+        "smallest",
         "All pairs",
         "Exceedance: max_drift",
         "test file",
@@ -254,7 +254,7 @@ collapse = { measure = "max_drift", above = 0.006 }
     ] {
         assert!(scaled.contains(words), "{words}");
     }
-    assert!(!scaled.contains("Tornado") && !scaled.contains("All pairs"));
+    assert!(!scaled.contains("smallest") && !scaled.contains("All pairs"));
     for page in [alone, scaled] {
         assert!(!page.contains("NaN") && !page.contains("<script"));
         // A line whose class has no colour is invisible.

@@ -13,7 +13,7 @@ use gusset_quantity::substructure::{
 };
 use gusset_quantity::time::{Nanos, SimClock};
 use gusset_record::RunFolder;
-use gusset_session::{self as session, Watches, replay};
+use gusset_session::{self as session, Allowed, Watches, replay};
 
 /// Steps of 10 ms, springs of 2e5 N/m on the bottom storey; `ticks` of them.
 fn frame(ticks: u32, more: &str) -> String {
@@ -304,7 +304,8 @@ fn resume_repeats_a_silent_ones_target() {
             crate::common::copy(&silent, &same);
             same
         };
-        let mut test = session::resume(&silent, None, false).unwrap_or_else(|e| panic!("{e}"));
+        let mut test = session::resume_allowed(&silent, None, Allowed::default())
+            .unwrap_or_else(|e| panic!("{e}"));
         test.experiment.ports[1]
             .put_recording(Late::boxed(0.4, 0))
             .unwrap();

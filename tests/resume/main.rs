@@ -9,7 +9,6 @@ mod link_common;
 mod changed;
 mod earlier_peaks;
 mod fresh;
-mod lineage;
 mod memory;
 mod refusals;
 mod restored_state;
@@ -34,8 +33,9 @@ use gusset_quantity::substructure::{
 use gusset_quantity::time::Nanos;
 use gusset_record::{Run, RunFolder};
 use gusset_session::{
-    self as session, Allowed, ResumeError, Watches, replay, resume, resume_allowed,
+    self as session, Allowed, ReplayError, ResumeError, Watches, replay, resume_allowed,
 };
+use sha2::{Digest, Sha256};
 
 /// A frame whose bottom storey is a Bouc–Wen formula and whose upper storey has a yielding element: both remember.
 fn frame(rate: u32, ticks: u32, seconds: f64, ease: f64) -> String {
@@ -133,6 +133,24 @@ fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {
     files
         .map(|name| (name.clone(), std::fs::read(folder.join(name)).unwrap()))
         .collect()
+}
+
+/// Prepares the test in `folder` for a resume, after a trip only with that permission.
+fn resume(
+    folder: &Path,
+    test: Option<&Path>,
+    after_trip: bool,
+) -> Result<gusset_setup::Prepared, ResumeError> {
+    let allowed = Allowed {
+        after_trip,
+        ..Allowed::default()
+    };
+    resume_allowed(folder, test, allowed)
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn refused(from: &Path, word: &str, more: &[&str]) {

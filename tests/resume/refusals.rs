@@ -2,7 +2,6 @@
 
 use gusset_record::Checkpoint;
 
-use super::lineage::sha256;
 use super::rigs::{Rig, built, run_rigs, two_rigs};
 use super::*;
 

@@ -320,6 +320,8 @@ fn resume_works_after_a_failed_startup() {
     for row in [ramps - 5, ramps, ramps + 1, ramps + 20] {
         let (cut, on) = (format!("cut-{row}"), format!("on-{row}"));
         killed(&at("second"), &at(&cut), row);
+        // It is the one that resumed the first, and the others never were.
+        std::fs::remove_file(at("first/continued.json")).unwrap();
         put(commands.each_ref().map(|column| column[row]));
         goes_on(&cut, &on);
     }
@@ -336,6 +338,7 @@ fn resume_works_after_a_failed_startup() {
     let went_on = resume(&at("same"), None, false).err().unwrap().to_string();
     assert!(went_on.contains("after-that, to its end"), "{went_on}");
     killed(&at("after-that"), &at("cut-again"), ramps + 20);
+    std::fs::remove_file(at("same/continued.json")).unwrap();
     put(commands.each_ref().map(|column| column[ramps + 20]));
     goes_on("cut-again", "at-last");
 
@@ -350,6 +353,7 @@ fn resume_works_after_a_failed_startup() {
     goes_on("refused-again", "put-back");
     put([0.5, 0.0]);
     killed(&at("second"), &at("cut-anew"), ramps - 5);
+    std::fs::remove_file(at("first/continued.json")).unwrap();
     let ended = run_rigs(again("cut-anew"), rigs(), &at("aside"), None);
     assert_eq!(ended.cause, Cause::Moved, "{}", ended.summary.reason);
 }

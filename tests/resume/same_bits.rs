@@ -115,7 +115,7 @@ fn resumed_page_shows_its_steps_and_totals() {
     assert!(measures(&whole, ground).contains("Arias intensity"));
     let steps = steps(&[&at("second")]);
     let (from, to) = (steps.keys().next().unwrap(), steps.keys().last().unwrap());
-    let part = format!("of steps {from} to {to} only; the steps before are in ../first.");
+    let part = format!("of steps {from} to {to} only; the steps before are in before/.");
     assert!(
         second.contains(&format!("<p>This page is {part}")),
         "{part}"
@@ -147,14 +147,10 @@ fn resumed_page_shows_its_steps_and_totals() {
     let row = column(&at("second"), "step");
     let row = row.iter().rposition(|step| *step == last as f64).unwrap();
     killed(&at("second"), &at("cut"), row + 1);
-    let several = format!(
-        "../cut (steps {from} to {last}) and ../first (steps 0 to {})",
-        from - 1
-    );
     let said = go_on(&at("cut"), &at("third"));
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let told = format!(" only; the steps before are in {several}.");
-    assert!(page("third").contains(&told), "{told}");
+    let told = " only; the steps before are in before/.";
+    assert!(page("third").contains(told), "{told}");
 
     for words in ["largest displacement, DOF 2", "largest force, storey"] {
         assert_eq!(tile(&second, words), tile(&whole, words));
@@ -381,44 +377,59 @@ fn killed_test_resumes() {
     );
 }
 
-/// A test and those that it resumes are moved together, or one by one to another place; without them it names the missing folder.
+/// A resumed test needs no other folder: it is replayed, reported and resumed alone, wherever it is.
 #[test]
-fn moved_lineage_is_replayed_and_resumed() {
+fn resumed_test_stands_on_its_own() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
     completed(&test, &at("whole"), &[]);
     killed(&at("whole"), &at("here/first"), 200);
+    let first = steps(&[&at("here/first")]);
     assert_eq!(go_on(&at("here/first"), &at("here/second")).code, Some(0));
     killed(&at("here/second"), &at("here/third"), 120);
-    let said = go_on(&at("here/third"), &at("here/deep/fourth"));
+    let said = go_on(&at("here/third"), &at("here/fourth"));
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let origin = common::json(&at("here/deep/fourth"), "resumed.json");
-    assert_eq!(origin["parent"], "../../third");
+    let origin = common::json(&at("here/fourth"), "resumed.json");
+    assert_eq!(origin["parent"], at("here/third").to_str().unwrap());
 
-    std::fs::rename(at("here"), at("there")).unwrap();
-    let said = go_on(&at("there/third"), &at("there/fifth"));
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    for name in ["there/second", "there/deep/fourth", "there/fifth"] {
+    std::fs::create_dir(at("there")).unwrap();
+    for name in ["second", "fourth"] {
+        std::fs::rename(at("here").join(name), at("there").join(name)).unwrap();
+    }
+    std::fs::remove_dir_all(at("here")).unwrap();
+    for name in ["there/second", "there/fourth", "there/fourth/before"] {
         let found = replay(&at(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
-        assert!(found.is_exact(), "{name}: {found:?}");
+        let is_whole = name != "there/fourth/before";
+        assert_eq!(found.is_exact(), is_whole, "{name}: {found:?}");
+        assert!(found.difference.is_none(), "{name}: {found:?}");
     }
-    // Side by side is enough, and another test of that name is not the one.
-    std::fs::rename(at("there/deep/fourth"), at("there/fourth")).unwrap();
-    copy(&at("whole"), &at("third"));
-    assert!(replay(&at("there/fourth")).unwrap().is_exact());
-    copy(&at("there/second"), &at("alone/second"));
-    let lost = replay(&at("alone/second")).unwrap_err().to_string();
-    for word in [
-        "alone/second/resumed.json",
-        "here/first",
-        "neither there nor beside",
-    ] {
-        assert!(lost.contains(word), "{lost}");
-    }
-    copy(&at("there/third"), &at("alone/first"));
-    let other = replay(&at("alone/second")).unwrap_err().to_string();
-    assert!(other.contains("was changed"), "{other}");
+    let said = say(["report", at("there/fourth").to_str().unwrap()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let before = at("there/fourth/before");
+    let parts = [&before.join("before"), &before, &at("there/fourth")];
+    let all = steps(&parts.map(PathBuf::as_path));
+    assert_eq!(all, steps(&[&at("whole")]));
+    assert_eq!(steps(&[&before.join("before")]), first);
+    killed(&at("there/fourth"), &at("fifth"), 120);
+    let said = go_on(&at("fifth"), &at("sixth"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(replay(&at("sixth")).unwrap().is_exact());
+
+    // Another test is not the one, and without it the message names both folders.
+    let before = at("sixth/before");
+    let changed = before.join("before/samples.bin");
+    let rows = std::fs::read(&changed).unwrap();
+    std::fs::remove_file(&changed).unwrap();
+    std::fs::write(&changed, &rows[8..]).unwrap();
+    let other = replay(&at("sixth")).unwrap_err();
+    assert!(matches!(other, ReplayError::Input { .. }), "{other}");
+    std::fs::remove_dir_all(&before).unwrap();
+    let lost = replay(&at("sixth")).unwrap_err();
+    let ReplayError::NoBefore { path, parent } = lost else {
+        panic!("{lost}");
+    };
+    assert_eq!((path, parent), (before, at("fifth")));
 }
 
 /// It was ended while it moved, and is at rest now: its commands are not checked against its former speed.

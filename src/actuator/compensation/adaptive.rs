@@ -2,8 +2,9 @@
 //! commands and measurements.
 
 use super::filter::{Differences, LowPass};
-use super::{CompensationError, Parameter, inside, positive};
+use super::{CompensationError, Compensator, Parameter, inside, positive};
 use gusset_quantity::state;
+use gusset_quantity::state::Stateful;
 
 /// Names of the coefficients of a model's inverse.
 pub(super) const COEFFICIENTS: &[Parameter] = &[
@@ -194,6 +195,90 @@ impl Regressors {
         self.command.reset(disp);
         self.measured.reset(disp);
         self.derivatives.reset(disp);
+    }
+}
+
+/// How coefficients follow from the regressors.
+pub(super) trait Adaption: Stateful + Send + std::fmt::Debug {
+    /// Where the coefficients `a` go after the filtered command `u` and the regressors `phi`; `None` if they stay. Real-time: yes.
+    fn goal(&mut self, a: &[f64], u: f64, phi: [f64; 4]) -> Option<[f64; 4]>;
+
+    /// Forgets the past.
+    fn clear(&mut self) {}
+}
+
+/// A lead Σ a_j d_j of the target and its derivatives, with coefficients that adapt.
+#[derive(Debug)]
+pub(super) struct Adaptive<L> {
+    a: Bounded,
+    law: L,
+    targets: Differences,
+    regressors: Regressors,
+}
+
+state! { <L: Adaption> Adaptive<L> as "adaptive" { a, law, targets, regressors } }
+
+impl<L: Adaption> Adaptive<L> {
+    pub(crate) fn new(
+        a: Bounded,
+        law: L,
+        filter_hz: f64,
+        dt: f64,
+    ) -> Result<Self, CompensationError> {
+        Ok(Self {
+            a,
+            law,
+            targets: Differences::new(dt),
+            regressors: Regressors::new(filter_hz, dt)?,
+        })
+    }
+}
+
+impl<L: Adaption> Compensator for Adaptive<L> {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+        self.a.times(self.targets.push(disp))
+    }
+
+    fn stands(&self, disp: f64) -> f64 {
+        self.a.times([disp, 0.0, 0.0, 0.0])
+    }
+
+    fn amend(&mut self, disp: f64) {
+        self.targets.amend(disp);
+    }
+
+    fn observe(&mut self, command: f64, measured: f64) {
+        let (u, phi) = self.regressors.push(command, measured);
+        if let Some(goal) = self.law.goal(&self.a.values, u, phi) {
+            self.a.approach(&goal);
+        }
+    }
+
+    fn notice(&mut self, command: f64, measured: f64) {
+        self.regressors.push(command, measured);
+    }
+
+    fn memory(&self) -> u32 {
+        self.regressors.memory()
+    }
+
+    fn reset(&mut self, disp: f64) {
+        self.a.reset();
+        self.targets.reset(disp);
+        self.regressors.reset(disp);
+        self.law.clear();
+    }
+
+    fn names(&self) -> &'static [Parameter] {
+        COEFFICIENTS.get(..self.a.values.len()).unwrap_or_default()
+    }
+
+    fn parameters(&self) -> &[f64] {
+        &self.a.values
+    }
+
+    fn bounds(&self) -> &[(f64, f64)] {
+        &self.a.bounds
     }
 }
 

@@ -4,9 +4,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
-use super::filter::Differences;
-use super::{CompensationError, Compensator, Parameter, inside};
+use super::adaptive::{Adaption, Adaptive, Bounded, GAIN};
+use super::{CompensationError, inside};
 use gusset_quantity::state;
 
 /// Adaptive model-based compensation: the inverse of a model with three poles. The coefficients
@@ -55,18 +54,16 @@ impl Default for AmbSpec {
     }
 }
 
+/// A normalised gradient with these gains, per tick.
 #[derive(Debug)]
-pub(super) struct Amb {
-    a: Bounded,
+pub(super) struct Gradient {
     gains: [f64; 4],
-    targets: Differences,
-    regressors: Regressors,
 }
 
-state! { Amb as "amb" { a, targets, regressors } keeps { gains } }
+state! { Gradient as "gradient" {} keeps { gains } }
 
 impl AmbSpec {
-    pub(super) fn build(&self, dt: f64) -> Result<Amb, CompensationError> {
+    pub(super) fn build(&self, dt: f64) -> Result<Adaptive<Gradient>, CompensationError> {
         let defaults = self.start.iter().enumerate().map(|(j, a)| match j {
             0 => (GAIN.0 * a, GAIN.1 * a),
             _ => (0.0, 3.0 * a),
@@ -89,32 +86,14 @@ impl AmbSpec {
             )?;
             *gain = libm::pow(10.0, log) * dt;
         }
-        Ok(Amb {
-            a,
-            gains,
-            targets: Differences::new(dt),
-            regressors: Regressors::new(self.filter_hz, dt)?,
-        })
+        Adaptive::new(a, Gradient { gains }, self.filter_hz, dt)
     }
 }
 
-impl Compensator for Amb {
-    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
-        self.a.times(self.targets.push(disp))
-    }
-
-    fn stands(&self, disp: f64) -> f64 {
-        self.a.times([disp, 0.0, 0.0, 0.0])
-    }
-
-    fn amend(&mut self, disp: f64) {
-        self.targets.amend(disp);
-    }
-
-    fn observe(&mut self, command: f64, measured: f64) {
-        let (u, phi) = self.regressors.push(command, measured);
+impl Adaption for Gradient {
+    fn goal(&mut self, a: &[f64], u: f64, phi: [f64; 4]) -> Option<[f64; 4]> {
         let (mut fitted, mut norm, mut step) = (0.0, 1.0, 0.0);
-        for ((a, phi), gain) in self.a.values.iter().zip(phi).zip(self.gains) {
+        for ((a, phi), gain) in a.iter().zip(phi).zip(self.gains) {
             fitted += a * phi;
             norm += phi * phi;
             step += gain * phi * phi;
@@ -122,39 +101,10 @@ impl Compensator for Amb {
         // One tick takes off at most the whole error: beyond, the law would not be that of continuous time.
         let size = (u - fitted) / norm.max(step);
         let mut goal = [0.0; 4];
-        for ((goal, a), (phi, gain)) in goal
-            .iter_mut()
-            .zip(&self.a.values)
-            .zip(phi.iter().zip(self.gains))
-        {
+        let each = goal.iter_mut().zip(a).zip(phi.iter().zip(self.gains));
+        for ((goal, a), (phi, gain)) in each {
             *goal = a + gain * phi * size;
         }
-        self.a.approach(&goal);
-    }
-
-    fn notice(&mut self, command: f64, measured: f64) {
-        self.regressors.push(command, measured);
-    }
-
-    fn memory(&self) -> u32 {
-        self.regressors.memory()
-    }
-
-    fn reset(&mut self, disp: f64) {
-        self.a.reset();
-        self.targets.reset(disp);
-        self.regressors.reset(disp);
-    }
-
-    fn names(&self) -> &'static [Parameter] {
-        COEFFICIENTS
-    }
-
-    fn parameters(&self) -> &[f64] {
-        &self.a.values
-    }
-
-    fn bounds(&self) -> &[(f64, f64)] {
-        &self.a.bounds
+        Some(goal)
     }
 }

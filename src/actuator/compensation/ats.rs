@@ -3,10 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
-use super::filter::Differences;
+use super::adaptive::{Adaption, Adaptive, Bounded, GAIN};
 use super::least_squares::Window;
-use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
+use super::{CompensationError, history, inside, not_negative, positive};
 use gusset_quantity::state;
 
 /// Adaptive time series compensation, a₀ d + a₁ ḋ + …. A least-squares fit of past commands to the
@@ -80,20 +79,18 @@ const fn least() -> f64 {
     1e-4
 }
 
+/// A least-squares fit over a window of the past.
 #[derive(Debug)]
-pub(super) struct Ats {
-    a: Bounded,
-    targets: Differences,
-    regressors: Regressors,
+pub(super) struct Fit {
     window: Window,
     /// Mean square of motion.
     least: f64,
 }
 
-state! { Ats as "ats" { a, targets, regressors, window } keeps { least } }
+state! { Fit { window } keeps { least } }
 
 impl AtsSpec {
-    pub(super) fn build(&self, dt: f64) -> Result<Ats, CompensationError> {
+    pub(super) fn build(&self, dt: f64) -> Result<Adaptive<Fit>, CompensationError> {
         let order = f64::from(self.order);
         inside("order", order, (1..=3).contains(&self.order), "1, 2 or 3")?;
         let delay = match (self.delay_s, &self.start) {
@@ -134,63 +131,20 @@ impl AtsSpec {
             self.rate_per_s.as_deref(),
             dt,
         )?;
-        Ok(Ats {
-            a,
-            targets: Differences::new(dt),
-            regressors: Regressors::new(self.filter_hz, dt)?,
-            window: Window::new(rows),
-            least: least * least,
-        })
+        let window = Window::new(rows);
+        let least = least * least;
+        Adaptive::new(a, Fit { window, least }, self.filter_hz, dt)
     }
 }
 
-impl Compensator for Ats {
-    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
-        self.a.times(self.targets.push(disp))
-    }
-
-    fn stands(&self, disp: f64) -> f64 {
-        self.a.times([disp, 0.0, 0.0, 0.0])
-    }
-
-    fn amend(&mut self, disp: f64) {
-        self.targets.amend(disp);
-    }
-
-    fn observe(&mut self, command: f64, measured: f64) {
-        let (u, phi) = self.regressors.push(command, measured);
+impl Adaption for Fit {
+    fn goal(&mut self, a: &[f64], u: f64, phi: [f64; 4]) -> Option<[f64; 4]> {
         self.window.push(phi, u);
-        if self.window.mean_square() > self.least
-            && let Some(goal) = self.window.solve(self.a.values.len(), &self.a.values)
-        {
-            self.a.approach(&goal);
-        }
+        let moves = self.window.mean_square() > self.least;
+        moves.then(|| self.window.solve(a.len(), a)).flatten()
     }
 
-    fn notice(&mut self, command: f64, measured: f64) {
-        self.regressors.push(command, measured);
-    }
-
-    fn memory(&self) -> u32 {
-        self.regressors.memory()
-    }
-
-    fn reset(&mut self, disp: f64) {
-        self.a.reset();
-        self.targets.reset(disp);
-        self.regressors.reset(disp);
+    fn clear(&mut self) {
         self.window.clear();
-    }
-
-    fn names(&self) -> &'static [Parameter] {
-        COEFFICIENTS.get(..self.a.values.len()).unwrap_or_default()
-    }
-
-    fn parameters(&self) -> &[f64] {
-        &self.a.values
-    }
-
-    fn bounds(&self) -> &[(f64, f64)] {
-        &self.a.bounds
     }
 }

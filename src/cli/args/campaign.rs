@@ -68,15 +68,8 @@ pub(in crate::cli) struct RunCampaignArgs {
     /// Number of tests at the same time [default: number of processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub jobs: Option<u16>,
-    /// Tasks that are computed again to prove the results: a number, or a share such as 1%.
-    #[arg(long, value_name = "N|P%", default_value = "20")]
-    pub prove: String,
-    /// Seed of the choice of these tasks, to repeat a proof [default: a new random number].
-    #[arg(long, value_name = "N")]
-    pub prove_seed: Option<u64>,
-    /// Print the summary as JSON on stdout.
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    pub results: ResultArgs,
 }
 
 #[derive(Debug, Args)]
@@ -132,15 +125,9 @@ pub(in crate::cli) struct WorkArgs {
     pub jobs: u16,
 }
 
+/// Arguments of the commands that collect results.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  gusset campaign collect ida --prove 1%\n\n\
-    Exits with 1 if results are missing or different, or if a task has no valid test. The tables of an incomplete campaign are table.partial.csv and \
-    table.partial.parquet.\n\n\
-    More: gusset guide campaigns")]
-pub(in crate::cli) struct CollectArgs {
-    /// The campaign folder.
-    #[arg(value_name = "DIR")]
-    pub folder: PathBuf,
+pub(in crate::cli) struct ResultArgs {
     /// Tasks that are computed again to prove the results: a number, or a share such as 1%.
     #[arg(long, value_name = "N|P%", default_value = "20")]
     pub prove: String,
@@ -150,6 +137,19 @@ pub(in crate::cli) struct CollectArgs {
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  gusset campaign collect ida --prove 1%\n\n\
+    Exits with 1 if results are missing or different, or if a task has no valid test. The tables of an incomplete campaign are table.partial.csv and \
+    table.partial.parquet.\n\n\
+    More: gusset guide campaigns")]
+pub(in crate::cli) struct CollectArgs {
+    /// The campaign folder.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    #[command(flatten)]
+    pub results: ResultArgs,
 }
 
 #[derive(Debug, Args)]

@@ -96,11 +96,11 @@ impl TestRunArgs {
 /// Status on the terminal during a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum StatusArg {
-    /// One line: phase, time, deadline misses, and the axis closest to a limit. The closing summary has at most 20 lines.
+    /// One line: phase, time, deadline misses, and the axis closest to a limit.
     Line,
-    /// Several lines: every axis with its limits, lateness, and the stability margin. The closing summary is complete.
+    /// Several lines: every axis with its limits, lateness, and the stability margin.
     Full,
-    /// No status. The closing summary has at most 20 lines.
+    /// No status.
     Off,
 }
 

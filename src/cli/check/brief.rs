@@ -57,7 +57,7 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     }
 }
 
-fn of_test(facts: &Facts) -> String {
+pub(super) fn of_test(facts: &Facts) -> String {
     let clock = match facts.clock {
         ClockChoice::Real => "real",
         ClockChoice::Simulated => "simulated",
@@ -110,13 +110,8 @@ fn of_excitation(loaded: &Loaded, facts: &Facts, table: &mut Table) {
         several => parts.push(format!("{} nodal force histories", several.len())),
     }
     if let Some(nodal) = &excitation.nodal_table {
-        let peak = structure.and_then(|structure| {
-            let (dof, peak) = structure.peak_nodal_force?;
-            let turns = structure.rotations.contains(&dof);
-            let peak = quantity(peak, if turns { "N m" } else { "N" });
-            Some(format!(", peak {peak} at DOF {}", dof + 1))
-        });
-        let peak = peak.unwrap_or_default();
+        let peak = structure.and_then(of_peak_nodal_force);
+        let peak = peak.map_or_else(String::new, |peak| format!(", {peak}"));
         parts.push(format!("nodal forces from {}{peak}", nodal.file));
     }
     match excitation.prescribed_displacement.as_slice() {
@@ -145,6 +140,14 @@ fn of_excitation(loaded: &Loaded, facts: &Facts, table: &mut Table) {
     }
 }
 
+/// The largest nodal force and its DOF.
+pub(super) fn of_peak_nodal_force(structure: &StructureFacts) -> Option<String> {
+    let (dof, peak) = structure.peak_nodal_force?;
+    let turns = structure.rotations.contains(&dof);
+    let peak = quantity(peak, if turns { "N m" } else { "N" });
+    Some(format!("peak {peak} at DOF {}", dof + 1))
+}
+
 /// The kind of a signal in words.
 const fn kind(signal: &Signal) -> &'static str {
     match signal {
@@ -170,7 +173,7 @@ fn acceleration(peak: f64) -> String {
     )
 }
 
-fn of_record(record: &RecordFacts) -> String {
+pub(super) fn of_record(record: &RecordFacts) -> String {
     let column = match (&record.column_name, record.column) {
         (Some(name), Some(number)) => format!("column {number} {name:?}, "),
         (None, Some(number)) => format!("column {number}, "),

@@ -4,6 +4,7 @@ use super::super::table::{COLUMNS, Table};
 use super::Checked;
 use gusset_config::ClockChoice;
 use gusset_proof::Outcome;
+use gusset_quantity::text::shell_word;
 
 /// Columns in front of a command, and between it and its purpose.
 const GAPS: usize = "    # ".len();
@@ -31,9 +32,9 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
 /// Each command with its purpose, in the order of use.
 fn steps(checked: &Checked<'_>) -> Vec<(String, String)> {
     let sets = &checked.args.sets;
-    let file = quoted(&checked.args.test.to_string_lossy());
+    let file = shell_word(&checked.args.test.to_string_lossy());
     let command = |before: &str, after: &str| {
-        let sets = sets.iter().map(|set| format!(" --set {}", quoted(set)));
+        let sets = sets.iter().map(|set| format!(" --set {}", shell_word(set)));
         let sets: String = sets.collect();
         format!("gusset {before} {file}{sets}{after}")
     };
@@ -93,27 +94,4 @@ fn steps(checked: &Checked<'_>) -> Vec<(String, String)> {
         steps.push(step("check --verbose", "", "modes, delays and all limits"));
     }
     steps
-}
-
-/// A word as a shell takes it.
-fn quoted(word: &str) -> String {
-    let is_plain = |letter: char| letter.is_alphanumeric() || "/._-=+:,@%".contains(letter);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quoted_words_reach_the_program_unchanged() {
-        assert_eq!(quoted("config/cyclic.toml"), "config/cyclic.toml");
-        assert_eq!(quoted("my test.toml"), "'my test.toml'");
-        assert_eq!(quoted("title=\"it's\""), "'title=\"it'\\''s\"'");
-        assert_eq!(quoted("$HOME"), "'$HOME'");
-    }
 }

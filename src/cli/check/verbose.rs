@@ -2,29 +2,18 @@
 
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
-use gusset_config::ClockChoice;
-use gusset_motion::{Quantity, STANDARD_GRAVITY};
+use super::brief::{of_peak_nodal_force, of_record, of_test};
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Errors, Spectrum, per_cent};
-use gusset_quantity::units::{duration, number, quantity, rate};
+use gusset_quantity::units::{number, quantity};
 use gusset_session::integration::{self, method_name};
 use gusset_setup::{Facts, StructureFacts};
 
 /// Everything that is known of the test without a rehearsal.
 pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
-    of_test(table, facts);
-    of_records(table, facts);
-    if facts.ticks_per_step > 1 {
-        let ticks = f64::from(facts.ticks_per_step);
-        table.row(
-            "rates",
-            &format!(
-                "integration {:.6} steps per second of wall time, controller {:.6} ticks per second: {} ticks per step",
-                facts.rate_hz / ticks,
-                facts.rate_hz,
-                facts.ticks_per_step
-            ),
-        );
+    table.row("test", &of_test(facts));
+    for record in &facts.records {
+        table.row("record", &of_record(record));
     }
     if let Some(structure) = &facts.structure {
         describe(table, facts, structure, spectrum);
@@ -145,54 +134,6 @@ fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     }
 }
 
-fn of_test(table: &mut Table, facts: &Facts) {
-    let clock = match facts.clock {
-        ClockChoice::Real => "real",
-        ClockChoice::Simulated => "simulated",
-    };
-    table.row(
-        "test",
-        &format!(
-            "{} steps of {} = {}, {clock} clock at {}",
-            facts.steps,
-            duration(facts.dt),
-            duration(facts.steps as f64 * facts.dt),
-            rate(facts.rate_hz)
-        ),
-    );
-}
-
-/// Each record that was read from a file, in a line.
-fn of_records(table: &mut Table, facts: &Facts) {
-    for record in &facts.records {
-        let column = match (&record.column_name, record.column) {
-            (Some(name), Some(number)) => format!("column {number} {name:?}, "),
-            (None, Some(number)) => format!("column {number}, "),
-            _ => String::new(),
-        };
-        let peak = match record.quantity {
-            Quantity::Acceleration => format!(
-                "{} ({:.4} g)",
-                quantity(record.peak, record.quantity.si_unit()),
-                record.peak / STANDARD_GRAVITY
-            ),
-            other => quantity(record.peak, other.si_unit()),
-        };
-        table.row(
-            "record",
-            &format!(
-                "{}: {}, {column}unit {}, {} points of {} = {}, peak {peak}",
-                record.file,
-                record.format.name(),
-                record.unit,
-                record.npts,
-                duration(record.dt_s),
-                duration(record.duration_s())
-            ),
-        );
-    }
-}
-
 fn of_loads(table: &mut Table, structure: &StructureFacts) {
     if let Some(peak) = structure.peak_ground_accel {
         table.row(
@@ -200,9 +141,7 @@ fn of_loads(table: &mut Table, structure: &StructureFacts) {
             &format!("peak acceleration {}", quantity(peak, "m/s²")),
         );
     }
-    if let Some((dof, peak)) = structure.peak_nodal_force {
-        let turns = structure.rotations.contains(&dof);
-        let peak = quantity(peak, if turns { "N m" } else { "N" });
-        table.row("nodal forces", &format!("peak {peak} at DOF {}", dof + 1));
+    if let Some(text) = of_peak_nodal_force(structure) {
+        table.row("nodal forces", &text);
     }
 }

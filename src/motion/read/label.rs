@@ -15,7 +15,7 @@ pub(super) struct Label {
 }
 
 /// Names of a column of times, in lower case, letters only.
-const TIME_NAMES: [&str; 11] = [
+const TIME_NAMES: [&str; 7] = [
     "t",
     "time",
     "times",
@@ -23,10 +23,6 @@ const TIME_NAMES: [&str; 11] = [
     "elapsedtime",
     "testtime",
     "runtime",
-    "zeit",
-    "temps",
-    "tiempo",
-    "tempo",
 ];
 
 /// Names of a column that counts the rows, in lower case, letters only.

@@ -37,22 +37,14 @@ const MOST_POINTS: u64 = 20;
 /// Counts and rows of a collection in progress.
 #[derive(Default)]
 struct Sheet {
-    done: u64,
-    stopped: u64,
-    collapsed: u64,
-    censored: u64,
-    redrawn: u64,
-    invalid: u64,
+    found: Collected,
     first_invalid: Option<u64>,
-    open: Vec<u64>,
-    damaged: Vec<String>,
     parts: u64,
     shown: Vec<Shown>,
     /// Counts of collapses at the first points of the design.
     levels: BTreeMap<u64, Vec<Level>>,
     /// For each measure with pictures.
     largest: Vec<Leaders>,
-    proved: u64,
 }
 
 /// Merges the parts of a campaign and writes table, summary and report. `jobs` threads compute the chosen tasks again.
@@ -81,25 +73,14 @@ pub fn collect(
         },
         progress,
     )?;
-    let table = tables.finish(sheet.done == campaign.plan.tasks)?;
     let mut collected = Collected {
+        table: tables.finish(sheet.found.is_complete())?,
         report: campaign.folder.join(REPORT),
-        tasks: campaign.plan.tasks,
-        done: sheet.done,
-        stopped: sheet.stopped,
-        collapsed: sheet.collapsed,
-        censored: sheet.censored,
-        redrawn: sheet.redrawn,
-        invalid: sheet.invalid,
         invalid_example: sheet.first_invalid.and_then(|index| example(study, index)),
-        open: sheet.open,
-        damaged: sheet.damaged,
-        proved: sheet.proved,
         proof_seed: choice.seed,
         fragility: fragility(study, sheet.levels),
         largest: sheet.largest.into_iter().map(Leaders::into_all).collect(),
-        summary: Value::Null,
-        table,
+        ..sheet.found
     };
     collected.summary = summary(campaign, &collected, &columns, sheet.parts);
     let path = campaign.folder.join(SUMMARY);
@@ -154,6 +135,10 @@ fn merged(
     let mut found = names(&campaign.folder)?;
     let own = plan.digest();
     let mut sheet = Sheet {
+        found: Collected {
+            tasks: plan.tasks,
+            ..Collected::default()
+        },
         largest: study
             .reported()
             .iter()
@@ -166,12 +151,13 @@ fn merged(
         sheet.parts += paths.len() as u64;
         let Parts { lines, damaged, .. } =
             merge(&paths, &own, |index| campaign.identity(chunk, index))?;
-        sheet.damaged.extend(damaged);
+        sheet.found.damaged.extend(damaged);
         let tasks = plan.chunk(chunk);
-        if (lines.len() as u64) < tasks.end - tasks.start && sheet.open.len() < MOST_NAMED {
-            sheet.open.push(chunk);
+        let open = &mut sheet.found.open;
+        if (lines.len() as u64) < tasks.end - tasks.start && open.len() < MOST_NAMED {
+            open.push(chunk);
         }
-        sheet.proved += prove(&lines)?;
+        sheet.found.proved += prove(&lines)?;
         for (index, (line, _)) in &lines {
             let task = Task::of(study, *index).attempted(study, line.result.attempt);
             tables.row(cells(study, &task, &line.result))?;
@@ -188,22 +174,23 @@ impl Sheet {
         let study = &campaign.study;
         let value = |place: usize| result.values.get(place).copied();
         let end = result.end();
-        self.done += 1;
+        let found = &mut self.found;
+        found.done += 1;
         if end == End::Invalid {
-            self.invalid += 1;
+            found.invalid += 1;
             self.first_invalid.get_or_insert(task.index);
             return;
         }
-        self.stopped += u64::from(end != End::Whole);
+        found.stopped += u64::from(end != End::Whole);
         let criterion = study.measure_at("collapse");
         let collapsed = match (criterion.and_then(value), end) {
             (Some(value), _) => (!value.is_nan()).then_some(value > 0.5),
             (None, End::Stopped) => None,
             (None, end) => Some(end == End::Diverged),
         };
-        self.redrawn += u64::from(result.attempt > 0);
-        self.collapsed += u64::from(collapsed == Some(true));
-        self.censored += u64::from(collapsed.is_none());
+        found.redrawn += u64::from(result.attempt > 0);
+        found.collapsed += u64::from(collapsed == Some(true));
+        found.censored += u64::from(collapsed.is_none());
         let level = task.motion.as_ref().and_then(|(_, level)| *level);
         if let (Some(level), Some(_)) = (level, criterion) {
             let point = study.point_of(task.index);

@@ -4,7 +4,7 @@ use super::measure::Measure;
 use gusset_view::report::{Curve, Curves, Look, Scale};
 
 /// Width and height of a picture.
-pub(super) const SIZE: (f64, f64) = (640.0, 420.0);
+const SIZE: (f64, f64) = (640.0, 420.0);
 
 /// A picture of the page.
 pub(super) fn picture(

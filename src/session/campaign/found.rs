@@ -9,7 +9,7 @@ use super::largest::Largest;
 use super::measure::End;
 
 /// Findings and files of a collection.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Collected {
     /// The table.
     pub table: PathBuf,

@@ -4,7 +4,7 @@
 pub(super) const SHARES: [f64; 3] = [0.16, 0.5, 0.84];
 
 /// The fractile `share` of `values`, linear between neighbours; `None` without a value. NaN values are omitted.
-pub(super) fn fractile(values: &[f64], share: f64) -> Option<f64> {
+pub(crate) fn fractile(values: &[f64], share: f64) -> Option<f64> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan()).collect();
     sorted.sort_by(f64::total_cmp);
     let place = share * sorted.len().checked_sub(1)? as f64;

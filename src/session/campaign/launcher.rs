@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::CampaignError;
 use super::bundle::Chunks;
 use super::plan::Plan;
+use gusset_quantity::text::shell_word;
 use gusset_quantity::units::duration;
 
 /// The command of a worker, without its chunks.
@@ -33,7 +34,7 @@ impl<'a> Worker<'a> {
 
     /// The command as a shell reads it.
     fn command(&self) -> String {
-        let (program, folder) = (quoted(self.program), quoted(self.folder));
+        let (program, folder) = (shell_word(self.program), shell_word(self.folder));
         format!("{program} campaign work {folder} --chunk")
     }
 }
@@ -159,15 +160,6 @@ pub(super) fn hyperqueue(
     let text = toml::to_string(&file).map_err(|error| CampaignError::Other(error.to_string()))?;
     let heading = heading("hyperqueue", plan, jobs, "Each task");
     Ok(format!("{heading}\n{text}"))
-}
-
-/// The text as one word of a shell.
-pub(super) fn quoted(text: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:@,=".contains(c);
-    if text.chars().all(is_plain) {
-        return text.to_owned();
-    }
-    format!("'{}'", text.replace('\'', "'\\''"))
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ mod design;
 mod distribution;
 mod drawing;
 mod found;
-mod fractile;
+pub(super) mod fractile;
 mod fragility;
 mod ida;
 mod largest;

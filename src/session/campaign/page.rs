@@ -66,12 +66,7 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
             count(collected.redrawn)
         ));
     }
-    for (text, is_small) in campaign.plan.of_errors() {
-        let text = if is_small {
-            text
-        } else {
-            format!("LARGE ERROR: {text}")
-        };
+    for (text, _) in campaign.plan.of_errors() {
         body += &note(&text);
     }
     let valid = collected.done - collected.invalid;

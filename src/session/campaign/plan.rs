@@ -80,9 +80,11 @@ impl Plan {
     /// The errors in words, and whether all are known and small.
     pub fn of_errors(&self) -> impl Iterator<Item = (String, bool)> {
         self.errors.iter().map(|(task, errors)| {
-            let mut both = errors.each();
-            let text = format!("task {task}: {}", errors.words());
-            (text, both.all(|(_, error)| errors.is_small(error)))
+            let (mut both, mut known) = (errors.each(), errors.each());
+            let is_small = both.all(|(_, error)| errors.is_small(error));
+            let is_large = known.any(|(_, one)| one.not_known.is_none() && !errors.is_small(one));
+            let mark = if is_large { "LARGE ERROR: " } else { "" };
+            (format!("{mark}task {task}: {}", errors.words()), is_small)
         })
     }
 }
@@ -116,9 +118,9 @@ pub fn plan(
     }
     let expanded = Study::load(study)?;
     make_free(out)?;
-    let task_s = timed(&expanded)?;
-    let tried = tried(&expanded).into_iter();
-    let tried = tried.filter_map(|index| Some((index + 1, errors(&expanded, index)?)));
+    let tried = tried(&expanded);
+    let task_s = timed(&expanded, &tried)?;
+    let errors_of = |index: u64| Some((index + 1, errors(&expanded, index)?));
     let per_chunk = (CHUNK_S / task_s.max(1e-9)).clamp(1.0, MOST_PER_CHUNK as f64);
     let plan = Plan {
         format: FORMAT,
@@ -129,7 +131,7 @@ pub fn plan(
         tasks: expanded.tasks,
         tasks_per_chunk: tasks_per_chunk.unwrap_or(per_chunk as u64).max(1),
         task_s,
-        errors: tried.collect(),
+        errors: tried.into_iter().filter_map(errors_of).collect(),
     };
     let write = |name: &str, bytes: &[u8]| {
         let path = out.join(name);
@@ -155,11 +157,10 @@ fn tried(study: &Study) -> Vec<u64> {
 }
 
 /// Mean wall time of the tried tasks, s.
-fn timed(study: &Study) -> Result<f64, CampaignError> {
-    let indices = tried(study);
+fn timed(study: &Study, indices: &[u64]) -> Result<f64, CampaignError> {
     let began = os::monotonic_ns();
     let mut invalid = 0;
-    for index in &indices {
+    for index in indices {
         let task = Task::of(study, *index);
         if perform(study, &task).ended == INVALID {
             invalid += 1;

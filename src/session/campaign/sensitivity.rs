@@ -3,18 +3,29 @@
 use std::collections::BTreeMap;
 
 use super::design::alone;
-use super::drawing::{SIZE, figure, headed, of, short};
+use super::drawing::{headed, short};
 use super::found::Shown;
 use super::measure::Measure;
 use super::study::Study;
 use gusset_config::Scalar;
 use gusset_quantity::units::{number, unit_in_name};
-use gusset_view::report::{Tornado, TornadoBar, note, table};
+use gusset_view::report::{note, table};
 
-/// Most bars of the picture.
-const MOST_BARS: usize = 20;
 /// Name of the unaltered test.
 const BASE: &str = "test file";
+
+/// The smallest and the largest result of one key, each with the value of the key.
+struct Range {
+    key: String,
+    low: (f64, String),
+    high: (f64, String),
+}
+
+impl Range {
+    fn width(&self) -> f64 {
+        self.high.0 - self.low.0
+    }
+}
 
 /// Sum and number of the values of one point of the design.
 #[derive(Debug, Clone, Copy, Default)]
@@ -34,7 +45,7 @@ impl Mean {
     }
 }
 
-/// A tornado picture and its table; `place` is the place of the measure among those with pictures.
+/// A table of the ranges, the largest first; `place` is the place of the measure among those with pictures.
 pub(super) fn sensitivity(
     study: &Study,
     measure: &Measure,
@@ -43,22 +54,14 @@ pub(super) fn sensitivity(
 ) -> String {
     let means = means(study, place, shown);
     let base = means.get(&None).map(|mean| mean.value());
-    let mut bars: Vec<TornadoBar> = (0..study.axes.len())
-        .filter_map(|axis| bar(study, axis, &means, base))
+    let mut ranges: Vec<Range> = (0..study.axes.len())
+        .filter_map(|axis| range(study, axis, &means, base))
         .collect();
-    bars.sort_by(|a, b| (b.high.0 - b.low.0).total_cmp(&(a.high.0 - a.low.0)));
-    if bars.is_empty() {
+    ranges.sort_by(|a, b| b.width().total_cmp(&a.width()));
+    if ranges.is_empty() {
         return note("No test with an altered key has a value.");
     }
-    let rows: Vec<Vec<String>> = bars.iter().map(row).collect();
-    let drawn = &bars[..bars.len().min(MOST_BARS)];
-    let title = format!("Tornado: {}", measure.name);
-    let tornado = Tornado {
-        title: &title,
-        across: of(measure),
-        base: base.map(|base| (base, BASE)),
-        bars: drawn,
-    };
+    let rows: Vec<Vec<String>> = ranges.iter().map(row).collect();
     let unit = &measure.unit;
     let heads = [
         "key".to_owned(),
@@ -69,33 +72,28 @@ pub(super) fn sensitivity(
         headed("range", unit),
     ];
     let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
-    let mut text = "Each bar reaches from the smallest to the largest result of one key. The value of the key is at the ends."
-        .to_owned();
-    if base.is_some() {
-        text += " The line is the result of the test file.";
+    let mut text =
+        "Each row has the smallest and the largest result of one key, and the value of the key there."
+            .to_owned();
+    if let Some(base) = base {
+        text += &format!(" The result of the test file is {}.", short(base));
     }
     let tests = means.values().map(|mean| mean.count).max().unwrap_or(1);
     if tests > 1 {
         text += &format!(" Each result is the mean of {tests} tests.");
     }
-    if drawn.len() < bars.len() {
-        text += &format!(
-            " {} keys with smaller ranges are in the table only.",
-            bars.len() - drawn.len()
-        );
-    }
-    figure(&tornado.svg(SIZE.0)) + &note(&text) + &table(&heads, &rows)
+    note(&text) + &table(&heads, &rows)
 }
 
-fn row(bar: &TornadoBar) -> Vec<String> {
-    let TornadoBar { name, low, high } = bar;
+fn row(range: &Range) -> Vec<String> {
+    let Range { key, low, high } = range;
     let cells = [
-        name.clone(),
+        key.clone(),
         short(low.0),
         low.1.clone(),
         short(high.0),
         high.1.clone(),
-        short(high.0 - low.0),
+        short(range.width()),
     ];
     cells.to_vec()
 }
@@ -111,13 +109,13 @@ fn means(study: &Study, place: usize, shown: &[Shown]) -> BTreeMap<Option<(usize
     means
 }
 
-/// The bar of an axis; `None` if no test of it has a value.
-fn bar(
+/// The range of an axis; `None` if no test of it has a value.
+fn range(
     study: &Study,
     axis: usize,
     means: &BTreeMap<Option<(usize, usize)>, Mean>,
     base: Option<f64>,
-) -> Option<TornadoBar> {
+) -> Option<Range> {
     let key = &study.axes[axis].key;
     let of_axis = means.range(Some((axis, 0))..Some((axis + 1, 0)));
     let mut results: Vec<(f64, String)> = of_axis
@@ -131,8 +129,8 @@ fn bar(
     }
     results.extend(base.map(|base| (base, BASE.to_owned())));
     results.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Some(TornadoBar {
-        name: key.clone(),
+    Some(Range {
+        key: key.clone(),
         low: results[0].clone(),
         high: results[results.len() - 1].clone(),
     })

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::bundle::{bundles, open};
-use super::launcher::{Worker, hyperqueue, lines, quoted, slurm};
+use super::launcher::{Worker, hyperqueue, lines, slurm};
 use super::plan::Campaign;
 use super::{CampaignError, at};
+use gusset_quantity::text::shell_word;
 use gusset_record::atomic;
 
 /// `MaxArraySize` of Slurm without a setting. The numbers of array elements are below it.
@@ -166,7 +167,7 @@ pub fn start(prepared: &Prepared, arguments: &[String]) -> Result<Option<String>
 
 /// The command as a user types it.
 fn shown(command: &Command) -> String {
-    let word = |word: &OsStr| quoted(&word.to_string_lossy());
+    let word = |word: &OsStr| shell_word(&word.to_string_lossy());
     let words = std::iter::once(command.get_program()).chain(command.get_args());
     words.map(word).collect::<Vec<_>>().join(" ")
 }

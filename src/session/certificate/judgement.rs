@@ -10,6 +10,7 @@ use super::draw::Plan;
 use super::proportion::interval;
 use super::{Band, Rehearsed as Trial, Trials, carry_out};
 use gusset_config::{ConfigError, Loaded, SpecimenTable, missing_limits};
+use gusset_proof::is_stable;
 use gusset_quantity::units::quantity;
 use gusset_quantity::work::Work;
 use gusset_setup::Facts;
@@ -156,7 +157,10 @@ fn missing(loaded: &Loaded, judged: &Judged, trials: usize) -> Vec<String> {
 fn of_integration(facts: &Facts) -> Line {
     let (go, text) = match &facts.structure {
         None => (Some(true), "no structure is integrated".to_owned()),
-        Some(structure) => integration::judged(structure),
+        Some(one) => (
+            is_stable(&one.stability, one.analysis.as_ref()),
+            integration::in_words(one),
+        ),
     };
     Line {
         go,
@@ -193,7 +197,7 @@ fn of_capacity(
             let nominal = rehearsed.and_then(|full| full.need(index, axis)).map(need);
             let all = trials.all.iter();
             let found = all.filter_map(|one| Some(need(one.needs.get(index)?.get(axis)?)));
-            let band = Band::of(found.collect());
+            let band = Band::of(&found.collect::<Vec<f64>>());
             let needed = [nominal, band.map(|band| band.high)];
             let needed = needed.into_iter().flatten().fold(0.0, f64::max);
             let shown = |value: Option<f64>| {

@@ -20,6 +20,7 @@ pub use proportion::interval;
 
 use course::{Course, Reference};
 
+use super::campaign::fractile::fractile;
 use super::rehearsal::{AxisNeed, Staging, staged};
 use super::unaware::Unaware;
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
@@ -74,19 +75,12 @@ impl Band {
     /// Band of these values; `None` without any. Linear between neighbours, so that 95 % of twenty is below the
     /// largest.
     #[must_use]
-    pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
-        values.sort_by(f64::total_cmp);
-        let last = values.len().checked_sub(1)?;
-        let at = |share: f64| {
-            let place = share * last as f64;
-            let (low, high) = (place.floor() as usize, place.ceil() as usize);
-            values[low] + (place - place.floor()) * (values[high] - values[low])
-        };
+    pub(crate) fn of(values: &[f64]) -> Option<Self> {
         Some(Self {
-            low: at(0.05),
-            middle: at(0.5),
-            high: at(0.95),
-            worst: values[last],
+            low: fractile(values, 0.05)?,
+            middle: fractile(values, 0.5)?,
+            high: fractile(values, 0.95)?,
+            worst: fractile(values, 1.0)?,
         })
     }
 }
@@ -120,7 +114,7 @@ impl Trials {
     #[must_use]
     pub fn band(&self, of: impl Fn(&Rehearsed) -> Option<f64>) -> Option<Band> {
         let whole = self.all.iter().filter(|one| one.stopped.is_none());
-        Band::of(whole.filter_map(of).collect())
+        Band::of(&whole.filter_map(of).collect::<Vec<f64>>())
     }
 }
 
@@ -259,13 +253,13 @@ mod tests {
 
     #[test]
     fn the_band_is_that_of_its_trials() {
-        let band = Band::of((0..=100).map(f64::from).collect()).unwrap();
+        let band = Band::of(&(0..=100).map(f64::from).collect::<Vec<f64>>()).unwrap();
         assert_eq!(
             (band.low, band.middle, band.high, band.worst),
             (5.0, 50.0, 95.0, 100.0)
         );
-        let one = Band::of(vec![3.0]).unwrap();
+        let one = Band::of(&[3.0]).unwrap();
         assert_eq!((one.low, one.high), (3.0, 3.0));
-        assert!(Band::of(Vec::new()).is_none());
+        assert!(Band::of(&[]).is_none());
     }
 }

@@ -65,39 +65,46 @@ pub fn errors(
         return Ok(None);
     }
     let safety = &loaded.file.safety;
-    let found = |method, coupling| {
-        Ok(Some(Errors {
+    let [warn, refuse] = [safety.error_warn, safety.error_refuse];
+    Ok(Some(match both(loaded, lambda, unknown)? {
+        Ok((method, coupling)) => Errors {
             method,
             coupling,
             modes,
-            warn: safety.error_warn,
-            refuse: safety.error_refuse,
-        }))
-    };
-    let neither = |why: String| (TestError::not_known(why.clone()), TestError::not_known(why));
+            warn,
+            refuse,
+        },
+        Err(why) => Errors {
+            modes,
+            ..Errors::not_known(&why, [warn, refuse])
+        },
+    }))
+}
+
+/// The errors of method and coupling, or why neither is known.
+fn both(
+    loaded: &Loaded,
+    lambda: Option<f64>,
+    unknown: Option<&str>,
+) -> Result<Result<(TestError, TestError), String>, ConfigError> {
     let silent = loaded.file.specimen.iter();
     let mut silent = silent.filter(|table| StandIn::of(table) == StandIn::Nothing);
     if let Some(table) = silent.next() {
-        let (method, coupling) = neither(format!(
+        return Ok(Err(format!(
             "specimen \"{}\" has no stand-in `law` and no stiffness",
             table.name
-        ));
-        return found(method, coupling);
+        )));
     }
     let ideal = || setup::build_ideal(loaded, lambda);
     let by_method = match ideal() {
         Ok(ideal) => ideal,
-        Err(error) => {
-            let (method, coupling) = neither(format!("no ideal specimens: {error}"));
-            return found(method, coupling);
-        }
+        Err(error) => return Ok(Err(format!("no ideal specimens: {error}"))),
     };
     let (dofs, steps) = (by_method.dofs(), loaded.time.steps);
     let most = Budget::default().ticks(1);
     let is_long = steps.saturating_mul(by_method.work(0)) > most;
     if is_long || steps.saturating_mul(dofs as u64) > MOST {
-        let (method, coupling) = neither(words(NoCourse::BeyondBudget).to_owned());
-        return found(method, coupling);
+        return Ok(Err(words(NoCourse::BeyondBudget).to_owned()));
     }
     let is_referred = steps.saturating_mul(by_method.work(2 + 4)) <= most;
     let beyond = || TestError::not_known(words(NoCourse::BeyondBudget));
@@ -113,7 +120,7 @@ pub fn errors(
         if is_long { Err(beyond()) } else { Ok(test) }
     };
     if !is_referred && running.is_err() {
-        return found(beyond(), running.err().unwrap_or_default());
+        return Ok(Ok((beyond(), running.err().unwrap_or_default())));
     }
     let directions = directions(loaded, &by_method);
     let excitation = by_method.excitation().clone();
@@ -142,15 +149,17 @@ pub fn errors(
     let of = |course: &IdealCourse| Drifts::of(course, &directions, &excitation, &rest);
     let drifts = match own {
         Ok(course) => of(&course),
-        Err(why) => {
-            let (method, coupling) = neither(format!("with ideal specimens {}", words(why)));
-            return found(method, coupling);
-        }
+        Err(why) => return Ok(Err(format!("with ideal specimens {}", words(why)))),
     };
     let method = match (half, quarter) {
         (Ok(half), Ok(quarter)) => {
             let references = [of(&half), of(&quarter)];
-            of_method(&drifts, references, &directions, safety.error_warn)
+            of_method(
+                &drifts,
+                references,
+                &directions,
+                loaded.file.safety.error_warn,
+            )
         }
         (Err(NoCourse::BeyondBudget), _) | (_, Err(NoCourse::BeyondBudget)) => beyond(),
         (Err(why), _) | (_, Err(why)) => {
@@ -165,7 +174,7 @@ pub fn errors(
         Ok(Err(why)) => TestError::not_known(why),
         Err(known) => known,
     };
-    found(method, coupling)
+    Ok(Ok((method, coupling)))
 }
 
 /// The result of a thread. Its panic becomes one of this thread.

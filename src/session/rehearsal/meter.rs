@@ -1,4 +1,4 @@
-//! Wraps a specimen and keeps the extremes of its commands and measurements.
+//! Wraps a specimen of this process and keeps the extremes of its commands and measurements.
 //!
 //! Differences are those of [`gusset_control::port::limits::Watch`]: from one command to the next, over the tick's wall time; so
 //! the watch would judge the same values.
@@ -6,8 +6,7 @@
 use std::sync::{Arc, Mutex};
 
 use gusset_quantity::substructure::{
-    Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
-    Retirement, Substructure, Unavailable,
+    Command, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset_quantity::time::Nanos;
 
@@ -128,43 +127,6 @@ impl Substructure for Meter {
         self.inner.axes()
     }
 
-    fn coupling(&self) -> Coupling {
-        self.inner.coupling()
-    }
-
-    fn is_remote(&self) -> bool {
-        self.inner.is_remote()
-    }
-
-    fn holder(&self) -> Holder {
-        self.inner.holder()
-    }
-
-    fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        self.inner.connect()
-    }
-
-    fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
-        self.inner.ask_to_arm(sequence, disp)
-    }
-
-    fn arm(
-        &mut self,
-        sequence: u64,
-        disp: &[f64],
-        wanted: &mut dyn FnMut() -> bool,
-    ) -> Result<bool, LinkFault> {
-        self.inner.arm(sequence, disp, wanted)
-    }
-
-    fn stats(&self) -> LinkStats {
-        self.inner.stats()
-    }
-
-    fn complaint(&self) -> Option<String> {
-        self.inner.complaint()
-    }
-
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         let (at, tick) = (command.time, self.tick);
         self.time = at;
@@ -220,20 +182,8 @@ impl Substructure for Meter {
         Ok(freshness)
     }
 
-    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
-        self.inner.is_answered(wait_ns)
-    }
-
     fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         self.inner.accepted(sequence)
-    }
-
-    fn attend(&mut self) -> Result<(), LinkFault> {
-        self.inner.attend()
-    }
-
-    fn pause(&mut self) -> Result<(), LinkFault> {
-        self.inner.pause()
     }
 
     fn halt(&mut self) -> Result<(), LinkFault> {
@@ -241,7 +191,7 @@ impl Substructure for Meter {
         for axis in &mut self.axes {
             axis.past = [axis.past[0]; 2];
         }
-        self.inner.halt()
+        Ok(())
     }
 
     fn retire(&mut self, how: Retirement) {

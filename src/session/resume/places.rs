@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use super::ResumeError;
 use crate::checksum::unreadable;
-use crate::lineage::{Kept, Origin};
+use crate::origin::{Kept, Origin};
 use gusset_control::engine::{EndPosition, Phase, Place};
 use gusset_control::port::Port;
 use gusset_quantity::catalog::column;

@@ -21,7 +21,7 @@
 //! | `columns` | columns a digest reads |
 //! | `pictures` | the separate pictures |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
-//! | `curves`, `scatter`, `tornado` | several curves over one pair of axes; scatter pictures of all pairs; bars of a sensitivity |
+//! | `curves`, `scatter` | several curves over one pair of axes; scatter pictures of all pairs |
 //! | `axis`, `thin`, `canvas` | ranges and ticks; fewer points; SVG |
 //! | `rows`, `histogram`, `text` | columns by name; timing counts; numbers as text |
 
@@ -81,7 +81,6 @@ mod text;
 mod thin;
 mod timeline;
 mod timing;
-mod tornado;
 mod tracked;
 mod worst;
 
@@ -102,7 +101,6 @@ pub use scatter::{ScatterMatrix, Variable};
 pub use source::{BLOCK, Earlier, Source};
 pub use tested::{storeys, without_disp};
 pub use text::{count, escape};
-pub use tornado::{Tornado, TornadoBar};
 
 use std::borrow::Cow;
 
