@@ -1,8 +1,7 @@
 //! The closing summary of `run`: verdict, peaks, tracking, timing and files, in at most 20 lines or in full.
 
-use std::collections::BTreeMap;
-
 use super::table::{Table, misses};
+use gusset_config::word;
 use gusset_motion::metrics::Tracking;
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};
@@ -150,7 +149,7 @@ fn method(structure: &StructureFacts) -> (&'static str, String) {
     let limit = integration::brief(structure);
     match structure.lambda {
         None => {
-            let name = integration::method_name(structure.method);
+            let name = word(&structure.method);
             ("method", format!("{name} ({limit})"))
         }
         Some(lambda) => {
@@ -304,11 +303,9 @@ fn tracked(axis: &Tracking) -> String {
 }
 
 fn tracking(summary: &Summary, page: Option<&Page>) -> Section {
-    type Metrics = BTreeMap<String, Vec<Option<Tracking>>>;
     let mut section = Section("Tracking", Vec::new());
-    let metrics: Metrics = serde_json::from_value(summary.metrics.clone()).unwrap_or_default();
     let mut axes = Vec::new();
-    for (specimen, of_specimen) in &metrics {
+    for (specimen, of_specimen) in summary.metrics.iter().flat_map(|metrics| &metrics.0) {
         let one = of_specimen.len() == 1;
         for (number, axis) in (1..).zip(of_specimen) {
             let Some(axis) = axis else { continue };
@@ -349,13 +346,13 @@ fn timing(finished: &Finished) -> Section {
     };
     let summary = &finished.summary;
     for quantity in Quantity::ALL {
-        let entry = &summary.timing[quantity.key()];
-        let number = |key: &str| entry[key].as_f64().unwrap_or(0.0);
-        if number("count") == 0.0 {
+        let timing = summary.timing.as_ref();
+        let found = timing.map(|timing| timing.percentiles(quantity));
+        let Some(found) = found.filter(|found| found.count > 0) else {
             continue;
-        }
-        let us = |key: &str| duration(1e-6 * number(key));
-        let [p50, p99, p999, max] = ["p50", "p99", "p99_9", "max"].map(us);
+        };
+        let [p50, p99, p999, max] =
+            [found.p50, found.p99, found.p99_9, found.max].map(|us| duration(1e-6 * us));
         let text = format!("p50 {p50}, p99 {p99}, p99.9 {p999}, max {max}");
         let name = quantity.key().replace('_', " ");
         section.add(&name, text, quantity == Quantity::WakeupLateness);

@@ -109,10 +109,10 @@ fn one(
         spec.evaluate_named(grid, files, called)
     })?;
     let name = &table.specimen;
-    let texts = history.warnings().iter();
+    let texts = history.warnings.iter();
     let texts = texts.map(|text| format!("specimen \"{name}\": {text}"));
     warn(site, at, &table.signal, texts.collect());
-    site.records.extend(history.records().iter().cloned());
+    site.records.extend(history.records.iter().cloned());
     *slot = Some(history);
     Ok(())
 }

@@ -2,12 +2,12 @@
 
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
-use gusset_config::ClockChoice;
+use gusset_config::{ClockChoice, word};
 use gusset_motion::{Quantity, STANDARD_GRAVITY};
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Errors, Spectrum, per_cent};
 use gusset_quantity::units::{duration, number, quantity, rate};
-use gusset_session::integration::{self, method_name};
+use gusset_session::integration;
 use gusset_setup::{Facts, StructureFacts};
 
 /// Everything that is known of the test without a rehearsal.
@@ -111,7 +111,7 @@ fn describe(
     }
     match structure.lambda {
         Some(lambda) => describe_lambda(table, structure, lambda),
-        None => table.row("method", &method_name(structure.method)),
+        None => table.row("method", &word(&structure.method)),
     }
     for (what, found) in integration::in_full(facts, structure) {
         table.row(what, &found);

@@ -106,7 +106,7 @@ pub use tornado::{Tornado, TornadoBar};
 
 use std::borrow::Cow;
 
-pub use super::{Percentiles, RunView};
+pub use super::RunView;
 pub use gusset_motion::metrics;
 
 impl RunView {
