@@ -51,7 +51,7 @@ impl RecordedFile {
         let time = self.time.as_ref()?;
         let rate = || Some(time.rate_hz?.0.inverse());
         let step = time.step_s.map(|step| step.0).or_else(rate);
-        step.as_ref().map(Ratio::value)
+        step.map(Ratio::value)
     }
 
     /// Ticks in a step.
