@@ -410,9 +410,9 @@ fn long_tests_count_single_rows() {
         digest: Some(digest),
         ..RunView::default()
     };
-    let margin = &effect(&run)["delay_margins"][0];
-    assert_eq!(margin["at_s"], dt * f64::from(lowest));
-    assert_eq!(margin["smallest_s"], 0.001);
+    let margin = &effect(&run).unwrap().delay_margins[0];
+    assert_eq!(margin.at_s, Some(dt * f64::from(lowest)));
+    assert_eq!(margin.smallest_s, Some(0.001));
     let page = render(&run);
     let vel = (disp(rows - 1) - disp(rows - 3)) / (2.0 * dt);
     let end = text::quantity(vel * vel, "J");
