@@ -1,8 +1,7 @@
 //! The closing summary of `run`: verdict, peaks, tracking, timing and files, in at most 20 lines.
 
-use std::collections::BTreeMap;
-
 use super::table::{Table, misses};
+use gusset_config::word;
 use gusset_motion::metrics::Tracking;
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};
@@ -210,10 +209,8 @@ fn tracked(axis: &Tracking) -> String {
 }
 
 fn tracking(table: &mut Table, summary: &Summary, page: Option<&Page>) {
-    type Metrics = BTreeMap<String, Vec<Option<Tracking>>>;
-    let metrics: Metrics = serde_json::from_value(summary.metrics.clone()).unwrap_or_default();
     let mut axes = Vec::new();
-    for (specimen, of_specimen) in &metrics {
+    for (specimen, of_specimen) in summary.metrics.iter().flat_map(|metrics| &metrics.0) {
         let one = of_specimen.len() == 1;
         for (number, axis) in (1..).zip(of_specimen) {
             let Some(axis) = axis else { continue };
@@ -257,13 +254,14 @@ fn timing(table: &mut Table, finished: &Finished) {
         return;
     };
     let summary = &finished.summary;
-    let key = Quantity::WakeupLateness.key();
-    let number = |of: &str| summary.timing[key][of].as_f64().unwrap_or(0.0);
-    if number("count") > 0.0 {
+    let quantity = Quantity::WakeupLateness;
+    let timing = summary.timing.as_ref();
+    let found = timing.map(|timing| timing.percentiles(quantity));
+    if let Some(found) = found.filter(|found| found.count > 0) {
         let [p50, p99, p999, max] =
-            ["p50", "p99", "p99_9", "max"].map(|of| duration(1e-6 * number(of)));
+            [found.p50, found.p99, found.p99_9, found.max].map(|us| duration(1e-6 * us));
         let text = format!("p50 {p50}, p99 {p99}, p99.9 {p999}, max {max}");
-        row(table, &key.replace('_', " "), &text);
+        row(table, &quantity.key().replace('_', " "), &text);
     }
     row(table, "deadline misses", &misses(summary));
     match session::missing(granted).as_slice() {

@@ -1,7 +1,5 @@
 //! `gusset jitter`: the loop's own timing on this machine.
 
-use std::path::Path;
-
 use anyhow::Context;
 use serde_json::json;
 
@@ -14,11 +12,12 @@ use super::{answer, only_with, tell};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::time::Ratio;
 use gusset_record::rt::load::{Load, USUAL_BYTES};
-use gusset_record::{Progress, RunFolder};
+use gusset_record::rt::timing::{Quantity, Timings};
+use gusset_record::{Progress, Run, RunFolder};
 use gusset_session::fitness::Measured;
 use gusset_session::{self as session, Finished, Signals, Watches, bare_loop};
 use gusset_setup::Prepared;
-use gusset_view::report::{Percentiles, jitter_svg};
+use gusset_view::report::jitter_svg;
 
 /// More than any machine keeps.
 const HIGHEST_HZ: f64 = 1e6;
@@ -60,7 +59,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     );
     line.clear();
     let streamed = load.map(|load| {
-        let cpus = load.cpus().to_vec();
+        let cpus = load.cpus.clone();
         json!({ "cpus": cpus, "streamed_bytes": load.stop() })
     });
     let finished = finished?;
@@ -68,9 +67,10 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         tell(format_args!("warning: not written: {text}"));
     }
     let kept = &finished.folder;
-    let bins = kept
-        .is_there()
-        .then(|| read_json(&kept.path().join("timing.json")));
+    let bins = match kept.is_there() {
+        true => Run::open(kept.path())?.timings()?,
+        false => None,
+    };
     let bins = bins.unwrap_or_default();
     if args.out.is_some() {
         draw(&facts.title, kept, &bins, 1e6 / facts.rate_hz)?;
@@ -126,13 +126,6 @@ fn start_load(cpu: usize) -> anyhow::Result<Load> {
     load.context("the load cannot be started")
 }
 
-fn read_json(path: &Path) -> serde_json::Value {
-    std::fs::read(path)
-        .ok()
-        .and_then(|bytes| serde_json::from_slice(&bytes).ok())
-        .unwrap_or_default()
-}
-
 fn as_json(
     finished: &Finished,
     measured: &Measured<'_>,
@@ -155,20 +148,10 @@ fn as_json(
 }
 
 /// The picture of the histogram.
-fn draw(
-    title: &str,
-    folder: &RunFolder,
-    timing: &serde_json::Value,
-    period_us: f64,
-) -> anyhow::Result<()> {
-    let entry = &timing["wakeup_lateness"];
-    let histogram: Vec<(f64, u64)> = entry["bins"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|bin| Some((bin.get(1)?.as_f64()?, bin.get(2)?.as_u64()?)))
-        .collect();
-    let percentiles: Percentiles = serde_json::from_value(entry.clone()).unwrap_or_default();
+fn draw(title: &str, folder: &RunFolder, timing: &Timings, period_us: f64) -> anyhow::Result<()> {
+    let bins = timing.bins(Quantity::WakeupLateness).iter();
+    let histogram: Vec<(f64, u64)> = bins.map(|(_, to, count)| (*to, *count)).collect();
+    let percentiles = timing.percentiles(Quantity::WakeupLateness);
     let picture = jitter_svg(title, &histogram, &percentiles, Some(period_us));
     Ok(folder.write_extra("jitter.svg", picture.as_bytes())?)
 }
@@ -176,7 +159,7 @@ fn draw(
 fn conclude(title: &str, args: &JitterArgs, finished: &Finished, measured: &Measured<'_>) {
     let summary = &finished.summary;
     let mut table = Table::wrapped(&format!("{title}, {:.3} s", summary.wall_seconds));
-    table.timing(&summary.timing);
+    table.timing(&summary.timing.clone().unwrap_or_default());
     table.row("ticks", &(summary.steps + 1).to_string());
     table.misses(summary);
     if let Some(granted) = &finished.granted {

@@ -3,7 +3,7 @@
 use super::table::Table;
 use gusset_actuator::geometry::LawPlace;
 use gusset_quantity::units::{number, quantity};
-use gusset_setup::{LimitFact, LimitFacts, LoadingFacts};
+use gusset_record::summary::{LimitFact, LimitFacts, LoadingFacts};
 
 /// Adds the limits to the table of a test.
 pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
@@ -73,7 +73,7 @@ fn loading_unit(name: &str, loading: &LoadingFacts, table: &mut Table) {
         condition,
         actuators,
     } = loading;
-    let place = match *form {
+    let place = match form.as_str() {
         "plane" => "in the plane",
         "space" => "in space",
         _ => "by a matrix",
@@ -120,7 +120,7 @@ fn line(limit: &LimitFact, table: &mut Table) {
         sizes => sizes.iter().map(|size| number(*size)).collect(),
     };
     let star = if limit.also_at_the_specimen { " *" } else { "" };
-    let (unit, judged) = match (limit.unit, &limit.judged) {
+    let (unit, judged) = match (limit.unit.as_str(), &limit.judged) {
         ("1", None) => ("", String::new()),
         ("1", Some(judged)) => ("", judged.clone()),
         (unit, None) => (unit, String::new()),

@@ -33,7 +33,7 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
         tell(format_args!("{level}: {}: {what}", args.run.display()));
     }
     // The summary of a served test has no tracking metrics.
-    let is_told = |summary: &Summary| !summary.metrics.is_null();
+    let is_told = |summary: &Summary| summary.metrics.is_some();
     if !Run::open(&args.run)?.summary().is_some_and(is_told) {
         for line in &page.followed {
             tell(line);

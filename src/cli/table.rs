@@ -2,11 +2,9 @@
 
 use std::fmt;
 
-use serde_json::Value;
-
 use gusset_config::printable;
 use gusset_record::Summary;
-use gusset_record::rt::timing::Quantity;
+use gusset_record::rt::timing::{Quantity, Timings};
 
 /// Columns of a terminal that the pages of the commands fit into.
 pub const COLUMNS: usize = 100;
@@ -66,24 +64,17 @@ impl Table {
     }
 
     /// The timing quantities of a run, in µs.
-    pub fn timing(&mut self, timing: &Value) {
+    pub fn timing(&mut self, timing: &Timings) {
         self.row(
             "timing in µs",
             "     p50      p99    p99.9      max      count",
         );
         for quantity in Quantity::ALL {
-            let Some(entry) = timing.get(quantity.key()) else {
-                continue;
-            };
-            let number = |key: &str| entry.get(key).and_then(Value::as_f64).unwrap_or(0.0);
-            if number("count") > 0.0 {
+            let found = timing.percentiles(quantity);
+            if found.count > 0 {
                 let text = format!(
                     "{:8.3} {:8.3} {:8.3} {:8.1} {:10}",
-                    number("p50"),
-                    number("p99"),
-                    number("p99_9"),
-                    number("max"),
-                    number("count")
+                    found.p50, found.p99, found.p99_9, found.max, found.count
                 );
                 self.row(&format!("  {}", quantity.key().replace('_', " ")), &text);
             }

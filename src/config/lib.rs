@@ -46,6 +46,7 @@ mod openfresco_table;
 mod overrides;
 mod read;
 mod reader;
+mod recorded;
 mod removed;
 mod renamed;
 mod resolve;
@@ -102,6 +103,7 @@ pub use link_table::{
 pub use locator::Locator;
 pub use openfresco_table::{OpenFrescoServeSpec, OpenFrescoSpec, ServerKind, SignalOrderSpec};
 pub use overrides::Override;
+pub use recorded::{RecordedFile, word};
 pub use resolve::{ResolveError, resolve};
 pub use safety::{DIVERGENCE_M, ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{

@@ -37,8 +37,10 @@ pub struct Prescribed {
     /// By rows: steps + 1 rows, and one more that repeats the last displacement.
     disp: Vec<f64>,
     vel: Vec<f64>,
-    warnings: Vec<String>,
-    records: Vec<RecordFacts>,
+    /// Warnings for the user.
+    pub warnings: Vec<String>,
+    /// Facts of the records in the motion.
+    pub records: Vec<RecordFacts>,
 }
 
 impl PrescribedSpec {
@@ -204,32 +206,6 @@ impl Prescribed {
         }
     }
 
-    /// Number of axes.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) const fn axes(&self) -> usize {
-        self.axes
-    }
-
-    /// Number of steps.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) const fn steps(&self) -> usize {
-        self.steps
-    }
-
-    /// Warnings for the user.
-    #[must_use]
-    pub fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-
-    /// Facts of the records in the motion.
-    #[must_use]
-    pub fn records(&self) -> &[RecordFacts] {
-        &self.records
-    }
-
     /// Displacements in m and velocities in m/s of all axes at `step`; beyond the test the last displacement remains.
     /// Real-time: yes.
     #[must_use]
@@ -293,7 +269,7 @@ mod tests {
         let test = spec(vec![sine(1.0), sine(3.0)], 0.0)
             .evaluate(grid, &no_files)
             .unwrap();
-        assert_eq!((test.axes(), test.steps()), (2, 250));
+        assert_eq!((test.axes, test.steps), (2, 250));
         for step in 0..=250 {
             let angle = 2.0 * std::f64::consts::PI * 0.01 * step as f64;
             let (d, v) = test.at(step);
@@ -306,8 +282,8 @@ mod tests {
         assert_eq!(test.at(251), (last, &[0.0, 0.0][..]));
         assert_eq!(test.at(usize::MAX), test.at(251));
         // A sine out of rest is rough at both ends, on both axes.
-        assert_eq!(test.warnings().len(), 4, "{:?}", test.warnings());
-        assert!(test.warnings()[0].contains("axis 1 starts with"));
+        assert_eq!(test.warnings.len(), 4, "{:?}", test.warnings);
+        assert!(test.warnings[0].contains("axis 1 starts with"));
     }
 
     #[test]
@@ -316,7 +292,7 @@ mod tests {
         let test = spec(vec![sine(2.0)], 0.8)
             .evaluate(grid, &no_files)
             .unwrap();
-        assert!(test.warnings().is_empty(), "{:?}", test.warnings());
+        assert!(test.warnings.is_empty(), "{:?}", test.warnings);
         for step in [0, 4000] {
             let (d, v) = test.at(step);
             assert!(d[0].abs() < 1e-15 && v[0].abs() < 1e-15);
@@ -353,11 +329,11 @@ mod tests {
         let grid = Grid::new(0.01, 200).unwrap();
         let test = spec(vec![cut], 0.0).evaluate(grid, &no_files).unwrap();
         assert!(
-            test.warnings()
+            test.warnings
                 .iter()
                 .any(|w| w.contains("axis 1 jumps by -1.000e0 m")),
             "{:?}",
-            test.warnings()
+            test.warnings
         );
         let triangle = Motion::plain(Signal::Cyclic(Cyclic {
             amplitudes: vec![1.0, 2.0],
@@ -371,11 +347,11 @@ mod tests {
         }));
         let test = spec(vec![triangle.clone()], 0.0).evaluate(grid, &no_files);
         let test = test.unwrap();
-        assert!(test.warnings().is_empty(), "{:?}", test.warnings());
+        assert!(test.warnings.is_empty(), "{:?}", test.warnings);
         // Eased out before the second amplitude: nothing jumps, and half of the motion is missing.
         let short = Grid::new(0.01, 75).unwrap();
         let test = spec(vec![triangle], 0.1).evaluate(short, &no_files);
-        let warnings = test.unwrap().warnings().to_vec();
+        let warnings = test.unwrap().warnings.to_vec();
         let left = "axis 1: the signal ends at 1.6 s, but the test already ends at 0.75 s: the rest of the signal is not used; its \
                     largest is 2.000 times that of the test";
         assert_eq!(warnings, [left]);

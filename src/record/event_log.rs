@@ -57,12 +57,15 @@ pub(super) struct EventLog<S> {
     real_clock: bool,
     tick_ns: u64,
     specimens: Vec<String>,
-    classes: MissClasses,
+    /// Deadline misses so far by class.
+    pub classes: MissClasses,
     warned: Warned,
     /// Frequent events so far, by name.
     logged: HashMap<&'static str, u32>,
-    taken: u64,
-    lost: u64,
+    /// Lines made so far, lost ones included.
+    pub taken: u64,
+    /// Lines that found no room.
+    pub lost: u64,
     scratch: Vec<u8>,
 }
 
@@ -124,7 +127,7 @@ impl<S: Store> EventLog<S> {
     /// Takes a note, of the test at `position` unless it knows better; the simulated clock is not known here, so its `clock_ns`
     /// is null then.
     pub(crate) fn note(&mut self, note: Note, position: Position, now: Moment) {
-        let (position, clock_ns) = note.made().unwrap_or((position, now.monotonic_ns));
+        let (position, clock_ns) = note.made.unwrap_or((position, now.monotonic_ns));
         let age = now.monotonic_ns.saturating_sub(clock_ns);
         self.queue.push_back(Held {
             wall_ns: now.utc_ns.saturating_sub(age),
@@ -193,7 +196,7 @@ impl<S: Store> EventLog<S> {
             }
             Entry::Note(note, Position { tick, time }) => {
                 let clock_ns = self.real_clock.then_some(held.clock_ns);
-                let severity = note.severity();
+                let severity = note.severity;
                 (note.event, (tick, time), clock_ns, severity)
             }
         };
@@ -271,24 +274,9 @@ impl<S: Store> EventLog<S> {
         }
     }
 
-    /// Deadline misses so far by class.
-    pub(crate) const fn classes(&self) -> MissClasses {
-        self.classes
-    }
-
     /// Limits that were warned of so far, in sentences.
     pub(crate) fn warned(&self) -> Vec<String> {
         self.warned.sentences(&self.specimens)
-    }
-
-    /// Lines made so far, lost ones included.
-    pub(crate) const fn taken(&self) -> u64 {
-        self.taken
-    }
-
-    /// Lines that found no room.
-    pub(crate) const fn lost(&self) -> u64 {
-        self.lost
     }
 
     /// Bytes written to the file.
@@ -445,7 +433,7 @@ mod tests {
             (&20.into(), &1.into())
         );
         assert_eq!(lines[1]["event"], "started");
-        assert_eq!((log.classes().preempted, log.classes().total()), (1, 1));
+        assert_eq!((log.classes.preempted, log.classes.total()), (1, 1));
     }
 
     #[test]

@@ -7,13 +7,14 @@ use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde::Serialize;
 use thiserror::Error;
 
 use super::atomic;
 use super::checkpoint::{STATE_FILES, StateFolder};
 use super::checksum::Checksum;
 use super::layout::{Layout, LayoutError};
+use super::rt::timing::Timings;
 use super::summary::{InputFile, Summary};
 use super::utc::stamp;
 use super::whereabouts::{Hold, Whereabouts, is_claimed};
@@ -426,8 +427,8 @@ impl RunFolder {
     ///
     /// # Errors
     /// The system refuses.
-    pub fn write_timing(&self, timing: &Value) -> Result<(), FolderError> {
-        self.write("timing.json", format!("{timing:#}\n").as_bytes())
+    pub fn write_timing(&self, timing: &Timings) -> Result<(), FolderError> {
+        self.write_json("timing.json", timing)
     }
 
     /// `<name>.hgrm`.
@@ -455,11 +456,15 @@ impl RunFolder {
     /// # Errors
     /// The system refuses.
     pub fn write_summary(&self, summary: &Summary) -> Result<(), FolderError> {
-        let path = self.path.join("summary.json");
-        let mut text = serde_json::to_string_pretty(summary)
+        self.write_json("summary.json", summary)
+    }
+
+    fn write_json(&self, name: &str, content: &impl Serialize) -> Result<(), FolderError> {
+        let path = self.path.join(name);
+        let mut text = serde_json::to_string_pretty(content)
             .map_err(|source| FolderError::Damaged { path, source })?;
         text.push('\n');
-        self.write("summary.json", text.as_bytes())
+        self.write(name, text.as_bytes())
     }
 
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
@@ -526,7 +531,7 @@ pub(super) mod tests {
         folder.write_test(b"title = \"\xC3\xBC\"\r\n").unwrap();
         folder.write_resolved("title = 1\n").unwrap();
         folder
-            .write_timing(&serde_json::json!({"slack": {"count": 1}}))
+            .write_timing(&serde_json::json!({"slack": {"count": 1}}).into())
             .unwrap();
         folder
             .write_histogram("wakeup_lateness", "Value\n")
@@ -723,6 +728,14 @@ pub(super) mod tests {
         assert_eq!(run.summary(), None, "it counts as missing");
         let fault = run.summary_fault().unwrap();
         assert!(fault.contains("missing field `reason`"), "{fault}");
+        fs::write(path.join("timing.json"), "{\n  \"slack\": 7\n}").unwrap();
+        let fault = run.timings().unwrap_err().to_string();
+        assert!(
+            fault.contains("timing.json") && fault.contains("\"slack\": 7"),
+            "{fault}"
+        );
+        fs::remove_file(path.join("timing.json")).unwrap();
+        assert_eq!(run.timings().unwrap(), None);
         fs::write(path.join("summary.json"), b"{\"status\": \"compl\xE5ted\"").unwrap();
         let run = Run::open(&path).unwrap();
         assert_eq!(

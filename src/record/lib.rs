@@ -35,10 +35,12 @@ pub mod export;
 pub mod folder;
 #[cfg(any(test, feature = "test-doubles"))]
 pub mod image;
+mod in_order;
 mod intact;
 pub mod journal;
 pub mod lasting;
 pub mod layout;
+mod limit_facts;
 pub mod listing;
 #[cfg(any(test, feature = "test-doubles"))]
 pub mod memory;
@@ -73,7 +75,7 @@ pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
-pub use run::{EventLines, Events, MOST_OF_A_KIND, Run, keeps_waiting};
+pub use run::{EventLines, Events, MOST_OF_A_KIND, Run, keeps_waiting, read_json};
 pub use summary::Summary;
 pub use warned::times;
 pub use whereabouts::{Whereabouts, is_claimed};

@@ -17,8 +17,10 @@ pub struct Position {
 pub struct Note {
     /// What happened.
     pub event: Event,
-    severity: Option<Severity>,
-    made: Option<(Position, u64)>,
+    /// Its own severity, if it has one.
+    pub(super) severity: Option<Severity>,
+    /// Position and time at which it was made; `None` for a note that takes those of its writing.
+    pub(super) made: Option<(Position, u64)>,
 }
 
 impl Note {
@@ -44,16 +46,6 @@ impl Note {
     pub const fn made_at(mut self, position: Position, monotonic_ns: u64) -> Self {
         self.made = Some((position, monotonic_ns));
         self
-    }
-
-    /// Its own severity, if it has one.
-    pub(super) const fn severity(&self) -> Option<Severity> {
-        self.severity
-    }
-
-    /// Position and time at which the note was made; `None` for a note that takes those of its writing.
-    pub(super) const fn made(&self) -> Option<(Position, u64)> {
-        self.made
     }
 }
 

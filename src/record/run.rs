@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use serde::de::{DeserializeOwned, Error as _};
 use serde_json::{Map, Value};
 
 use super::checkpoint::{Checkpoint, CheckpointFault, STATE_FILES, StateFaults};
@@ -13,11 +14,14 @@ use super::events::{Event, EventLine};
 use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
+use super::rt::timing::Timings;
 use super::summary::Summary;
 use gusset_quantity::work::Work;
 
 /// Bytes of the longest line of `events.jsonl` that is read.
 const LONGEST_LINE: u64 = 1 << 20;
+/// Characters of a damaged line that an error shows.
+const MOST_SHOWN: usize = 80;
 /// Events of one kind that [`Run::events`] holds: more than a reader looks at.
 pub const MOST_OF_A_KIND: u64 = 10_000;
 
@@ -96,12 +100,10 @@ impl Run {
             source,
         })?;
         let summary_path = path.join("summary.json");
-        let read = if_there(&summary_path, fs::read(&summary_path))?
-            .map(|text| serde_json::from_slice(&text));
-        let (summary, summary_fault) = match read {
-            Some(Ok(summary)) => (Some(summary), None),
-            Some(Err(fault)) => (None, Some(fault.to_string())),
-            None => (None, None),
+        let (summary, summary_fault) = match read_json(&summary_path) {
+            Ok(summary) => (summary, None),
+            Err(FolderError::Damaged { source, .. }) => (None, Some(source.to_string())),
+            Err(error) => return Err(error),
         };
         Ok(Self {
             path: owned(),
@@ -133,6 +135,14 @@ impl Run {
     #[must_use]
     pub fn summary_fault(&self) -> Option<&str> {
         self.summary_fault.as_deref()
+    }
+
+    /// The histograms of its loop; none if there is no `timing.json`: the run is unfinished, or the file was not written.
+    ///
+    /// # Errors
+    /// [`FolderError::Damaged`], or the system refuses.
+    pub fn timings(&self) -> Result<Option<Timings>, FolderError> {
+        read_json(&self.path.join("timing.json"))
     }
 
     /// A reader of its rows from the first.
@@ -367,6 +377,27 @@ impl Iterator for EventLines {
 pub fn keeps_waiting(path: &Path) -> bool {
     path.metadata()
         .is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// The content of a JSON file of a run; `None` if there is no such file.
+///
+/// # Errors
+/// [`FolderError::Damaged`] with the line that does not fit, or the system refuses.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FolderError> {
+    let Some(text) = if_there(path, fs::read(path))? else {
+        return Ok(None);
+    };
+    serde_json::from_slice(&text).map_err(|error| {
+        let line = text
+            .split(|byte| *byte == b'\n')
+            .nth(error.line().saturating_sub(1));
+        let line = String::from_utf8_lossy(line.unwrap_or_default());
+        let start: String = line.trim().chars().take(MOST_SHOWN).collect();
+        FolderError::Damaged {
+            path: path.to_owned(),
+            source: serde_json::Error::custom(format!("{error}: {start}")),
+        }
+    })
 }
 
 /// The content read; `None` if there is no such file.

@@ -7,6 +7,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 use super::MissClasses;
+pub use super::in_order::InOrder;
+pub use super::limit_facts::{ActuatorFacts, LimitFact, LimitFacts, LoadingFacts, SpecimenLimits};
+use super::rt::Granted;
+use super::rt::timing::Timings;
+use gusset_motion::metrics::Tracking;
+use gusset_motion::metrics::falsified::Falsified;
 pub use gusset_proof::RecordedVerdict;
 pub use gusset_quantity::catalog::ending::Status;
 
@@ -103,6 +109,26 @@ pub struct InputFile {
     pub bytes: u64,
 }
 
+/// Requests to the operating system and its answers. A test on the simulated clock makes none, and neither does a server.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Realtime {
+    /// False where nothing was requested.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub asked: Option<bool>,
+    /// What a server recorded, in words; only in the record of a server.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub role: Option<String>,
+    /// UTC in ns at which the controller's test began; only in the record of a server.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub began_utc_ns: Option<u64>,
+    /// Largest |displacement| of each axis in m; only in the record of a server.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub peak_displacement_m: Option<Vec<Option<f64>>>,
+    /// The answers.
+    #[serde(flatten)]
+    pub granted: Option<Granted>,
+}
+
 /// Content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -130,9 +156,9 @@ pub struct Summary {
     /// Largest magnitudes.
     pub peak: Peak,
     /// Per timing quantity: count, min, p50, p90, p99, p99_9, max in µs.
-    pub timing: Value,
+    pub timing: Option<Timings>,
     /// Requests to the system and its answers.
-    pub realtime: Value,
+    pub realtime: Realtime,
     /// Traffic per specimen by name.
     pub link: BTreeMap<String, LinkCounts>,
     /// Version of this program.
@@ -151,14 +177,14 @@ pub struct Summary {
     pub warnings: Vec<String>,
     /// The limits, who checked them, and the effect of a trip.
     #[serde(default)]
-    pub limits: Value,
-    /// The machine that the test ran on: what its own files say.
+    pub limits: Option<LimitFacts>,
+    /// The machine that the test ran on, by topic: what its own files say.
     #[serde(default)]
-    pub machine: Value,
+    pub machine: Option<InOrder<String>>,
     /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known. They cover the rows
     /// in this folder, as the whole-test errors do: no steps that are in another one.
     #[serde(default)]
-    pub metrics: Value,
+    pub metrics: Option<InOrder<Vec<Option<Tracking>>>>,
     /// Why metrics are null though an axis may have moved, in words: rows were lost. Empty where nothing is missing.
     #[serde(default)]
     pub metrics_missing: Vec<String>,
@@ -166,7 +192,7 @@ pub struct Summary {
     /// J and as a share, and per mode its frequency, damping ratio and the damping that the delays added. Null in a test
     /// without a structure.
     #[serde(default)]
-    pub falsified: Value,
+    pub falsified: Option<Falsified>,
     /// Final position of each specimen, by name. `reached`: where the test file wants it. `not_reached`. `stayed`: at its
     /// last command, because the file requests no other, or because its direction, zero or position was not known yet.
     /// `lost`: its link is gone, and its position depends on its own end.
@@ -186,6 +212,22 @@ pub struct Summary {
     /// Why, as events spell it: of a limit its key. Older runs lack it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
+}
+
+#[cfg(any(test, feature = "test-doubles"))]
+impl From<Value> for Summary {
+    /// The summary of a test that did nothing, with these entries.
+    fn from(entries: Value) -> Self {
+        let mut summary = serde_json::json!({
+            "status": "completed", "reason": "", "steps": 0, "dt": 0.0, "lambda": null, "clock": "real", "wall_seconds": 0.0,
+            "rate_hz": 0.0, "deadline_misses": 0, "stretched_ticks": 0, "peak": {}, "timing": null, "realtime": {}, "link": {},
+            "version": "0.0.0",
+        });
+        for (key, value) in entries.as_object().cloned().unwrap_or_default() {
+            summary[key] = value;
+        }
+        serde_json::from_value(summary).expect("a summary")
+    }
 }
 
 #[cfg(test)]
@@ -211,19 +253,19 @@ pub(super) mod tests {
                 acceleration: vec![Some(2.0), None],
                 force: BTreeMap::from([("brace".to_owned(), vec![Some(1e3)])]),
             },
-            timing: serde_json::json!({}),
-            realtime: serde_json::json!({}),
+            timing: None,
+            realtime: Realtime::default(),
             link: BTreeMap::from([("brace".to_owned(), LinkCounts::default())]),
             version: "0.1.0".to_owned(),
             rows_lost: 0,
             inputs: Vec::new(),
             miss_classes: MissClasses::default(),
             warnings: Vec::new(),
-            limits: Value::Null,
-            machine: Value::Null,
-            metrics: Value::Null,
+            limits: None,
+            machine: None,
+            metrics: None,
             metrics_missing: Vec::new(),
-            falsified: Value::Null,
+            falsified: None,
             left: BTreeMap::new(),
             force_on_the_way_in: BTreeMap::new(),
             accepted: BTreeMap::new(),
@@ -289,6 +331,23 @@ pub(super) mod tests {
             (Status::Failed, "failed"),
         ] {
             assert_eq!(serde_json::to_value(status).unwrap(), word);
+        }
+    }
+
+    #[test]
+    fn requests_are_read_as_they_were_written() {
+        let granted = serde_json::json!({
+            "complete": false, "required": true, "cpu": null,
+            "features": [{"want": "policy", "asked": "SCHED_FIFO, priority 80", "granted": false, "errno": 1, "reason": "EPERM",
+                "advice": null}],
+            "spin": {"asked_us": 60.0, "used_us": 0.5, "throttle": {"runtime_us": null, "period_us": 1_000_000}, "note": "spins"},
+        });
+        let served = serde_json::json!({
+            "asked": false, "role": "served", "began_utc_ns": 17, "peak_displacement_m": [0.5, null],
+        });
+        for written in [serde_json::json!({ "asked": false }), granted, served] {
+            let read: Realtime = serde_json::from_value(written.clone()).unwrap();
+            assert_eq!(serde_json::to_string(&read).unwrap(), written.to_string());
         }
     }
 

@@ -7,7 +7,8 @@ use gusset_control::engine::{
     Experiment, Limits, OnMiss, Pacing, Side, StartupSettings, TestLimits,
 };
 use gusset_quantity::time::{RateError, Ratio};
-use gusset_setup::{Facts, Files, LimitFacts, Prepared};
+use gusset_record::summary::LimitFacts;
+use gusset_setup::{Facts, Files, Prepared};
 
 /// Warm-up ticks take this long at the most, in s.
 const WARM_UP_S: f64 = 0.2;

@@ -6,7 +6,6 @@
 //! nothing is written or read.
 
 use std::fs::File;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -15,7 +14,9 @@ use super::origin::{Origin, places};
 use gusset_control::port::Port;
 use gusset_quantity::catalog::phase::{NOT_AWAITED, Part};
 use gusset_record::summary::Status;
-use gusset_record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
+use gusset_record::{
+    FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed, read_json,
+};
 use gusset_setup::Files;
 
 /// Name of the file in the folder of an interrupted test.
@@ -202,14 +203,7 @@ pub(super) fn last_of(folder: &Path) -> Result<Option<WentOn>, FolderError> {
 }
 
 fn read(folder: &Path) -> Result<Vec<Continuation>, FolderError> {
-    let path = folder.join(CONTINUED);
-    match std::fs::read(&path) {
-        Ok(text) => {
-            serde_json::from_slice(&text).map_err(|source| FolderError::Damaged { path, source })
-        }
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
-        Err(source) => Err(FolderError::Io { path, source }),
-    }
+    Ok(read_json(&folder.join(CONTINUED))?.unwrap_or_default())
 }
 
 /// Changes the entries of a folder; a lock keeps other processes out.

@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use gusset_config as config;
+use gusset_config::{self as config, RecordedFile};
 use gusset_control::engine::Side;
 use gusset_motion::Excitation;
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::falsified::Mode;
-use gusset_numerics::model::{Base, Structure};
+use gusset_numerics::model::{Base, Structure, StructureSpec};
 use gusset_proof::Analysis;
 use gusset_quantity::catalog::column::DISP;
 use gusset_record::Column;
@@ -31,10 +31,17 @@ pub(super) enum Without {
 }
 
 /// Degrees of freedom of a chain; it is the one structure that is too large to be built for a picture that it cannot have.
-fn chain(resolved: &str) -> Option<usize> {
-    let table: toml::Table = resolved.parse().ok()?;
-    let dofs = table.get("structure")?.get("chain")?.get("dofs")?;
-    usize::try_from(dofs.as_integer()?).ok()
+fn chain(resolved: &RecordedFile) -> Option<usize> {
+    match resolved.structure.as_ref()?.chain.as_ref()? {
+        StructureSpec::Chain(chain) => Some(chain.dofs),
+        _ => None,
+    }
+}
+
+/// The first line of a message that has something in it.
+pub(super) fn first_line(text: &str) -> &str {
+    let mut lines = text.lines().map(str::trim);
+    lines.find(|line| !line.is_empty()).unwrap_or_default()
 }
 
 /// Properties of a structure for its report.
@@ -53,7 +60,7 @@ pub(super) struct Known {
 /// another folder.
 pub(super) fn known(
     folder: &Path,
-    resolved: &str,
+    resolved: &RecordedFile,
     columns: &[Column],
     before: Option<u64>,
 ) -> Known {
@@ -96,7 +103,7 @@ pub(super) fn known(
 /// The structure, whether its base is displaced, and why no margin to a critical delay was watched.
 fn structure(
     folder: &Path,
-    resolved: &str,
+    resolved: &RecordedFile,
     columns: &[Column],
 ) -> Result<(Energetics, bool, Option<String>), Without> {
     let because = |text: String| Without::Because(text);
@@ -111,23 +118,16 @@ fn structure(
     if !path.exists() {
         return Err(because("resolved.toml is missing".to_owned()));
     }
-    let first_line = |text: String| {
-        text.lines()
-            .find(|line| !line.trim().is_empty())
-            .unwrap_or_default()
-            .trim()
-            .to_owned()
-    };
     let loaded = config::load_recorded(&path).map_err(|e| {
         because(format!(
             "resolved.toml cannot be read again ({})",
-            first_line(e.to_string())
+            first_line(&e.to_string())
         ))
     })?;
     let prepared = setup::build_rehearsal(&loaded).map_err(|e| {
         because(format!(
             "the test cannot be made again of resolved.toml ({})",
-            first_line(e.to_string())
+            first_line(&e.to_string())
         ))
     })?;
     let Side::Structure(numerical) = prepared.experiment.side else {

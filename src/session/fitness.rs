@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use gusset_quantity::units::{duration, number, rate};
 use gusset_record::MissClasses;
+use gusset_record::rt::timing::{Quantity, Timings};
 
 /// Rates of usual hybrid tests, Hz.
 const RATES: [f64; 5] = [256.0, 512.0, 1024.0, 2048.0, 4096.0];
@@ -29,7 +30,7 @@ pub struct Measured<'a> {
     /// Their causes.
     pub causes: MissClasses,
     /// Histograms as in `timing.json`, in µs.
-    pub bins: &'a Value,
+    pub bins: &'a Timings,
     /// Whether another core was under load.
     pub loaded: bool,
     /// Whether all real-time rights were granted.
@@ -185,19 +186,17 @@ impl Measured<'_> {
     }
 
     fn has_ticks(&self) -> bool {
-        ["slack", "miss"]
+        [Quantity::Slack, Quantity::Miss]
             .iter()
-            .any(|key| self.cells(key).next().is_some())
+            .any(|quantity| !self.bins.bins(*quantity).is_empty())
     }
 
     /// Ticks that took longer than `period_us` from their edge to their end, by the lower and the upper end of their bins.
     fn longer_than(&self, period_us: f64, own_us: f64) -> (u64, u64) {
-        let early = self
-            .cells("slack")
-            .map(|(low, high, count)| (own_us - high, own_us - low, count));
-        let late = self
-            .cells("miss")
-            .map(|(low, high, count)| (own_us + low, own_us + high, count));
+        let early = self.bins.bins(Quantity::Slack).iter();
+        let early = early.map(|(low, high, count)| (own_us - high, own_us - low, *count));
+        let late = self.bins.bins(Quantity::Miss).iter();
+        let late = late.map(|(low, high, count)| (own_us + low, own_us + high, *count));
         early
             .chain(late)
             .fold((0, 0), |(surely, perhaps), (low, high, count)| {
@@ -205,22 +204,13 @@ impl Measured<'_> {
                 (add(surely, low), add(perhaps, high))
             })
     }
-
-    /// Ends in µs and count of every bin.
-    fn cells(&self, key: &str) -> impl Iterator<Item = (f64, f64, u64)> {
-        let bins = self.bins[key]["bins"].as_array().into_iter().flatten();
-        bins.filter_map(|bin| {
-            let number = |place: usize| bin.get(place)?.as_f64();
-            Some((number(0)?, number(1)?, bin.get(2)?.as_u64()?))
-        })
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn measured(bins: &Value, misses: u64, causes: MissClasses) -> Measured<'_> {
+    fn measured(bins: &Timings, misses: u64, causes: MissClasses) -> Measured<'_> {
         Measured {
             rate_hz: 1024.0,
             seconds: 60.2,
@@ -236,7 +226,8 @@ mod tests {
     #[test]
     fn rate_without_misses_is_fit() {
         // Ticks of 1024 Hz have 976.5625 µs. All ended within 477 µs: 2048 Hz has 488 µs, 4096 Hz has 244 µs.
-        let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 61_000]] } });
+        let bins =
+            json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 61_000]] } }).into();
         let found = measured(&bins, 0, MissClasses::default());
         let words = found.words();
         assert_eq!(
@@ -254,7 +245,8 @@ mod tests {
         let bins = json!({
             "slack": { "bins": [[970.0, 971.0, 61_000]] },
             "miss": { "bins": [[1500.0, 1501.0, 3]] },
-        });
+        })
+        .into();
         let causes = MissClasses {
             taken_away: 3,
             ..MissClasses::default()
@@ -290,7 +282,7 @@ mod tests {
 
     #[test]
     fn verdict_needs_rights_and_enough_time() {
-        let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 300]] } });
+        let bins = json!({ "slack": { "bins": [[500.0, 501.0, 7], [970.0, 971.0, 300]] } }).into();
         let whole = || measured(&bins, 0, MissClasses::default());
         let short = Measured {
             seconds: 0.2996,
@@ -344,7 +336,7 @@ mod tests {
 
     #[test]
     fn one_minute_is_long_enough() {
-        let bins = json!({});
+        let bins = json!({}).into();
         let found = Measured {
             seconds: 60.0 - 0.9 / 1024.0,
             ..measured(&bins, 0, MissClasses::default())

@@ -10,6 +10,7 @@ use super::{SessionError, Signals, Watches, loop_round, run};
 use gusset_config::TimingSpec;
 use gusset_evidence::frontier::{Length, ModelError, Point, Scalable, Search, Trial, largest};
 use gusset_quantity::time::Ratio;
+use gusset_record::rt::timing::Quantity;
 use gusset_record::{FolderError, Progress, RunFolder};
 
 /// Share of the deadlines that a model must keep.
@@ -124,8 +125,9 @@ impl Trials<'_> {
         if self.signals.seen().is_some() {
             return Ok(None);
         }
-        let compute = &summary.timing["compute"];
-        let figure = |key: &str| compute[key].as_f64().unwrap_or(f64::NAN);
+        let timing = summary.timing.as_ref();
+        let compute = timing.map(|timing| timing.percentiles(Quantity::Compute));
+        let compute = compute.unwrap_or_default();
         // No program prevents these.
         let classes = summary.miss_classes;
         let taken_away = classes.taken_away + classes.stopped + classes.unknown;
@@ -133,7 +135,7 @@ impl Trials<'_> {
             ticks: summary.steps + 1,
             missed: summary.deadline_misses - taken_away,
             taken_away,
-            compute_us: [figure("p50"), figure("p99_9")],
+            compute_us: [compute.p50, compute.p99_9],
         };
         let what = match length {
             Length::Short => "looks",

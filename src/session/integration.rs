@@ -1,7 +1,7 @@
 //! The stability of the integration in words, for `check`, the certificate and the end of `run`.
 
 use gusset_actuator::geometry::LawPlace;
-use gusset_config::Method;
+use gusset_config::word;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Stability, grows};
 use gusset_quantity::units::{compared, number};
@@ -103,7 +103,7 @@ fn lambda_and_limit(structure: &StructureFacts) -> [String; 2] {
 /// The method with its λ, as `lambda` spells it, and the origin of λ.
 fn method_of(structure: &StructureFacts, lambda: &str) -> String {
     if structure.lambda.is_none() {
-        return method_name(structure.method);
+        return word(&structure.method);
     }
     let origin = if structure.lambda_by_number {
         "given"
@@ -111,13 +111,4 @@ fn method_of(structure: &StructureFacts, lambda: &str) -> String {
         "chosen automatically"
     };
     format!("Gui-λ with λ = {lambda} ({origin})")
-}
-
-/// A method as the test file spells it.
-#[must_use]
-pub fn method_name(method: Method) -> String {
-    match serde_json::to_value(method) {
-        Ok(serde_json::Value::String(name)) => name,
-        _ => format!("{method:?}"),
-    }
 }

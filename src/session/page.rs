@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::Finished;
 use super::agreement::{is_of_an_earlier_version, with_record};
-use super::energetics::{Without, known};
+use super::energetics::{Without, first_line, known};
 use super::origin::Origin;
 use gusset_motion::metrics::energy::Model;
 use gusset_quantity::catalog::phase::Phase;
@@ -18,7 +18,7 @@ use gusset_view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
 };
-use gusset_view::{Flaws, ResolvedTest, RunView, SummaryView, Timings, Trials};
+use gusset_view::{Flaws, ResolvedTest, RunView, TestFile, Trials};
 
 /// Its name in the run folder.
 const PAGE: &str = "report.html";
@@ -81,12 +81,12 @@ pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
         return Err(FolderError::Lost(folder.path().join(PAGE)).into());
     }
     let mut run = read(folder.path())?;
-    summary.metrics = tracking_metrics(&run);
+    summary.metrics = Some(tracking_metrics(&run));
     summary.metrics_missing = missing_metrics(&run);
     summary.falsified = effect(&run);
     folder.write_summary(summary)?;
     // As a later report reads it.
-    run.summary = serde_json::to_value(summary).ok().map(SummaryView::from);
+    run.summary = Some(summary.clone());
     folder.write_extra(PAGE, render(&run).as_bytes())?;
     Ok(page(folder.path().join(PAGE), &run))
 }
@@ -230,25 +230,21 @@ pub(super) fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
 pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     let run = Run::open(folder)?;
     let at = |name: &str| folder.join(name);
-    let json = |name: &str| -> Option<serde_json::Value> {
-        let bytes = std::fs::read(at(name)).ok()?;
-        serde_json::from_slice(&bytes).ok()
-    };
     let text = std::fs::read_to_string(at("resolved.toml")).unwrap_or_default();
-    let test = ResolvedTest::from(text);
+    let read = TestFile::read(&at("resolved.toml"), text.clone());
+    let unread = read.as_ref().err().map(ToString::to_string);
+    let file = read.unwrap_or_default();
+    let test = ResolvedTest { text, file };
     let name = || {
         folder
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())
     };
-    // A summary without its required entries counts as missing.
-    let summary = run.summary().and_then(|_| json("summary.json"));
-    let summary = summary.map(SummaryView::from);
-    let recorded = summary.as_ref().and_then(|summary| summary.progress.dt);
+    let recorded = run.summary().map(|summary| summary.dt);
     // One that cannot be read is for a replay to refuse.
     let origin = Origin::of(folder).ok().flatten();
     let step = origin.as_ref().map(|origin| origin.step);
-    let known = known(folder, &test.text, run.layout().columns(), step);
+    let known = known(folder, &test.file, run.layout().columns(), step);
     let earlier = origin.map(|origin| Earlier {
         folders: format!("{BEFORE}/"),
         step: origin.step,
@@ -280,14 +276,17 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
     let unfinished = is_without
         .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
     let rows = on_disk.end.get();
-    let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
+    let mut damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
+    damaged.extend(unread.map(|why| format!("resolved.toml cannot be read: {}", first_line(&why))));
+    let timing = run.timings().unwrap_or_else(|error| {
+        damaged.push(error.to_string());
+        None
+    });
     let contradicted = with_record(&run, &test.text)?;
     let contradicted = contradicted.iter().map(ToString::to_string);
     Ok(RunView {
-        title: test
-            .file
-            .title
-            .clone()
+        title: Some(test.file.title.clone())
+            .filter(|title| !title.is_empty())
             .or_else(name)
             .unwrap_or_else(|| "run".to_owned()),
         columns: run.layout().columns().to_vec(),
@@ -298,8 +297,8 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         no_margin: known.no_margin,
         no_modes: known.modes.as_ref().err().cloned(),
         modes: known.modes.unwrap_or_default(),
-        summary,
-        timing: json("timing.json").map(Timings::from).unwrap_or_default(),
+        summary: run.summary().cloned(),
+        timing,
         events: told.events,
         flaws: Flaws {
             unfinished,

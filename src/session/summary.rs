@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use serde_json::{Value, json};
-
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::reason::{self, last_words};
@@ -15,7 +13,7 @@ use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
 use gusset_record::rt::timing::{Quantity, Timing};
 use gusset_record::rt::wall::Wall;
-use gusset_record::summary::{ClockKind, Lambda, LinkCounts, Peak};
+use gusset_record::summary::{ClockKind, InOrder, Lambda, LinkCounts, Peak, Realtime};
 use gusset_record::{FolderError, Recorded, RunFolder, Summary, times};
 use gusset_setup::Facts;
 
@@ -41,7 +39,7 @@ pub(super) fn write_timing(
             unwritten.push(error.to_string());
         }
     };
-    note(folder.write_timing(&timing.to_json_with_bins()));
+    note(folder.write_timing(&timing.with_bins()));
     for quantity in Quantity::ALL {
         let mut text = Vec::new();
         // Writing into memory cannot fail.
@@ -132,19 +130,23 @@ pub(super) fn summarise(
         peak: outcome
             .map(|outcome| peak(outcome, facts))
             .unwrap_or_default(),
-        timing: outcome.map_or(Value::Null, |outcome| outcome.pace.timing.to_json()),
-        realtime: granted.map_or_else(|| json!({ "asked": false }), |granted| json!(granted)),
+        timing: outcome.map(|outcome| outcome.pace.timing.summarised()),
+        realtime: Realtime {
+            asked: granted.is_none().then_some(false),
+            granted: granted.cloned(),
+            ..Realtime::default()
+        },
         link: outcome.map(links).unwrap_or_default(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         rows_lost: recorded.rows_lost(),
         inputs: folder.inputs().to_vec(),
         miss_classes: recorded.misses,
         warnings,
-        limits: json!(facts.limits),
-        machine: machine(),
-        metrics: Value::Null,
+        limits: Some(facts.limits.clone()),
+        machine: Some(machine()),
+        metrics: None,
         metrics_missing: Vec::new(),
-        falsified: Value::Null,
+        falsified: None,
         left: outcome.map(left).unwrap_or_default(),
         force_on_the_way_in: outcome.map(on_the_way_in).unwrap_or_default(),
         accepted: facts.accepted.clone(),
@@ -199,13 +201,13 @@ const MACHINE: [&str; 5] = [
 ];
 
 /// Description of this machine from its own files, by topic.
-fn machine() -> Value {
+fn machine() -> InOrder<String> {
     let found = gusset_record::rt::doctor::read();
     let told = found
         .into_iter()
         .filter(|finding| MACHINE.contains(&finding.topic));
-    told.map(|finding| (finding.topic.to_owned(), Value::from(finding.found)))
-        .collect()
+    let told = told.map(|finding| (finding.topic.to_owned(), finding.found));
+    InOrder(told.collect())
 }
 
 fn finite(values: &[f64]) -> Vec<Option<f64>> {

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::LimitFacts;
 use gusset_config::{ClockChoice, Method, TimingSpec};
 use gusset_motion::RecordFacts;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
+use gusset_record::summary::LimitFacts;
 
 /// Facts about a test before it runs.
 #[derive(Debug, Clone)]

@@ -47,7 +47,6 @@ use gusset_link::{NativeSetup, Transport};
 use gusset_proof::{Analysis, AtRest, Kind, Matrices, Stability};
 use gusset_record::rt;
 pub use ideal::{Ideal, IdealCourse, NoCourse, build_ideal};
-pub use limits::{LimitFact, LimitFacts, SpecimenLimits};
 use method::Initial;
 pub use pace::{rt_plan, set_divergence};
 use recorded::{record_dofs, rotations};
@@ -56,7 +55,6 @@ pub use served_limits::{ServedLimit, served_limits};
 use settle::settle;
 use site::{Refused, Site, path};
 use specimens::Specimens;
-pub use specimens::loading::{ActuatorFacts, LoadingFacts};
 pub use speed::speed_ratio;
 pub use trial::{Drawn, Trial};
 

@@ -2,83 +2,13 @@
 
 mod specimen;
 
-use serde::Serialize;
-
-use super::specimens::loading::LoadingFacts;
 use gusset_config::{ClockChoice, ExitChoice, TestFile, Time};
 use gusset_control::engine::{Limits, OnMiss};
 use gusset_control::port::Port;
 use gusset_control::port::limits::Bound;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::units::duration;
-
-/// All limits of a test.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct LimitFacts {
-    /// Per specimen, in order.
-    pub specimens: Vec<SpecimenLimits>,
-    /// Limits that belong to no specimen alone.
-    pub test: Vec<LimitFact>,
-    /// Causes of a trip that need no key.
-    pub always: Vec<String>,
-    /// Effect of a trip.
-    pub on_trip: String,
-    /// End position of the specimens after the last step, or when the operator ends the test.
-    pub at_end: String,
-    /// How the specimens reach the start of the test, and come to rest in a hold.
-    pub way_in: String,
-    /// Effect of a missed deadline that trips nothing.
-    pub on_miss: String,
-    /// Why a specimen behind a link may lack limits.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unlimited: Option<String>,
-}
-
-/// The limits of one specimen.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SpecimenLimits {
-    /// Its name.
-    pub name: String,
-    /// The loading unit whose actuators the axes are.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub geometry: Option<LoadingFacts>,
-    /// Program that keeps them.
-    pub checked_by: String,
-    /// One list per axis; a missing quantity has no limit.
-    pub axes: Vec<Vec<LimitFact>>,
-    /// Treatment of stale measurements.
-    pub stale: String,
-    /// When the specimen's end holds because no command comes, and which program does it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub watchdog: Option<String>,
-    /// Bounds of a simulated actuator and its sensors, and their effect.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ends: Option<String>,
-    /// Whether a reversed or dead channel is looked for before the test.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub direction: Option<String>,
-    /// Its position for "safe_displacement", in m, one number per axis.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub safe_disp_m: Option<Vec<f64>>,
-}
-
-/// One limit: a size, or a smallest and a largest value.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct LimitFact {
-    /// The key of the test file.
-    pub key: &'static str,
-    /// SI.
-    pub unit: &'static str,
-    /// Warned of beyond; empty: never.
-    pub warn: Vec<f64>,
-    /// Tripped beyond; empty: never.
-    pub trip: Vec<f64>,
-    /// Whether the specimen's end also receives and keeps the limit.
-    pub also_at_the_specimen: bool,
-    /// How it is judged, where that depends on other keys of the file.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub judged: Option<String>,
-}
+use gusset_record::summary::{LimitFact, LimitFacts};
 
 fn sizes(values: &[f64]) -> Vec<f64> {
     // A missing limit is an infinite one; half a range is shown whole.
@@ -91,8 +21,8 @@ fn sizes(values: &[f64]) -> Vec<f64> {
 
 fn of_test(quantity: Limit, bound: Bound, judged: Option<String>) -> LimitFact {
     LimitFact {
-        key: quantity.key(),
-        unit: quantity.unit(),
+        key: quantity.key().to_owned(),
+        unit: quantity.unit().to_owned(),
         warn: sizes(&[bound.warn]),
         trip: sizes(&[bound.trip]),
         also_at_the_specimen: false,
@@ -202,8 +132,8 @@ pub(super) fn facts(
     }
     if limits.divergence < f64::MAX {
         test.push(LimitFact {
-            key: "divergence_m",
-            unit: "m",
+            key: "divergence_m".to_owned(),
+            unit: "m".to_owned(),
             warn: Vec::new(),
             trip: vec![limits.divergence],
             also_at_the_specimen: false,

@@ -109,10 +109,10 @@ fn one(
         spec.evaluate_named(grid, files, called)
     })?;
     let name = &table.specimen;
-    let texts = history.warnings().iter();
+    let texts = history.warnings.iter();
     let texts = texts.map(|text| format!("specimen \"{name}\": {text}"));
     let told = [texts.collect(), Vec::new()];
-    let records = history.records().iter().cloned();
+    let records = history.records.iter().cloned();
     keep(site, at, &table.signal, told, records);
     *slot = Some(history);
     Ok(())

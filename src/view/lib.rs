@@ -1,39 +1,28 @@
 //! A recorded run as people look at it.
 //!
 //! [`RunView`] holds the files of a run folder as typed values: summary, resolved test, timing, events and a digest of the rows. Each
-//! file is read once. Every field may be absent, and unknown fields are ignored: folders of earlier versions can be read.
+//! file is read once, with the type that wrote it (`gusset_record`, `gusset_config`).
 //! [`report`] makes pages and pictures of it. [`live`] shows a test that is still running.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `lenient` | fields of a file that keep their default where they cannot be read |
-//! | `summary`, `limits`, `timing`, `test_file` | `summary.json`, its limits, `timing.json`, `resolved.toml` |
 //! | `report` | the pages: one run, two runs, and the pieces of all other pages |
 //! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
 //!
 //! This member has no access to a loop: it reads records, or passing rows. It moves nothing. Begin reading with [`report`].
 
 mod assets;
-mod lenient;
-mod limits;
 pub mod live;
 pub mod report;
-mod summary;
-mod test_file;
-mod timing;
 
-pub use limits::{LimitView, LimitsView, SpecimenLimitsView};
-pub use summary::{Feature, Progress, Realtime, Remarks, SummaryView};
-pub use test_file::{
-    AxisTable, Excitation, Matrices, NumberOrWord, Processing, ResolvedTest, Similitude,
-    SpecimenTable, Structure, TestFile, Variant,
-};
-pub use timing::{Percentiles, TimingEntry, Timings};
+pub use gusset_config::RecordedFile as TestFile;
 
 use std::collections::BTreeMap;
 
 use gusset_motion::metrics::falsified::Mode;
-use gusset_record::{Column, EventLine};
+use gusset_record::rt::timing::Timings;
+use gusset_record::summary::ClockKind;
+use gusset_record::{Column, EventLine, MissClasses, Summary};
 use report::Digest;
 
 /// Missing or wrong parts of a run's record, in words.
@@ -53,6 +42,42 @@ pub struct Flaws {
     pub unreadable_events: usize,
     /// Number of events by kind that are in `events.jsonl` only, because there are too many of their kind.
     pub events_left_out: BTreeMap<&'static str, u64>,
+}
+
+/// `resolved.toml`: its text and its tables.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ResolvedTest {
+    /// The text.
+    pub text: String,
+    /// Its tables; all empty where it cannot be read.
+    pub file: TestFile,
+}
+
+#[cfg(test)]
+impl<T: Into<String>> From<T> for ResolvedTest {
+    fn from(text: T) -> Self {
+        let text = text.into();
+        let path = std::path::Path::new("resolved.toml");
+        let file = TestFile::read(path, text.clone()).unwrap_or_else(|error| panic!("{error}"));
+        Self { text, file }
+    }
+}
+
+/// Counts of the summary.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Progress {
+    /// Steps of integration.
+    pub steps: Option<u64>,
+    /// Δt in s of test time.
+    pub dt: Option<f64>,
+    /// Wall time of the loop in s.
+    pub wall_seconds: Option<f64>,
+    /// Ticks per second of wall time that were asked for.
+    pub rate_hz: Option<f64>,
+    /// Deadline misses, warm-up not counted.
+    pub deadline_misses: Option<u64>,
+    /// Deadline misses by class.
+    pub miss_classes: Option<MissClasses>,
 }
 
 /// A step of a served test with several exchanges.
@@ -86,9 +111,9 @@ pub struct RunView {
     /// Why no margin to a critical delay was watched, if none was.
     pub no_margin: Option<String>,
     /// `summary.json`, if there is one.
-    pub summary: Option<SummaryView>,
-    /// `timing.json`, or the percentiles of the summary.
-    pub timing: Timings,
+    pub summary: Option<Summary>,
+    /// `timing.json`, if there is one.
+    pub timing: Option<Timings>,
     /// The lines of `events.jsonl`.
     pub events: Vec<EventLine>,
     /// Missing or contradictory parts of the record.
@@ -100,17 +125,16 @@ pub struct RunView {
 impl RunView {
     /// Timing from `timing.json`, else from the summary.
     #[must_use]
-    pub(crate) fn timings(&self) -> &Timings {
-        match &self.summary {
-            Some(summary) if self.timing.0.is_empty() => &summary.timing,
-            _ => &self.timing,
-        }
+    pub(crate) fn timings(&self) -> Option<&Timings> {
+        let summarised = || self.summary.as_ref()?.timing.as_ref();
+        self.timing.as_ref().or_else(summarised)
     }
 
     /// True of a run on the simulated clock.
     #[must_use]
     pub(crate) fn is_simulated(&self) -> bool {
-        self.summary.as_ref().is_some_and(SummaryView::is_simulated)
+        let summary = self.summary.as_ref();
+        summary.is_some_and(|summary| summary.clock == ClockKind::Simulated)
     }
 
     /// True for a server's record of its controller's commands.
@@ -123,7 +147,14 @@ impl RunView {
     /// Counts of the run; all absent without a summary.
     #[must_use]
     pub fn progress(&self) -> Progress {
-        let progress = self.summary.as_ref().map(|summary| summary.progress);
-        progress.unwrap_or_default()
+        let of = |summary: &Summary| Progress {
+            steps: Some(summary.steps),
+            dt: Some(summary.dt),
+            wall_seconds: Some(summary.wall_seconds),
+            rate_hz: Some(summary.rate_hz),
+            deadline_misses: Some(summary.deadline_misses),
+            miss_classes: Some(summary.miss_classes),
+        };
+        self.summary.as_ref().map(of).unwrap_or_default()
     }
 }

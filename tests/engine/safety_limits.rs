@@ -96,7 +96,8 @@ fn reason_for_no_limits_is_in_the_folder() {
             .iter()
             .any(|text| text.contains("only a formula"))
     );
-    assert_eq!(summary.limits["unlimited"], "only a formula");
+    let unlimited = summary.limits.unwrap().unlimited;
+    assert_eq!(unlimited.as_deref(), Some("only a formula"));
     let resolved = std::fs::read_to_string(folder.join("run/resolved.toml")).unwrap();
     assert!(resolved.contains("unlimited = \"only a formula\""));
 }

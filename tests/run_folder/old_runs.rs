@@ -6,6 +6,8 @@
 
 use std::path::{Path, PathBuf};
 
+use gusset_record::Run;
+
 use crate::common::{Said, json, physics, say};
 
 const FOLDERS: [&str; 4] = ["defaults", "tripped", "keys", "held"];
@@ -30,7 +32,12 @@ fn old_runs_are_reported_and_exported() {
         let run = old(home.path(), name);
         let said = on("report", &run, &[]);
         assert_eq!(said.code, Some(0), "{name}: {}", said.stderr);
+        let opened = Run::open(&run).unwrap();
+        let summary = opened.summary().unwrap();
+        assert!(summary.limits.is_some() && summary.falsified.is_some());
+        assert!(opened.timings().unwrap().is_some());
         let page = std::fs::read_to_string(run.join("report.html")).unwrap();
+        assert!(!page.contains("cannot be read") && !page.contains("Damaged"));
         assert!(page.contains("elastic") || page.contains("linear") || page.contains("coulomb"));
         for further in [&[][..], &["--with", "absolute-acceleration,storey-drift"]] {
             let out = home.path().join(format!("{name}-{}.csv", further.len()));

@@ -6,7 +6,8 @@ use super::brief::{of_peak_nodal_force, of_record, of_test};
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Errors, Spectrum, per_cent};
 use gusset_quantity::units::{number, quantity};
-use gusset_session::integration::{self, method_name};
+use gusset_config::word;
+use gusset_session::integration;
 use gusset_setup::{Facts, StructureFacts};
 
 /// Everything that is known of the test without a rehearsal.
@@ -100,7 +101,7 @@ fn describe(
     }
     match structure.lambda {
         Some(lambda) => describe_lambda(table, structure, lambda),
-        None => table.row("method", &method_name(structure.method)),
+        None => table.row("method", &word(&structure.method)),
     }
     for (what, found) in integration::in_full(facts, structure) {
         table.row(what, &found);

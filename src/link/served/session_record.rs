@@ -323,7 +323,7 @@ impl SessionRecord {
             )
         };
         for result in [
-            folder.write_timing(&timing.to_json_with_bins()),
+            folder.write_timing(&timing.with_bins()),
             folder.write_summary(&summary),
         ] {
             if let Err(error) = result {

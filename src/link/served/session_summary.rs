@@ -2,15 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use serde_json::json;
-
 use super::exchange_columns::Exchange;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::LinkStats;
 use gusset_quantity::units::AxisUnits;
 use gusset_record::rt::timing::Timing;
 use gusset_record::rt::wall::Wall;
-use gusset_record::summary::{ClockKind, InputFile, LinkCounts, Peak};
+use gusset_record::summary::{ClockKind, InputFile, LinkCounts, Peak, Realtime};
 use gusset_record::{MissClasses, Recorded, Summary};
 
 /// Counters of a running test.
@@ -120,24 +118,25 @@ pub(super) fn summarise(
             force: BTreeMap::from([(name.to_owned(), some(&counted.force))]),
             ..Peak::default()
         },
-        timing: timing.to_json(),
-        realtime: json!({
-            "asked": false,
-            "role": "served to a controller: one row per exchange",
-            "began_utc_ns": counted.began.0,
-            "peak_displacement_m": some(&counted.disp) as Vec<Option<f64>>,
-        }),
+        timing: Some(timing.summarised()),
+        realtime: Realtime {
+            asked: Some(false),
+            role: Some("served to a controller: one row per exchange".to_owned()),
+            began_utc_ns: Some(counted.began.0),
+            peak_displacement_m: Some(some(&counted.disp)),
+            granted: None,
+        },
         link: BTreeMap::from([(name.to_owned(), link)]),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         rows_lost: recorded.rows_lost(),
         inputs: end.inputs,
         miss_classes: MissClasses::default(),
         warnings,
-        limits: serde_json::Value::Null,
-        machine: serde_json::Value::Null,
-        metrics: serde_json::Value::Null,
+        limits: None,
+        machine: None,
+        metrics: None,
         metrics_missing: Vec::new(),
-        falsified: serde_json::Value::Null,
+        falsified: None,
         left: BTreeMap::new(),
         force_on_the_way_in: BTreeMap::new(),
         accepted: end.accepted,

@@ -90,11 +90,13 @@ pub struct Demand {
 pub struct Course {
     shape: Shape,
     band: Band,
-    duration: f64,
+    /// Its length in s.
+    pub duration: f64,
     seed: u64,
     /// The signal's own amplitude, per metre of the largest displacement.
     own: f64,
-    demand: Demand,
+    /// Demand on an actuator.
+    pub demand: Demand,
 }
 
 /// Lines of the spectrum that a band must hold at least, and cycles of its lowest frequency.
@@ -173,18 +175,6 @@ impl Course {
             accel: accel / top,
         };
         Ok(course)
-    }
-
-    /// Demand on an actuator.
-    #[must_use]
-    pub const fn demand(&self) -> Demand {
-        self.demand
-    }
-
-    /// Its length in s.
-    #[must_use]
-    pub const fn duration(&self) -> f64 {
-        self.duration
     }
 
     /// The motion from `start` seconds on, up to `amplitude` metres either way.

@@ -70,7 +70,8 @@ pub struct Balance<'a> {
     rows: [Row; 3],
     known: usize,
     so_far: Energies,
-    scale: Scale,
+    /// What energy errors are measured by, of the steps so far.
+    pub scale: Scale,
     pending: Energies,
     begun: bool,
     vel: Vec<f64>,
@@ -148,12 +149,6 @@ impl<'a> Balance<'a> {
         let now = self.close();
         self.scale.input_energy_j = self.scale.input_energy_j.max(now.input);
         Some(now)
-    }
-
-    /// What energy errors are measured by, of the steps so far.
-    #[must_use]
-    pub const fn scale(&self) -> Scale {
-        self.scale
     }
 
     fn close(&mut self) -> Energies {
@@ -290,7 +285,7 @@ mod tests {
         let most = rows
             .iter()
             .fold(0.0, |most: f64, row| most.max(row.0.abs()));
-        let scale = balance.scale();
+        let scale = balance.scale;
         assert!((scale.strain_energy_j / (2.5e3 * most * most) - 1.0).abs() < 1e-12);
         // Input starts at zero here. It went into the damping and into the energy still stored or in motion.
         let input = last.damping + last.kinetic + last.springs + last.specimens;

@@ -88,6 +88,7 @@ pub struct Tracking {
     /// Delay of the frequency evaluation index, or, without one, the lag; positive: the measured displacement is behind.
     pub delay_s: Option<Judged>,
     /// Amplitude of the frequency evaluation index, or, without one, the slope; less one.
+    #[serde(default = "Judged::unknown")]
     pub amplitude_error: Judged,
     /// Lag of the largest cross-correlation, refined within a sample.
     pub lag_s: Option<Judged>,

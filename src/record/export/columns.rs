@@ -105,7 +105,7 @@ impl Columns {
         self.values.clear();
         let bytes = 8 * self.rows;
         let fitting = usize::try_from(self.memory / bytes.max(8)).unwrap_or(usize::MAX);
-        let chosen = self.plan.columns().get(first..).unwrap_or_default();
+        let chosen = self.plan.columns.get(first..).unwrap_or_default();
         let chosen = chosen.get(..fitting.max(1)).unwrap_or(chosen);
         for _ in chosen {
             let mut whole = Vec::new();

@@ -41,9 +41,9 @@ pub(super) fn export(
         .with_sync_policy(SyncPolicy::OnClose);
     let opened = File::open_rw_with_options(file.path(), access).map_err(refused)?;
     let root = opened.root();
-    for index in 0..columns.plan().columns().len() {
+    for index in 0..columns.plan().columns.len() {
         let values = columns.take(index)?;
-        let Some(exposed) = columns.plan().columns().get(index) else {
+        let Some(exposed) = columns.plan().columns.get(index) else {
             break;
         };
         let kind = match exposed.source {

@@ -31,7 +31,7 @@ pub(super) fn export(
     let names = columns.plan().names(&TEXTS);
     let shape = format!("({},)", columns.rows());
     for (index, name) in names.iter().enumerate() {
-        let source = columns.plan().columns().get(index).map(|c| &c.source);
+        let source = columns.plan().columns.get(index).map(|c| &c.source);
         let kind = match source {
             Some(Source::Sequence) => "<i8",
             _ => "<f8",
@@ -39,7 +39,7 @@ pub(super) fn export(
         let values = columns.take(index)?;
         entry(&mut archive, name, &header(kind, &shape), &values).map_err(failed)?;
     }
-    let described = columns.plan().columns().iter().map(|c| &c.column);
+    let described = columns.plan().columns.iter().map(|c| &c.column);
     let units: Vec<&str> = described.clone().map(|c| c.unit.as_str()).collect();
     let meanings: Vec<&str> = described.map(|c| c.meaning.as_str()).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();

@@ -143,7 +143,8 @@ pub(super) struct Plan {
     pub time: usize,
     /// How many columns the CSV has.
     csv: usize,
-    columns: Vec<Exposed>,
+    /// The columns that an export has.
+    pub columns: Vec<Exposed>,
 }
 
 /// State of a row in which a step is made.
@@ -273,16 +274,6 @@ impl Plan {
         let none = self.csv_columns().iter();
         let none = none.filter(|exposed| exposed.source == Source::Nothing);
         none.map(|exposed| exposed.column.name.as_str()).collect()
-    }
-
-    /// Place of the test time in a row.
-    pub(crate) const fn time(&self) -> usize {
-        self.time
-    }
-
-    /// All columns.
-    pub(crate) fn columns(&self) -> &[Exposed] {
-        &self.columns
     }
 
     /// The names of all columns, so that none is among `reserved`: those get an underscore behind them.

@@ -371,7 +371,7 @@ mod tests {
         assert_eq!(granted.missing().count(), 0);
         // The last processor, so that 0 is left to the system.
         assert_eq!(granted.cpu, Some(5));
-        assert_eq!(granted.clock().spin_ns(), 60_000);
+        assert_eq!(granted.clock().spin_ns, 60_000);
     }
 
     #[test]

@@ -14,7 +14,8 @@ pub const USUAL_SPIN_NS: u64 = 60_000;
 /// CLOCK_MONOTONIC as a [`Clock`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MonotonicClock {
-    spin_ns: u64,
+    /// The spin before each edge in ns.
+    pub(super) spin_ns: u64,
 }
 
 impl MonotonicClock {
@@ -22,13 +23,6 @@ impl MonotonicClock {
     #[must_use]
     pub const fn new(spin_ns: u64) -> Self {
         Self { spin_ns }
-    }
-
-    /// The spin in nanoseconds.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) const fn spin_ns(&self) -> u64 {
-        self.spin_ns
     }
 }
 

@@ -15,7 +15,8 @@ use super::{apply, os};
 pub struct Load {
     stop: Arc<AtomicBool>,
     streamed: Arc<AtomicU64>,
-    cpus: Vec<usize>,
+    /// Processors that the load may run on.
+    pub cpus: Vec<usize>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -27,7 +28,7 @@ const CHUNK: usize = 8192;
 impl Load {
     /// Starts the load on any processor but `away_from`, the loop's, with a buffer of `bytes`.
     ///
-    /// With one processor there is no other: then it runs beside the loop, and [`Load::cpus`] is empty.
+    /// With one processor there is no other: then it runs beside the loop, and `cpus` is empty.
     ///
     /// # Errors
     /// No thread can be started.
@@ -52,12 +53,6 @@ impl Load {
             cpus,
             thread,
         })
-    }
-
-    /// Processors that the load may run on.
-    #[must_use]
-    pub fn cpus(&self) -> &[usize] {
-        &self.cpus
     }
 
     /// Bytes read and written so far.
@@ -117,7 +112,7 @@ mod tests {
     fn load_avoids_the_loop_processor_and_ends() {
         let own = os::process_cpus().last().copied().unwrap();
         let load = Load::start(own, 1 << 20).unwrap();
-        assert!(!load.cpus().contains(&own));
+        assert!(!load.cpus.contains(&own));
         while load.streamed() == 0 {
             os::yield_now();
         }

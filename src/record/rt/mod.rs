@@ -25,7 +25,7 @@
 use std::fs::File;
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub mod apply;
 pub mod clock;
@@ -64,7 +64,7 @@ pub struct RtPlan {
 }
 
 /// One request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Want {
     /// The loop's thread runs on a processor of the loop's choice.
@@ -84,7 +84,7 @@ pub enum Want {
 }
 
 /// Answer to one request.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Feature {
     /// Kind of request.
     pub want: Want,
@@ -101,7 +101,7 @@ pub struct Feature {
 }
 
 /// The operating system's answers. Holds the processors awake for as long as it, or a clone of it, lives.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Granted {
     /// True if no request was refused.
     pub complete: bool,
@@ -115,6 +115,21 @@ pub struct Granted {
     pub spin: Spin,
     #[serde(skip)]
     _awake: Option<Arc<File>>,
+}
+
+impl PartialEq for Granted {
+    fn eq(&self, other: &Self) -> bool {
+        let answers = |of: &Self| {
+            (
+                of.complete,
+                of.required,
+                of.cpu,
+                of.features.clone(),
+                of.spin.clone(),
+            )
+        };
+        answers(self) == answers(other)
+    }
 }
 
 impl Granted {

@@ -5,10 +5,10 @@
 //! with the same share). A spin that leaves part of *every* period asleep can never use the budget up. This
 //! file is arithmetic and one read of two files; it does not pace.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The two settings in /proc/sys/kernel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Throttle {
     /// Microseconds that real-time threads may run in each period; none: no limit.
     pub runtime_us: Option<u64>,
@@ -67,7 +67,7 @@ impl Throttle {
 }
 
 /// The spin in use, beside the one requested.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Spin {
     /// Requested, in µs.
     pub asked_us: f64,

@@ -180,9 +180,9 @@ impl<S: Store, E: Store> Drain<S, E> {
             rows_lost_file: self.lost_file,
             states_written: states.written,
             states_skipped: self.ring.states_skipped() + states.refused,
-            events_written: self.events.taken() - self.events.lost() - unwritten,
-            events_lost: self.events.lost() + unwritten + self.ring.lost().events(),
-            misses: self.events.classes(),
+            events_written: self.events.taken - self.events.lost - unwritten,
+            events_lost: self.events.lost + unwritten + self.ring.lost().events(),
+            misses: self.events.classes,
             warned: self.events.warned(),
             sync_failures,
             first_error: self.first_error,
@@ -320,8 +320,8 @@ impl<S: Store, E: Store> Drain<S, E> {
         progress.last_row.clone_from(&self.last_row);
         progress.rows_written = self.journal.rows();
         progress.rows_lost = self.rows_lost();
-        progress.events = self.events.taken();
-        progress.misses = self.events.classes();
+        progress.events = self.events.taken;
+        progress.misses = self.events.classes;
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) fn amplitude(
     tick: f64,
 ) -> Result<(f64, String), IdentificationError> {
     let zero = table.axis.get(axis).map_or(0.0, |axis| axis.offset_m);
-    let demand = course.demand();
+    let demand = course.demand;
     let room = |key, (warn, trip): (f64, f64), need, unit| Room {
         key,
         warn,

@@ -165,7 +165,7 @@ impl Plan {
         let course = Course::new(shape, band, args.duration, args.seed, tick)
             .map_err(|error| refusal(error.to_string()))?;
         let chosen = chosen(args, loaded)?;
-        let ticks = (course.duration() / tick).ceil() as u64;
+        let ticks = (course.duration / tick).ceil() as u64;
         let rest = ((REST_S / tick).ceil() as u64).max(REST_TICKS);
         let mut axes = Vec::new();
         for (place, specimen) in chosen.iter().copied().enumerate() {

@@ -2,13 +2,13 @@
 
 use super::super::links;
 use super::super::specimens::loading;
-use super::{LimitFact, SpecimenLimits};
 use gusset_config::{ClockChoice, LinkSpec, Protocol, SpecimenTable, StaleChoice, Time};
 use gusset_control::port::limits::{AxisLimits, listed};
 use gusset_control::port::{Port, WiringCheck};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::units::{self, duration};
+use gusset_record::summary::{LimitFact, SpecimenLimits};
 
 /// All of them.
 pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> SpecimenLimits {
@@ -20,8 +20,8 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
         let levels = axis.levels().map(|(quantity, levels)| {
             let [warn, trip] = [levels.warn, levels.trip].map(|ends| listed(quantity, ends));
             LimitFact {
-                key: quantity.key(),
-                unit: quantity.unit(),
+                key: quantity.key().to_owned(),
+                unit: quantity.unit().to_owned(),
                 also_at_the_specimen: is_told && quantity.is_announced() && !trip.is_empty(),
                 warn,
                 trip,

@@ -5,14 +5,13 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
-
 use super::super::gear::Rows;
 use super::super::{Refused, Site};
 use gusset_actuator::geometry::{Geometry, GeometryError, GeometrySpec, LawPlace, MOST};
 use gusset_actuator::specimen::{Gear, Platform, Specimen};
 use gusset_config::{AxisTable, KeyPath, SpecimenTable};
 use gusset_control::port::{LoadingUnitSpec, PoseRow};
+use gusset_record::summary::{ActuatorFacts, LoadingFacts};
 
 type Sparse = Vec<(usize, f64)>;
 
@@ -138,35 +137,6 @@ fn of_platform(table: &SpecimenTable) -> Option<&GeometrySpec> {
     (spec.law_at == LawPlace::Platform).then_some(spec)
 }
 
-/// A loading unit, as shown to the person who checks a test.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct LoadingFacts {
-    /// "plane", "space" or "matrix".
-    pub form: &'static str,
-    /// Whether strokes are exact, or those of small displacements.
-    pub exact: bool,
-    /// Whether the law and the estimates are of actuators or coordinates.
-    pub law_at: LawPlace,
-    /// Driven coordinates of the platform.
-    pub coordinates: Vec<&'static str>,
-    /// Condition number of the Jacobian at the reference pose, rotations measured at the farthest joint.
-    pub condition: f64,
-    /// One entry per actuator.
-    pub actuators: Vec<ActuatorFacts>,
-}
-
-/// An actuator at the reference pose, at the specimen's scale.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ActuatorFacts {
-    /// Pin to pin, m; a matrix has none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub length_m: Option<f64>,
-    /// Shortest and longest stroke, m; empty where there is no bound.
-    pub stroke_m: Vec<f64>,
-    /// Stroke in m per m or rad of each coordinate.
-    pub slope: Vec<f64>,
-}
-
 /// The loading unit of a specimen.
 pub(crate) fn facts(table: &SpecimenTable) -> Option<LoadingFacts> {
     let spec = table.geometry.as_ref()?;
@@ -192,10 +162,11 @@ pub(crate) fn facts(table: &SpecimenTable) -> Option<LoadingFacts> {
             (Some(_), _) => "plane",
             (_, Some(_)) => "space",
             _ => "matrix",
-        },
+        }
+        .to_owned(),
         exact: geometry.is_exact(),
         law_at: spec.law_at,
-        coordinates: coordinates.iter().map(|one| one.key()).collect(),
+        coordinates: coordinates.iter().map(|one| one.key().to_owned()).collect(),
         condition: geometry.condition(&reference),
         actuators: actuators.collect(),
     })

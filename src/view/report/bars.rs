@@ -1,11 +1,11 @@
 //! Counts over a logarithmic time axis, percentiles and deadline marked.
 
-use super::Percentiles;
 use super::axis::{Axis, count_decade, is_drawable, micros_decade};
 use super::canvas::{Anchor, Canvas, Ink, Lettering, text_width};
 use super::charts::{Area, FOOT, HEAD, LABEL, Plot, Scaled, sentence, title};
 use super::histogram::LogBins;
 use super::text::micros;
+use gusset_record::rt::timing::Percentiles;
 
 /// Counts over time, both axes logarithmic, percentiles marked.
 #[derive(Debug, Clone, Copy)]
@@ -109,9 +109,7 @@ impl HistogramChart<'_> {
             ("p99.9", p.p99_9),
             ("max", p.max),
         ];
-        let marks = named
-            .into_iter()
-            .filter_map(|(name, value)| value.map(|us| (us, name, Ink::Frame)));
+        let marks = named.into_iter().map(|(name, us)| (us, name, Ink::Frame));
         let deadline = self.deadline_us.map(|us| (us, "deadline", Ink::Alarm));
         let mut all: Vec<_> = marks
             .chain(deadline)

@@ -164,7 +164,7 @@ pub fn doubts(first: &RunView, second: &RunView) -> Vec<String> {
 }
 
 fn verdict_of(run: &RunView) -> Option<&RecordedVerdict> {
-    run.summary.as_ref()?.remarks.verdict.as_ref()
+    run.summary.as_ref()?.verdict.as_ref()
 }
 
 fn banner(
@@ -226,19 +226,19 @@ fn capital(text: &str) -> String {
 fn facts(first: &RunView, second: &RunView) -> String {
     let of = |run: &RunView| {
         let known = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
-        let summary = run.summary.clone().unwrap_or_default();
-        let progress = summary.progress;
+        let summary = run.summary.as_ref();
+        let progress = run.progress();
         let misses = progress.deadline_misses.filter(|_| !run.is_served());
         [
             run.title.clone(),
-            known(summary.status),
-            known(summary.reason),
+            known(summary.map(|summary| summary.status.word().to_owned())),
+            known(summary.map(|summary| summary.reason.clone())),
             known(progress.steps.map(count)),
             known(progress.dt.map(|dt| exact(dt, "s"))),
-            known(summary.lambda.map(|lambda| lambda.0.to_string())),
-            known(summary.clock.map(|clock| clock_word(clock).to_owned())),
+            known(summary.and_then(|summary| Some(summary.lambda?.0.to_string()))),
+            known(summary.map(|summary| clock_word(summary.clock).to_owned())),
             known(misses.map(count)),
-            known(summary.version),
+            known(summary.map(|summary| summary.version.clone())),
         ]
     };
     let names = [
@@ -398,8 +398,12 @@ mod tests {
         assert!(verdict(&found((0, 9))).contains("no counterpart"));
     }
     fn configured(resolved: String) -> RunView {
+        let file = crate::TestFile::default();
         RunView {
-            test: resolved.into(),
+            test: crate::ResolvedTest {
+                text: resolved,
+                file,
+            },
             ..RunView::default()
         }
     }

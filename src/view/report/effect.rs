@@ -1,7 +1,5 @@
 //! Effect of actuator tracking errors of a test as a whole: the damping of its modes, and its energy.
 
-use serde_json::Value;
-
 use super::RunView;
 use super::courses::MARGIN;
 use super::digest::{Digest, MISSING};
@@ -110,13 +108,10 @@ fn found(run: &RunView, digest: &Digest) -> Option<Falsified> {
     })
 }
 
-/// The effect of tracking errors on the test as a whole, for `summary.json`; null for a test without a structure.
+/// The effect of tracking errors on the test as a whole, for `summary.json`; none for a test without a structure.
 #[must_use]
-pub fn effect(run: &RunView) -> Value {
-    let digest = run.digested();
-    found(run, &digest).map_or(Value::Null, |found| {
-        serde_json::to_value(found).unwrap_or_default()
-    })
+pub fn effect(run: &RunView) -> Option<Falsified> {
+    found(run, &run.digested())
 }
 
 /// The missing values, by the page's names of their summary keys.

@@ -18,10 +18,7 @@ fn extremes(
     axes: &[tracked::Tracked<'_>],
 ) -> Vec<(String, String)> {
     let has_run = rows.running() > 0 || run.progress().steps.is_some_and(|n| n > 0);
-    let peak = run
-        .summary
-        .as_ref()
-        .and_then(|summary| summary.peak.as_ref());
+    let peak = run.summary.as_ref().map(|summary| &summary.peak);
     let of = match (rows.part(), peak) {
         (None, _) => String::new(),
         (Some(_), Some(_)) => ", of the whole test".to_owned(),
@@ -77,8 +74,9 @@ pub(super) fn tiles(
     tiles.extend(storeys(rows));
     tiles.extend(tracking(rows, axes));
     if !run.is_simulated() {
-        let wakeup = timings.iter().find(|t| t.key == "wakeup_lateness");
-        let wakeup = wakeup.and_then(|timing| timing.percentiles.p99).map(micros);
+        let mut wakeup = timings.iter().filter(|t| t.percentiles.count > 0);
+        let wakeup = wakeup.find(|t| t.key == "wakeup_lateness");
+        let wakeup = wakeup.map(|timing| micros(timing.percentiles.p99));
         let misses = run.progress().deadline_misses.filter(|_| !run.is_served());
         tiles.extend(match (misses, wakeup) {
             (Some(misses), Some(p99)) => Some((

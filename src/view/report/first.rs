@@ -359,7 +359,7 @@ impl<'a> First<'a> {
         });
         digest.residuals = residuals.collect();
         if let Some(energy) = self.energy.filter(|_| whole) {
-            digest.scale = Some(energy.balance.scale());
+            digest.scale = Some(energy.balance.scale);
             digest.energy = self.energy_thinner.table(energy_columns());
         }
         let [table, ticks] = self.parts.map(|part| part.finish(&self.columns));

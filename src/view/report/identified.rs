@@ -1,7 +1,5 @@
 //! Results of a prescribed displacement for its specimens: stiffness, damping and lag; and tracking metrics as data.
 
-use serde_json::Value;
-
 use super::RunView;
 use super::axes::FIRST_LOADING;
 use super::digest::{MISSING, NOT_MEASURED, WITHOUT_DISP};
@@ -10,8 +8,9 @@ use super::html::{note, table};
 use super::rows::Rows;
 use super::text::{NOTHING, number, plural, quantity};
 use super::tracked::{Tracked, tracking};
-use gusset_motion::metrics::Estimate;
+use gusset_motion::metrics::{Estimate, Tracking};
 use gusset_record::COMMITS;
+use gusset_record::summary::InOrder;
 
 /// A share in percent; a negligible one is only called small.
 fn small_percent(share: f64) -> String {
@@ -102,19 +101,19 @@ pub fn followed(run: &RunView) -> Vec<String> {
     lines.collect()
 }
 
-/// Tracking metrics by specimen, one entry per axis in order, null where nothing moved: for `summary.json`.
+/// Tracking metrics by specimen, one entry per axis in order, none where nothing moved: for `summary.json`.
 #[must_use]
-pub fn tracking_metrics(run: &RunView) -> Value {
+pub fn tracking_metrics(run: &RunView) -> InOrder<Vec<Option<Tracking>>> {
     let digest = run.digested();
-    let mut all = serde_json::Map::new();
+    let mut all: Vec<(String, Vec<_>)> = Vec::new();
     for axis in &digest.axes {
         let name = run.test.file.specimen_name(axis.axis.specimen);
-        let entry = all.entry(name).or_insert_with(|| Value::Array(Vec::new()));
-        if let Value::Array(list) = entry {
-            list.push(serde_json::to_value(axis.tracking).unwrap_or_default());
+        match all.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, axes)) => axes.push(axis.tracking),
+            None => all.push((name, vec![axis.tracking])),
         }
     }
-    Value::Object(all)
+    InOrder(all)
 }
 
 /// Why metrics of an axis are null though it may have moved, in words: for `summary.json`.

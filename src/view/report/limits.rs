@@ -7,9 +7,9 @@ use super::html::{beside, details, note, paragraph, table_without};
 use super::rows::Rows;
 use super::scale::{Scale, own_unit};
 use super::text::{NOTHING, exact, number, quantity};
-use crate::{LimitView, LimitsView, SpecimenLimitsView};
 use gusset_quantity::catalog::column::JUDGED;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_record::summary::{LimitFact, LimitFacts, SpecimenLimits};
 
 /// The limits of the run, as markup; nothing where the summary has none.
 ///
@@ -34,7 +34,7 @@ pub(super) fn limits(
                 specimen: number,
                 axis: axis as u32 + 1,
             };
-            let far = |limit: &LimitView| farthest(limit, place, run, recorded, largest);
+            let far = |limit: &LimitFact| farthest(limit, place, run, recorded, largest);
             rows.extend(of_axis.iter().map(|limit| row(&who, limit, far(limit))));
             if of_axis.is_empty() {
                 unlimited.push(who);
@@ -71,7 +71,7 @@ pub(super) fn limits(
 
 /// The farthest value from zero that a limit judged, at the specimen; none where it is not recorded.
 fn farthest(
-    limit: &LimitView,
+    limit: &LimitFact,
     axis: SpecimenAxis,
     run: &RunView,
     recorded: &Rows<'_>,
@@ -104,21 +104,19 @@ fn farthest(
 }
 
 /// Causes that end every test, and the consequences of a trip, a late tick and the end.
-fn consequences(limits: &LimitsView) -> String {
+fn consequences(limits: &LimitFacts) -> String {
     let always = limits.always.join("; ");
     let each = [
-        ("Always", Some(always).filter(|text| !text.is_empty())),
-        ("Unlimited", limits.unlimited.clone()),
-        ("Startup", limits.way_in.clone()),
-        ("A late tick", limits.on_miss.clone()),
-        ("On a trip", limits.on_trip.clone()),
-        ("At the end", limits.at_end.clone()),
+        ("Always", always.as_str()),
+        ("Unlimited", limits.unlimited.as_deref().unwrap_or_default()),
+        ("Startup", &limits.way_in),
+        ("A late tick", &limits.on_miss),
+        ("On a trip", &limits.on_trip),
+        ("At the end", &limits.at_end),
     ];
-    let known = each
-        .into_iter()
-        .filter_map(|(what, text)| Some((what, text?)));
+    let known = each.into_iter().filter(|(_, text)| !text.is_empty());
     let notes: String = known
-        .map(|(what, text)| note(&format!("{what}: {}.", one_line(&text))))
+        .map(|(what, text)| note(&format!("{what}: {}.", one_line(text))))
         .collect();
     notes + &of_specimens(&limits.specimens)
 }
@@ -129,22 +127,24 @@ fn one_line(text: &str) -> String {
 }
 
 /// Facts about specimens beside the sizes; equal ones are shown once.
-fn of_specimens(specimens: &[SpecimenLimitsView]) -> String {
+fn of_specimens(specimens: &[SpecimenLimits]) -> String {
     let mut told: Vec<(String, Vec<&str>)> = Vec::new();
     for specimen in specimens {
         let parts = [
-            ("limits checked by", &specimen.checked_by),
-            ("stale answers:", &specimen.stale),
-            ("watchdog:", &specimen.watchdog),
-            ("direction:", &specimen.direction),
-            ("ends of its range:", &specimen.ends),
+            ("limits checked by", Some(&specimen.checked_by)),
+            ("stale answers:", Some(&specimen.stale)),
+            ("watchdog:", specimen.watchdog.as_ref()),
+            ("direction:", specimen.direction.as_ref()),
+            ("ends of its range:", specimen.ends.as_ref()),
         ];
         // The star refers to a column of this table.
-        let told_of = |(what, text): (&str, &Option<String>)| {
-            Some(format!("{what} {}", text.as_ref()?.replace(" (*)", "")))
+        let told_of = |(what, text): (&str, Option<&String>)| {
+            let text = text.filter(|text| !text.is_empty())?;
+            Some(format!("{what} {}", text.replace(" (*)", "")))
         };
         let parts = parts.into_iter().filter_map(told_of);
-        let safe = specimen.safe_disp_m.iter().map(|disp| exact(*disp, "m"));
+        let safe = specimen.safe_disp_m.iter().flatten();
+        let safe = safe.map(|disp| exact(*disp, "m"));
         let safe = safe.collect::<Vec<_>>().join(", ");
         let safe = (!safe.is_empty()).then(|| format!("safe displacement: {safe}"));
         let text = parts.chain(safe).collect::<Vec<_>>().join("; ");
@@ -160,16 +160,17 @@ fn of_specimens(specimens: &[SpecimenLimitsView]) -> String {
         .collect()
 }
 
-fn row(who: &str, limit: &LimitView, largest: Option<f64>) -> Vec<String> {
+fn row(who: &str, limit: &LimitFact, largest: Option<f64>) -> Vec<String> {
     let sizes = |values: &[f64]| {
         let write = |v: &f64| match limit.unit.as_str() {
             "" => number(*v, 3),
             words if words.starts_with("in ") => format!("{} {words}", exact(*v, "1").trim()),
             unit => quantity(*v, unit),
         };
-        match values {
-            [] => NOTHING.to_owned(),
-            values => values.iter().map(write).collect::<Vec<_>>().join(" … "),
+        let finite = values.iter().filter(|value| value.is_finite());
+        match finite.clone().next() {
+            None => NOTHING.to_owned(),
+            Some(_) => finite.map(write).collect::<Vec<_>>().join(" … "),
         }
     };
     let is_twice = limit.also_at_the_specimen;

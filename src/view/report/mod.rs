@@ -104,7 +104,7 @@ pub use text::{count, escape};
 
 use std::borrow::Cow;
 
-pub use super::{Percentiles, RunView};
+pub use super::RunView;
 pub use gusset_motion::metrics;
 
 impl RunView {

@@ -6,10 +6,10 @@ use std::collections::BTreeSet;
 
 use super::RunView;
 use super::text::{count, exact, plural, quantity};
-use crate::{Feature, SummaryView};
 use gusset_proof::{RecordedFinding, RecordedVerdict, per_cent};
 use gusset_quantity::catalog::ending::Status;
 use gusset_quantity::catalog::event::Remark;
+use gusset_record::rt::{Feature, Want};
 use gusset_record::{Event, EventLine, MissCause};
 
 /// How good the news is; decides the colour of the banner.
@@ -34,11 +34,9 @@ pub(super) struct Verdict {
 /// The verdict on `run`; `after` is the step after which it resumed, if it did. `more` are sentences on the steps of the test
 /// that these are, and on the end positions of the specimens.
 pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Verdict {
-    let nothing = SummaryView::default();
-    let summary = run.summary.as_ref().unwrap_or(&nothing);
-    let status = summary.status.as_deref();
-    let known = summary.ending();
-    let (mut tone, headline) = match known {
+    let summary = run.summary.as_ref();
+    let status = summary.map(|summary| summary.status);
+    let (mut tone, headline) = match status {
         _ if run.flaws.unfinished.is_some() => (
             Tone::Bad,
             "Unfinished: this run did not come to an orderly end",
@@ -57,10 +55,6 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         ),
         Some(Status::Stopped) => (Tone::Bad, "Stopped: a limit or bound ended the test"),
         Some(Status::Failed) => (Tone::Bad, "Failed: the test could not go on"),
-        None if status.is_some() => (
-            Tone::Warning,
-            "Ended with a status that this report does not know",
-        ),
         None => (Tone::Bad, "No summary: how this run ended is not recorded"),
     };
     let warned = warned(run);
@@ -92,8 +86,7 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         headline += "; FAULTS were played on it";
     }
     let mut sentences = Vec::new();
-    let remarks = &summary.remarks;
-    let judged = remarks.verdict.as_ref();
+    let judged = summary.and_then(|summary| summary.verdict.as_ref());
     if let Some(unstable) = judged.and_then(RecordedVerdict::headline) {
         tone = Tone::Bad;
         headline += "; the LOOP IS UNSTABLE";
@@ -144,7 +137,7 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         "finding of the verdict",
         "findings of the verdict",
     );
-    for (key, reason) in &remarks.accepted {
+    for (key, reason) in summary.iter().flat_map(|summary| &summary.accepted) {
         tone = worse(tone);
         sentences.push(ended(&format!(
             "The user accepted findings by `{key}`: {reason}"
@@ -158,28 +151,26 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
     if let Some(status) =
         status.filter(|_| !run.flaws.damaged.is_empty() && run.flaws.contradicted.is_empty())
     {
-        sentences.push(format!("The test itself: {}.", status.replace('_', " ")));
+        sentences.push(format!("The test itself: {}.", status.word()));
     }
     if run.flaws.unreadable_events > 0 && run.flaws.unfinished.is_none() {
         // One at the end is normal after a kill.
         tone = worse(tone);
         sentences.push("Lines of events.jsonl are damaged: see the events.".to_owned());
     }
-    if let Some(reason) = summary.reason.as_ref().filter(|r| {
+    let reason = summary.map(|summary| &summary.reason);
+    if let Some(reason) = reason.filter(|r| {
         // The headline already reports that a completed test reached its end.
-        !r.trim().is_empty() && known != Some(Status::Completed)
+        !r.trim().is_empty() && status != Some(Status::Completed)
     }) {
         sentences.push(ended(&format!("Reason: {reason}")));
-    }
-    let is_shown = !matches!(known, Some(Status::Interrupted | Status::Completed));
-    if let (Some(status), Tone::Warning) = (status.filter(|_| is_shown), tone) {
-        sentences.push(ended(&format!("Status: {status}")));
     }
     let is_told = |text: &str| sentences.iter().any(|told| told.contains(text.trim()));
     let findings = findings.iter().map(|one| (&one.text, &one.severity));
     let findings: Vec<_> = findings.filter(|(text, _)| !is_told(text)).collect();
     let is_finding = |text: &String| findings.iter().any(|(known, _)| text.contains(*known));
-    let warnings: Vec<&String> = (remarks.warnings.iter())
+    let warnings = summary.iter().flat_map(|summary| &summary.warnings);
+    let warnings: Vec<&String> = warnings
         .filter(|text| !is_told(text) && !is_finding(text))
         .collect();
     let name = |severity: &str| match severity {
@@ -194,7 +185,7 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         tone = worse(tone);
     }
     sentences.extend(doubts);
-    let lost = summary.progress.rows_lost;
+    let lost = summary.map_or(0, |summary| summary.rows_lost);
     if lost > 0 {
         tone = worse(tone);
         let gaps = match run.flaws.missing_rows {
@@ -212,7 +203,7 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         tone = worse(tone);
         sentences.extend(sentence.take());
     }
-    let stretched = summary.progress.stretched_ticks;
+    let stretched = summary.map_or(0, |summary| summary.stretched_ticks);
     if stretched > 0 {
         tone = worse(tone);
         let ticks = plural(stretched, "tick", "ticks");
@@ -299,7 +290,8 @@ fn extent(run: &RunView, after: Option<u64>) -> Option<String> {
 
 /// Deadline misses by class, from the summary or, where it has none, counted from the events.
 pub(super) fn miss_classes(run: &RunView) -> Vec<(Option<MissCause>, u64)> {
-    if let Some(classes) = run.progress().miss_classes {
+    let classes = run.progress().miss_classes;
+    if let Some(classes) = classes.filter(|classes| classes.total() > 0) {
         return classes.each().map(|(cause, n)| (Some(cause), n)).into();
     }
     let mut classes = Vec::new();
@@ -375,39 +367,36 @@ pub(super) const fn class_words(class: Option<MissCause>) -> &'static str {
     }
 }
 
-fn feature_words(want: &str) -> String {
+const fn feature_words(want: Want) -> &'static str {
     match want {
-        "affinity" => "a separate processor",
-        "policy" => "real-time priority",
-        "lock_memory" => "locked memory",
-        "prefault" => "a touched stack",
-        "cpu_awake" => "processors held awake",
-        "timer_slack" => "exact timers",
-        "signals" => "signals kept off the loop",
-        other => return other.replace('_', " "),
+        Want::Affinity => "a separate processor",
+        Want::Policy => "real-time priority",
+        Want::LockMemory => "locked memory",
+        Want::Prefault => "a touched stack",
+        Want::CpuAwake => "processors held awake",
+        Want::TimerSlack => "exact timers",
+        Want::Signals => "signals kept off the loop",
     }
-    .to_owned()
 }
 
 /// Sentences on the refusals of the operating system, and their remedies.
 pub(super) fn refused(run: &RunView) -> Vec<String> {
-    let features = run
-        .summary
-        .iter()
-        .flat_map(|summary| &summary.realtime.features);
+    let granted = run.summary.iter();
+    let granted = granted.flat_map(|summary| &summary.realtime.granted);
+    let features = granted.flat_map(|granted| &granted.features);
     let sentence = |feature: &Feature| {
-        let mut sentence = format!("Not granted: {}", feature_words(feature.want.as_deref()?));
+        let mut sentence = format!("Not granted: {}", feature_words(feature.want));
         if let Some(reason) = &feature.reason {
             sentence += &format!(" ({reason})");
         }
         if let Some(advice) = &feature.advice {
             sentence += &format!("; {advice}");
         }
-        Some(ended(&sentence))
+        ended(&sentence)
     };
     features
         .filter(|feature| !feature.granted)
-        .filter_map(sentence)
+        .map(sentence)
         .collect()
 }
 
@@ -450,10 +439,10 @@ mod tests {
             json!({
                 "status": "completed", "deadline_misses": 3, "rows_lost": 7, "stretched_ticks": 1,
                 "warnings": ["the record is shorter than the test"],
-                "realtime": {"complete": false, "features": [
-                    {"want": "policy", "granted": true},
-                    {"want": "lock_memory", "granted": false, "reason": "EPERM", "advice": "raise memlock in limits.conf"},
-                ]},
+                "realtime": {"complete": false, "required": false, "features": [
+                    {"want": "policy", "asked": "SCHED_FIFO", "granted": true},
+                    {"want": "lock_memory", "asked": "mlockall", "granted": false, "reason": "EPERM", "advice": "raise memlock in limits.conf"},
+                ], "spin": {"asked_us": 0.0, "used_us": 0.0, "throttle": null, "note": ""}},
             }),
             vec![miss("preempted"), miss("taken_away"), miss("taken_away")],
         );
@@ -572,8 +561,8 @@ mod tests {
             of(json!({"status": "interrupted"}), vec![]).tone,
             Tone::Warning
         );
-        assert!(of(json!({"status": "odd"}), vec![]).sentences[0].contains("odd"));
-        assert!(of(json!(17), vec![]).headline.starts_with("No summary"));
+        let nothing = verdict(&RunView::default(), None, &[]);
+        assert!(nothing.headline.starts_with("No summary"));
         let v = verdict(
             &RunView {
                 flaws: Flaws {

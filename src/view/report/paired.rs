@@ -250,13 +250,13 @@ pub(super) fn timing(first: &RunView, second: &RunView) -> String {
         let name = words(key).0;
         rows.extend(known(
             &format!("{name}, p99"),
-            a.and_then(|a| a.p99).map(micros),
-            b.and_then(|b| b.p99).map(micros),
+            a.map(|a| micros(a.p99)),
+            b.map(|b| micros(b.p99)),
         ));
         rows.extend(known(
             &format!("{name}, largest"),
-            a.and_then(|a| a.max).map(micros),
-            b.and_then(|b| b.max).map(micros),
+            a.map(|a| micros(a.max)),
+            b.map(|b| micros(b.max)),
         ));
     }
     if rows.is_empty() {

@@ -2,13 +2,14 @@
 //!
 //! Both have a transparent background and mid-tone colours, so that they can be read on white and on black.
 
+use super::RunView;
 use super::bars::HistogramChart;
 use super::canvas::{Canvas, Ink, Skin, picture};
 use super::charts::{Area, Quantity, sentence};
 use super::histogram;
 use super::lines::{Line, LoopChart, TimeChart};
 use super::rows::{History, Rows};
-use super::{Percentiles, RunView};
+use gusset_record::rt::timing::Percentiles;
 
 /// One wide SVG: ground motion and top displacement, the first specimen's hysteresis, wake-up lateness.
 #[must_use]
@@ -115,7 +116,7 @@ pub fn hero_svg(run: &RunView) -> String {
             return hysteresis.draw(canvas, area(545.0, 12.0, 685.0, 342.0));
         }
         hysteresis.draw(canvas, area(545.0, 12.0, 325.0, 342.0));
-        let timings = histogram::read(&run.timing);
+        let timings = histogram::read(run.timing.as_ref());
         let place = area(905.0, 12.0, 325.0, 342.0);
         match timings
             .iter()

@@ -285,7 +285,7 @@ fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)
 
 fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> String {
     // A test that was stopped in motion has no residual displacement.
-    let ending = run.summary.as_ref().and_then(|summary| summary.ending());
+    let ending = run.summary.as_ref().map(|summary| summary.status);
     let is_completed = ending == Some(Status::Completed);
     let listed = spread(dofs, MOST_DOFS);
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
@@ -352,10 +352,7 @@ pub(super) fn largest_displacement<'a>(
     run: &RunView,
     rows: &Rows<'a>,
 ) -> Option<(u32, f64, &'a str)> {
-    let peak = run
-        .summary
-        .as_ref()
-        .and_then(|summary| summary.peak.as_ref());
+    let peak = run.summary.as_ref().map(|summary| &summary.peak);
     let recorded = rows.dofs().iter().copied().filter_map(|dof| {
         let name = format!("x{dof}");
         let peak = metrics::peak(&rows.get(&name)?)?;

@@ -6,7 +6,8 @@ use super::html::note;
 use super::rows::Rows;
 use super::tested::axis_name;
 use super::text::trimmed;
-use crate::{AxisTable, TestFile};
+use crate::TestFile;
+use gusset_config::AxisTable;
 
 /// Unit of a column at the specimen's end: the configuration contains the unit itself.
 const OWN: &str = "specimen unit";
@@ -39,12 +40,8 @@ pub(super) fn own_unit<'a>(
     }
     let entry = entry(test, axis);
     match kind {
-        "raw_force" => entry
-            .and_then(|axis| axis.unit_force.as_deref())
-            .unwrap_or("N"),
-        _ => entry
-            .and_then(|axis| axis.unit_disp.as_deref())
-            .unwrap_or("m"),
+        "raw_force" => entry.map_or("N", |axis| axis.unit_force.symbol()),
+        _ => entry.map_or("m", |axis| axis.unit_disp.symbol()),
     }
 }
 
@@ -54,12 +51,10 @@ impl Scale {
         if rows.unit(&axis.column("cmd")) != OWN {
             return None;
         }
-        let table = entry(test, axis);
-        let ratio = |of: fn(&AxisTable) -> Option<f64>| table.and_then(of).unwrap_or(1.0);
-        let similitude = test.specimen(axis.specimen)?.similitude;
-        let ratio = ratio(|axis| axis.sign) * ratio(|axis| axis.scale);
-        let metres = similitude.length.unwrap_or(1.0) / ratio;
-        let newtons = similitude.force.unwrap_or(1.0) * ratio;
+        let ratio = entry(test, axis).map_or(1.0, |axis| f64::from(axis.sign) * axis.scale);
+        let similitude = &test.specimen(axis.specimen)?.similitude;
+        let metres = similitude.length / ratio;
+        let newtons = similitude.force * ratio;
         let is_plain = metres == 1.0 && newtons == 1.0;
         (!is_plain).then_some(Self { metres, newtons })
     }

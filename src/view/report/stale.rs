@@ -156,7 +156,7 @@ mod tests {
         // Straight across four of 4096 samples.
         let energy = whole.digested().axes[0].absorbed.unwrap();
         assert!((axis.absorbed.unwrap() / energy - 1.0).abs() < 1e-2);
-        let summary = tracking_metrics(&run).to_string();
+        let summary = serde_json::to_string(&tracking_metrics(&run)).unwrap();
         assert!(summary.contains("\"value\":0.0"), "{summary}");
     }
 

@@ -90,10 +90,19 @@ impl Loop {
         let bins: Vec<_> = self
             .counts
             .iter()
-            .map(|(ns, n)| json!([*ns as f64 / 1000.0, n]))
+            .map(|(ns, n)| json!([*ns as f64 / 1000.0 - 0.001, *ns as f64 / 1000.0, n]))
             .collect();
-        json!({"count": total, "min": at(0.0), "p50": at(0.5), "p90": at(0.9), "p99": at(0.99), "p99_9": at(0.999), "max": at(1.0), "histogram": bins})
+        json!({"count": total, "min": at(0.0), "p50": at(0.5), "p90": at(0.9), "p99": at(0.99), "p99_9": at(0.999), "max": at(1.0), "bins": bins})
     }
+}
+
+/// Bins by their upper edges in µs and their counts.
+fn bins(of: &[(f64, u64)]) -> serde_json::Value {
+    let lower = std::iter::once(0.0).chain(of.iter().map(|(to, _)| *to));
+    lower
+        .zip(of)
+        .map(|(from, (to, count))| json!([from, to, count]))
+        .collect()
 }
 
 /// A hybrid test of `seconds` at 1024 Hz whose specimen answers `delay` ticks late.
@@ -218,17 +227,17 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunView {
                 {"want": "affinity", "asked": "processor 1", "granted": true},
                 {"want": "policy", "asked": "SCHED_FIFO 80", "granted": true},
                 {"want": "lock_memory", "asked": "mlockall", "granted": false, "errno": 1, "reason": "not permitted", "advice": "raise memlock in /etc/security/limits.conf or grant CAP_IPC_LOCK"},
-            ]},
+            ], "spin": {"asked_us": 0.0, "used_us": 0.0, "throttle": null, "note": ""}},
         }).into()),
-        timing: json!({
+        timing: Some(json!({
             "wakeup_lateness": timing.histogram(),
-            "compute": {"count": steps, "min": 0.35, "p50": 0.45, "p90": 0.52, "p99": 0.55, "p99_9": 0.58, "max": 4.1, "histogram": [[0.36, 900], [0.4, 9000], [0.45, 21000], [0.5, 9000], [0.55, 1000], [0.7, 50], [1.2, 6], [4.1, 4]]},
-            "tick_time": {"count": steps, "min": 0.9, "p50": 1.1, "p90": 1.3, "p99": 2.5, "p99_9": 9.0, "max": 1900.0, "histogram": [[0.9, 2000], [1.0, 12000], [1.1, 20000], [1.3, 6000], [2.5, 600], [9.0, 300], [400.0, 6], [1200.0, 2], [1900.0, 1]]},
-            "miss": {"count": 0, "min": null, "p50": null, "p90": null, "p99": null, "p99_9": null, "max": null},
-        }).into(),
+            "compute": {"count": steps, "min": 0.35, "p50": 0.45, "p90": 0.52, "p99": 0.55, "p99_9": 0.58, "max": 4.1, "bins": bins(&[(0.36, 900), (0.4, 9000), (0.45, 21000), (0.5, 9000), (0.55, 1000), (0.7, 50), (1.2, 6), (4.1, 4)])},
+            "tick_time": {"count": steps, "min": 0.9, "p50": 1.1, "p90": 1.3, "p99": 2.5, "p99_9": 9.0, "max": 1900.0, "bins": bins(&[(0.9, 2000), (1.0, 12000), (1.1, 20000), (1.3, 6000), (2.5, 600), (9.0, 300), (400.0, 6), (1200.0, 2), (1900.0, 1)])},
+            "miss": {"count": 0},
+        }).into()),
         events: events.into_iter().map(EventLine::from).collect(),
         flaws: Flaws::default(),
-        test: "title = \"Three storeys\"\n\n[time]\nrate_hz = 1024\nduration_s = 40.0\n\n[structure.shear_building]\nmass_kg = [20e3, 20e3, 20e3]\n\n[integrator]\nmethod = \"gui\"\nlambda = \"auto\"\n\n[excitation.ground_acceleration.signal.kanai_tajimi]\nseed = 7\n\n[[specimen]]\nname = \"bottom column\"\nstorey = 1\n[specimen.law.bouc_wen]\nstiffness_n_per_m = 9e6\n".into(),
+        test: "title = \"Three storeys\"\n\n[time]\nrate_hz = 1024\nduration_s = 40.0\n\n[structure.shear_building]\nmass_kg = [20e3, 20e3, 20e3]\nstiffness_n_per_m = [0.0, 12e6, 9e6]\n\n[integrator]\nmethod = \"gui\"\nlambda = \"auto\"\n\n[excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1.5\n\n[[specimen]]\nname = \"bottom column\"\nstorey = 1\n[specimen.law.linear]\nstiffness_n_per_m = 9e6\n".into(),
     }
 }
 
@@ -272,7 +281,7 @@ pub(super) fn prescribed() -> RunView {
         data,
         summary: Some(
             json!({"status": "completed", "steps": 20480, "dt": 1.0 / RATE, "clock": "simulated", "wall_seconds": 0.4, "deadline_misses": 0}).into()),
-        test: "[[excitation.prescribed_displacement]]\nspecimen = \"brace\"\n[excitation.prescribed_displacement.signal.cyclic]\nfrequency_hz = 1.0\n\n[[specimen]]\nname = \"brace\"\n".into(),
+        test: "[[excitation.prescribed_displacement]]\nspecimen = \"brace\"\n[excitation.prescribed_displacement.signal.cyclic]\namplitudes = [0.02]\ncycles_per_amplitude = 20\nfrequency_hz = 1.0\n\n[[specimen]]\nname = \"brace\"\n".into(),
         ..RunView::default()
     }
 }

@@ -177,11 +177,8 @@ fn drawn_histogram(timing: &Timing, period_us: Option<f64>, i: usize) -> String 
     } else {
         period_us
     };
-    let reached = timing
-        .percentiles
-        .max
-        .zip(deadline_us)
-        .is_some_and(|(max, deadline)| max > 0.05 * deadline);
+    let largest = timing.percentiles.max;
+    let reached = deadline_us.is_some_and(|deadline| largest > 0.05 * deadline);
     let chart = HistogramChart {
         title: &title,
         histogram: &timing.histogram,
@@ -212,10 +209,13 @@ fn meanings(timings: &[Timing]) -> String {
 }
 
 fn percentiles(timings: &[Timing]) -> String {
-    let show = |v: Option<f64>| v.map_or_else(|| NOTHING.to_owned(), micros);
     let rows = timings.iter().map(|timing| {
         let (title, _) = words(&timing.key);
         let p = &timing.percentiles;
+        let show = |us: f64| match p.count {
+            0 => NOTHING.to_owned(),
+            _ => micros(us),
+        };
         let mut row = vec![title, count(p.count)];
         row.extend([p.min, p.p50, p.p90, p.p99, p.p99_9, p.max].map(show));
         row

@@ -116,7 +116,7 @@ pub(super) fn tracking<'a>(run: &RunView, rows: &Rows<'a>) -> Vec<Tracked<'a>> {
         ends.find(|end| end.axis == axis)
     };
     let told_force = |axis: SpecimenAxis| {
-        let forces = &run.summary.as_ref()?.peak.as_ref()?.force;
+        let forces = &run.summary.as_ref()?.peak.force;
         let own = forces.get(&test.specimen_name(axis.specimen))?;
         *own.get(axis.axis.checked_sub(1)? as usize)?
     };

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from . import _toml
 from ._errors import GussetError
+from ._files import Summary
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -306,13 +307,13 @@ class Run:
         return RunSpecimen(self, name, self.specimens.index(name) + 1)
 
     @functools.cached_property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Summary:
         """The content of `summary.json`: status, reason, peaks, timing, limits. Empty while the test runs, and after a crash.
 
         The values are in SI units. `summary["peak"]["displacement"]` has one number for each degree of freedom, m.
         """
         path = self.folder / "summary.json"
-        summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        summary: Summary = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         return summary
 
     @property

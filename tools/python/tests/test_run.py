@@ -15,6 +15,7 @@ import pytest
 
 import gusset
 from conftest import ROOT, skip
+from gusset._files import LinkCounts, Peak, Percentiles, Summary, TimingEntry
 
 MULTI_RATE = ROOT / "config" / "multi-rate.toml"
 
@@ -182,6 +183,18 @@ def test_summary_and_events_are_those_of_the_folder(first):
     assert {"started", "ended"} <= {event["event"] for event in first.events}
     assert np.abs(first["disp", 1]).max() == first.summary["peak"]["displacement"][0]
     assert first.reason == "end of the test"
+
+
+def test_types_of_the_files_have_their_names(first):
+    names = {kind: set(kind.__annotations__) for kind in (Summary, Peak, LinkCounts, Percentiles, TimingEntry)}
+    assert set(first.summary) == names[Summary]
+    assert set(first.summary["peak"]) == names[Peak] - {"rotations"}
+    assert set(first.summary["link"]["column"]) == names[LinkCounts]
+    timing = json.loads((first.folder / "timing.json").read_text())
+    for key, entry in timing.items():
+        assert names[Percentiles] <= set(entry) <= names[TimingEntry], key
+        assert set(first.summary["timing"][key]) == set(entry) - {"bins"}
+    assert set().union(*timing.values()) == names[TimingEntry]
 
 
 def damaged(first, change):

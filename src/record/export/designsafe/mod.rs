@@ -129,7 +129,7 @@ impl Drop for Staging {
 
 /// The CSV files, and the columns of each.
 fn sheets_of<'a>(plan: &'a Plan, test: &Test) -> Vec<(String, Vec<&'a Exposed>)> {
-    let all = plan.columns();
+    let all = &plan.columns;
     let some = |wanted: &dyn Fn(&str) -> bool| -> Vec<&'a Exposed> {
         all.iter()
             .filter(|c| c.column.name == "time" || wanted(&c.column.name))
@@ -233,7 +233,7 @@ impl Project<'_> {
                 &format!("experimental_substructure/{folder}/specimen.toml"),
                 &whole,
             )?;
-            let channels = plan.columns().iter();
+            let channels = plan.columns.iter();
             let channels = channels.filter(|c| is_of_specimen(&c.column.name, *number));
             let channels: Vec<_> = channels.map(|c| &c.column).collect();
             self.json(
@@ -241,7 +241,7 @@ impl Project<'_> {
                 &json!({"specimen": table.get("name"), "axes": table.get("axis"), "channels": channels}),
             )?;
         }
-        let channels: Vec<_> = plan.columns().iter().map(|c| &c.column).collect();
+        let channels: Vec<_> = plan.columns.iter().map(|c| &c.column).collect();
         self.json("analysis/channels.json", &json!({ "channels": channels }))?;
         for (name, text) in READERS {
             self.write(&format!("analysis/{name}"), text)?;

@@ -45,7 +45,7 @@ const EVENTS: u16 = 4;
 pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
     let plan = Plan::new(run.layout(), &[])?;
-    let stamps = Stamps::find(run.layout(), plan.time())?;
+    let stamps = Stamps::find(run.layout(), plan.time)?;
     let choice = Choice {
         rows: Rows::Tick,
         ..*choice

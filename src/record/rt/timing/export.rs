@@ -3,6 +3,7 @@
 //! Everything leaves in microseconds, except the interval log, whose encoded histograms are in the recorded unit
 //! (nanoseconds), as its format demands. Nothing here runs in the loop.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::time::Duration;
 
@@ -12,10 +13,10 @@ use hdrhistogram::serialization::interval_log::{
     IntervalLogWriterBuilder, IntervalLogWriterError, Tag,
 };
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
 
 use super::tally::BOUNDS;
 use super::{Quantity, Timing};
+use crate::in_order::InOrder;
 use crate::rt::wall::Wall;
 
 const NS_PER_US: f64 = 1e3;
@@ -23,7 +24,8 @@ const NS_PER_US: f64 = 1e3;
 /// A histogram in seven numbers, in microseconds; all zero when nothing was recorded.
 ///
 /// Each is the largest value of its histogram cell, so at most 0.1 % above the true one (`min`: below).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 #[expect(
     missing_docs,
     reason = "the names are the keys of the file format and say what they are"
@@ -55,96 +57,117 @@ impl Percentiles {
             max: edge(histogram.max()),
         }
     }
+}
 
-    fn object(&self) -> Map<String, Value> {
-        let mut object = Map::new();
-        object.insert("count".into(), self.count.into());
-        for (key, value) in [
-            ("min", self.min),
-            ("p50", self.p50),
-            ("p90", self.p90),
-            ("p99", self.p99),
-            ("p99_9", self.p99_9),
-            ("max", self.max),
-        ] {
-            object.insert(key.into(), value.into());
+/// One timing quantity of `timing.json`, and of `timing` in `summary.json`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct TimingEntry {
+    /// Count, extremes and percentiles.
+    #[serde(flatten)]
+    pub percentiles: Percentiles,
+    /// The filled cells of the histogram in rising order: smallest value and first value beyond the cell in µs, and its count. The
+    /// summary has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bins: Option<Vec<(f64, f64, u64)>>,
+    /// Wake-ups before the edge, counted as lateness zero; of `wakeup_lateness`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub early: Option<u64>,
+    /// Ticks that a stall skipped, counted in the histogram; of `wakeup_lateness`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub swallowed: Option<u64>,
+    /// By specimen, in the order of the test; of `round_trip`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub specimens: Option<InOrder<TimingEntry>>,
+}
+
+impl TimingEntry {
+    fn of(histogram: &Histogram<u64>, with_bins: bool) -> Self {
+        Self {
+            percentiles: Percentiles::of(histogram),
+            bins: with_bins.then(|| bins(histogram)),
+            ..Self::default()
         }
-        object
     }
 }
 
-/// One filled cell of a histogram.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bin {
-    /// Smallest value of the cell in µs.
-    pub from_us: f64,
-    /// First value beyond the cell in µs.
-    pub to_us: f64,
-    /// Values in it.
-    pub count: u64,
+/// `timing.json`, and `timing` of `summary.json`: the timing quantities by their keys.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timings(pub BTreeMap<Quantity, TimingEntry>);
+
+impl Timings {
+    /// Percentiles of a quantity; all zero where it was not recorded.
+    #[must_use]
+    pub fn percentiles(&self, quantity: Quantity) -> Percentiles {
+        let entry = self.0.get(&quantity);
+        entry.map(|entry| entry.percentiles).unwrap_or_default()
+    }
+
+    /// Filled cells of a quantity: both edges in µs and the count; none where they were not kept.
+    #[must_use]
+    pub fn bins(&self, quantity: Quantity) -> &[(f64, f64, u64)] {
+        let entry = self.0.get(&quantity);
+        entry
+            .and_then(|entry| entry.bins.as_deref())
+            .unwrap_or_default()
+    }
 }
 
-/// The filled cells of a histogram of nanoseconds, in rising order.
-#[must_use]
-pub(crate) fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
-    histogram
-        .iter_recorded()
-        .map(|cell| {
-            let value = cell.value_iterated_to();
-            Bin {
-                from_us: histogram.lowest_equivalent(value) as f64 / NS_PER_US,
-                to_us: histogram.next_non_equivalent(value) as f64 / NS_PER_US,
-                count: cell.count_at_value(),
-            }
-        })
-        .collect()
+#[cfg(any(test, feature = "test-doubles"))]
+impl From<serde_json::Value> for Timings {
+    fn from(timings: serde_json::Value) -> Self {
+        serde_json::from_value(timings).expect("timings")
+    }
+}
+
+/// The filled cells of a histogram of nanoseconds, in rising order: both edges in µs and the count.
+fn bins(histogram: &Histogram<u64>) -> Vec<(f64, f64, u64)> {
+    let us = |ns: u64| ns as f64 / NS_PER_US;
+    let cells = histogram.iter_recorded().map(|cell| {
+        let value = cell.value_iterated_to();
+        (
+            us(histogram.lowest_equivalent(value)),
+            us(histogram.next_non_equivalent(value)),
+            cell.count_at_value(),
+        )
+    });
+    cells.collect()
 }
 
 impl Timing {
-    /// One object per quantity under its key, each with `count, min, p50, p90, p99, p99_9, max` in µs.
-    ///
-    /// `wakeup_lateness` also has `early` (wake-ups before the edge) and `swallowed` (ticks skipped in stalls,
-    /// counted in it); `round_trip` has the same object for each specimen under `specimens`.
+    /// The percentiles of each quantity, for `summary.json`.
     #[must_use]
-    pub fn to_json(&self) -> Value {
-        self.json(false)
+    pub fn summarised(&self) -> Timings {
+        self.timings(false)
     }
 
-    /// As [`Timing::to_json`], and each quantity with its histogram: `bins` as [from, to, count], in µs.
+    /// Each quantity with its histogram, for `timing.json`.
     #[must_use]
-    pub fn to_json_with_bins(&self) -> Value {
-        self.json(true)
+    pub fn with_bins(&self) -> Timings {
+        self.timings(true)
     }
 
-    fn json(&self, with_bins: bool) -> Value {
-        let describe = |histogram: &Histogram<u64>| {
-            let mut object = Percentiles::of(histogram).object();
-            if with_bins {
-                let cells: Vec<Value> = bins(histogram)
-                    .iter()
-                    .map(|bin| json!([bin.from_us, bin.to_us, bin.count]))
-                    .collect();
-                object.insert("bins".into(), cells.into());
+    fn timings(&self, with_bins: bool) -> Timings {
+        let entry = |quantity: Quantity| {
+            let of_wakeups = |count: u64| (quantity == Quantity::WakeupLateness).then_some(count);
+            let specimens = || {
+                let each = self.round_trips();
+                let each = each.map(|(name, histogram)| {
+                    (name.to_owned(), TimingEntry::of(&histogram, with_bins))
+                });
+                InOrder(each.collect())
+            };
+            TimingEntry {
+                early: of_wakeups(self.counts().early_wakeups),
+                swallowed: of_wakeups(self.counts().swallowed),
+                specimens: (quantity == Quantity::RoundTrip).then(specimens),
+                ..TimingEntry::of(&self.histogram(quantity), with_bins)
             }
-            object
         };
-        let mut all = Map::new();
-        for quantity in Quantity::ALL {
-            let mut object = describe(&self.histogram(quantity));
-            if quantity == Quantity::WakeupLateness {
-                object.insert("early".into(), self.counts().early_wakeups.into());
-                object.insert("swallowed".into(), self.counts().swallowed.into());
-            }
-            if quantity == Quantity::RoundTrip {
-                let specimens: Map<String, Value> = self
-                    .round_trips()
-                    .map(|(name, histogram)| (name.to_owned(), describe(&histogram).into()))
-                    .collect();
-                object.insert("specimens".into(), specimens.into());
-            }
-            all.insert(quantity.key().into(), object.into());
-        }
-        Value::Object(all)
+        Timings(
+            Quantity::ALL
+                .map(|quantity| (quantity, entry(quantity)))
+                .into(),
+        )
     }
 
     /// Writes all quantities as one V2 interval log, tagged by key, over `duration` from `started`.
@@ -290,7 +313,7 @@ mod tests {
             woke: Nanos(50),
             ..TickStamps::default()
         });
-        let json = timing.to_json();
+        let json = serde_json::to_value(timing.summarised()).unwrap();
         let keys: Vec<&str> = json
             .as_object()
             .unwrap()
@@ -319,8 +342,14 @@ mod tests {
         assert_eq!(json["round_trip"]["specimens"]["damper"]["count"], 1);
         let read: Percentiles = serde_json::from_value(json["compute"].clone()).unwrap();
         assert_eq!(read.count, 1);
-        let bins = &timing.to_json_with_bins()["wakeup_lateness"]["bins"];
-        assert_eq!(bins[0], json!([0.05, 0.051, 1]));
+        let kept = timing.with_bins();
+        assert_eq!(kept.bins(Quantity::WakeupLateness), [(0.05, 0.051, 1)]);
+        let text = serde_json::to_string(&kept).unwrap();
+        assert_eq!(serde_json::from_str::<Timings>(&text).unwrap(), kept);
+        assert!(
+            text.contains("\"max\":0.05,\"bins\":[[0.05,0.051,1]],\"early\":0,\"swallowed\":0}"),
+            "{text}"
+        );
     }
 
     /// Worked by hand from the published algorithm: steps of 10 % up to the half, then of 5 % of the whole; the

@@ -21,13 +21,16 @@ pub mod export;
 pub mod suspect;
 mod tally;
 
-pub use export::Percentiles;
+pub use export::{Percentiles, TimingEntry, Timings};
 pub use suspect::Suspect;
 use suspect::Typical;
 use tally::{Tally, histogram};
 
 /// A timed part of the tick. The keys are those of `timing.json`, `summary.json` and `jitter --json`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// Edge → first instruction after the wait.
     WakeupLateness,
