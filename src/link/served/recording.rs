@@ -125,14 +125,6 @@ impl Recording {
         }
     }
 
-    /// A warning for record and summary.
-    pub(crate) fn warn(&mut self, store: &GuardStore, event: Remark, text: &str) {
-        match &mut self.open {
-            Some(record) => record.warn(event, text),
-            None => self.note(store, event, text),
-        }
-    }
-
     /// A warning for record and summary, which the summary lists once.
     pub(crate) fn warn_once(&mut self, store: &GuardStore, event: Remark, text: &str) {
         match &mut self.open {

@@ -527,10 +527,7 @@ impl ServedSpecimen {
             return None;
         }
         let text = format!("the specimen reported after the test: {said}");
-        let GuardedSpecimen {
-            recording, store, ..
-        } = &mut self.guarded;
-        recording.warn(store, Remark::LastWords, &text);
+        self.warn(Remark::LastWords, &text);
         Some(said)
     }
 
