@@ -75,7 +75,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     attend::can_confirm(&mut judged.test.facts, args.test_run.yes)?;
     let facts = judged.test.facts.clone();
     let (mut finished, exit) = carry_out(args, judged, &facts)?;
-    let report = session::conclude(&mut finished);
+    let report = session::conclude(&finished.folder, &mut finished.summary);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
     }

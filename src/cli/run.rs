@@ -64,7 +64,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     });
     status.clear();
     let mut finished = conduct::finished(finished)?;
-    let report = session::conclude(&mut finished);
+    let report = session::conclude(&finished.folder, &mut finished.summary);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
     }

@@ -1,16 +1,16 @@
-//! Reports of served tests: a separate thread writes each at the end of its test.
+//! Reports and metrics of served tests: a separate thread writes them at the end of each test.
 
-use std::path::PathBuf;
 use std::thread::JoinHandle;
 
 use crossbeam_channel::{Sender, unbounded};
 
 use super::tell;
+use gusset_link::served::EndedTest;
 use gusset_session as session;
 
 /// Writes the report of every folder that it receives; at its end it has written all of them.
 pub(super) struct Reports {
-    sender: Sender<Option<PathBuf>>,
+    sender: Sender<Option<EndedTest>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -20,10 +20,10 @@ impl Reports {
     /// # Errors
     /// The system gives no thread.
     pub fn begin() -> std::io::Result<Self> {
-        let (sender, folders) = unbounded::<Option<PathBuf>>();
+        let (sender, folders) = unbounded::<Option<EndedTest>>();
         let write = move || {
-            while let Ok(Some(folder)) = folders.recv() {
-                if let Err(error) = session::write_report(&folder) {
+            while let Ok(Some((folder, mut summary))) = folders.recv() {
+                if let Err(error) = session::conclude(&folder, &mut summary) {
                     tell(format_args!("warning: no report: {error}"));
                 }
             }
@@ -36,7 +36,7 @@ impl Reports {
     }
 
     /// Where folders of tests that have ended go to.
-    pub fn sender(&self) -> Sender<Option<PathBuf>> {
+    pub fn sender(&self) -> Sender<Option<EndedTest>> {
         self.sender.clone()
     }
 }

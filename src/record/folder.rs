@@ -347,6 +347,24 @@ impl RunFolder {
         self.write("resolved.toml", text.as_bytes())
     }
 
+    /// The files of a test: its configuration, and copies of other files that it read.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn keep(
+        &mut self,
+        test: &[u8],
+        resolved: &str,
+        inputs: &[(PathBuf, Vec<u8>)],
+    ) -> Result<(), FolderError> {
+        self.write_test(test)?;
+        self.write_resolved(resolved)?;
+        for (path, bytes) in inputs {
+            self.add_input(path, bytes)?;
+        }
+        Ok(())
+    }
+
     /// Writes a file of this name for the program that runs the test.
     ///
     /// # Errors

@@ -15,12 +15,14 @@ use gusset_motion::metrics::Tracking;
 use gusset_motion::metrics::falsified::Falsified;
 pub use gusset_proof::RecordedVerdict;
 pub use gusset_quantity::catalog::ending::Status;
+use gusset_quantity::substructure::LinkStats;
 
 /// Clock of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockKind {
     /// The wall.
+    #[default]
     Real,
     /// As fast as it goes.
     Simulated,
@@ -98,6 +100,24 @@ pub struct LinkCounts {
     pub unreachable: u64,
 }
 
+impl LinkCounts {
+    /// Of this many commands, the measurements that came in time, and the counts of the link.
+    #[must_use]
+    pub const fn of(sent: u64, received: u64, stats: &LinkStats) -> Self {
+        Self {
+            sent,
+            received,
+            late: stats.late,
+            lost: sent.saturating_sub(received + stats.late),
+            corrupt: stats.corrupt,
+            duplicates: stats.duplicates,
+            recovered: stats.recovered,
+            missed: stats.missed,
+            unreachable: stats.unreachable,
+        }
+    }
+}
+
 /// A file that the test read and of which the folder has a copy.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputFile {
@@ -130,7 +150,7 @@ pub struct Realtime {
 }
 
 /// Content of `summary.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// How the run ended.
     pub status: Status,

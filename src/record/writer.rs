@@ -41,6 +41,7 @@ use super::miss::MissClasses;
 use super::note::Note;
 use super::onlooker::Onlooker;
 use super::ring::RingReader;
+use crate::rt::pin_away;
 use crate::rt::sampler::SchedSample;
 
 /// The clocks that the writer reads.
@@ -84,6 +85,8 @@ pub struct WriterSettings {
     pub specimens: Vec<String>,
     /// Where states are kept; none keeps no state.
     pub states: Option<StateFolder>,
+    /// The processor that its threads leave to the loop.
+    pub away_from: Option<usize>,
 }
 
 impl Default for WriterSettings {
@@ -99,7 +102,16 @@ impl Default for WriterSettings {
             time_column: None,
             specimens: Vec::new(),
             states: None,
+            away_from: None,
         }
+    }
+}
+
+/// Keeps the calling thread off a processor, if one is given.
+fn leave(cpu: Option<usize>) {
+    if let Some(cpu) = cpu {
+        // With one processor there is no other.
+        let _ = pin_away(cpu);
     }
 }
 
@@ -142,6 +154,14 @@ impl Recorded {
         if rows > 0 {
             self.first_error = Some(why.to_owned());
         }
+    }
+
+    /// The warning of a summary where rows are lost.
+    #[must_use]
+    pub fn loss(&self) -> Option<String> {
+        let cause = self.first_error.as_deref();
+        let cause = cause.unwrap_or("the queue was full");
+        (self.rows_lost() > 0).then(|| format!("{} rows are LOST: {cause}", self.rows_lost()))
     }
 
     /// All rows lost: `rows_lost` of the summary.
@@ -226,14 +246,15 @@ impl Writer {
             samples.syncer().map_err(WriterError::Sync)?,
             events.syncer().map_err(WriterError::Sync)?,
         ];
-        let sync = SyncThread::spawn(syncers).map_err(WriterError::Spawn)?;
-        let period = settings.period;
+        let sync = SyncThread::spawn(syncers, settings.away_from).map_err(WriterError::Spawn)?;
+        let (period, away_from) = (settings.period, settings.away_from);
         let stop_seen = Arc::clone(&stop);
         let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
         drain.serve(sync, Arc::clone(&progress));
         drain.watch(onlooker);
         drain.keep(snapshots);
         let work = move || {
+            leave(away_from);
             loop {
                 // Read before the turn: the rows that the loop left before the stop are then surely taken.
                 let last = stop_seen.load(Ordering::Acquire);

@@ -7,11 +7,7 @@ use gusset_setup::Files;
 
 /// Keeps all of it.
 pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderError> {
-    folder.write_test(&files.test)?;
-    folder.write_resolved(&files.resolved)?;
-    for (path, bytes) in &files.inputs {
-        folder.add_input(path, bytes)?;
-    }
+    folder.keep(&files.test, &files.resolved, &files.inputs)?;
     if let Some((interrupted, origin)) = &files.origin {
         folder.keep_before(interrupted)?;
         folder.write_extra(ORIGIN, origin.as_bytes())?;

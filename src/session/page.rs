@@ -6,14 +6,15 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::Finished;
 use super::agreement::{is_of_an_earlier_version, with_record};
 use super::energetics::{Without, first_line, known};
 use super::origin::Origin;
 use gusset_motion::metrics::energy::Model;
 use gusset_quantity::catalog::phase::Phase;
 use gusset_record::summary::Status;
-use gusset_record::{BEFORE, COMMITS, Column, End, Events, FolderError, MissingEnd, Run, atomic};
+use gusset_record::{
+    BEFORE, COMMITS, Column, End, Events, FolderError, MissingEnd, Run, RunFolder, Summary, atomic,
+};
 use gusset_view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
@@ -68,15 +69,12 @@ pub fn write_report(folder: &Path) -> Result<Page, PageError> {
     Ok(page(path, &run))
 }
 
-/// Writes report.html into the folder of a run that has just ended, and the tracking metrics into its summary, which is
-/// written again.
+/// Writes report.html into the folder of a run or a served test that has just ended, and the tracking metrics into its summary,
+/// which is written again.
 ///
 /// # Errors
 /// [`PageError`]; the summary is then the one that was written before.
-pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
-    let Finished {
-        folder, summary, ..
-    } = finished;
+pub fn conclude(folder: &RunFolder, summary: &mut Summary) -> Result<Page, PageError> {
     if !folder.is_there() {
         return Err(FolderError::Lost(folder.path().join(PAGE)).into());
     }

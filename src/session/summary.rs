@@ -98,13 +98,7 @@ pub(super) fn summarise(
     warnings.extend(recorded.warned.iter().cloned());
     warnings.extend(recorded.damaged.iter().cloned());
     warnings.extend(unwritten.iter().map(|text| format!("not written: {text}")));
-    if recorded.rows_lost() > 0 {
-        let cause = recorded
-            .first_error
-            .as_deref()
-            .unwrap_or("the queue was full");
-        warnings.push(format!("{} rows are LOST: {cause}", recorded.rows_lost()));
-    }
+    warnings.extend(recorded.loss());
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
     warnings.extend(outcome.map(held).into_iter().flatten());
     warnings.extend(outcome.and_then(|outcome| gaps(outcome.pace.gaps)));
@@ -144,13 +138,10 @@ pub(super) fn summarise(
         warnings,
         limits: Some(facts.limits.clone()),
         machine: Some(machine()),
-        metrics: None,
-        metrics_missing: Vec::new(),
-        falsified: None,
         left: outcome.map(left).unwrap_or_default(),
         force_on_the_way_in: outcome.map(on_the_way_in).unwrap_or_default(),
         accepted: facts.accepted.clone(),
-        verdict: None,
+        ..Summary::default()
     };
     (cause, summary)
 }
@@ -247,20 +238,10 @@ fn left(outcome: &Outcome) -> BTreeMap<String, String> {
 }
 
 fn links(outcome: &Outcome) -> BTreeMap<String, LinkCounts> {
-    let counts = |link: &gusset_control::port::LinkCount| LinkCounts {
-        sent: link.sent,
-        received: link.received,
-        late: link.stats.late,
-        lost: link.sent.saturating_sub(link.received + link.stats.late),
-        corrupt: link.stats.corrupt,
-        duplicates: link.stats.duplicates,
-        recovered: link.stats.recovered,
-        missed: link.stats.missed,
-        unreachable: link.stats.unreachable,
-    };
-    outcome
-        .ports
-        .iter()
-        .map(|(name, _, link)| (name.clone(), counts(link)))
-        .collect()
+    let ports = outcome.ports.iter();
+    let counts = ports.map(|(name, _, link)| {
+        let counts = LinkCounts::of(link.sent, link.received, &link.stats);
+        (name.clone(), counts)
+    });
+    counts.collect()
 }

@@ -8,23 +8,21 @@ mod following;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 use conversion::Client;
 pub(super) use conversion::signal_units;
 use following::Following;
 
-use super::links::{beside, folder, native_setup, tls_client, wire_axes};
-use super::remote::remote_settings;
+use super::links::{
+    native_setup, openfresco_client, seconds, shared_key, tls_client, wire_axes, wiring_check,
+};
 use super::specimens::loading::at_actuators;
 use gusset_config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTable};
-use gusset_control::port::{Pace, WiringCheck};
+use gusset_control::port::WiringCheck;
 use gusset_link::announce::narrower;
-use gusset_link::openfresco::{Remote, RemoteSettings};
-use gusset_link::secret::read_key;
+use gusset_link::openfresco::Remote;
 use gusset_link::served::{Controller, LinkBuild, LinkMaker, PaceClock, Pacing, Whereabouts};
 use gusset_link::server::Host;
-use gusset_link::tls::TlsClient;
 use gusset_link::{NativeLink, NativeSetup};
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::handshake::Sampling;
@@ -135,24 +133,12 @@ fn passing(
         _ => rows,
     };
     check_estimate(&rows, n, at)?;
-    let mut stiffness = Vec::with_capacity(n * n);
-    for (j, of_disp) in units.iter().enumerate() {
-        for (row, of_force) in rows.iter().zip(&units) {
-            stiffness.push(row[j] * of_disp.metres / of_force.newtons);
-        }
-    }
-    let amplitude = |metres: f64| {
-        units
-            .iter()
-            .map(|unit| metres / unit.metres)
-            .collect::<Vec<f64>>()
-    };
-    let by_rows = rows.iter().zip(&units).flat_map(|(row, of_force)| {
-        let row = row.iter().zip(&units);
-        row.map(|(value, of_disp)| value * of_disp.metres / of_force.newtons)
-    });
-    let estimate = (by_rows.collect(), accepted);
-    let check = wiring_check(link, amplitude, estimate, units.clone());
+    let stiffness = counted(&rows, &units);
+    let gears = units.iter().map(|unit| unit.metres);
+    let by_rows = (0..n).flat_map(|i| (0..n).map(move |j| j * n + i));
+    let by_rows = by_rows.map(|place| stiffness[place]).collect();
+    let estimate = (by_rows, accepted);
+    let check = wiring_check(link, gears, estimate, PROBE_PERIOD_S, units.clone());
     let wire = wire_axes(table, n, None);
     let host = Host::gateway(
         table.name.clone(),
@@ -173,30 +159,18 @@ fn check_estimate(rows: &[Vec<f64>], n: usize, at: &KeyPath) -> Result<(), Box<F
     Err(Box::new(Finding::error(at, text)))
 }
 
-/// How the wiring is checked; `amplitude` brings the metres of a small motion to each axis, the estimate is by rows with the reason to
-/// accept another one, and `units` are those of messages.
-fn wiring_check(
-    link: &LinkSpec,
-    amplitude: impl Fn(f64) -> Vec<f64>,
-    (stiffness, accepted): (Vec<f64>, Option<String>),
-    units: Vec<AxisUnits>,
-) -> WiringCheck {
-    match (link.probe_m, link.probe) {
-        (Some(metres), _) => WiringCheck::Probe {
-            amplitude: amplitude(metres),
-            stiffness,
-            accepted,
-            pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
-            units,
-        },
-        (None, Some(_)) => WiringCheck::Known,
-        (None, None) => WiringCheck::Unchecked,
-    }
+/// An estimate at the structure, by rows, as a client with these units counts it: n × n by columns.
+fn counted(rows: &[Vec<f64>], units: &[AxisUnits]) -> Vec<f64> {
+    let columns = units.iter().enumerate();
+    let columns = columns.flat_map(|(j, of_disp)| {
+        let rows = rows.iter().zip(units);
+        rows.map(move |(row, of_force)| row[j] * of_disp.metres / of_force.newtons)
+    });
+    columns.collect()
 }
 
 fn reply_limit_ns(link: &LinkSpec) -> u64 {
-    let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
-    u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX)
+    u64::try_from(seconds(link.reply_timeout_s).as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// Refuses a test file whose numbers a controller converts: passed on unchanged they would be wrong for another client.
@@ -230,14 +204,8 @@ fn native(
     path: &Path,
     (step_s, paced, converts): (Option<f64>, Option<(u64, u64)>, bool),
 ) -> Result<LinkBuild, Box<Finding>> {
-    let key = match &link.key_file {
-        None => None,
-        Some(file) => Some(read_key(&beside(path, file)).map_err(|error| {
-            let at = at.key("link").key("key_file");
-            Box::new(Finding::error(at, error.to_string()))
-        })?),
-    };
-    let tls = tls_or(link, at, path)?;
+    let key = shared_key(link, at, path)?;
+    let tls = tls_client(link, at, path)?;
     let template = native_setup(link, key, wire_axes(table, table.axes(), None));
     let step_rate = step_s.map(|step| ((1e9 / step) as u64, 1_000_000_000));
     let (name, watchdog_s, timed) = (table.name.clone(), link.watchdog_s, link.sample_after);
@@ -272,31 +240,14 @@ fn native(
     }))
 }
 
-/// Our certificate and the trusted authorities over TLS; `None` over any other transport.
-fn tls_or(link: &LinkSpec, at: &KeyPath, path: &Path) -> Result<Option<TlsClient>, Box<Finding>> {
-    tls_client(link, &folder(path)).map_err(|error| {
-        let here = at.key("link").key("tls").key(error.key);
-        Box::new(Finding::error(here, format!("`{}`: {error}", error.key)))
-    })
-}
-
 fn openfresco(
     link: &LinkSpec,
     at: &KeyPath,
     path: &Path,
     axes: usize,
 ) -> Result<LinkBuild, Box<Finding>> {
-    let tls = tls_or(link, at, path)?;
+    let settings = openfresco_client(link, at, path, axes)?;
     let at = at.key("link");
-    let Some(settings) = remote_settings(link, axes) else {
-        let text = "the protocol of Gusset has no OpenFresco settings";
-        return Err(Box::new(Finding::error(at.key("protocol"), text)));
-    };
-    let limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
-    let settings = RemoteSettings {
-        tls: tls.map(|tls| tls.with_record_limit(limit)),
-        ..settings
-    };
     // Mistakes in the settings show now.
     Remote::new(settings.clone())
         .map_err(|error| Box::new(Finding::error(at.key(error.key()), error.to_string())))?;

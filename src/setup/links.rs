@@ -10,14 +10,15 @@ use gusset_config::{
     TestFile, TlsSpec, WATCHDOG_MAX_S,
 };
 use gusset_control::port::limits::AxisLimits;
-use gusset_control::port::{OnStale, WaitRules};
+use gusset_control::port::{OnStale, Pace, WaitRules, WiringCheck};
 use gusset_link::announce::announce;
 use gusset_link::openfresco::{Remote, RemoteSettings};
 use gusset_link::secret::read_key;
-use gusset_link::tls::{FileError, TlsClient, TlsFiles};
+use gusset_link::tls::{TlsClient, TlsFiles};
 use gusset_link::{NativeLink, NativeSetup, SocketOptions, Wait};
 use gusset_quantity::substructure::Coupling;
 use gusset_quantity::time::Ratio;
+use gusset_quantity::units::AxisUnits;
 use gusset_record::rt::throttle::Throttle;
 use gusset_wire::handshake::{Axis, Limits, Sampling, Unit};
 use gusset_wire::key::PreSharedKey;
@@ -30,6 +31,29 @@ const WATCHDOG_TICKS: f64 = 10.0;
 /// late, and the deadline is only an eighth of a tick before the edge.
 const LAST_SPIN_NS: u64 = 50_000;
 
+/// How the wiring of a specimen behind a link is checked. `gears`: metres at the specimen in the port's unit of displacement of each axis.
+/// The estimate of the stiffness is by rows, with the reason to accept another one; `period_s` is the time from exchange to exchange, and
+/// `units` are those of messages.
+pub(super) fn wiring_check(
+    link: &LinkSpec,
+    gears: impl Iterator<Item = f64>,
+    (stiffness, accepted): (Vec<f64>, Option<String>),
+    period_s: f64,
+    units: Vec<AxisUnits>,
+) -> WiringCheck {
+    match (link.probe_m, link.probe) {
+        (Some(metres), _) => WiringCheck::Probe {
+            amplitude: gears.map(|gear| metres / gear.abs()).collect(),
+            stiffness,
+            accepted,
+            pace: Pace::of(link.probe_ramp_s, period_s),
+            units,
+        },
+        (None, Some(_)) => WiringCheck::Known,
+        (None, None) => WiringCheck::Unchecked,
+    }
+}
+
 /// A link that speaks our own protocol, and how it is waited for.
 pub(super) fn native(
     site: &mut Site<'_>,
@@ -39,16 +63,7 @@ pub(super) fn native(
     axes: usize,
 ) -> Result<(NativeLink, WaitRules), Refused> {
     let time = site.loaded.time;
-    let key = match &link.key_file {
-        None => None,
-        Some(file) => match read_key(&beside(&site.loaded.path, file)) {
-            Ok(key) => Some(key),
-            Err(error) => {
-                let at = at.key("link").key("key_file");
-                return site.refuse(Finding::error(at, error.to_string()));
-            }
-        },
-    };
+    let key = shared_key(link, at, &site.loaded.path).or_else(|found| site.refuse(*found))?;
     // A socket has a separate wall clock: under the simulated clock the test waits for each answer.
     let coupling = match (link.coupling, time.clock) {
         (LinkCoupling::Sampled, ClockChoice::Real) => Coupling::Sampled,
@@ -75,7 +90,8 @@ pub(super) fn native(
         options,
         ..usual
     };
-    let native = match tls(site, at, link)? {
+    let tls = tls_client(link, at, &site.loaded.path).or_else(|found| site.refuse(*found))?;
+    let native = match tls {
         Some(tls) => NativeLink::over_tls(setup, tls),
         None => match &mut site.dial {
             Some(dial) => {
@@ -105,26 +121,36 @@ fn fitted(wait: Wait, period_ns: u64, pacer_ns: u64) -> Wait {
     }
 }
 
-/// Our certificate and the trusted authorities over TLS; `None` over any other transport.
-fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsClient>, Refused> {
-    match tls_client(link, &folder(&site.loaded.path)) {
-        Ok(tls) => Ok(tls),
-        Err(error) => {
-            let here = at.key("link").key("tls").key(error.key);
-            let text = format!("`{}`: {error}", error.key);
-            site.refuse(Finding::error(here, text))
-        }
-    }
+/// The key that a link names; `None` without one. `at` is the specimen of the file `test`.
+pub(super) fn shared_key(
+    link: &LinkSpec,
+    at: &KeyPath,
+    test: &Path,
+) -> Result<Option<PreSharedKey>, Box<Finding>> {
+    let read = |file: &String| read_key(&beside(test, file));
+    let key = link.key_file.as_ref().map(read).transpose();
+    key.map_err(|error| {
+        let at = at.key("link").key("key_file");
+        Box::new(Finding::error(at, error.to_string()))
+    })
 }
 
-/// The TLS client of a link, with files relative to `folder`.
-pub(super) fn tls_client(link: &LinkSpec, folder: &Path) -> Result<Option<TlsClient>, FileError> {
+/// Our certificate and the trusted authorities over TLS; `None` over any other transport. `at` is the specimen of the file `test`.
+pub(super) fn tls_client(
+    link: &LinkSpec,
+    at: &KeyPath,
+    test: &Path,
+) -> Result<Option<TlsClient>, Box<Finding>> {
     if link.transport != Carrier::Tls {
         return Ok(None);
     }
     let spec = link.tls.clone().unwrap_or_default();
-    let files = TlsFiles::of_client(&spec, folder);
-    TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name).map(Some)
+    let files = TlsFiles::of_client(&spec, &folder(test));
+    let client = TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name);
+    client.map(Some).map_err(|error| {
+        let at = at.key("link").key("tls").key(error.key);
+        Box::new(Finding::error(at, format!("`{}`: {error}", error.key)))
+    })
 }
 
 /// Set-up from the link alone: a lockstep link of no particular test, 100 commands a second.
@@ -164,16 +190,28 @@ pub(super) fn openfresco(
     link: &LinkSpec,
     axes: usize,
 ) -> Result<(Remote, WaitRules), Refused> {
-    let tls = tls(site, at, link)?;
-    let tls = tls.map(|tls| tls.with_record_limit(seconds(link.reply_timeout_s)));
-    let Some(settings) = remote_settings(link, axes) else {
-        let text = "the protocol of Gusset has no OpenFresco settings";
-        return site.refuse(Finding::error(at.key("link").key("protocol"), text));
-    };
-    match Remote::new(RemoteSettings { tls, ..settings }) {
+    let settings = openfresco_client(link, at, &site.loaded.path, axes);
+    let settings = settings.or_else(|found| site.refuse(*found))?;
+    match Remote::new(settings) {
         Ok(remote) => Ok((remote, rules(link, site.loaded.time.period.value()))),
         Err(error) => site.refuse_key(&at.key("link"), error.key(), &error),
     }
+}
+
+/// The client of a link to OpenFresco or OpenSees. `at` is the specimen of the file `test`.
+pub(super) fn openfresco_client(
+    link: &LinkSpec,
+    at: &KeyPath,
+    test: &Path,
+    axes: usize,
+) -> Result<RemoteSettings, Box<Finding>> {
+    let tls = tls_client(link, at, test)?;
+    let tls = tls.map(|tls| tls.with_record_limit(seconds(link.reply_timeout_s)));
+    let settings = remote_settings(link, axes).ok_or_else(|| {
+        let text = "the protocol of Gusset has no OpenFresco settings";
+        Box::new(Finding::error(at.key("link").key("protocol"), text))
+    })?;
+    Ok(RemoteSettings { tls, ..settings })
 }
 
 fn rules(link: &LinkSpec, period: f64) -> WaitRules {
@@ -252,7 +290,7 @@ pub(super) fn beside(test: &Path, file: &str) -> PathBuf {
 }
 
 /// Positive: checked before.
-fn seconds(value: f64) -> Duration {
+pub(super) fn seconds(value: f64) -> Duration {
     Duration::try_from_secs_f64(value).unwrap_or(Duration::MAX)
 }
 

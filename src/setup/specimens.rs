@@ -9,17 +9,18 @@ mod sums;
 mod unwatched;
 
 use super::gear::Rows;
+use super::links::wiring_check;
 use super::{Estimate, Refused, Site, path, safety};
 use entry::entry;
 use gusset_actuator::geometry::Geometry;
 use gusset_actuator::specimen::{InProcess, InUnits, Specimen};
 use gusset_config::check::measured::needing_measured_disp;
 use gusset_config::steps::Time;
-use gusset_config::{Finding, LinkSpec, Loaded, ProbeChoice};
+use gusset_config::{Finding, LinkSpec, Loaded};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{
     Axis, AxisSpec, Compensation, Declared, LinearStandIn, LoadingUnitSpec, NeedsMeasuredDisp,
-    Order, Pace, Port, PortSpec, TrackingSpec, Trend, WaitRules, WiringCheck,
+    Order, Port, PortSpec, TrackingSpec, Trend, WaitRules, WiringCheck,
 };
 use gusset_link::NativeLink;
 use gusset_link::openfresco::Remote;
@@ -168,24 +169,15 @@ impl Entry {
         settles: bool,
         accepted: Option<String>,
     ) -> WiringCheck {
-        let stiffness = self.stiffness.iter().flatten().copied().collect();
-        match (link.probe_m, link.probe) {
-            (Some(metres), _) => {
-                let gears = self.axes.iter().zip(&self.units);
-                let way = gears.map(|(axis, (unit, _))| metres / (axis.disp_gain * unit).abs());
-                WiringCheck::Probe {
-                    amplitude: way.collect(),
-                    stiffness,
-                    accepted,
-                    pace: Pace::of(link.probe_ramp_s, period_s),
-                    units: Vec::new(),
-                }
-            }
-            (None, Some(ProbeChoice::None)) => WiringCheck::Known,
-            (None, None) if settles => {
+        let stiffness: Vec<f64> = self.stiffness.iter().flatten().copied().collect();
+        let gears = self.axes.iter().zip(&self.units);
+        let gears = gears.map(|(axis, (unit, _))| axis.disp_gain * unit);
+        let estimate = (stiffness.clone(), accepted);
+        match wiring_check(link, gears, estimate, period_s, Vec::new()) {
+            WiringCheck::Unchecked if settles => {
                 WiringCheck::Settling(Trend::new(self.axes.len(), stiffness))
             }
-            (None, None) => WiringCheck::Unchecked,
+            check => check,
         }
     }
 }

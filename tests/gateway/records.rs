@@ -7,6 +7,7 @@ use crate::link_common::{
     COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, as_read, finish,
     gateway, gusset, run, summary, test_file,
 };
+use crate::waits_for;
 use gusset_actuator::specimen::SpecimenLaw;
 use gusset_config::LimitsSpec;
 use gusset_link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
@@ -131,6 +132,11 @@ fn report_and_export_read_the_folder() {
     assert_eq!(code, 0, "{said}");
     served.hears("test over");
     let kept = out.join("test-0001");
+    let metric = |key: &str| summary(&out, "test-0001").metrics["column"][0][key]["value"].as_f64();
+    waits_for("no metrics", || metric("slope").is_some());
+    // A formula measures what is commanded: the target, converted to its unit and back.
+    assert!((metric("slope").unwrap() - 1.0).abs() < 1e-9);
+    assert!(metric("peak_error_m").unwrap() < 1e-12);
     let mut report = gusset();
     report.arg("report").arg(&kept);
     assert!(finish(report).status.success());
@@ -447,7 +453,8 @@ fn a_history_of_trials_has_one_row_a_step() {
     }
     served.end(Cause::Done, "the end");
     let kept = folder.path().join("test-0001");
-    assert_eq!(folders.try_recv().unwrap(), Some(kept.clone()));
+    let (folder, _) = folders.try_recv().unwrap().unwrap();
+    assert_eq!(folder.path(), kept);
     assert_eq!(column(&kept, "state").len(), 600);
     let table = folder.path().join("history.csv");
     let mut export = gusset();

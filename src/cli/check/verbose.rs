@@ -3,10 +3,10 @@
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
 use super::brief::{of_peak_nodal_force, of_record, of_test};
+use gusset_config::word;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Errors, Spectrum, per_cent};
 use gusset_quantity::units::{number, quantity};
-use gusset_config::word;
 use gusset_session::integration;
 use gusset_setup::{Facts, StructureFacts};
 

@@ -26,30 +26,13 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
     let Some((axes, further)) = slots.split_at_mut_checked(width * port.axes()) else {
         return;
     };
-    let at = |values: &[f64], axis: usize| values.get(axis).copied().unwrap_or(f64::NAN);
     let slots_of_axes = axes.chunks_exact_mut(width).enumerate();
     for ((axis, slot), (stiffness, damping, energy)) in slots_of_axes.zip(port.estimates().values())
     {
-        let [
-            target,
-            command,
-            measured,
-            force,
-            raw_disp,
-            raw_force,
-            kt,
-            added,
-            rest @ ..,
-        ] = slot
-        else {
+        let Some((motion, [kt, added, rest @ ..])) = slot.split_first_chunk_mut() else {
             return;
         };
-        *target = at(&port.target(), axis);
-        *command = at(&port.path().sent(), axis);
-        *measured = at(&port.feedback().disp(), axis);
-        *force = at(&port.feedback().force(), axis);
-        *raw_disp = at(&raw.disp, axis);
-        *raw_force = at(&raw.force, axis);
+        *motion = port.motion_of(axis);
         *kt = stiffness;
         *added = energy;
         if let (Some(ct), Some(damping)) = (rest.first_mut(), damping) {

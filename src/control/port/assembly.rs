@@ -88,13 +88,26 @@ impl Port {
     /// The specimen cannot take part.
     pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         let mut introduction = self.exchange.connect()?;
-        self.startup.learn_position(AtAxis(&introduction.standing));
-        let expected = self.expected();
-        let warnings = expected.warnings(&introduction);
-        introduction.warnings.extend(warnings);
-        let warnings = expected.compare_stiffness(&introduction.stiffness)?;
+        let warnings = self.meet(&introduction, |_| 1.0)?;
         introduction.warnings.extend(warnings);
         Ok(introduction)
+    }
+
+    /// Compares the introduction of a specimen that is connected, as [`Port::connect`] does, and returns the warnings. `units`: N/m
+    /// in the unit of stiffness of an axis.
+    ///
+    /// # Errors
+    /// The specimen cannot take part.
+    pub fn meet(
+        &mut self,
+        found: &Introduction,
+        units: impl Fn(usize) -> f64,
+    ) -> Result<Vec<String>, Unavailable> {
+        self.startup.learn_position(AtAxis(&found.standing));
+        let expected = self.expected();
+        let mut warnings = expected.warnings(found);
+        warnings.extend(expected.compare_stiffness(&found.stiffness, units)?);
+        Ok(warnings)
     }
 
     /// What of the test file needs a measured displacement, where the end of the link does not say that it measures one: why the

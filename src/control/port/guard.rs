@@ -6,7 +6,7 @@
 use super::axis::Axis;
 use super::axis_motion::AxisMotion;
 use super::brake::Brake;
-use super::limits::{AxisLimits, Estimated, Found, Hit, Level, RECORDED, Watch};
+use super::limits::{AxisLimits, Estimated, Found, Hit, RECORDED, Watch};
 use super::startup::{SAME, Startup};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::frame::{AtAxis, AtSpecimen, AtStructure};
@@ -168,13 +168,8 @@ impl Guard {
         );
         for (axis, vel) in command.vel.iter().enumerate() {
             if !vel.is_finite() {
-                found.trip.get_or_insert(Hit {
-                    axis,
-                    quantity: Limit::CommandVel,
-                    level: Level::Trip,
-                    value: f64::NAN,
-                    bound: f64::MAX,
-                });
+                let hit = Hit::trip(axis, Limit::CommandVel, f64::NAN, f64::MAX);
+                found.trip.get_or_insert(hit);
             }
         }
         found

@@ -35,7 +35,8 @@ impl Expectation<'_> {
                  [specimen.link] for a small motion and back, or say `probe = \"none\"`"
             ));
         }
-        if self.is_remote && self.startup.standing().is_none() && !found.simulated {
+        let is_computed = found.simulated || self.startup.is_computed();
+        if self.is_remote && self.startup.standing().is_none() && !is_computed {
             warnings.push(self.unknown_position());
         }
         if found.repeats_the_command {
@@ -44,11 +45,15 @@ impl Expectation<'_> {
         warnings
     }
 
-    /// Compares the stiffness that the specimen reports with k̂: more than 10 % apart is a warning.
+    /// Compares the stiffness that the specimen reports with k̂: more than 10 % apart is a warning. `units`: N/m in the unit of an axis.
     ///
     /// # Errors
     /// An axis reports another sign.
-    pub fn compare_stiffness(&self, reported: &[f64]) -> Result<Vec<String>, Unavailable> {
+    pub(crate) fn compare_stiffness(
+        &self,
+        reported: &[f64],
+        units: impl Fn(usize) -> f64,
+    ) -> Result<Vec<String>, Unavailable> {
         let n = self.axes.len();
         let mut warnings = Vec::new();
         if reported.len() != n * n {
@@ -58,14 +63,15 @@ impl Expectation<'_> {
             let reported = reported.get(j * n + j).copied();
             let theirs = reported.unwrap_or(0.0) * axis.force_gain * axis.disp_gain;
             let number = j + 1;
-            match compare_stiffness(theirs, *ours) {
+            let [theirs, ours] = [theirs, *ours].map(|stiffness| stiffness * units(j));
+            match compare_stiffness(theirs, ours) {
                 Opinion::Agrees => {}
                 Opinion::Differs => warnings.push(format!(
                     "specimen \"{}\", axis {number}: it reports a stiffness of {} at the structure's \
                      scale, the test file says {}",
                     self.name,
                     quantity(theirs, "N/m"),
-                    quantity(*ours, "N/m")
+                    quantity(ours, "N/m")
                 )),
                 Opinion::Reversed => {
                     return Err(Unavailable {

@@ -94,7 +94,6 @@ pub use spec::{AxisSpec, LoadingUnitSpec, PortSpec};
 pub use startup::NeedsMeasuredDisp;
 pub(crate) use step_pacer::PacerTick;
 pub(crate) use step_pacer::StepPacer;
-pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
 pub use tracking::TrackingSpec;
 pub use trend::Trend;
@@ -606,6 +605,23 @@ impl Port {
     #[must_use]
     pub fn target(&self) -> AtStructure<&[f64]> {
         self.path.target().part(AxisMotion::disp)
+    }
+
+    /// Target, command, measured displacement and force of an axis, and the last two as received; NaN of one that is not there.
+    /// Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn motion_of(&self, axis: usize) -> [f64; 6] {
+        let at = |values: &[f64]| values.get(axis).copied().unwrap_or(f64::NAN);
+        let raw = self.feedback.raw();
+        [
+            at(&self.target()),
+            at(&self.path.sent()),
+            at(&self.feedback.disp()),
+            at(&self.feedback.force()),
+            at(&raw.disp),
+            at(&raw.force),
+        ]
     }
 
     /// Velocity of the target in m/s (it belongs to t − Δt/2 with the published start).

@@ -263,14 +263,6 @@ impl ReceivedPort {
         let axes = self.axes.iter().zip(disp.each());
         AtStructure(axes.map(|(axis, disp)| axis.deformation(disp).0).collect())
     }
-
-    /// Compares the stiffness that the specimen reports with k̂, at the structure's scale.
-    ///
-    /// # Errors
-    /// An axis reports another sign.
-    pub fn compare_stiffness(&self, reported: &[f64]) -> Result<Vec<String>, Unavailable> {
-        self.expected().compare_stiffness(reported)
-    }
 }
 
 // Methods for the controller of a server, beside its signals.

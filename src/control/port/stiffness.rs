@@ -5,7 +5,7 @@ const DIFFERENCE: f64 = 0.1;
 
 /// How two estimates of one stiffness stand to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Opinion {
+pub(super) enum Opinion {
     /// Within a tenth.
     Agrees,
     /// Further apart, or no number.
@@ -16,7 +16,7 @@ pub enum Opinion {
 
 /// Compares the stiffness that a specimen reports with ours, both in the same units.
 #[must_use]
-pub fn compare_stiffness(theirs: f64, ours: f64) -> Opinion {
+pub(super) fn compare_stiffness(theirs: f64, ours: f64) -> Opinion {
     if theirs * ours < 0.0 {
         Opinion::Reversed
     } else if (theirs - ours).abs() <= DIFFERENCE * ours.abs() {

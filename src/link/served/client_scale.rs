@@ -11,13 +11,13 @@ use gusset_quantity::substructure::Measurement;
 use gusset_quantity::units::AxisUnits;
 
 /// Signals that a controller commands.
-#[derive(Debug, Clone, Default)]
-pub(crate) enum ClientScale {
-    /// The axes of the specimen in their own units.
-    #[default]
-    Axes,
-    /// The signals of the port at the structure's scale.
-    Structure(Box<AxesBehind>),
+#[derive(Debug, Clone)]
+pub(crate) struct ClientScale {
+    /// The units in which the controller counts, one entry per signal.
+    pub units: Vec<AxisUnits>,
+    /// The axes behind the signals of a port that converts, which are at the structure's scale; none if the controller commands the
+    /// axes in their own units.
+    pub behind: Option<AxesBehind>,
 }
 
 /// The axes of a specimen behind the signals that a controller commands.
@@ -32,61 +32,57 @@ pub struct AxesBehind {
 impl ClientScale {
     /// True if numbers pass unchanged.
     pub(crate) const fn is_of_axes(&self) -> bool {
-        matches!(self, Self::Axes)
+        self.behind.is_none()
     }
 
-    /// The units of the axes of a specimen whose controller counts in `client`.
-    pub(crate) fn axis_units<'a>(&'a self, client: &'a [AxisUnits]) -> &'a [AxisUnits] {
-        match self {
-            Self::Axes => client,
-            Self::Structure(behind) => &behind.units,
-        }
+    /// The units of the axes.
+    pub(crate) fn axis_units(&self) -> &[AxisUnits] {
+        let behind = self.behind.as_ref();
+        behind.map_or(&self.units, |behind| &behind.units)
+    }
+
+    /// The units of an axis, or of a signal, in which the port counts.
+    pub(crate) fn port_units(&self, index: usize) -> &AxisUnits {
+        let units = self.units.get(index);
+        let units = units.filter(|_| self.is_of_axes());
+        units.unwrap_or(&AxisUnits::SI)
     }
 
     /// The coordinates of a loading unit behind which the axes are; empty without one.
     pub(crate) fn coordinates(&self) -> &[Coordinate] {
-        match self {
-            Self::Axes => &[],
-            Self::Structure(behind) => &behind.coordinates,
+        let behind = self.behind.as_ref();
+        behind.map_or(&[], |behind| &behind.coordinates)
+    }
+
+    /// Units of the port's displacement in one of the controller.
+    const fn disp_unit(&self, client: &AxisUnits) -> f64 {
+        match self.behind {
+            None => 1.0,
+            Some(_) => client.metres,
         }
     }
 
-    /// Makes the next command of displacements and velocities of the controller, which counts in `client`. Real-time: yes.
-    pub(crate) fn aim(
-        &self,
-        port: &mut ReceivedPort,
-        [disp, vel]: [AtClient<&[f64]>; 2],
-        client: &[AxisUnits],
-    ) {
-        let motion = disp.iter().zip(*vel);
-        match self {
-            Self::Axes => {
-                port.aim_at(&mut motion.map(|(disp, vel)| AtStructure((*disp, *vel))));
-            }
-            Self::Structure(_) => {
-                let motion = motion.zip(client);
-                let mut motion = motion.map(|((disp, vel), unit)| {
-                    AtStructure((disp * unit.metres, vel * unit.metres))
-                });
-                port.aim_at(&mut motion);
-            }
-        }
+    /// Displacements and velocities of the controller as the port counts. Real-time: yes.
+    fn motion<'a>(
+        &'a self,
+        [disp, vel]: [AtClient<&'a [f64]>; 2],
+    ) -> impl Iterator<Item = AtStructure<(f64, f64)>> + 'a {
+        let motion = disp.0.iter().zip(vel.0).zip(&self.units);
+        motion.map(|((disp, vel), unit)| {
+            let factor = self.disp_unit(unit);
+            AtStructure((disp * factor, vel * factor))
+        })
+    }
+
+    /// Makes the next command of displacements and velocities of the controller. Real-time: yes.
+    pub(crate) fn aim(&self, port: &mut ReceivedPort, motion: [AtClient<&[f64]>; 2]) {
+        port.aim_at(&mut self.motion(motion));
     }
 
     /// Makes the target of the port of displacements of the controller, and no command. Real-time: yes.
-    pub(crate) fn seek(
-        &self,
-        port: &mut ReceivedPort,
-        disp: AtClient<&[f64]>,
-        client: &[AxisUnits],
-    ) {
-        match self {
-            Self::Axes => port.seek_at(&mut disp.iter().map(|disp| AtStructure((*disp, 0.0)))),
-            Self::Structure(_) => {
-                let along = disp.iter().zip(client);
-                port.seek_at(&mut along.map(|(disp, unit)| AtStructure((disp * unit.metres, 0.0))));
-            }
-        }
+    pub(crate) fn seek(&self, port: &mut ReceivedPort, disp: AtClient<&[f64]>) {
+        let along = self.motion([disp; 2]);
+        port.seek_at(&mut along.map(|AtStructure((disp, _))| AtStructure((disp, 0.0))));
     }
 
     /// Writes the port's last measurement in the controller's units, where displacements and forces are finite. Returns the first
@@ -97,12 +93,11 @@ impl ClientScale {
     pub(crate) fn answer(
         &self,
         port: &mut ReceivedPort,
-        client: &[AxisUnits],
         into: &mut Measurement,
     ) -> Result<Option<usize>, Fault> {
         if self.is_of_axes() {
             copy(port.feedback().raw(), into);
-            let values = into.disp.iter().zip(&into.force).zip(client);
+            let values = into.disp.iter().zip(&into.force).zip(&self.units);
             let mut values = values.map(|((disp, force), unit)| {
                 (disp * unit.metres).is_finite() && (force * unit.newtons).is_finite()
             });
@@ -112,7 +107,7 @@ impl ClientScale {
         let mut not_finite = None;
         port.read_signals(|index, AtStructure((disp, force))| {
             let places = into.disp.get_mut(index).zip(into.force.get_mut(index));
-            let (Some((to_disp, to_force)), Some(unit)) = (places, client.get(index)) else {
+            let (Some((to_disp, to_force)), Some(unit)) = (places, self.units.get(index)) else {
                 return;
             };
             let (disp, force) = (disp / unit.metres, force / unit.newtons);
@@ -133,17 +128,13 @@ impl ClientScale {
         &self,
         port: &ReceivedPort,
         disp: AtClient<&[f64]>,
-        client: &[AxisUnits],
     ) -> Result<AtAxis<Vec<f64>>, Fault> {
-        if self.is_of_axes() || disp.is_empty() {
-            return Ok(AtAxis(disp.to_vec()));
+        if disp.is_empty() {
+            return Ok(AtAxis(Vec::new()));
         }
-        let signals = disp
-            .iter()
-            .zip(client)
-            .map(|(disp, unit)| disp * unit.metres);
-        let signals = AtStructure(signals.collect::<Vec<f64>>());
-        port.commands_for(signals.part(Vec::as_slice))
+        let signals = self.motion([disp; 2]);
+        let signals: Vec<f64> = signals.map(|AtStructure((disp, _))| disp).collect();
+        port.commands_for(AtStructure(&signals))
     }
 
     /// Displacements of the controller for the position `place` of the axes, in their units.
@@ -154,14 +145,10 @@ impl ClientScale {
         &self,
         port: &ReceivedPort,
         place: AtAxis<&[f64]>,
-        client: &[AxisUnits],
     ) -> Result<AtClient<Vec<f64>>, Fault> {
-        if self.is_of_axes() {
-            return Ok(AtClient(place.to_vec()));
-        }
         let signals = port.signals_at(place)?;
-        let signals = signals.iter().zip(client);
-        let disp = signals.map(|(disp, unit)| disp / unit.metres);
+        let signals = signals.iter().zip(&self.units);
+        let disp = signals.map(|(disp, unit)| disp / self.disp_unit(unit));
         Ok(AtClient(disp.collect()))
     }
 }

@@ -7,7 +7,7 @@ use gusset_quantity::catalog::column::{
     Each, Kind, Origin, SERVER, SERVER_COMPENSATION, SERVER_RAW_DISP, SERVER_RAW_FORCE,
 };
 use gusset_quantity::catalog::phase::Phase;
-use gusset_quantity::substructure::{Command, Measurement};
+use gusset_quantity::substructure::{Command, Status};
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Column;
 
@@ -18,10 +18,10 @@ pub(super) struct Exchange<'a> {
     pub state: f64,
     pub command: &'a Command<'a>,
     pub elapsed: f64,
-    /// The port that converts the controller's commands, if its numbers are not those of the axes.
-    pub port: Option<&'a ReceivedPort>,
+    pub port: &'a ReceivedPort,
     pub commits: u64,
-    pub measured: &'a Measurement,
+    /// Flags that the controller received.
+    pub status: Status,
     pub trip: Option<Trip>,
     pub received_ns: u64,
     pub answered_ns: u64,
@@ -39,70 +39,39 @@ impl Exchange<'_> {
         self.state == Self::KEPT_BACK
     }
 
-    /// Writes the columns of the axes, [`WIDTH`] each, those of the coordinates, and those of tracking. Real-time: yes.
+    /// Writes the columns of the axes, [`WIDTH`] each, those of the coordinates, and those of tracking, as the row of a run.
+    /// The port counts in `units`. Real-time: yes.
     pub(crate) fn write(&self, units: &[AxisUnits], row: &mut [f64]) {
-        match self.port {
-            None => self.write_passed(units, row),
-            Some(port) => self.write_converted(port, row),
-        }
-    }
-
-    /// Writes the row of a specimen whose axes the controller commands directly.
-    fn write_passed(&self, units: &[AxisUnits], row: &mut [f64]) {
-        let numbers = self.command.disp.iter().zip(self.command.vel);
-        let measurements = self.measured.disp.iter().zip(&self.measured.force);
-        for ((slot, units), ((disp, vel), (measured_disp, force))) in row
-            .chunks_exact_mut(WIDTH)
-            .zip(units)
-            .zip(numbers.zip(measurements))
+        let port = self.port;
+        let axes = WIDTH * port.axes();
+        let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
+        let is_number = self.command.disp.iter().all(|disp| disp.is_finite());
+        let commands = port.goal().0.iter().zip(*port.command());
+        let commands = commands.zip(*port.command_vel()).zip(units).enumerate();
+        for (slot, (axis, (((goal, command), vel), units))) in
+            row.chunks_exact_mut(WIDTH).zip(commands)
         {
+            let [target, _, meas, force, raw_disp, raw_force] = port.motion_of(axis);
             let AxisUnits {
                 metres, newtons, ..
             } = units;
+            let target = match (is_number, self.is_aimed) {
+                (false, _) => f64::NAN,
+                (true, true) => target,
+                (true, false) => *goal,
+            };
+            let sent = if self.is_kept_back() {
+                f64::NAN
+            } else {
+                *command
+            };
             slot.copy_from_slice(&[
-                metres * disp,
-                self.sent(*disp),
-                metres * measured_disp,
+                metres * target,
+                sent,
+                metres * meas,
                 newtons * force,
-                *measured_disp,
-                *force,
-                *vel,
-            ]);
-        }
-    }
-
-    /// Writes the row of a port that converts: commands and measurements of the axes, at the structure's scale and at their own.
-    fn write_converted(&self, port: &ReceivedPort, row: &mut [f64]) {
-        let axes = WIDTH * port.axes();
-        let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
-        let raw = port.feedback().raw();
-        let is_number = self.command.disp.iter().all(|disp| disp.is_finite());
-        let targets = if self.is_aimed {
-            port.target()
-        } else {
-            port.goal()
-        };
-        let commands = targets
-            .iter()
-            .map(|target| if is_number { *target } else { f64::NAN })
-            .zip(port.command().0.iter().zip(port.command_vel().0));
-        let measured = port
-            .feedback()
-            .disp()
-            .0
-            .iter()
-            .zip(port.feedback().force().0);
-        let measured = measured.zip(raw.disp.iter().zip(&raw.force));
-        for (slot, ((target, (disp, vel)), ((meas, force), (raw_disp, raw_force)))) in
-            row.chunks_exact_mut(WIDTH).zip(commands.zip(measured))
-        {
-            slot.copy_from_slice(&[
-                target,
-                self.sent(*disp),
-                *meas,
-                *force,
-                *raw_disp,
-                *raw_force,
+                raw_disp,
+                raw_force,
                 *vel,
             ]);
         }
@@ -122,20 +91,6 @@ impl Exchange<'_> {
         for (slot, value) in further.into_iter().flatten().zip(values) {
             *slot = value;
         }
-    }
-
-    /// Command of the column `cmd`: NaN if the command was kept back.
-    fn sent(&self, disp: f64) -> f64 {
-        if self.is_kept_back() { f64::NAN } else { disp }
-    }
-
-    /// Measured displacement and force of one axis after the other, SI. Real-time: yes.
-    pub(crate) fn measured_si(&self, units: &'_ [AxisUnits]) -> impl Iterator<Item = (f64, f64)> {
-        let measured = self
-            .port
-            .map_or(self.measured, |port| port.feedback().raw());
-        let measured = measured.disp.iter().zip(&measured.force).zip(units);
-        measured.map(|((disp, force), unit)| (unit.metres * disp, unit.newtons * force))
     }
 }
 

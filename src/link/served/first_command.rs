@@ -3,7 +3,7 @@
 
 use super::{Trip, USUAL_TICK_S};
 use gusset_control::port::ReceivedPort;
-use gusset_control::port::limits::{AxisLimits, Hit, Level};
+use gusset_control::port::limits::{AxisLimits, Hit};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::frame::{AtAxis, AtSpecimen};
 use gusset_quantity::substructure::Command;
@@ -147,13 +147,8 @@ pub(super) fn beyond(port: &ReceivedPort, place: AtAxis<&[f64]>) -> Option<Hit> 
     axes.find_map(|(axis, (limits, AtSpecimen(value)))| {
         let [low, high] = limits.get(Limit::CommandDisp).trip;
         let is_within = value >= low && value <= high;
-        (!is_within).then_some(Hit {
-            axis,
-            quantity: Limit::CommandDisp,
-            level: Level::Trip,
-            value,
-            bound: if value > high { high } else { low },
-        })
+        let bound = if value > high { high } else { low };
+        (!is_within).then_some(Hit::trip(axis, Limit::CommandDisp, value, bound))
     })
 }
 
@@ -179,13 +174,7 @@ fn too_far(
         let bound = bound(limits)?;
         let value = (to.0 - from.0).abs();
         let is_near = value <= bound;
-        (!is_near).then_some(Hit {
-            axis,
-            quantity: Limit::CommandStep,
-            level: Level::Trip,
-            value,
-            bound,
-        })
+        (!is_near).then_some(Hit::trip(axis, Limit::CommandStep, value, bound))
     })
 }
 

@@ -104,7 +104,7 @@ impl GuardedSpecimen {
     /// A specimen without limits and without a record.
     pub(crate) fn new(identity: Identity, port: ReceivedPort) -> Self {
         Self {
-            answer: Measurement::zeros(identity.units.len()),
+            answer: Measurement::zeros(identity.scale.units.len()),
             told: AtAxis(Vec::with_capacity(port.axes())),
             allowance: SpeedAllowance::new(identity.moves),
             identity,
@@ -124,7 +124,7 @@ impl GuardedSpecimen {
 
     /// Each target of a controller becomes a path of commands.
     pub(crate) fn set_pacing(&mut self, pacing: Pacing) {
-        let (signals, axes) = (self.identity.units.len(), self.port.axes());
+        let (signals, axes) = (self.identity.scale.units.len(), self.port.axes());
         self.port.path_mut().take_velocities_of_a_path();
         let mut path = PacedPath::new(pacing, signals, axes);
         path.fresh = self.port.freeze_compensation();
@@ -180,10 +180,10 @@ impl GuardedSpecimen {
         }
         self.allowance.announced(controller.rate);
         (self.tripped, self.commits) = (None, 0);
-        self.announced = AnnouncedLimits::by(controller, &self.identity.units);
+        self.announced = AnnouncedLimits::by(controller, &self.identity.scale.units);
         self.first.begins = None;
         self.told.clear();
-        self.answer = Measurement::zeros(self.identity.units.len());
+        self.answer = Measurement::zeros(self.identity.scale.units.len());
         Ok(())
     }
 
@@ -202,8 +202,7 @@ impl GuardedSpecimen {
     /// # Errors
     /// The actuators cannot have this pose.
     pub(crate) fn place_for(&self, disp: AtClient<&[f64]>) -> Result<AtAxis<Vec<f64>>, TestEnd> {
-        let Identity { scale, units, .. } = &self.identity;
-        let place = scale.place_for(&self.port, disp, units);
+        let place = self.identity.scale.place_for(&self.port, disp);
         place.map_err(|fault| TestEnd::failed(format_args!("the test cannot begin there: {fault}")))
     }
 
@@ -228,16 +227,15 @@ impl GuardedSpecimen {
         self.allowance.begin(sequence);
         self.first.armed();
         if let Some(announced) = &mut self.announced {
-            let Identity { scale, units, .. } = &self.identity;
+            let scale = &self.identity.scale;
             if scale.is_of_axes() {
                 announced.begin(self.port.guard().watch());
-            } else if let Ok(disp) = scale.disp_at(&self.port, start, units) {
-                announced.begin_at(in_metres(units, disp.part(Vec::as_slice)));
+            } else if let Ok(disp) = scale.disp_at(&self.port, start) {
+                announced.begin_at(in_metres(&scale.units, disp.part(Vec::as_slice)));
             }
         }
         if let Some(path) = &mut self.path {
-            let Identity { scale, units, .. } = &self.identity;
-            let disp = scale.disp_at(&self.port, start, units);
+            let disp = self.identity.scale.disp_at(&self.port, start);
             let disp = disp.map_err(|fault| TestEnd::failed(format_args!("not armed: {fault}")))?;
             path.rests_at(sequence, disp.part(Vec::as_slice), start);
             self.port.restart_following(path.fresh.as_ref());
@@ -274,9 +272,9 @@ impl GuardedSpecimen {
 // One exchange.
 impl GuardedSpecimen {
     /// One exchange: limits, specimen, limits, record. `elapsed` is the test time since the last commit. The command is in the
-    /// controller's signals. An own command is in m of the axes' deformations where the controller does not command the axes
-    /// themselves. `into` receives the last measurement (in the units of the axes for an own command), with the interlock flag
-    /// after a trip. False if the answer is missing, and no longer `wanted`. Real-time: yes, as far as the link is.
+    /// controller's signals, an own command in deformations of the axes. `into` receives the last measurement (in the units of the axes
+    /// for an own command), with the interlock flag after a trip. False if the answer is missing, and no longer `wanted`. Real-time:
+    /// yes, as far as the link is.
     ///
     /// # Errors
     /// The specimen holds. The command was not passed on, or is the last one.
@@ -322,7 +320,7 @@ impl GuardedSpecimen {
         into.sequence = command.sequence;
         into.time = self.answer.time;
         into.status = self.answer.status;
-        if self.is_by_axes(origin) {
+        if origin.is_own() {
             copy(self.port.feedback().raw(), into);
         } else {
             copy(&self.answer, into);
@@ -345,9 +343,9 @@ impl GuardedSpecimen {
                 ..*command
             },
             elapsed,
-            port: (!self.identity.scale.is_of_axes()).then_some(&self.port),
+            port: &self.port,
             commits: self.commits,
-            measured: into,
+            status: into.status,
             trip: self.tripped,
             received_ns,
             answered_ns: answered_ns.unwrap_or(received_ns),
@@ -355,11 +353,11 @@ impl GuardedSpecimen {
         self.tripped.map_or(Ok(is_answered), Err)
     }
 
-    /// A target that is not commanded is the goal of a port that converts, if it is a number. Real-time: yes.
+    /// A target that is not commanded is the goal of the port, if it is a number. Real-time: yes.
     fn seek_for_the_record(&mut self, command: &Command<'_>) {
-        let Identity { scale, units, .. } = &self.identity;
-        if self.is_converted() && command.disp.iter().all(|disp| disp.is_finite()) {
-            scale.seek(&mut self.port, AtClient(command.disp), units);
+        let scale = &self.identity.scale;
+        if command.disp.iter().all(|disp| disp.is_finite()) {
+            scale.seek(&mut self.port, AtClient(command.disp));
         }
     }
 
@@ -393,11 +391,11 @@ impl GuardedSpecimen {
             return Err(fault.into());
         }
         (self.answer.time, self.answer.status) = (raw.time, raw.status);
-        let posed = if self.is_by_axes(origin) || (self.is_converted() && not_finite.is_some()) {
+        let posed = if self.is_converted() && (origin.is_own() || not_finite.is_some()) {
             Ok(None)
         } else {
-            let Identity { scale, units, .. } = &self.identity;
-            scale.answer(&mut self.port, units, &mut self.answer)
+            let scale = &self.identity.scale;
+            scale.answer(&mut self.port, &mut self.answer)
         };
         if self.answer.status.has(Status::UNSETTLED) {
             self.port.exchange_mut().count_unsettled();
@@ -447,7 +445,7 @@ impl GuardedSpecimen {
         let found = self.port.clear();
         self.heed(found)?;
         if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
-            let disp = in_metres(&self.identity.units, AtClient(command.disp));
+            let disp = in_metres(&self.identity.scale.units, AtClient(command.disp));
             announced.command(time.map_or(USUAL_TICK_S, |time| time.announced), disp)?;
         }
         Ok(())
@@ -458,25 +456,20 @@ impl GuardedSpecimen {
         !self.identity.scale.is_of_axes()
     }
 
-    /// True if a command is in deformations of the axes, and not in the controller's signals. Real-time: yes.
-    fn is_by_axes(&self, origin: Origin) -> bool {
-        self.is_converted() && origin.is_own()
-    }
-
     /// Makes the next command of the port. Real-time: yes.
     fn aim(&mut self, command: &Command<'_>, origin: Origin) {
         let Command { disp, vel, .. } = command;
         if matches!(origin, Origin::Ramp { .. }) {
             return;
         }
-        if self.is_by_axes(origin) {
+        if origin.is_own() {
             let motion = disp.iter().zip(*vel);
             let motion = motion.map(|(disp, vel)| AtStructure((*disp, *vel)));
             self.port.aim_axes(motion);
             return;
         }
-        let Identity { scale, units, .. } = &self.identity;
-        scale.aim(&mut self.port, [disp, vel].map(|of| AtClient(*of)), units);
+        let motion = [disp, vel].map(|of| AtClient(*of));
+        self.identity.scale.aim(&mut self.port, motion);
     }
 
     /// Sends the command that was judged, and takes its answer; false if that is no longer `wanted`.
@@ -521,7 +514,7 @@ impl GuardedSpecimen {
         let found = self.port.judge();
         let mut announced = Ok(());
         if let Some(limits) = self.announced.as_mut().filter(|_| is_theirs) {
-            let units = self.identity.units.iter();
+            let units = self.identity.scale.units.iter();
             let values = self.answer.disp.iter().zip(&self.answer.force).zip(units);
             announced = limits.measured(values.map(|((disp, force), unit)| {
                 AtSpecimen((disp * unit.metres, force * unit.newtons))

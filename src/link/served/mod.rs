@@ -47,7 +47,7 @@ pub(crate) use link_maker::Unconnected;
 pub use link_maker::{LinkBuild, LinkMaker};
 pub use pacing::{PaceClock, Pacing};
 pub use served_specimen::ServedSpecimen;
-pub use session_record::RecordSettings;
+pub use session_record::{EndedTest, RecordSettings};
 pub use whereabouts::Whereabouts;
 
 use gusset_actuator::geometry::Fault;

@@ -7,7 +7,6 @@ use super::Trip;
 use super::client_scale::copy;
 use super::first_command::beyond;
 use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
-use super::identity::Identity;
 use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
 use gusset_control::port::{LoadingUnit, SHARE_OF_SPEED};
@@ -56,16 +55,16 @@ impl GuardedSpecimen {
             if is_missed && is_owed {
                 self.misses_edge();
             }
-            let (origin, disp_is_made) = self.prepare(path, tick);
             let period_s = path.pacing.period_s();
+            let origin = self.prepare(path, tick);
             let theirs = Command {
                 sequence: path.sequence,
                 time: command.time - (1.0 - tick.gone) * elapsed,
                 dt: period_s,
-                disp: if disp_is_made {
-                    &path.disp
-                } else {
+                disp: if path.is_first {
                     command.disp
+                } else {
+                    &path.disp
                 },
                 vel: &path.vel,
             };
@@ -90,8 +89,8 @@ impl GuardedSpecimen {
             let (axis, measured) = (Some(axis), false);
             return Err(Trip::NotFinite { axis, measured });
         }
-        let Identity { scale, units, .. } = &self.identity;
-        scale.seek(&mut self.port, AtClient(command.disp), units);
+        let scale = &self.identity.scale;
+        scale.seek(&mut self.port, AtClient(command.disp));
         if let Some(fault) = self.port.loading_unit().and_then(LoadingUnit::fault) {
             return Err(Trip::Geometry(fault));
         }
@@ -117,9 +116,8 @@ impl GuardedSpecimen {
         let mut seconds = path.pacing.motion_s();
         if path.is_first {
             path.vel.fill(0.0);
-            let Identity { scale, units, .. } = &self.identity;
             let motion = [AtClient(command.disp), path.vel.part(Vec::as_slice)];
-            scale.aim(&mut self.port, motion, units);
+            self.identity.scale.aim(&mut self.port, motion);
             self.port.begin_ramp();
             let period_s = path.pacing.period_s();
             let needed = self.port.ramp_time(SHARE_OF_SPEED, period_s, seconds);
@@ -129,28 +127,23 @@ impl GuardedSpecimen {
             self.port.skips_commands();
         }
         if let Some(announced) = self.announced.as_mut() {
-            let disp = in_metres(&self.identity.units, AtClient(command.disp));
+            let disp = in_metres(&self.identity.scale.units, AtClient(command.disp));
             announced.command(seconds, disp)?;
         }
         Ok(())
     }
 
-    /// Makes the next command of the path, and names its origin; true if the path holds its displacements.
-    fn prepare(&mut self, path: &mut PacedPath, tick: PathTick) -> (Origin, bool) {
+    /// Makes the next command of the path, of which the port makes that of a ramp, and names its origin.
+    fn prepare(&mut self, path: &mut PacedPath, tick: PathTick) -> Origin {
         let period_s = path.pacing.period_s();
         if !path.is_first {
             path.make(tick);
-            return (Origin::Paced { period_s }, true);
+            return Origin::Paced { period_s };
         }
         let seconds = period_s * f64::from(path.ticks()) / tick.pace;
         self.port.ramp_to(tick.share, seconds);
-        let is_of_axes = self.identity.scale.is_of_axes();
-        if is_of_axes {
-            path.disp.copy_from_slice(&self.port.command());
-            path.vel.copy_from_slice(&self.port.command_vel());
-        }
         let lands = tick.share >= 1.0;
-        (Origin::Ramp { period_s, lands }, is_of_axes)
+        Origin::Ramp { period_s, lands }
     }
 
     /// A command left late, because the specimen replied late.

@@ -3,7 +3,7 @@
 use super::Trip;
 use super::pacing::{AllowedAccel, FASTEST, HARDEST, Pacing};
 use gusset_control::port::ReceivedPort;
-use gusset_control::port::limits::{AxisLimits, Hit, Level};
+use gusset_control::port::limits::{AxisLimits, Hit};
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::frame::AtAxis;
 
@@ -57,14 +57,7 @@ pub(super) fn judge(
             if is_within {
                 continue;
             }
-            let hit = Hit {
-                axis,
-                quantity,
-                level: Level::Trip,
-                value,
-                bound,
-            };
-            first.get_or_insert(hit);
+            first.get_or_insert(Hit::trip(axis, quantity, value, bound));
             let excess = value / bound;
             let longer = match quantity {
                 Limit::CommandAccel => excess.sqrt(),

@@ -2,15 +2,14 @@
 
 use super::first_command::begins_elsewhere;
 use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
-use super::identity::Identity;
 use super::link_maker::LinkMaker;
 use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
-use gusset_control::port::{Opinion, Probe, WayBack, WiringCheck, compare_stiffness};
+use gusset_control::port::{Probe, WayBack, WiringCheck};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::substructure::{Command, Introduction, Measurement, Retirement};
-use gusset_quantity::units::{AxisUnits, in_axis_unit, number as number_of, signed_in_axis_unit};
+use gusset_quantity::units::{AxisUnits, in_axis_unit, signed_in_axis_unit};
 use gusset_record::lasting::Place;
 use gusset_record::rt::os;
 use gusset_record::rt::wall::Wall;
@@ -142,18 +141,18 @@ impl<'a> Readiness<'a> {
 
     /// Compares the specimen's introduction with the file.
     fn compare(&mut self, introduction: &Introduction, asked: &[f64]) -> Result<(), TestEnd> {
-        for warning in self.doubts(introduction)? {
-            self.served.note(Remark::Warning, &warning);
+        let GuardedSpecimen { identity, port, .. } = &mut *self.served;
+        let doubts = port.meet(introduction, |axis| {
+            let AxisUnits {
+                metres, newtons, ..
+            } = identity.scale.port_units(axis);
+            newtons / metres
+        });
+        let doubts = doubts.map_err(|refusal| TestEnd::failed(refusal.text))?;
+        for warning in introduction.warnings.iter().chain(&doubts) {
+            self.served.note(Remark::Warning, warning);
         }
-        let of_limits = self.served.identity.needs_measured_disp.iter().copied();
-        let own = self.served.port.startup().needs_measured_disp().own.iter();
-        let needs: Vec<&str> = of_limits.chain(own.map(String::as_str)).collect();
-        if introduction.repeats_the_command && !needs.is_empty() {
-            let text = format!(
-                "its end does not say that it measures displacement. What it sends as such may be the command, and {} would compare \
-                 the command with itself: let the end of the link measure displacement and announce it, or do without",
-                needs.join(", ")
-            );
+        if let Some(text) = self.served.port.lacks_measured_disp(introduction) {
             return Err(text.into());
         }
         if introduction.repeats_the_command {
@@ -168,50 +167,6 @@ impl<'a> Readiness<'a> {
             return Err(text.into());
         }
         Ok(())
-    }
-
-    fn doubts(&self, introduction: &Introduction) -> Result<Vec<String>, String> {
-        let identity = &self.served.identity;
-        let n = identity.units.len();
-        let mut doubts = introduction.warnings.clone();
-        if !identity.scale.is_of_axes() {
-            let found = self.served.port.compare_stiffness(&introduction.stiffness);
-            doubts.extend(found.map_err(|refusal| refusal.text)?);
-            doubts.extend(self.doubts_of_wiring(introduction));
-            return Ok(doubts);
-        }
-        let theirs = introduction.stiffness.iter().step_by(n + 1);
-        let ours = identity.stiffness.iter().step_by(n + 1);
-        let axes = theirs.zip(ours).zip(&identity.units);
-        for (number, ((theirs, ours), units)) in (1..).zip(axes) {
-            let AxisUnits { disp, force, .. } = units;
-            let opinion = compare_stiffness(*theirs, *ours);
-            let [theirs, ours] = [theirs, ours].map(|stiffness| number_of(*stiffness));
-            match opinion {
-                Opinion::Agrees => {}
-                Opinion::Differs => doubts.push(format!(
-                    "axis {number} reports a stiffness of {theirs} {force}/{disp}, the file says {ours} \
-                     {force}/{disp}"
-                )),
-                Opinion::Reversed => {
-                    return Err(format!(
-                        "axis {number} reports a stiffness of {theirs} {force}/{disp} where {ours} {force}/{disp} is \
-                         expected: a channel is reversed; look at the wiring"
-                    ));
-                }
-            }
-        }
-        doubts.extend(self.doubts_of_wiring(introduction));
-        Ok(doubts)
-    }
-
-    fn doubts_of_wiring(&self, introduction: &Introduction) -> Option<String> {
-        let is_unchecked = matches!(self.served.port.startup().wiring(), WiringCheck::Unchecked);
-        (is_unchecked && !introduction.simulated).then(|| {
-            "NOTHING CHECKS WHICH WAY ROUND THE SPECIMEN IS WIRED: give `probe_m` in [specimen.link] for a small \
-             motion before each test, or say `probe = \"none\"`"
-                .to_owned()
-        })
     }
 
     /// Largest rounding error of the controller's converted numbers.
@@ -237,8 +192,8 @@ impl<'a> Readiness<'a> {
         let known = [asked, AtAxis(&introduction.standing)];
         let known = known.into_iter().find(|known| known.len() == axes);
         let start = AtAxis(known.map_or_else(|| vec![0.0; axes], |known| known.to_vec()));
-        let Identity { scale, units, .. } = &self.served.identity;
-        let posed = scale.disp_at(&self.served.port, start.part(Vec::as_slice), units);
+        let scale = &self.served.identity.scale;
+        let posed = scale.disp_at(&self.served.port, start.part(Vec::as_slice));
         posed
             .map_err(|fault| TestEnd::failed(format_args!("where the specimen stands: {fault}")))?;
         Ok(start)
@@ -288,7 +243,7 @@ impl<'a> Readiness<'a> {
             "" => format!("a client at {peer}"),
             test => format!("\"{test}\" of {peer}"),
         };
-        let units = self.served.identity.axis_units();
+        let units = self.served.identity.scale.axis_units();
         let place = Place {
             what,
             runs: Vec::new(),
@@ -423,10 +378,7 @@ impl<'a> Readiness<'a> {
             self.served.warn(Remark::WiringAccepted, &text);
         }
         let axes = wiring.found.iter().map(|axis| {
-            let units = self.served.identity.units.get(axis.axis);
-            // A port that converts measures in m and N of the structure.
-            let units = units.filter(|_| self.served.identity.scale.is_of_axes());
-            let units = units.unwrap_or(&AxisUnits::SI);
+            let units = self.served.identity.scale.port_units(axis.axis);
             format!(
                 "axis {}: {} gave {}",
                 axis.axis + 1,
@@ -461,7 +413,7 @@ impl<'a> Readiness<'a> {
             sequence: 0,
             time: 0.0,
             dt: 0.0,
-            disp: &self.deformations(stands),
+            disp: &self.served.port.deformations_at(stands),
             vel: &vec![0.0; n],
         };
         let when = "where it stands";
@@ -539,21 +491,19 @@ impl<'a> Readiness<'a> {
             let of = format!("axis {}", axis + 1);
             return Err(Self::is_no_number(served, Some(axis), &of));
         }
-        let Identity { scale, units, .. } = &served.identity;
-        if !scale.is_of_axes() {
-            let mut answer = Measurement::zeros(units.len());
-            let posed = served.port.take_at_rest(&rest);
-            let posed = posed.and_then(|()| scale.answer(&mut served.port, units, &mut answer));
-            let posed = posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
-            if let Some(signal) = posed {
-                let of = format!("displacement {}", signal + 1);
-                return Err(Self::is_no_number(served, None, &of));
-            }
-            rest = answer;
-        }
-        (rest.time, rest.status) = (served.answer.time, served.answer.status);
-        served.answer = rest;
-        Ok(())
+        let GuardedSpecimen {
+            identity,
+            port,
+            answer,
+            ..
+        } = &mut *served;
+        let posed = port.take_at_rest(&rest);
+        let posed = posed.and_then(|()| identity.scale.answer(port, answer));
+        let posed = posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
+        posed.map_or(Ok(()), |signal| {
+            let of = format!("displacement {}", signal + 1);
+            Err(Self::is_no_number(served, None, &of))
+        })
     }
 
     /// The trip of a force at rest that is NaN or infinite.
@@ -561,13 +511,5 @@ impl<'a> Readiness<'a> {
         let measured = true;
         served.trip(Trip::NotFinite { axis, measured });
         format!("{of}: the force at rest is no number").into()
-    }
-
-    /// Numbers of the server's command for a place of the axes.
-    fn deformations(&self, place: AtAxis<&[f64]>) -> Vec<f64> {
-        if self.served.identity.scale.is_of_axes() {
-            return place.to_vec();
-        }
-        self.served.port.deformations_at(place).0
     }
 }

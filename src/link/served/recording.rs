@@ -89,11 +89,8 @@ impl Recording {
     }
 
     /// A command left late. True of the first one. Real-time: yes.
-    pub(crate) fn misses_edge(&mut self) -> bool {
+    pub(crate) const fn misses_edge(&mut self) -> bool {
         self.missed_edges += 1;
-        if let Some(record) = &mut self.open {
-            record.misses_edge();
-        }
         self.missed_edges == 1
     }
 
@@ -128,14 +125,6 @@ impl Recording {
         }
     }
 
-    /// A warning for record and summary.
-    pub(crate) fn warn(&mut self, store: &GuardStore, event: Remark, text: &str) {
-        match &mut self.open {
-            Some(record) => record.warn(event, text),
-            None => self.note(store, event, text),
-        }
-    }
-
     /// A warning for record and summary, which the summary lists once.
     pub(crate) fn warn_once(&mut self, store: &GuardStore, event: Remark, text: &str) {
         match &mut self.open {
@@ -147,7 +136,7 @@ impl Recording {
     /// The test is over.
     pub(crate) fn close(&mut self, cause: Cause, text: &str, commits: u64) {
         if let Some(record) = self.open.take() {
-            record.close(cause, text, &self.link, commits);
+            record.close(cause, text, &self.link, (commits, self.missed_edges));
         }
     }
 }

@@ -68,24 +68,34 @@ impl ServedSpecimen {
         let axes = substructure.axes();
         units.resize(axes, AxisUnits::SI);
         let diagonal: Vec<f64> = stiffness.iter().step_by(axes + 1).copied().collect();
-        let is_remote = substructure.is_remote();
-        let mut port = PortSpec::passing_on(name.clone(), substructure, &diagonal);
-        if is_remote {
+        let port = PortSpec::passing_on(name, substructure, &diagonal);
+        let behind = None;
+        Self::of(port, ClientScale { units, behind }, [stiffness, mass], None)
+    }
+
+    fn of(
+        mut port: ReceivedPort,
+        scale: ClientScale,
+        [stiffness, mass]: [Vec<f64>; 2],
+        links: Option<LinkMaker>,
+    ) -> Self {
+        let moves = port.exchange().is_remote();
+        if moves {
             *port.startup_mut().wiring_mut() = WiringCheck::Unchecked;
         }
         let identity = Identity {
-            name,
-            units,
-            scale: ClientScale::Axes,
+            name: port.name().to_owned(),
+            scale,
             stiffness,
             mass,
-            needs_measured_disp: Vec::new(),
-            moves: is_remote,
+            moves,
             remembers: false,
         };
+        let mut guarded = GuardedSpecimen::new(identity, port);
+        guarded.reply_limit_ns = links.as_ref().map_or(0, LinkMaker::reply_limit_ns);
         let served = Self {
-            guarded: GuardedSpecimen::new(identity, port),
-            links: None,
+            guarded,
+            links,
             stage: Stage::Closed,
             is_ready: false,
         };
@@ -108,39 +118,21 @@ impl ServedSpecimen {
         served
     }
 
-    /// A specimen across a link that `links` makes for each test, whose axes the controller does not command directly: `port`
-    /// converts its signals, which count in `units`. Stiffness and mass are those of the signals.
+    /// A specimen across a link that `links` makes for each test, whose axes the controller does not command directly: `port`, whose
+    /// partner is [`Unconnected`], converts its signals, which count in `units`. Stiffness and mass are those of the signals.
     #[must_use]
     pub(crate) fn converted(
         links: LinkMaker,
         port: ReceivedPort,
         behind: AxesBehind,
         units: Vec<AxisUnits>,
-        [stiffness, mass]: [Vec<f64>; 2],
+        matrices: [Vec<f64>; 2],
     ) -> Self {
-        let identity = Identity {
-            name: port.name().to_owned(),
+        let scale = ClientScale {
             units,
-            scale: ClientScale::Structure(Box::new(behind)),
-            stiffness,
-            mass,
-            needs_measured_disp: Vec::new(),
-            moves: true,
-            remembers: false,
+            behind: Some(behind),
         };
-        let mut guarded = GuardedSpecimen::new(identity, port);
-        let unconnected = Box::new(Unconnected {
-            axes: guarded.port.axes(),
-        });
-        drop(guarded.port.swap_partner(unconnected));
-        guarded.reply_limit_ns = links.reply_limit_ns();
-        Self {
-            guarded,
-            links: Some(links),
-            stage: Stage::Closed,
-            is_ready: false,
-        }
-        .limited(&[])
+        Self::of(port, scale, matrices, Some(links))
     }
 
     /// Each target of a controller becomes a path of commands.
@@ -155,7 +147,7 @@ impl ServedSpecimen {
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
-        let units = self.guarded.identity.axis_units();
+        let units = self.guarded.identity.scale.axis_units();
         self.guarded.port.set_limits(USUAL_TICK_S, |axis| {
             let limits = limits.get(axis).map_or(AxisLimits::NONE, AxisLimits::of);
             (
@@ -166,8 +158,9 @@ impl ServedSpecimen {
             )
         });
         let needs = limits.iter().flat_map(LimitsSpec::needing_measured_disp);
-        self.guarded.identity.needs_measured_disp =
-            needs.collect::<BTreeSet<_>>().into_iter().collect();
+        let needs = needs.map(str::to_owned).collect::<BTreeSet<_>>();
+        let startup = self.guarded.port.startup_mut();
+        startup.needs_measured_disp_mut().own.extend(needs);
         self
     }
 
@@ -226,13 +219,13 @@ impl ServedSpecimen {
     /// Number of displacements that a controller commands.
     #[must_use]
     pub const fn axes(&self) -> usize {
-        self.guarded.identity.units.len()
+        self.guarded.identity.scale.units.len()
     }
 
     /// The units in which a controller counts.
     #[must_use]
     pub(crate) fn units(&self) -> &[AxisUnits] {
-        &self.guarded.identity.units
+        &self.guarded.identity.scale.units
     }
 
     /// True if commands leave this process.
@@ -534,10 +527,7 @@ impl ServedSpecimen {
             return None;
         }
         let text = format!("the specimen reported after the test: {said}");
-        let GuardedSpecimen {
-            recording, store, ..
-        } = &mut self.guarded;
-        recording.warn(store, Remark::LastWords, &text);
+        self.warn(Remark::LastWords, &text);
         Some(said)
     }
 

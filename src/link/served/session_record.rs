@@ -10,7 +10,7 @@ use crossbeam_channel::Sender;
 
 use super::exchange_columns::{Exchange, HEAD, columns};
 use super::identity::Identity;
-use super::session_summary::{self, Counted};
+use super::session_summary::Counted;
 use super::{Controller, Trip};
 use gusset_control::port::ReceivedPort;
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
@@ -18,9 +18,9 @@ use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_quantity::substructure::{LinkStats, Status};
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Summary;
+use gusset_record::rt::os;
 use gusset_record::rt::timing::Timing;
 use gusset_record::rt::wall::Wall;
-use gusset_record::rt::{os, pin_away};
 use gusset_record::summary::RecordedVerdict;
 use gusset_record::writer::Clocks;
 use gusset_record::{
@@ -47,9 +47,12 @@ pub struct RecordSettings {
     pub accepted: BTreeMap<String, String>,
     /// The verdict on a gateway.
     pub verdict: Option<RecordedVerdict>,
-    /// Receives the folder of each test at its end.
-    pub ended: Option<Sender<Option<PathBuf>>>,
+    /// Receives each test at its end.
+    pub ended: Option<Sender<Option<EndedTest>>>,
 }
+
+/// The folder of a test that has ended, and its summary.
+pub type EndedTest = (RunFolder, Summary);
 
 /// Exchanges per second that the queue is made for where the protocol does not announce a rate.
 const USUAL_RATE_HZ: f64 = 1000.0;
@@ -61,6 +64,8 @@ pub(super) struct SessionRecord {
     folder: RunFolder,
     name: String,
     units: Vec<AxisUnits>,
+    /// In which the port counts.
+    port_units: Vec<AxisUnits>,
     writer: Writer,
     recorder: RingRecorder,
     row: Vec<f64>,
@@ -75,7 +80,7 @@ pub(super) struct SessionRecord {
     began_ns: u64,
     required: bool,
     verdict: Option<RecordedVerdict>,
-    ended: Option<Sender<Option<PathBuf>>>,
+    ended: Option<Sender<Option<EndedTest>>>,
 }
 
 impl SessionRecord {
@@ -90,7 +95,7 @@ impl SessionRecord {
         let announced = controller.rate;
         let announced = announced.map(|(above, below)| above as f64 / below as f64);
         let rate_hz = pace_hz.or(announced.filter(|rate| rate.is_finite()));
-        let (name, units) = (identity.name.as_str(), identity.axis_units());
+        let (name, units) = (identity.name.as_str(), identity.scale.axis_units());
         let columns = columns(units, identity.scale.coordinates(), port, name);
         let made = Self::make(settings, &mut folder, (name, columns), rate_hz, away_from);
         let (writer, recorder, row) = match made {
@@ -103,6 +108,9 @@ impl SessionRecord {
         let log = Self {
             name: name.to_owned(),
             units: units.to_vec(),
+            port_units: (0..units.len())
+                .map(|axis| *identity.scale.port_units(axis))
+                .collect(),
             writer,
             recorder,
             row,
@@ -136,11 +144,8 @@ impl SessionRecord {
         away_from: Option<usize>,
     ) -> Result<(Writer, RingRecorder, Vec<f64>), String> {
         let words = |error: FolderError| error.to_string();
-        folder.write_test(&settings.file).map_err(words)?;
-        folder.write_resolved(&settings.resolved).map_err(words)?;
-        for (path, bytes) in &settings.inputs {
-            folder.add_input(path, bytes).map_err(words)?;
-        }
+        let kept = folder.keep(&settings.file, &settings.resolved, &settings.inputs);
+        kept.map_err(words)?;
         let layout = Layout::new(columns).map_err(|error| error.to_string())?;
         let samples = folder.open_samples(&layout).map_err(words)?;
         let events = folder.open_events().map_err(words)?;
@@ -154,32 +159,15 @@ impl SessionRecord {
             utc_ns: || Wall::now().0,
         };
         let writer = WriterSettings {
-            real_clock: true,
             step_column: layout.index_of("step"),
             time_column: layout.index_of("time"),
             specimens: vec![name.to_owned()],
+            away_from,
             ..WriterSettings::default()
         };
-        // A thread inherits the processors of the one that starts it: not those of the data.
-        let spawn = move || {
-            if let Some(cpu) = away_from {
-                // With one processor there is no other.
-                let _ = pin_away(cpu);
-            }
-            Writer::spawn(reader, samples, events, None, clocks, writer)
-        };
-        let started = std::thread::scope(|scope| {
-            let starter = std::thread::Builder::new().name("gusset-log".into());
-            starter
-                .spawn_scoped(scope, spawn)
-                .map(|thread| thread.join())
-        });
-        match started {
-            Ok(Ok(Ok(writer))) => Ok((writer, recorder, vec![0.0; width])),
-            Ok(Ok(Err(error))) => Err(error.to_string()),
-            Ok(Err(_)) => Err("the writer could not be started".to_owned()),
-            Err(error) => Err(format!("the system gives no thread: {error}")),
-        }
+        let writer = Writer::spawn(reader, samples, events, None, clocks, writer);
+        let writer = writer.map_err(|error| error.to_string())?;
+        Ok((writer, recorder, vec![0.0; width]))
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -239,16 +227,9 @@ impl SessionRecord {
         );
     }
 
-    /// A command left late. Real-time: yes.
-    pub(crate) const fn misses_edge(&mut self) {
-        self.counted.missed_edges += 1;
-    }
-
     /// One row. Real-time: yes.
     pub(crate) fn exchange(&mut self, exchange: &Exchange<'_>) {
-        let Exchange {
-            command, measured, ..
-        } = exchange;
+        let command = exchange.command;
         let round_trip_ns = exchange.answered_ns.saturating_sub(exchange.received_ns);
         let head = [
             self.counted.exchanges as f64,
@@ -266,10 +247,13 @@ impl SessionRecord {
             *to = from;
         }
         let is_kept_back = exchange.is_kept_back();
-        exchange.write(&self.units, self.row.get_mut(HEAD..).unwrap_or_default());
+        exchange.write(
+            &self.port_units,
+            self.row.get_mut(HEAD..).unwrap_or_default(),
+        );
         if let Some(status) = self.row.last_mut() {
             let stale = if is_kept_back { Status::STALE.0 } else { 0 };
-            *status = f64::from(measured.status.0 | stale);
+            *status = f64::from(exchange.status.0 | stale);
         }
         if !is_kept_back {
             self.timing.round_trip(0, round_trip_ns);
@@ -279,8 +263,15 @@ impl SessionRecord {
         let _ = self.recorder.row(&self.row);
     }
 
-    /// Writes the record. The program's log reports a file that cannot be written.
-    pub(crate) fn close(self, cause: Cause, text: &str, stats: &LinkStats, commits: u64) {
+    /// Writes the record of a test with this many commits, and commands that left late. The program's log reports a file that cannot be
+    /// written.
+    pub(crate) fn close(
+        self,
+        cause: Cause,
+        text: &str,
+        stats: &LinkStats,
+        (commits, missed_edges): (u64, u64),
+    ) {
         let severity = match cause.status() {
             Ended::Completed | Ended::Interrupted => Severity::Info,
             Ended::Stopped | Ended::Failed => Severity::Error,
@@ -302,25 +293,24 @@ impl SessionRecord {
         } = self;
         let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
         let recorded = writer.finish().unwrap_or_default();
+        let cause = match cause {
+            Cause::Done if required && recorded.rows_lost() > 0 => Cause::RecordDamaged,
+            cause => cause,
+        };
         let summary = Summary {
+            status: cause.status(),
+            cause: Some(cause.word().to_owned()),
+            reason: text.to_owned(),
+            wall_seconds,
+            timing: Some(timing.summarised()),
+            rows_lost: recorded.rows_lost(),
+            inputs: folder.inputs().to_vec(),
+            warnings: warnings.into_iter().chain(recorded.loss()).collect(),
+            accepted,
             verdict,
-            ..session_summary::summarise(
-                session_summary::End {
-                    cause,
-                    text,
-                    wall_seconds,
-                    required,
-                    commits,
-                    warnings,
-                    accepted,
-                    inputs: folder.inputs().to_vec(),
-                },
-                &name,
-                &counted,
-                stats,
-                &timing,
-                &recorded,
-            )
+            steps: commits,
+            deadline_misses: missed_edges,
+            ..counted.summary(&name, stats)
         };
         for result in [
             folder.write_timing(&timing.with_bins()),
@@ -335,7 +325,7 @@ impl SessionRecord {
         }
         if let Some(ended) = ended {
             // The receiver of reports has closed; the record is whole.
-            let _ = ended.send(Some(folder.path().to_owned()));
+            let _ = ended.send(Some((folder, summary)));
         }
     }
 }

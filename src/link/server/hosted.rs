@@ -305,9 +305,12 @@ impl Host {
         else {
             return place;
         };
-        let scale = ClientScale::Structure(Box::new(conversion.behind.clone()));
+        let scale = ClientScale {
+            units: self.units.clone(),
+            behind: Some(conversion.behind.clone()),
+        };
         let port = conversion.build().ok();
-        let disp = port.and_then(|port| scale.disp_at(&port, AtAxis(&place), &self.units).ok());
+        let disp = port.and_then(|port| scale.disp_at(&port, AtAxis(&place)).ok());
         disp.unwrap_or_default().0
     }
 

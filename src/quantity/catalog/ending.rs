@@ -49,7 +49,7 @@ impl Exit {
 }
 
 /// How a test ended, as `status` in `summary.json`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// Done and within its limits.
@@ -59,6 +59,7 @@ pub enum Status {
     /// Stopped by the operator or a signal.
     Interrupted,
     /// A link, a peer or this program failed.
+    #[default]
     Failed,
 }
 

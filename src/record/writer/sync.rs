@@ -18,9 +18,13 @@ pub(super) struct SyncThread {
 
 impl SyncThread {
     /// Starts it on the files behind `syncers`: rows, then events.
-    pub(super) fn spawn(mut syncers: [Syncer; FILES]) -> std::io::Result<Self> {
+    pub(super) fn spawn(
+        mut syncers: [Syncer; FILES],
+        away_from: Option<usize>,
+    ) -> std::io::Result<Self> {
         let (ask, asked) = crossbeam_channel::bounded(1);
         let work = move || {
+            super::leave(away_from);
             let mut failures = 0;
             let mut sync = || {
                 for sync in &mut syncers {

@@ -6,10 +6,10 @@
 use std::sync::Arc;
 
 use super::super::gear::{self, Rows};
-use super::super::links::wire_axes;
+use super::super::links::{wire_axes, wiring_check};
 use super::super::specimens::loading::{at_actuators, loading_of};
 use super::following::Following;
-use super::{check_estimate, reply_limit_ns, wiring_check};
+use super::{PROBE_PERIOD_S, check_estimate, counted, reply_limit_ns};
 use gusset_actuator::geometry::{Coordinate, LawPlace};
 use gusset_config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
 use gusset_control::port::limits::AxisLimits;
@@ -63,17 +63,14 @@ pub(super) fn host(
         Some(units) => converted.wire_axes(units),
         None => wire_axes(table, n, None),
     };
-    let stiffness = converted.client_stiffness(&client);
+    let stiffness = counted(&converted.at_signals(), &client);
     let axis_units = table.units_of(n);
-    let amplitude = |metres: f64| {
-        let gears = converted.axes.iter().zip(&axis_units);
-        gears
-            .map(|(axis, unit)| metres / (axis.disp_gain * unit.metres).abs())
-            .collect::<Vec<f64>>()
-    };
+    let gears = converted.axes.iter().zip(&axis_units);
+    let gears = gears.map(|(axis, unit)| axis.disp_gain * unit.metres);
     // The port measures in m and N of the structure.
     let by_rows = converted.stiffness.iter().flatten().copied().collect();
-    let check = wiring_check(link, amplitude, (by_rows, accepted), Vec::new());
+    let estimate = (by_rows, accepted);
+    let check = wiring_check(link, gears, estimate, PROBE_PERIOD_S, Vec::new());
     let host = Host::gateway(
         table.name.clone(),
         wire,
@@ -138,18 +135,6 @@ impl<'a> Converted<'a> {
         let coordinates = self.coordinates().iter();
         let of_signals = coordinates.map(|coordinate| signal_units(Some(coordinate), units));
         of_signals.collect()
-    }
-
-    /// k̂ as the client sees it, n × n by columns, in its units.
-    fn client_stiffness(&self, client: &[AxisUnits]) -> Vec<f64> {
-        let rows = self.at_signals();
-        let mut stiffness = Vec::with_capacity(client.len() * client.len());
-        for (j, of_disp) in client.iter().enumerate() {
-            for (row, of_force) in rows.iter().zip(client) {
-                stiffness.push(row[j] * of_disp.metres / of_force.newtons);
-            }
-        }
-        stiffness
     }
 
     /// k̂ of the signals, by rows: Jᵀ K J at the reference pose.

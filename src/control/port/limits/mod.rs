@@ -45,6 +45,20 @@ pub struct Hit {
     pub bound: f64,
 }
 
+impl Hit {
+    /// A limit that trips.
+    #[must_use]
+    pub const fn trip(axis: usize, quantity: Limit, value: f64, bound: f64) -> Self {
+        Self {
+            axis,
+            quantity,
+            level: Level::Trip,
+            value,
+            bound,
+        }
+    }
+}
+
 impl std::fmt::Display for Hit {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Hit {
