@@ -1,7 +1,6 @@
 //! The closing summary of `run`: verdict, peaks, tracking, timing and files, in at most 20 lines.
 
 use super::table::{Table, misses};
-use gusset_config::word;
 use gusset_motion::metrics::Tracking;
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::units::{duration, number, quantity};

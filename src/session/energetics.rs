@@ -8,7 +8,7 @@ use gusset_control::engine::Side;
 use gusset_motion::Excitation;
 use gusset_motion::metrics::energy::Model;
 use gusset_motion::metrics::falsified::Mode;
-use gusset_numerics::model::{Base, Structure, StructureSpec};
+use gusset_numerics::model::{Base, Structure};
 use gusset_proof::Analysis;
 use gusset_quantity::catalog::column::DISP;
 use gusset_record::Column;
@@ -32,10 +32,7 @@ pub(super) enum Without {
 
 /// Degrees of freedom of a chain; it is the one structure that is too large to be built for a picture that it cannot have.
 fn chain(resolved: &RecordedFile) -> Option<usize> {
-    match resolved.structure.as_ref()?.chain.as_ref()? {
-        StructureSpec::Chain(chain) => Some(chain.dofs),
-        _ => None,
-    }
+    Some(resolved.structure.as_ref()?.chain.as_ref()?.dofs)
 }
 
 /// The first line of a message that has something in it.

@@ -132,7 +132,10 @@ fn report_and_export_read_the_folder() {
     assert_eq!(code, 0, "{said}");
     served.hears("test over");
     let kept = out.join("test-0001");
-    let metric = |key: &str| summary(&out, "test-0001").metrics["column"][0][key]["value"].as_f64();
+    let metric = |key: &str| {
+        let metrics = serde_json::to_value(summary(&out, "test-0001").metrics).unwrap();
+        metrics["column"][0][key]["value"].as_f64()
+    };
     waits_for("no metrics", || metric("slope").is_some());
     // A formula measures what is commanded: the target, converted to its unit and back.
     assert!((metric("slope").unwrap() - 1.0).abs() < 1e-9);

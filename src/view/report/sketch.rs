@@ -7,6 +7,7 @@ use super::charts::{Area, LABEL};
 use super::html::figure;
 use super::text::quantity;
 use crate::TestFile;
+use gusset_config::StructureTable;
 use gusset_numerics::model::StructureSpec;
 
 /// Storeys or DOFs that are drawn one by one; of more the ends are.
@@ -46,7 +47,7 @@ fn joined(test: &TestFile) -> Vec<Joined> {
 pub(super) fn sketch(test: &TestFile) -> String {
     let specimens = joined(test);
     let structure = test.structure.as_ref();
-    let spec = structure.and_then(|table| table.kinds().into_iter().next());
+    let spec = structure.and_then(StructureTable::kind);
     let dofs = match spec.map(|(_, spec)| spec) {
         Some(StructureSpec::ShearBuilding(table)) => {
             return building(&table.mass_kg, &table.stiffness_n_per_m, &specimens);

@@ -27,10 +27,7 @@ pub fn without_disp(events: &[EventLine]) -> Vec<u32> {
 
 /// The shear building of a test, if it has one.
 fn building(test: &TestFile) -> Option<&ShearBuildingSpec> {
-    match test.structure.as_ref()?.shear_building.as_ref()? {
-        StructureSpec::ShearBuilding(building) => Some(building),
-        _ => None,
-    }
+    test.structure.as_ref()?.shear_building.as_ref()
 }
 
 /// Storey drift, absolute floor acceleration and storey shear of a shear building, from the ground up.
@@ -195,7 +192,7 @@ fn spoken(key: &str) -> String {
 }
 
 fn structure_words(table: &StructureTable) -> Option<String> {
-    let (kind, spec) = table.kinds().into_iter().next()?;
+    let (kind, spec) = table.kind()?;
     let size = match spec {
         StructureSpec::ShearBuilding(building) => building.mass_kg.len(),
         StructureSpec::Matrices(matrices) => matrices.mass.as_ref().map_or(0, Vec::len),
@@ -280,9 +277,9 @@ fn kind(table: &SpecimenTable) -> Option<String> {
         let by = word(&link.protocol);
         return Some(format!("behind a link: {by} at {}", link.address));
     }
-    let (_, law) = table.sources().into_iter().next()?;
+    let (_, law) = table.source()?;
     Some(match law {
-        SpecimenLaw::Law(law) => spoken(&word(law)),
+        SpecimenLaw::Law(law) => spoken(&word(&law)),
         SpecimenLaw::Laws(laws) => {
             let each = laws.iter().map(|law| spoken(&word(law)));
             each.collect::<Vec<_>>().join(", ")
