@@ -135,7 +135,7 @@ pub struct Realtime {
     /// False where nothing was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub asked: Option<bool>,
-    /// What a server recorded, in words; only in the record of a server.
+    /// Content of a server's record, in words; only there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub role: Option<String>,
     /// UTC in ns at which the controller's test began; only in the record of a server.

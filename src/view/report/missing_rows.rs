@@ -88,7 +88,7 @@ fn served(time_of: impl Fn(u32) -> f64) -> RunView {
         data,
         summary: Some(serde_json::json!({
             "status": "completed", "steps": 201, "dt": 0.01, "realtime": {"role": "served to a controller"},
-            "clock": "real", "deadline_misses": 0,
+            "clock": "real", "deadline_misses": 0, "wall_seconds": 2.5,
         }).into()),
         ..RunView::default()
     }
@@ -104,7 +104,7 @@ fn waiting_controller_leaves_no_row_out() {
     let page = render(&run);
     for part in [
         "216\u{a0}rows: 216\u{a0}commands of a controller; no command is missing between",
-        "201\u{a0}commands accepted, 10\u{a0}ms of test time from one to the next.",
+        "201\u{a0}commands accepted, 10\u{a0}ms of test time from one to the next, in 2.5 s of wall time.",
     ] {
         assert!(page.contains(part), "{part}");
     }

@@ -314,7 +314,7 @@ mod tests {
             [integrator]\nmethod = \"gui\"\nlambda = \"auto\"\n[[specimen]]\nname = \"brace\"\n[specimen.law.bilinear]\n\
             stiffness_n_per_m = 1e3\nyield_force_n = 1.0\npost_yield_ratio = 0.1\n\
             [excitation.ground_acceleration.signal.sine]\nfrequency_hz = 1\namplitude = 0.1\n";
-        let summary = serde_json::json!({"lambda": "inf", "dt": 1.0 / 1024.0});
+        let summary = serde_json::json!({"lambda": "inf", "dt": 1.0 / 1024.0, "rate_hz": 1024.0});
         let run = RunView {
             test: resolved.into(),
             summary: Some(summary.into()),
@@ -326,7 +326,10 @@ mod tests {
             ("Specimens", "brace (bilinear)"),
             ("Excitation", "ground acceleration: sine"),
             ("Integration", "gui, λ = inf"),
-            ("Time", "step 976.5625\u{a0}µs"),
+            (
+                "Time",
+                "step 976.5625\u{a0}µs, 1024 ticks per second of wall time, real clock",
+            ),
         ] {
             assert!(
                 facts.iter().any(|(n, t)| n == name && t == text),
