@@ -37,7 +37,8 @@ fn range<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 2]>,
             Err(size
                 .map(|size| format!("a range `[lowest, highest]`, such as `[-{size}, {size}]`")))
         },
-        list: (2, |ends: Vec<f64>| <[f64; 2]>::try_from(ends).ok()),
+        most: 2,
+        list: |ends: Vec<f64>| <[f64; 2]>::try_from(ends).ok(),
     };
     deserializer.deserialize_any(range).map(Some)
 }

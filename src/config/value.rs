@@ -17,7 +17,8 @@ pub(super) struct Judged<T, E> {
     pub expecting: &'static str,
     pub judge: fn(Unexpected<'_>) -> Result<T, Option<String>>,
     /// Largest number of elements that are read.
-    pub list: (usize, fn(Vec<E>) -> Option<T>),
+    pub most: usize,
+    pub list: fn(Vec<E>) -> Option<T>,
 }
 
 impl<T, E> Judged<T, E> {
@@ -54,16 +55,19 @@ impl<'de, T, E: Deserialize<'de>> Visitor<'de> for Judged<T, E> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut from: A) -> Result<T, A::Error> {
         let Judged {
-            expecting, list, ..
+            expecting,
+            most,
+            list,
+            ..
         } = self;
         let mut read = Vec::new();
-        while read.len() < list.0
+        while read.len() < most
             && let Some(element) = from.next_element()?
         {
             read.push(element);
         }
         let count = read.len();
-        (list.1)(read).ok_or_else(|| match list.0 {
+        list(read).ok_or_else(|| match most {
             0 => de::Error::invalid_type(Unexpected::Seq, &expecting),
             _ => de::Error::invalid_length(count, &expecting),
         })
@@ -119,7 +123,8 @@ impl<'de> Deserialize<'de> for RateValue {
         deserializer.deserialize_any(Judged::<Self, IgnoredAny> {
             expecting: "a finite number greater than zero, or a fraction \"a/b\"",
             judge,
-            list: (0, |_| None),
+            most: 0,
+            list: |_| None,
         })
     }
 }
@@ -176,7 +181,8 @@ impl<'de> Deserialize<'de> for LambdaValue {
                 (_, Some(value)) if value > 0.0 => Ok(Self::Number(value)),
                 _ => Err(None),
             },
-            list: (0, |_| None),
+            most: 0,
+            list: |_| None,
         })
     }
 }
@@ -234,7 +240,8 @@ impl<'de> Deserialize<'de> for MatrixValue {
         deserializer.deserialize_any(Judged {
             expecting: "a number, or a matrix by rows `[[..], [..]]`",
             judge: |found| as_number(found).map(Self::Number).ok_or(None),
-            list: (usize::MAX, |rows| Some(Self::Rows(rows))),
+            most: usize::MAX,
+            list: |rows| Some(Self::Rows(rows)),
         })
     }
 }
@@ -272,7 +279,8 @@ impl<'de> Deserialize<'de> for DofChoice {
                 Unexpected::Str("all") => Ok(Self::All),
                 _ => Err(None),
             },
-            list: (usize::MAX, |dofs| Some(Self::Listed(dofs))),
+            most: usize::MAX,
+            list: |dofs| Some(Self::Listed(dofs)),
         })
     }
 }

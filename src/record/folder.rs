@@ -331,23 +331,8 @@ impl RunFolder {
         link_run(run, &self.place(BEFORE)?)
     }
 
-    /// `test.toml`: the configuration, byte for byte.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn write_test(&self, bytes: &[u8]) -> Result<(), FolderError> {
-        self.write("test.toml", bytes)
-    }
-
-    /// `resolved.toml`: the complete configuration.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn write_resolved(&self, text: &str) -> Result<(), FolderError> {
-        self.write("resolved.toml", text.as_bytes())
-    }
-
-    /// The files of a test: its configuration, and copies of other files that it read.
+    /// The files of a test: `test.toml`, the configuration byte for byte; `resolved.toml`, the complete one; and copies of other files
+    /// that it read.
     ///
     /// # Errors
     /// The system refuses.
@@ -357,8 +342,8 @@ impl RunFolder {
         resolved: &str,
         inputs: &[(PathBuf, Vec<u8>)],
     ) -> Result<(), FolderError> {
-        self.write_test(test)?;
-        self.write_resolved(resolved)?;
+        self.write("test.toml", test)?;
+        self.write("resolved.toml", resolved.as_bytes())?;
         for (path, bytes) in inputs {
             self.add_input(path, bytes)?;
         }
@@ -387,7 +372,11 @@ impl RunFolder {
     ///
     /// # Errors
     /// The system refuses.
-    pub fn add_input(&mut self, source: &Path, bytes: &[u8]) -> Result<InputFile, FolderError> {
+    pub(crate) fn add_input(
+        &mut self,
+        source: &Path,
+        bytes: &[u8],
+    ) -> Result<InputFile, FolderError> {
         let sha256 = Checksum::of(bytes).to_string();
         let name = file_safe(source.file_name());
         let (stem, extension) = match name.rfind('.') {
@@ -545,9 +534,9 @@ pub(super) mod tests {
     fn written_folder_is_read_back() {
         let temp = tempfile::tempdir().unwrap();
         let path = temp.path().join("runs/deep/one");
-        let folder = recorded(&path, &["time", "x1"], &[&[0.0, 1.0], &[0.5, 2.0]]);
-        folder.write_test(b"title = \"\xC3\xBC\"\r\n").unwrap();
-        folder.write_resolved("title = 1\n").unwrap();
+        let mut folder = recorded(&path, &["time", "x1"], &[&[0.0, 1.0], &[0.5, 2.0]]);
+        let test = b"title = \"\xC3\xBC\"\r\n";
+        folder.keep(test, "title = 1\n", &[]).unwrap();
         folder
             .write_timing(&serde_json::json!({"slack": {"count": 1}}).into())
             .unwrap();
@@ -643,8 +632,7 @@ pub(super) mod tests {
         let temp = tempfile::tempdir().unwrap();
         let fill = |path: &Path| {
             let mut folder = recorded(path, &["x1"], &[]);
-            folder.write_test(b"").unwrap();
-            folder.write_resolved("").unwrap();
+            folder.keep(b"", "", &[]).unwrap();
             folder.add_input(Path::new("a.csv"), b"1").unwrap();
             folder
         };

@@ -147,13 +147,10 @@ enum Gone {
 /// The run folder as a killed process leaves it.
 fn keep(recorded: &Recorded, path: &Path) -> Result<(), String> {
     let wrong = |error: &dyn std::error::Error| error.to_string();
-    let folder = RunFolder::create(path).map_err(|error| wrong(&error))?;
+    let mut folder = RunFolder::create(path).map_err(|error| wrong(&error))?;
     let files = &recorded.files;
     folder
-        .write_test(&files.test)
-        .map_err(|error| wrong(&error))?;
-    folder
-        .write_resolved(&files.resolved)
+        .keep(&files.test, &files.resolved, &[])
         .map_err(|error| wrong(&error))?;
     if let Some(origin) = &files.origin {
         let origin = origin.as_bytes();

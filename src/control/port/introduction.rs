@@ -35,8 +35,7 @@ impl Expectation<'_> {
                  [specimen.link] for a small motion and back, or say `probe = \"none\"`"
             ));
         }
-        let is_computed = found.simulated || self.startup.is_computed();
-        if self.is_remote && self.startup.standing().is_none() && !is_computed {
+        if self.is_remote && self.startup.standing().is_none() && !found.simulated {
             warnings.push(self.unknown_position());
         }
         if found.repeats_the_command {
