@@ -152,10 +152,9 @@ fn keep(recorded: &Recorded, path: &Path) -> Result<(), String> {
     folder
         .keep(&files.test, &files.resolved, &[])
         .map_err(|error| wrong(&error))?;
-    if let Some(origin) = &files.origin {
-        let origin = origin.as_bytes();
-        folder
-            .write_extra("resumed.json", origin)
+    if let Some((before, origin)) = &files.origin {
+        let kept = folder.keep_before(before);
+        kept.and_then(|()| folder.write_extra("resumed.json", origin.as_bytes()))
             .map_err(|error| wrong(&error))?;
     }
     folder
