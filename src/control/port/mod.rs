@@ -603,7 +603,7 @@ impl Port {
     /// Deformation that the structure asks for: B·x, in m; of an actuator the stroke for the pose B·x.
     #[inline]
     #[must_use]
-    pub fn target(&self) -> AtStructure<&[f64]> {
+    pub(crate) fn target(&self) -> AtStructure<&[f64]> {
         self.path.target().part(AxisMotion::disp)
     }
 

@@ -63,7 +63,7 @@ const CASES: [(f64, [f64; 6]); 4] = [
 ];
 
 /// The experimental substructure, on floor 1: kg, N s/m, N/m.
-pub const SPECIMEN: (f64, f64, f64) = (29.13, 114.22, 1.19e6);
+pub(crate) const SPECIMEN: (f64, f64, f64) = (29.13, 114.22, 1.19e6);
 
 /// One case of the benchmark.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -19,7 +19,8 @@ mod tests;
 use nalgebra::{Matrix3, Vector3};
 
 pub use criteria::{Criteria, Histories};
-pub use frame::{DURATION_S, Frame, Motion, Part, RATE_HZ, SPECIMEN};
+pub(crate) use frame::SPECIMEN;
+pub use frame::{DURATION_S, Frame, Motion, Part, RATE_HZ};
 pub use ground::synthetic;
 pub use trials::{Job, Line, Trials, controllers, jobs};
 
