@@ -216,7 +216,7 @@ fn run_summarises_its_test_unless_quiet() {
         "peak storey drift",
         " in storey 1",
         "peak force, storey",
-        "lambda",
+        "integrator",
         "report.html",
     ] {
         assert!(said.stderr.contains(word), "{word}: {}", said.stderr);

@@ -40,7 +40,7 @@ mod pairs;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod part;
-mod perform;
+pub(super) mod perform;
 mod plan;
 mod prove;
 mod random;

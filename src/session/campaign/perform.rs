@@ -3,7 +3,6 @@
 use super::measure::{End, Taker, storeys};
 use super::study::Study;
 use super::task::Task;
-use crate::certificate::MOST_ATTEMPTS;
 use crate::judged::Judged;
 use crate::rehearsal::{Staging, staged};
 use crate::unaware::Unaware;
@@ -12,6 +11,9 @@ use gusset_control::engine::{Ending, Experiment};
 use gusset_proof::Errors;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_setup::{self as setup, Drawn, Trial};
+
+/// Draws of one trial that the file could not be with, before that is an error.
+pub(crate) const MOST_ATTEMPTS: u64 = 50;
 
 /// Result of one task.
 #[derive(Debug, Clone, PartialEq)]

@@ -21,6 +21,7 @@ pub use proportion::interval;
 use course::{Course, Reference};
 
 use super::campaign::fractile::fractile;
+use super::campaign::perform::MOST_ATTEMPTS;
 use super::rehearsal::{AxisNeed, Staging, staged};
 use super::unaware::Unaware;
 use gusset_config::{ConfigError, Finding, KeyPath, Loaded};
@@ -28,9 +29,6 @@ use gusset_control::engine::{Ending, Experiment, Stop, TestLimits};
 use gusset_quantity::work::{each, processors};
 use gusset_record::rt::os;
 use gusset_setup::{self as setup, Trial};
-
-/// Draws of one trial that the file could not be with, before that is an error.
-pub(crate) const MOST_ATTEMPTS: u64 = 50;
 
 /// Result of one trial.
 #[derive(Debug, Clone, PartialEq)]
