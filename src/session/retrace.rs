@@ -1,6 +1,7 @@
 //! From a run folder back to the experiment, and to the state that its test had after any of its rows.
 //!
-//! The state of a resumed test begins with that of the interrupted one, which its folder holds ([`super::origin`]). Rows and events are read one after the other: no record is held whole.
+//! The state of a resumed test begins with that of the interrupted one, which its folder holds ([`super::origin`]). Rows and events are
+//! read one after the other: no record is held whole.
 
 use std::ops::Range;
 use std::path::Path;
