@@ -177,6 +177,27 @@ impl Row {
         )
     }
 
+    /// The row of a received target, with this many columns.
+    #[must_use]
+    pub(crate) fn of_received(width: usize) -> Self {
+        Self {
+            word: Word::default(),
+            stopped: false,
+            cause: None,
+            commands: OperatorCommands::default(),
+            lateness: Lateness::default(),
+            record_before: f64::NAN,
+            values: vec![0.0; width],
+            dofs: None,
+            disp: 0..0,
+            vel: 0..0,
+            accel: 0..0,
+            ports: Vec::new(),
+            checks: 0..0,
+            kept: Vec::new(),
+        }
+    }
+
     /// A quantity of the test as a whole and its value as it stands in the row, by its place among those that are kept.
     /// Real-time: yes.
     #[inline]
@@ -218,6 +239,12 @@ impl Row {
             }
             Side::Structure(numerical) => numerical.excitation.ground(tick.index()),
             Side::Prescribed(_) => 0.0,
+            Side::Received(received) => {
+                if let Some(port) = ports.first() {
+                    received.write(tick, state, port, &mut self.values);
+                }
+                return;
+            }
         };
         let head = [
             number(tick.step),

@@ -11,7 +11,7 @@ use super::deadlines::Deadlines;
 use super::end_positions::Ends;
 use super::environment::Environment;
 use super::numerical::Side;
-use super::operator::OperatorCommands;
+use super::operator::{Operator, OperatorCommands};
 use super::order::{Kind, Order};
 use super::phase::Phase;
 use super::running_state::RunningState;
@@ -72,7 +72,12 @@ pub(super) struct Engine<'a> {
     pub judge: &'a mut TestJudge,
     pub environment: &'a mut Environment,
     pub ends: &'a mut Ends,
+    /// Whether another controller still wants its test, and what ends it.
+    pub client: Option<&'a mut Client<'a>>,
 }
+
+/// Called where an operator is heard, too: the word by which another controller, or its server, ends the test.
+pub(super) type Client<'a> = dyn FnMut() -> Option<Operator> + 'a;
 
 impl Engine<'_> {
     /// Performs a maneuver, tick by tick: the only tick loop. Real-time: yes.
@@ -109,6 +114,7 @@ impl Engine<'_> {
             judge,
             environment,
             ends: _,
+            client: _,
         } = self;
         let Environment {
             pace: _,
@@ -136,6 +142,15 @@ impl Engine<'_> {
     /// Waits for the edge of a tick and hears the operator. Returns the ticks by which the grid was moved.
     #[inline]
     fn wait_for_edge(&mut self, order: &Order, stamps: &mut TickStamps) -> Result<u64, Stop> {
+        if let (Kind::Received { is_paced }, Side::Received(received)) =
+            (order.kind, &mut *self.side)
+        {
+            received.is_late = self.environment.pace.wait_for_client(is_paced, stamps);
+            return Ok(0);
+        }
+        if let Some(client) = &mut self.client {
+            self.environment.supervision.hear_client(client);
+        }
         self.environment.wait_for_edge(order.is_still(), stamps)?;
         if order.kind == Kind::Test {
             return Ok(self.environment.stretch_after_wakeup(stamps));
@@ -149,7 +164,7 @@ impl Engine<'_> {
     fn record(&mut self, order: &Order, stamps: &TickStamps) {
         let place = &order.place;
         match order.kind {
-            Kind::WarmUp(WarmUpRows::Never) => return,
+            Kind::WarmUp(WarmUpRows::Never) | Kind::Received { .. } => return,
             // The maneuver has filled it.
             Kind::Test => self.environment.journal.drop_warm_up(),
             Kind::Hold => self.fill_row_between(order, Phase::Holding),
@@ -161,6 +176,11 @@ impl Engine<'_> {
                 let row = &mut self.environment.journal.row;
                 row.exchange(place, phase, self.side, self.ports);
                 row.outputs(self.side);
+                if let (Side::Received(received), Some(port)) =
+                    (&mut *self.side, self.ports.first())
+                {
+                    received.count(true, port);
+                }
             }
         }
         self.time_row(stamps);
@@ -179,6 +199,9 @@ impl Engine<'_> {
     /// The columns of the row that depend on wall time. Real-time: yes.
     #[inline]
     pub(crate) fn time_row(&mut self, stamps: &TickStamps) {
+        if self.side.is_received() {
+            return;
+        }
         let pace = &self.environment.pace;
         let (first_edge, stretched) = (pace.first_edge(), pace.stretched());
         let row = &mut self.environment.journal.row;

@@ -2,7 +2,7 @@
 
 use super::phase::Phase;
 use super::stop::{Ending, Stop};
-use crate::port::UnloadFailure;
+use crate::port::{UnloadFailure, WayBack};
 
 /// Where a specimen was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,6 +52,8 @@ pub(super) struct Ends {
     pub unfinished: Option<IncompleteShutdown>,
     /// The wiring check found what the user accepts.
     pub wiring_is_accepted: bool,
+    /// The axis of a wiring check that was interrupted, from 0, and how it went back.
+    pub way_back: Option<(usize, WayBack)>,
     /// How the test ended whose shutdown is performed.
     after: Option<Ending>,
 }
@@ -65,6 +67,7 @@ impl Ends {
             unarmed: Vec::new(),
             unfinished: None,
             wiring_is_accepted: false,
+            way_back: None,
             after: None,
         }
     }

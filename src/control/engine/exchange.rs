@@ -15,6 +15,7 @@ use super::tick::Tick;
 use super::{Limits, Stop};
 use crate::port::limits::{Found, Hit, Level};
 use crate::port::{LoadingUnit, OnStale, Port};
+use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::catalog::phase::NOT_AWAITED;
 use gusset_quantity::substructure::{Coupling, Freshness, Holder, LISTEN_NS, LinkFault, Status};
 use gusset_quantity::time::Nanos;
@@ -105,7 +106,10 @@ impl Engine<'_> {
             let ports = self.ports.iter_mut();
             ports.for_each(|port| port.feedback_mut().note_peak_at_startup());
         }
-        if let Err(stop) = &result {
+        if let Side::Received(received) = &mut *self.side {
+            // Its server judges the answer, too, before it has the row recorded.
+            received.stamp(stamps);
+        } else if let Err(stop) = &result {
             self.record_trip(tick, stamps, stop);
         }
         result
@@ -132,6 +136,9 @@ impl Engine<'_> {
                     }
                 };
                 left.map_err(|fault| Stop::Link { port: index, fault })?;
+                if let Side::Received(received) = &mut *self.side {
+                    received.left(port.path().sent());
+                }
             }
         }
         Ok(())
@@ -240,6 +247,8 @@ impl Engine<'_> {
         // A lockstep specimen was waited for, a sampled one has until its share of the tick is over.
         let deadline = match port.exchange().coupling() {
             Coupling::Lockstep => stamps.sent.plus(patience),
+            // Commands that are received come at any time.
+            Coupling::Sampled if self.side.is_received() => stamps.sent.plus(patience),
             // The edge was counted when the tick began: this is the one that ends it.
             Coupling::Sampled => pace.next_edge().minus(pace.period_ns() / 8),
         };
@@ -292,8 +301,9 @@ impl Engine<'_> {
     /// judged when its reply is taken. Real-time: yes.
     #[inline]
     fn wait_for(&mut self, index: usize, waits: bool) -> Result<(), Stop> {
+        let is_received = self.side.is_received();
         let port = port_at(self.ports, index)?;
-        if !port.exchange().is_awaited() {
+        if !(port.exchange().is_awaited() || is_received && port.exchange().is_remote()) {
             return Ok(());
         }
         let (wait_ns, parts) = if waits || port.exchange().is_recording() {
@@ -309,6 +319,9 @@ impl Engine<'_> {
             let answered = port.exchange_mut().is_answered(wait_ns);
             if answered.map_err(|fault| Stop::Link { port: index, fault })? {
                 return Ok(());
+            }
+            if let Some(client) = &mut self.client {
+                supervision.hear_client(client);
             }
             // A recording replies unless the operator did not wait.
             if port.exchange().is_recording() || !waits || supervision.takes_a_stop_in_wait() {
@@ -358,7 +371,8 @@ impl Engine<'_> {
     /// Reports all warnings and trips of a specimen; a trip ends the test. Real-time: yes.
     #[cold]
     fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
-        for hit in found.warning.iter().chain(&found.trip) {
+        let first = found.trip.filter(|_| !self.side.is_received());
+        for hit in found.warning.iter().chain(&first) {
             self.report_hit(index, hit, tick);
         }
         while let Some(hit) = port_at(self.ports, index)?.guard_mut().next_untold() {
@@ -372,6 +386,18 @@ impl Engine<'_> {
     }
 
     fn report_hit(&mut self, index: usize, hit: &Hit, tick: &Tick) {
+        if let Side::Received(received) = &*self.side {
+            let tick = received.place;
+            // The server reports the trip that ends the test.
+            let what = match hit.level {
+                Level::Warning => "a warning",
+                Level::Trip => "it trips, too",
+            };
+            let text = format!("{hit} ({}): {what}", hit.quantity.key());
+            return self
+                .environment
+                .report(&tick, Event::said(Remark::Limit, text));
+        }
         let reached = LimitReached {
             port: Some(index as u32),
             axis: Some(hit.axis as u32),
@@ -419,7 +445,7 @@ impl Engine<'_> {
         let port = port_at(self.ports, index)?;
         let hold = port.note_hold(freshness);
         let (_, in_a_row) = stale_rules(port, &self.plan.limits);
-        if hold.begins {
+        if hold.begins && !self.side.is_received() {
             let port = index as u32;
             self.environment.report(tick, Event::SpecimenHolds { port });
         }
@@ -579,6 +605,7 @@ impl Engine<'_> {
                 self.peaks.start(&numerical.state.disp);
             }
             Side::Prescribed(histories) => aim_along(histories, 0, self.ports),
+            Side::Received(_) => {}
         }
     }
 

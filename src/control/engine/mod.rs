@@ -33,6 +33,8 @@ mod place;
 mod plan;
 mod port_columns;
 mod ramping;
+mod received;
+mod received_columns;
 mod resumption;
 mod rules;
 mod running_state;
@@ -63,6 +65,10 @@ pub use opening::{InitialForce, StartupSettings};
 pub use operator::{Control, Notice, Operator, OperatorCommands, Watch};
 pub use outcome::{Outcome, PaceOutcome};
 pub use phase::{Glimpse, Phase, PhaseCell};
+pub use received::{
+    ReceivedCommand, ReceivedCounts, ReceivedRow, ReceivedSettings, ReceivedTarget, ReceivedTest,
+};
+pub use received_columns::received_columns;
 pub use resumption::{EarlierPeaks, Place, Resumption};
 pub use rules::{Limits, OnMiss};
 pub use static_load::StaticLoad;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::audit::StepAudit;
 use super::intake::{Closed, Intake};
+use super::received::Received;
 use crate::port::Port;
 use gusset_motion::{Excitation, Prescribed};
 use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
@@ -21,14 +22,24 @@ pub enum Side {
     /// Given deformations, no structure: the test before every hybrid test. One history per axis of all ports in
     /// order; an axis without one holds zero.
     Prescribed(Vec<Option<Prescribed>>),
+    /// Targets that another controller sends to the only specimen.
+    Received(Box<Received>),
 }
 
 impl Stateful for Side {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         match self {
             Self::Structure(numerical) => numerical.visit_state(visit),
-            Self::Prescribed(_) => {}
+            Self::Prescribed(_) | Self::Received(_) => {}
         }
+    }
+}
+
+impl Side {
+    /// True of targets that another controller sends. Real-time: yes.
+    #[inline]
+    pub(crate) const fn is_received(&self) -> bool {
+        matches!(self, Self::Received(_))
     }
 }
 

@@ -185,6 +185,13 @@ impl Default for Requests {
 }
 
 impl Requests {
+    /// Adds a word, if there is room. Real-time: yes.
+    pub(crate) fn add(&mut self, word: Operator) {
+        if self.0.len() < MOST_ASKED {
+            self.0.push_back(word);
+        }
+    }
+
     /// The next word stays where it is. Real-time: yes.
     pub(crate) fn next(&mut self, control: &Control) -> Option<Operator> {
         if self.0.is_empty()

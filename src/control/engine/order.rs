@@ -24,6 +24,11 @@ pub(super) enum Kind {
     Beside(Phase),
     /// A tick of the warm-up.
     WarmUp(WarmUpRows),
+    /// A command that was received, or a tick of the path to a received target. Its server has the row recorded.
+    Received {
+        /// It leaves at the next edge, not at once.
+        is_paced: bool,
+    },
 }
 
 /// One tick of a maneuver.

@@ -42,7 +42,7 @@ pub(super) struct Parts {
     pub environment: Environment,
     pub ends: Ends,
     /// Largest |force| of each axis of each specimen in the test that this one continues.
-    earlier_forces: Vec<Vec<f64>>,
+    pub earlier_forces: Vec<Vec<f64>>,
 }
 
 /// Something to do on the loop's own thread just before the first and just after the last tick of the test: tests put a guard
@@ -96,7 +96,7 @@ impl Test {
         let (row, columns) = Row::new((&record_dofs, &rotations), &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),
-            Side::Prescribed(_) => 0,
+            Side::Prescribed(_) | Side::Received(_) => 0,
         };
         let per_step = ports.iter().any(|port| port.path().is_per_step());
         let mut environment = Environment {
@@ -171,6 +171,7 @@ impl Test {
             judge: &mut parts.judge,
             environment: &mut parts.environment,
             ends: &mut parts.ends,
+            client: None,
         };
         (engine, &mut self.watches)
     }

@@ -75,6 +75,11 @@ impl Pace {
         self.clock.sleep_until(at);
     }
 
+    /// The next grid has this period. Returns the period before.
+    pub(crate) const fn take_period(&mut self, period: Ratio) -> Ratio {
+        std::mem::replace(&mut self.period, period)
+    }
+
     /// A new grid that begins shortly after now.
     pub(crate) fn begin(&mut self) {
         self.edge = 0;
@@ -88,6 +93,32 @@ impl Pace {
         let now = self.read();
         self.skip_edges_before(now);
         self.first_edge = self.schedule.tick(self.edge);
+    }
+
+    /// Waits until a received command may leave: if it `is_paced` for the next edge, else not at all. A command that comes late moves the
+    /// edges behind it. True if it came late by more than half a period. Real-time: yes.
+    pub(crate) fn wait_for_client(&mut self, is_paced: bool, stamps: &mut TickStamps) -> bool {
+        let now = self.read();
+        if !is_paced {
+            (stamps.release, stamps.woke, self.now) = (now, now, now);
+            return false;
+        }
+        let edge = self.next_edge();
+        let late_ns = now.since(edge);
+        if late_ns > 0 {
+            self.schedule = Schedule::new(now, self.period);
+            self.edge = 0;
+        } else {
+            self.sleep_until(edge);
+        }
+        stamps.release = self.next_edge();
+        self.begin_tick(stamps);
+        late_ns > self.period_ns() / 2
+    }
+
+    /// True if the next command comes later than a tick after its edge. Real-time: yes.
+    pub(crate) fn is_behind(&self) -> bool {
+        self.read().since(self.next_edge()) > self.period_ns()
     }
 
     /// The edge from which rows count wall time.

@@ -302,6 +302,7 @@ impl Stepping {
             Side::Prescribed(histories) => {
                 seek_along(histories, place.index() + 1, engine.ports);
             }
+            Side::Received(_) => {}
         }
         let share = engine.progress.know_the_next();
         for port in &mut *engine.ports {

@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use super::cycle::Client;
 use super::operator::{Control, Operator, Requests};
 use super::phase::{Glimpse, Phase};
 use gusset_quantity::state;
@@ -248,6 +249,13 @@ impl Supervision {
     /// Requests of the operator are taken from here on, or not. Real-time: yes.
     pub(crate) fn hears(&mut self, hears: bool) {
         self.hearing = if hears { Hearing::On } else { Hearing::Off };
+    }
+
+    /// Asks another controller, and takes its word like one of the operator.
+    pub(crate) fn hear_client(&mut self, client: &mut Client<'_>) {
+        if let Some(word) = client() {
+            self.requests.add(word);
+        }
     }
 
     /// The next request, which leaves the queue. Real-time: yes.

@@ -48,7 +48,7 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
             let intake = numerical.intake();
             intake.map_or(f64::NAN, |intake| intake.share(added))
         }
-        (Limit::StepAudit | Limit::AddedEnergyShare, Side::Prescribed(_)) => f64::NAN,
+        (Limit::StepAudit | Limit::AddedEnergyShare, _) => f64::NAN,
         // No limits of the steps of a test. A new limit of these must be computed above.
         (
             Limit::CommandDisp

@@ -105,7 +105,7 @@ impl WarmUp {
             // A processor that only waited is slow in its first steps: each tick does the work of one.
             scratch: match &mut *engine.side {
                 Side::Structure(numerical) => numerical.scratch(),
-                Side::Prescribed(_) => None,
+                Side::Prescribed(_) | Side::Received(_) => None,
             },
             readiness: Readiness::default(),
         }

@@ -10,7 +10,7 @@ use super::ramping::HoldRamp;
 use super::stop::port_at;
 use super::tick::Tick;
 use super::{Ending, Side, Stop};
-use crate::port::{Port, Probe};
+use crate::port::{Port, Probe, Wiring};
 use gusset_numerics::integrate::State;
 use gusset_quantity::frame::AtStructure;
 use gusset_record::rt::timing::TickStamps;
@@ -39,20 +39,30 @@ impl WiringCheck {
             .iter_mut()
             .for_each(Port::take_reported_position);
         engine.arm()?;
-        engine.environment.begin_grid(GridOf::Directions);
-        for index in 0..engine.ports.len() {
-            Self::check(index, engine)?;
-        }
-        // They are back where they stood; the next command is the test's.
-        engine.ports.iter_mut().for_each(Port::forget_trial);
+        Self::of_armed(engine)?;
         engine.aim_at_start();
-        engine.environment.deadlines.forget_timing();
         Ok(())
     }
 
-    fn check(index: usize, engine: &mut Engine<'_>) -> Result<(), Stop> {
+    /// Checks specimens that are armed where they stand.
+    ///
+    /// # Errors
+    /// As [`WiringCheck::perform`].
+    pub(crate) fn of_armed(engine: &mut Engine<'_>) -> Result<Vec<Wiring>, Stop> {
+        engine.environment.begin_grid(GridOf::Directions);
+        let mut found = Vec::new();
+        for index in 0..engine.ports.len() {
+            found.extend(Self::check(index, engine)?);
+        }
+        // They are back where they stood; the next command is the test's.
+        engine.ports.iter_mut().for_each(Port::forget_trial);
+        engine.environment.deadlines.forget_timing();
+        Ok(found)
+    }
+
+    fn check(index: usize, engine: &mut Engine<'_>) -> Result<Option<Wiring>, Stop> {
         let Some(probe) = port_at(engine.ports, index)?.probe() else {
-            return Ok(());
+            return Ok(None);
         };
         let port = index as u32;
         engine.environment.report_now(Event::Probing { port });
@@ -77,7 +87,7 @@ impl WiringCheck {
                 what: fault.name().into(),
             });
         }
-        for axis in wiring.found {
+        for axis in &wiring.found {
             engine.environment.report_now(Event::Direction {
                 port,
                 axis: axis.axis as u32,
@@ -85,7 +95,7 @@ impl WiringCheck {
                 force: axis.force,
             });
         }
-        Ok(())
+        Ok(Some(wiring))
     }
 
     /// Retraces the motion of a check that a signal has ended. Returns why the test ends: a trip on the return comes first.
@@ -99,6 +109,7 @@ impl WiringCheck {
         }
         self.hold = HoldRamp::new(engine);
         let ended = engine.perform(&mut self);
+        engine.ends.way_back = Some((self.probe.axis(), self.probe.way_back()));
         engine.environment.report_now(Event::Retraced {
             port: self.port as u32,
             what: self.probe.way_back().word().into(),
@@ -126,6 +137,7 @@ impl WiringCheck {
                     port.aim_at(&mut std::iter::repeat(AtStructure((0.0, 0.0))));
                 }
             }
+            Side::Received(_) => {}
         }
     }
 }

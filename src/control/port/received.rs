@@ -62,6 +62,40 @@ impl PortSpec {
     }
 }
 
+// What the engine needs of it.
+impl ReceivedPort {
+    pub(crate) const fn as_ports(&self) -> &[Port] {
+        std::slice::from_ref(&self.0)
+    }
+
+    pub(crate) const fn as_ports_mut(&mut self) -> &mut [Port] {
+        std::slice::from_mut(&mut self.0)
+    }
+
+    /// How long an answer is waited for, and what a late one is worth.
+    pub(crate) const fn wait_by(&mut self, rules: WaitRules) {
+        self.0.exchange.set_wait(Some(rules));
+    }
+}
+
+impl Port {
+    /// Number of coordinates of the loading unit; 0 without one.
+    pub(crate) fn coordinates(&self) -> usize {
+        let geometry = self.geometry();
+        geometry.map_or(0, |geometry| geometry.coordinates().len())
+    }
+
+    /// The target that was sought last: deformations of the axes in m, of a loading unit the strokes of its actuators. Real-time: yes.
+    pub(crate) fn goal(&self) -> AtStructure<&[f64]> {
+        self.path.goal().part(AxisMotion::disp)
+    }
+
+    /// Velocities of the next command, in the specimen's unit. Real-time: yes.
+    pub(crate) fn command_vel(&self) -> AtAxis<&[f64]> {
+        self.path.command().part(AxisMotion::vel)
+    }
+}
+
 impl ReceivedPort {
     /// Takes the guard that another server of the same specimen had.
     ///
@@ -129,13 +163,6 @@ impl ReceivedPort {
 
 // Signals: what the controller commands, at the structure's scale.
 impl ReceivedPort {
-    /// Number of coordinates of the loading unit; 0 without one.
-    #[must_use]
-    pub fn coordinates(&self) -> usize {
-        let geometry = self.geometry();
-        geometry.map_or(0, |geometry| geometry.coordinates().len())
-    }
-
     /// Makes the next command from deformations of the axes in m, of a loading unit from the strokes of its actuators: displacement
     /// and velocity of one axis after the other. Nothing is compensated. Real-time: yes.
     pub fn aim_axes(&mut self, along: impl Iterator<Item = AtStructure<(f64, f64)>>) {
@@ -144,12 +171,6 @@ impl ReceivedPort {
         let along = along.map(|AtStructure(motion)| motion);
         port.path.target_mut().take(along);
         port.path.follow_target(&port.axes);
-    }
-
-    /// The target that was sought last: deformations of the axes in m, of a loading unit the strokes of its actuators. Real-time: yes.
-    #[must_use]
-    pub fn goal(&self) -> AtStructure<&[f64]> {
-        self.path.goal().part(AxisMotion::disp)
     }
 
     /// Writes the commands that hold the axes at the target that was sought last, in the specimen's unit. Real-time: yes.
@@ -185,12 +206,6 @@ impl ReceivedPort {
     pub fn ticks_to_rest(&mut self) -> u32 {
         let compensators = self.path.compensators_mut();
         compensators.map_or(0, |compensators| compensators.ticks_to_rest())
-    }
-
-    /// Velocities of the next command, in the specimen's unit. Real-time: yes.
-    #[must_use]
-    pub fn command_vel(&self) -> AtAxis<&[f64]> {
-        self.path.command().part(AxisMotion::vel)
     }
 
     /// Displacement in m (or rad) and force in N (or N m) of one signal after the other, as measured last, with its number from 0.
@@ -273,11 +288,6 @@ impl ReceivedPort {
         self.0.ramp_time(share, tick, shortest)
     }
 
-    /// See `Port::note_hold`.
-    pub fn note_hold(&mut self, freshness: Freshness) -> Hold {
-        self.0.note_hold(freshness)
-    }
-
     /// See `Port::pause`.
     ///
     /// # Errors
@@ -289,30 +299,6 @@ impl ReceivedPort {
     /// See `Port::seek_at`.
     pub fn seek_at(&mut self, along: &mut impl Iterator<Item = AtStructure<(f64, f64)>>) {
         self.0.seek_at(along)
-    }
-
-    /// See `Port::probe`.
-    #[must_use]
-    pub fn probe(&self) -> Option<Probe> {
-        self.0.probe()
-    }
-
-    /// See `Port::take_probe`.
-    pub fn take_probe(&self, probe: &mut Probe) {
-        self.0.take_probe(probe)
-    }
-
-    /// See `Port::turn_back`.
-    pub fn turn_back(&self, probe: &mut Probe) -> bool {
-        self.0.turn_back(probe)
-    }
-
-    /// See `Port::accept_probe`.
-    ///
-    /// # Errors
-    /// The link is lost.
-    pub fn accept_probe(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.0.accept_probe(sequence)
     }
 
     /// See `Port::freeze_compensation`.

@@ -2,27 +2,27 @@
 
 use super::announced_limits::AnnouncedLimits;
 use super::client_scale::copy;
-use super::exchange_columns::Exchange;
 use super::first_command::{self, FirstCommand};
 use super::guard_store::{GuardStore, LastingGuard};
 use super::identity::Identity;
 use super::latch::Latch;
-use super::pacing::{PacedPath, Pacing};
-use super::recording::Recording;
+use super::pacing::{PaceClock, PacedPath, Pacing};
+use super::recording::{Recording, Unrecorded};
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
-use gusset_control::port::limits::{Found, Level};
+use gusset_control::engine::{
+    Operator, Phase, ReceivedCommand, ReceivedRow, ReceivedSettings, ReceivedTarget, ReceivedTest,
+    Stop,
+};
 use gusset_control::port::{LoadingUnit, ReceivedPort};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::frame::{AtAxis, AtClient, AtSpecimen, AtStructure};
-use gusset_quantity::substructure::{
-    Command, Freshness, Introduction, LISTEN_NS, LinkFault, Measurement, Status,
-};
+use gusset_quantity::substructure::{Command, Introduction, LinkFault, Measurement, Status};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
-use gusset_record::Event;
 use gusset_record::rt::os;
+use gusset_record::{Event, Recorder};
 
 /// Whose motion a command is part of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,12 +38,12 @@ pub(super) enum Origin {
 }
 
 impl Origin {
-    /// Its value in the column `state`.
-    const fn state(self) -> f64 {
+    /// Its phase in the record.
+    const fn phase(self) -> Phase {
         match self {
-            Self::Controller | Self::Paced { .. } => Exchange::RUNNING,
-            Self::Ramp { .. } => Exchange::RAMPING,
-            Self::Own { .. } => Exchange::PROBING,
+            Self::Controller | Self::Paced { .. } => Phase::Running,
+            Self::Ramp { .. } => Phase::Ramping,
+            Self::Own { .. } => Phase::Probing,
         }
     }
 
@@ -72,13 +72,12 @@ impl Origin {
     }
 }
 
-/// Answers in a row in which a specimen may report a hold: as many as a controller's loop tolerates at least.
-const HOLDING_IN_A_ROW: u64 = 10;
-
 /// A specimen with its guard, and everything that is judged by it.
 pub(super) struct GuardedSpecimen {
     pub identity: Identity,
     pub port: ReceivedPort,
+    /// What the loop does for the controller's test.
+    pub test: ReceivedTest,
     /// Longest wait for an answer in ns; 0 of a specimen without a link.
     pub reply_limit_ns: u64,
     pub allowance: SpeedAllowance,
@@ -89,8 +88,6 @@ pub(super) struct GuardedSpecimen {
     pub recording: Recording,
     /// The last answer, as the controller counts. Each of its numbers is finite.
     pub answer: Measurement,
-    /// The last command that left to the axes; empty before one.
-    pub told: AtAxis<Vec<f64>>,
     tripped: Option<Trip>,
     commits: u64,
     /// The path to the controller's targets, if they are paced.
@@ -102,17 +99,20 @@ pub(super) struct GuardedSpecimen {
 // How a session begins.
 impl GuardedSpecimen {
     /// A specimen without limits and without a record.
-    pub(crate) fn new(identity: Identity, port: ReceivedPort) -> Self {
+    pub(crate) fn new(identity: Identity, mut port: ReceivedPort) -> Self {
+        let store = GuardStore::default();
+        let recorder = Box::new(Unrecorded(store.clone()));
+        let test = Self::test(&identity, &mut port, (None, 0), (1, recorder));
         Self {
+            test,
             answer: Measurement::zeros(identity.scale.units.len()),
-            told: AtAxis(Vec::with_capacity(port.axes())),
             allowance: SpeedAllowance::new(identity.moves),
             identity,
             port,
             reply_limit_ns: 0,
             announced: None,
             first: FirstCommand::default(),
-            store: GuardStore::default(),
+            store,
             latch: Latch::default(),
             recording: Recording::default(),
             tripped: None,
@@ -120,6 +120,46 @@ impl GuardedSpecimen {
             path: None,
             now: None,
         }
+    }
+
+    /// A test at this pace, whose answers take at most so long (ns). It has no record if its rows have one column.
+    fn test(
+        identity: &Identity,
+        port: &mut ReceivedPort,
+        (pacing, reply_timeout_ns): (Option<Pacing>, u64),
+        (width, recorder): (usize, Box<dyn Recorder>),
+    ) -> ReceivedTest {
+        let scale = &identity.scale;
+        let axes = 0..scale.axis_units().len();
+        let settings = ReceivedSettings {
+            units: scale.axis_units().to_vec(),
+            port_units: axes.map(|axis| *scale.port_units(axis)).collect(),
+            period_ns: pacing.map_or((USUAL_TICK_S * 1e9) as u64, |pacing| pacing.period_ns),
+            reply_timeout_ns,
+            is_timed: width > 1,
+            width,
+        };
+        let clock = pacing.map_or(PaceClock::MACHINE, |pacing| pacing.clock);
+        ReceivedTest::new(port, settings, Box::new(clock), recorder)
+    }
+
+    /// Opens the record of a controller's test, if there is to be one.
+    ///
+    /// # Errors
+    /// It cannot be kept.
+    pub(crate) fn open_record(&mut self, controller: &Controller) -> Result<(), String> {
+        let pacing = self.pacing();
+        let pace_hz = pacing.map(|pacing| pacing.period_s().recip());
+        let specimen = (&self.identity, &self.port);
+        let opened = self.recording.open(specimen, controller, pace_hz)?;
+        let recorder = opened.unwrap_or_else(|| (1, Box::new(Unrecorded(self.store.clone()))));
+        self.test = self.new_test(recorder);
+        Ok(())
+    }
+
+    fn new_test(&mut self, recorder: (usize, Box<dyn Recorder>)) -> ReceivedTest {
+        let pace = (self.pacing(), self.reply_limit_ns);
+        Self::test(&self.identity, &mut self.port, pace, recorder)
     }
 
     /// Each target of a controller becomes a path of commands.
@@ -180,9 +220,9 @@ impl GuardedSpecimen {
         }
         self.allowance.announced(controller.rate);
         (self.tripped, self.commits) = (None, 0);
+        self.test = self.new_test((1, Box::new(Unrecorded(self.store.clone()))));
         self.announced = AnnouncedLimits::by(controller, &self.identity.scale.units);
         self.first.begins = None;
-        self.told.clear();
         self.answer = Measurement::zeros(self.identity.scale.units.len());
         Ok(())
     }
@@ -307,12 +347,13 @@ impl GuardedSpecimen {
         wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
-        let received_ns = self.recording.begins(command.time);
-        let mut answered_ns = None;
+        let exchange = self.test.counts().exchanges;
+        self.recording.begins(exchange, command.time);
+        self.test.note_arrival();
         let mut is_answered = true;
         let is_aimed = self.tripped.is_none() && not_finite(command.disp, command.vel).is_none();
         if self.tripped.is_none() {
-            match self.attempt(command, elapsed, origin, wanted, &mut answered_ns) {
+            match self.attempt(command, elapsed, origin, wanted) {
                 Ok(answered) => is_answered = answered,
                 Err(trip) => self.trip(trip),
             }
@@ -334,23 +375,33 @@ impl GuardedSpecimen {
         if !is_aimed {
             self.seek_for_the_record(command);
         }
-        let sequence = origin.number(command.sequence, self.recording.target_number);
-        self.recording.exchange(&Exchange {
-            is_aimed,
-            state: answered_ns.map_or(Exchange::KEPT_BACK, |_| origin.state()),
-            command: &Command {
-                sequence,
-                ..*command
-            },
+        let is_number = command.disp.iter().all(|disp| disp.is_finite());
+        let row = ReceivedRow {
+            time: command.time,
             elapsed,
-            port: &self.port,
+            number: Some(origin.number(command.sequence, self.recording.target_number)),
             commits: self.commits,
-            status: into.status,
-            trip: self.tripped,
-            received_ns,
-            answered_ns: answered_ns.unwrap_or(received_ns),
-        });
+            trip: self.tripped.map_or(0, Trip::code),
+            is_lost: matches!(self.tripped, Some(Trip::Lost(_))),
+            status: Some(into.status),
+            target: match (is_number, is_aimed) {
+                (false, _) => ReceivedTarget::NoNumber,
+                (true, true) => ReceivedTarget::Aimed,
+                (true, false) => ReceivedTarget::Sought,
+            },
+        };
+        self.record(origin.phase(), row);
         self.tripped.map_or(Ok(is_answered), Err)
+    }
+
+    /// Records the last exchange; a command that did not leave counts as tripped. Real-time: yes.
+    fn record(&mut self, phase: Phase, row: ReceivedRow) {
+        let phase = if self.test.lacks_row() {
+            phase
+        } else {
+            Phase::Tripped
+        };
+        self.test.record(&mut self.port, phase, row);
     }
 
     /// A target that is not commanded is the goal of the port, if it is a number. Real-time: yes.
@@ -361,35 +412,34 @@ impl GuardedSpecimen {
         }
     }
 
-    /// `answered_ns` stays empty for a command that is not passed on. False if its answer is missing, and no longer
-    /// `wanted`.
+    /// False if the answer is missing, and no longer `wanted`.
     fn attempt(
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
         origin: Origin,
         wanted: &mut dyn FnMut() -> bool,
-        answered_ns: &mut Option<u64>,
     ) -> Result<bool, Trip> {
         self.judge_command(command, elapsed, origin)?;
         let is_theirs = !origin.is_own();
         if is_theirs {
             self.first.passed();
         }
-        let answer = self.pass_on(command, elapsed, wanted);
-        *answered_ns = Some(self.recording.now_ns());
-        let fault = match answer {
-            Ok(true) => None,
-            Ok(false) => return Ok(false),
-            Err(LinkFault::NotFinite) => Some(LinkFault::NotFinite),
-            Err(fault) => return Err(fault.into()),
-        };
+        let holds = self.port.exchange().count().holds;
+        let judged = self.pass_on(command, elapsed, origin, wanted);
         let raw = self.port.feedback().raw();
         let not_finite = not_finite(&raw.disp, &raw.force);
-        if let (Some(fault), None) = (fault, not_finite) {
-            // The link itself refused the answer, or it is too large to be converted.
-            return Err(fault.into());
-        }
+        let judged = match judged {
+            Err(Stop::Operator) => return Ok(false),
+            Err(Stop::Link { fault, .. })
+                if fault != LinkFault::NotFinite || not_finite.is_none() =>
+            {
+                // The link itself refused the answer, or it is too large to be converted.
+                return Err(fault.into());
+            }
+            Err(stop @ Stop::Stale { .. }) => return Err(stop.into()),
+            judged => judged.map_err(Trip::from),
+        };
         (self.answer.time, self.answer.status) = (raw.time, raw.status);
         let posed = if self.is_converted() && (origin.is_own() || not_finite.is_some()) {
             Ok(None)
@@ -397,9 +447,6 @@ impl GuardedSpecimen {
             let scale = &self.identity.scale;
             scale.answer(&mut self.port, &mut self.answer)
         };
-        if self.answer.status.has(Status::UNSETTLED) {
-            self.port.exchange_mut().count_unsettled();
-        }
         // A signal that the controller counts may be too large where the number of the axis is not.
         let not_finite = not_finite.or(posed.unwrap_or_default());
         if not_finite.is_some() {
@@ -408,7 +455,12 @@ impl GuardedSpecimen {
             let (axis, measured) = (not_finite, true);
             return Err(Trip::NotFinite { axis, measured });
         }
-        self.judge_answer(is_theirs)?;
+        self.judge_answer(is_theirs, judged)?;
+        if self.port.exchange().count().holds > holds {
+            let text = "the specimen says that it holds by its own watchdog, since commands had stopped: what it answers meanwhile \
+                        does not belong to the commands";
+            self.warn(Remark::SpecimenHolds, text);
+        }
         // On a ramp only its end has an answer for the controller.
         let is_on_a_ramp = matches!(origin, Origin::Ramp { lands: false, .. });
         if let (Err(fault), false) = (posed, is_on_a_ramp) {
@@ -442,8 +494,7 @@ impl GuardedSpecimen {
             self.first.judge(command, self.port.command(), &self.port)?;
             self.first.take_up_pace(command, elapsed, &mut self.port);
         }
-        let found = self.port.clear();
-        self.heed(found)?;
+        self.test.judge_command(&mut self.port, command.time)?;
         if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
             let disp = in_metres(&self.identity.scale.units, AtClient(command.disp));
             announced.command(time.map_or(USUAL_TICK_S, |time| time.announced), disp)?;
@@ -472,46 +523,34 @@ impl GuardedSpecimen {
         self.identity.scale.aim(&mut self.port, motion);
     }
 
-    /// Sends the command that was judged, and takes its answer; false if that is no longer `wanted`.
+    /// Sends the command that was judged, and has its answer judged by the limits of the specimen.
+    ///
+    /// # Errors
+    /// [`Stop::Operator`]: the answer is no longer `wanted`.
     fn pass_on(
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
+        origin: Origin,
         wanted: &mut dyn FnMut() -> bool,
-    ) -> Result<bool, LinkFault> {
-        // The other end counts the time over commands that were lost by itself.
-        let dt = if self.port.exchange().is_remote() {
-            command.dt
-        } else {
-            elapsed
+    ) -> Result<(), Stop> {
+        let command = ReceivedCommand {
+            sequence: command.sequence,
+            time: command.time,
+            // The other end counts the time over commands that were lost by itself.
+            dt: if self.port.exchange().is_remote() {
+                command.dt
+            } else {
+                elapsed
+            },
+            is_paced: matches!(origin, Origin::Paced { .. } | Origin::Ramp { .. }),
         };
-        let limit_ns = self.reply_limit_ns;
-        let deadline = match limit_ns {
-            0 => Nanos(0),
-            _ => Nanos(os::monotonic_ns()).plus(limit_ns),
-        };
-        self.port.issue(command.sequence, command.time, dt)?;
-        // Within its capacity.
-        self.told.clear();
-        self.told.extend_from_slice(&self.port.path().sent());
-        for _ in 0..limit_ns.div_ceil(LISTEN_NS) {
-            if self.port.exchange_mut().is_answered(LISTEN_NS)? {
-                break;
-            }
-            if !wanted() {
-                return Ok(false);
-            }
-        }
-        match self.port.collect(deadline)? {
-            Freshness::Fresh => Ok(true),
-            // The time limit of a link that does not keep one itself.
-            Freshness::Stale => Err(LinkFault::Timeout),
-        }
+        let mut client = || (!wanted()).then_some(Operator::Stop);
+        self.test.exchange(&mut self.port, command, &mut client)
     }
 
-    /// Everything that is judged of an answer. Real-time: yes.
-    fn judge_answer(&mut self, is_theirs: bool) -> Result<(), Trip> {
-        let found = self.port.judge();
+    /// Everything that is judged of an answer: `judged` by the limits of the specimen, which come first. Real-time: yes.
+    fn judge_answer(&mut self, is_theirs: bool, judged: Result<(), Trip>) -> Result<(), Trip> {
         let mut announced = Ok(());
         if let Some(limits) = self.announced.as_mut().filter(|_| is_theirs) {
             let units = self.identity.scale.units.iter();
@@ -520,26 +559,10 @@ impl GuardedSpecimen {
                 AtSpecimen((disp * unit.metres, force * unit.newtons))
             }));
         }
-        // The specimen's own limits come first.
-        self.heed(found)?;
+        judged?;
         announced?;
-        if self.answer.status.has(Status::SATURATED) {
-            return Err(Trip::Saturated);
-        }
-        if self.answer.status.has(Status::INTERLOCK) {
-            return Err(Trip::Interlock);
-        }
-        let hold = self.port.note_hold(Freshness::Fresh);
         // No word of a link.
         self.answer.status.0 &= !Status::HELD.0;
-        if hold.begins {
-            let text = "the specimen says that it holds by its own watchdog, since commands had stopped: what it answers meanwhile \
-                        does not belong to the commands";
-            self.warn(Remark::SpecimenHolds, text);
-        }
-        if hold.answers > HOLDING_IN_A_ROW {
-            return Err(Trip::Holds(hold.answers));
-        }
         Ok(())
     }
 
@@ -561,24 +584,6 @@ impl GuardedSpecimen {
         self.allowance.time_of(request, now)
     }
 
-    /// Notes warnings and further trips. The first trip ends the test.
-    fn heed(&mut self, found: Found) -> Result<(), Trip> {
-        let mut untold = found.warning;
-        while let Some(hit) = untold
-            .take()
-            .or_else(|| self.port.guard_mut().next_untold())
-        {
-            // Each time that the level is crossed from inside.
-            let what = match hit.level {
-                Level::Warning => "a warning",
-                Level::Trip => "it trips, too",
-            };
-            let text = format!("{hit} ({}): {what}", hit.quantity.key());
-            self.note(Remark::Limit, &text);
-        }
-        found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
-    }
-
     /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.
     pub(crate) fn trip(&mut self, trip: Trip) {
         self.tripped = Some(trip);
@@ -587,6 +592,19 @@ impl GuardedSpecimen {
             self.latch.set(&self.identity.name, trip.name(), &text);
         }
         self.recording.tripped(trip, &text);
+    }
+
+    /// A wiring check trips: its last exchange is recorded, or the command that did not leave.
+    pub(crate) fn trips_in_a_check(&mut self, trip: Trip) {
+        self.trip(trip);
+        self.record(
+            Phase::Probing,
+            ReceivedRow {
+                trip: trip.code(),
+                is_lost: matches!(trip, Trip::Lost(_)),
+                ..ReceivedRow::default()
+            },
+        );
     }
 
     /// The last command is accepted. The next command shows a specimen that is lost meanwhile. Real-time: yes.

@@ -11,7 +11,6 @@
 mod announced_limits;
 mod client_scale;
 mod computed;
-mod exchange_columns;
 mod first_command;
 mod guard_store;
 mod guarded_specimen;
@@ -51,6 +50,7 @@ pub use session_record::{EndedTest, RecordSettings};
 pub use whereabouts::Whereabouts;
 
 use gusset_actuator::geometry::Fault;
+use gusset_control::engine::Stop;
 use gusset_control::port::limits::Hit;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::LinkFault;
@@ -205,6 +205,26 @@ impl Trip {
             Self::Saturated => 61,
             Self::Holds(_) => 62,
             Self::Lost(_) => 70,
+        }
+    }
+}
+
+impl From<Stop> for Trip {
+    fn from(stop: Stop) -> Self {
+        match stop {
+            Stop::Limit { hit, .. } => Self::Limit(hit),
+            Stop::Geometry { fault, .. } => Self::Geometry(fault),
+            Stop::Interlock { .. } => Self::Interlock,
+            Stop::Saturated { .. } => Self::Saturated,
+            Stop::HoldsOn { answers, .. } => Self::Holds(answers),
+            Stop::NotFinite { .. } => Self::NotFinite {
+                axis: None,
+                measured: false,
+            },
+            Stop::Link { fault, .. } => fault.into(),
+            Stop::Stale { .. } => Self::Lost(LinkFault::Timeout),
+            // No other ends an exchange of one specimen.
+            _ => Self::Lost(LinkFault::Refused),
         }
     }
 }

@@ -50,11 +50,6 @@ impl GuardedSpecimen {
             if is_owed {
                 self.accept_on_the_way()?;
             }
-            let is_missed = path.wait();
-            // The first command of a path waits for the client.
-            if is_missed && is_owed {
-                self.misses_edge();
-            }
             let period_s = path.pacing.period_s();
             let origin = self.prepare(path, tick);
             let theirs = Command {
@@ -70,12 +65,17 @@ impl GuardedSpecimen {
             };
             let share = elapsed * path.share_of_tick();
             // A stop lets the present exchange end, within the time limit of its reply, and slows down from there.
-            self.exchange_once(origin, &theirs, share, &mut || true, into)?;
+            let exchanged = self.exchange_once(origin, &theirs, share, &mut || true, into);
+            // The first command of a path waits for the client.
+            if is_owed && self.test.was_late() {
+                self.misses_edge();
+            }
+            exchanged?;
             path.count();
             is_owed = true;
         }
         if !is_wanted {
-            path.rests_on_the_way(self.told.part(Vec::as_slice));
+            path.rests_on_the_way(self.test.told());
         } else if std::mem::take(&mut path.is_first) {
             self.port.begin_compensation();
         }
@@ -122,7 +122,7 @@ impl GuardedSpecimen {
             let period_s = path.pacing.period_s();
             let needed = self.port.ramp_time(SHARE_OF_SPEED, period_s, seconds);
             seconds = path.takes(needed);
-        } else if path.is_late() && path.pacing.settle_ticks < self.port.ticks_to_rest() {
+        } else if self.test.is_behind() && path.pacing.settle_ticks < self.port.ticks_to_rest() {
             // The specimen has moved on since its last answer.
             self.port.skips_commands();
         }

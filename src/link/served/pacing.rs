@@ -19,6 +19,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::state::TestState;
+use gusset_quantity::time::{Clock, Nanos};
 use gusset_record::rt::os;
 
 /// Largest speed of a path, of the mean speed.
@@ -47,6 +48,16 @@ impl PaceClock {
         now_ns: os::monotonic_ns,
         sleep_until_ns: os::sleep_until_ns,
     };
+}
+
+impl Clock for PaceClock {
+    fn now(&self) -> Nanos {
+        Nanos((self.now_ns)())
+    }
+
+    fn sleep_until(&self, at: Nanos) {
+        (self.sleep_until_ns)(at.0);
+    }
 }
 
 /// The ticks of a server that paces its client.
@@ -150,8 +161,6 @@ pub(super) struct PacedPath {
     pub fresh: Option<TestState>,
     /// Commits of the controller when its last target was answered; none before.
     pub answered: Option<u64>,
-    /// Earliest time of the next command, ns.
-    edge_ns: u64,
 }
 
 /// Share of the distance, and its slope, at a share of the time.
@@ -186,7 +195,6 @@ impl PacedPath {
             },
             fresh: None,
             answered: None,
-            edge_ns: 0,
         }
     }
 
@@ -403,27 +411,6 @@ impl PacedPath {
             };
             *vel = rate * (to - from);
         }
-    }
-
-    /// True if the next command comes later than a tick after the last. Real-time: yes.
-    pub(crate) fn is_late(&self) -> bool {
-        (self.pacing.clock.now_ns)() > self.edge_ns.saturating_add(self.pacing.period_ns)
-    }
-
-    /// Waits for the edge of the next command: a command that came late moves those behind it. True if it came late by more than half a
-    /// period.
-    pub(crate) fn wait(&mut self) -> bool {
-        let PaceClock {
-            now_ns,
-            sleep_until_ns,
-        } = self.pacing.clock;
-        let now = now_ns();
-        if now < self.edge_ns {
-            sleep_until_ns(self.edge_ns);
-        }
-        let is_missed = now > self.edge_ns.saturating_add(self.pacing.period_ns / 2);
-        self.edge_ns = self.edge_ns.max(now) + self.pacing.period_ns;
-        is_missed
     }
 
     /// The last command has left. Real-time: yes.

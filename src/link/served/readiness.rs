@@ -5,13 +5,13 @@ use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
 use super::link_maker::LinkMaker;
 use super::pacing::Pacing;
 use super::{Controller, ROUNDING, TestEnd, Trip, USUAL_TICK_S, Wanted, apart, elsewhere_by};
-use gusset_control::port::{Probe, WayBack, WiringCheck};
+use gusset_control::engine::{Operator, Stop};
+use gusset_control::port::{WayBack, Wiring, WiringCheck};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::substructure::{Command, Introduction, Measurement, Retirement};
 use gusset_quantity::units::{AxisUnits, in_axis_unit, signed_in_axis_unit};
 use gusset_record::lasting::Place;
-use gusset_record::rt::os;
 use gusset_record::rt::wall::Wall;
 use gusset_record::utc::rfc3339;
 
@@ -266,19 +266,19 @@ impl<'a> Readiness<'a> {
         let rounding = self.rounding();
         let text = checked.map_err(|TestEnd { cause, text, .. }| {
             let served = &mut *self.served;
-            if apart(&served.told, &start, rounding).is_none() {
+            let told = served.test.told();
+            if apart(&told, &start, rounding).is_none() {
                 return TestEnd::of(cause, text);
             }
             let left = format!(
                 "it was led to {}, from {}",
-                served.identity.in_words(&served.told),
+                served.identity.in_words(&told),
                 served.identity.in_words(&start)
             );
             served.warn(Remark::LeftAside, &format!("{WHILE}: {left}"));
             let text = format!("{text}; {left}");
             TestEnd::of(cause, text)
         })?;
-        self.served.note(Remark::Direction, &text);
         self.told.push(text);
         Ok(())
     }
@@ -288,86 +288,50 @@ impl<'a> Readiness<'a> {
         start: AtAxis<&[f64]>,
         wanted: &mut Wanted<'_>,
     ) -> Result<String, TestEnd> {
-        self.served
-            .note(Remark::Probing, "a small motion and back, axis after axis");
         self.served.port.startup_mut().report_position(start);
-        let Some(mut probe) = self.served.port.probe() else {
-            return Ok(String::new());
-        };
         self.served.arm(0, start, wanted)?;
-        let mut sequence = 0;
-        let mut unwanted = None;
-        let mut asks = || wanted().inspect_err(|over| unwanted = Some(over.clone()));
-        if let Err(end) = self.follow(&mut probe, &mut sequence, &mut asks) {
-            // Only a specimen that still answers, and has not tripped, returns.
-            if unwanted.is_none() || self.served.tripped().is_some() {
-                return Err(end);
-            }
-            self.go_back(&mut probe, &mut sequence, wanted);
-            return Err(end);
-        }
-        self.verdict(&probe)
-    }
-
-    /// Commands the motion of the check, or its return, to its end.
-    fn follow(
-        &mut self,
-        probe: &mut Probe,
-        sequence: &mut u64,
-        wanted: &mut Wanted<'_>,
-    ) -> Result<(), TestEnd> {
-        let period_ns = probe.period_ns();
-        let period_s = period_ns as f64 * 1e-9;
-        let n = self.served.port.axes();
-        let (mut disp, mut vel) = (vec![0.0; n], vec![0.0; n]);
-        let mut edge = os::monotonic_ns();
-        while probe.next(&mut disp, &mut vel) {
-            let command = Command {
-                sequence: *sequence,
-                time: 0.0,
-                dt: period_s,
-                disp: &disp,
-                vel: &vel,
+        let mut unwanted: Option<TestEnd> = None;
+        let mut client = || {
+            let over = wanted().err()?;
+            let word = match (&unwanted, over.is_at_once) {
+                (_, true) => Some(Operator::Stop),
+                (None, false) => Some(Operator::Interrupt),
+                (Some(_), false) => None,
             };
-            self.send_one(WHILE, true, (&command, period_s), wanted)?;
-            self.served.port.take_probe(probe);
-            let accepted = self.served.port.accept_probe(*sequence);
-            accepted.map_err(|fault| format!("{WHILE}: {fault}"))?;
-            *sequence += 1;
-            // An answer that came late is no reason to go faster.
-            edge = (edge + period_ns).max(os::monotonic_ns());
-            os::sleep_until_ns(edge);
-        }
-        Ok(())
-    }
-
-    /// Retraces a check whose test is no longer wanted.
-    fn go_back(&mut self, probe: &mut Probe, sequence: &mut u64, wanted: &mut Wanted<'_>) {
-        if !self.served.port.turn_back(probe) {
-            return;
-        }
-        let mut goes_on = || match wanted() {
-            Err(end) if end.is_at_once => Err(end),
-            _ => Ok(()),
+            unwanted = Some(over);
+            word
         };
-        let ended = self.follow(probe, sequence, &mut goes_on);
-        let axis = probe.axis() + 1;
-        let text = match (ended, probe.way_back()) {
-            (Ok(()), WayBack::Complete) => {
-                format!("{WHILE}: axis {axis} went back to where it began")
+        let served = &mut *self.served;
+        let checked = served.test.check_wiring(&mut served.port, &mut client);
+        if let Some((axis, way_back)) = served.test.way_back() {
+            let axis = axis + 1;
+            let text = match way_back {
+                WayBack::Complete => {
+                    format!("{WHILE}: axis {axis} went back to where it began")
+                }
+                WayBack::Force(other) => format!(
+                    "{WHILE}: axis {axis} rests on its way back: the force of axis {} left the range that it had passed",
+                    other + 1
+                ),
+                WayBack::Incomplete => format!("{WHILE}: axis {axis} rests on its way back"),
+            };
+            served.recording.warn_beside_an_event(&text);
+        }
+        match (checked, unwanted) {
+            (Ok(Some(wiring)), _) => Ok(self.agreed(&wiring)),
+            (Ok(None), _) => Ok(String::new()),
+            (Err(Stop::Operator), Some(over)) => Err(over),
+            (Err(Stop::Misfit { misfit, .. }), _) => Err(misfit.to_string().into()),
+            (Err(stop), _) => {
+                let trip = stop.into();
+                self.served.trips_in_a_check(trip);
+                Err(format!("{WHILE}: {}", self.served.whole(trip)).into())
             }
-            (Ok(()), WayBack::Force(other)) => format!(
-                "{WHILE}: axis {axis} rests on its way back: the force of axis {} left the range that it had passed",
-                other + 1
-            ),
-            (Ok(()), WayBack::Incomplete) => format!("{WHILE}: axis {axis} rests on its way back"),
-            (Err(end), _) => format!("{WHILE}: axis {axis} rests on its way back: {}", end.text),
-        };
-        self.served.warn(Remark::Retraced, &text);
+        }
     }
 
-    fn verdict(&mut self, probe: &Probe) -> Result<String, TestEnd> {
-        let wiring = probe.verdict().map_err(|misfit| misfit.to_string())?;
+    /// What a check found, for the operator of the server.
+    fn agreed(&mut self, wiring: &Wiring) -> String {
         if !wiring.accepted.is_empty()
             && let Some(reason) = self.served.port.startup().wiring().accepted()
         {
@@ -375,7 +339,7 @@ impl<'a> Readiness<'a> {
         }
         for fault in &wiring.accepted {
             let text = format!("`safety.accept_wiring` accepts: {fault}");
-            self.served.warn(Remark::WiringAccepted, &text);
+            self.served.recording.warn_beside_an_event(&text);
         }
         let axes = wiring.found.iter().map(|axis| {
             let units = self.served.identity.scale.port_units(axis.axis);
@@ -386,10 +350,7 @@ impl<'a> Readiness<'a> {
                 signed_in_axis_unit(axis.force, units.force)
             )
         });
-        Ok(format!(
-            "direction: {}",
-            axes.collect::<Vec<_>>().join("; ")
-        ))
+        format!("direction: {}", axes.collect::<Vec<_>>().join("; "))
     }
 
     /// The force at one command at the present position: nothing moves. A controller that does not announce its first command
@@ -416,39 +377,21 @@ impl<'a> Readiness<'a> {
             disp: &self.served.port.deformations_at(stands),
             vel: &vec![0.0; n],
         };
-        let when = "where it stands";
-        let measured = self.send_one(when, false, (&command, USUAL_TICK_S), wanted)?;
-        Ok(Some(measured.force))
-    }
-
-    /// One own exchange before the test, with the seconds that its motion takes. `awaits_answer`: a test that is no longer wanted
-    /// ends after the answer, so that the specimen can return.
-    fn send_one(
-        &mut self,
-        when: &str,
-        awaits_answer: bool,
-        (command, period_s): (&Command<'_>, f64),
-        wanted: &mut Wanted<'_>,
-    ) -> Result<Measurement, TestEnd> {
-        wanted()?;
         let mut unwanted = None;
-        let mut is_wanted = || {
-            let Err(over) = wanted() else {
-                return true;
-            };
-            let waits = awaits_answer && !over.is_at_once;
-            unwanted = Some(over);
-            waits
+        let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
+        if !is_wanted() {
+            return Err(unwanted.unwrap_or_else(TestEnd::told_to_stop));
+        }
+        let mut measured = Measurement::zeros(n);
+        let origin = Origin::Own {
+            period_s: USUAL_TICK_S,
         };
-        let mut measured = Measurement::zeros(self.served.port.axes());
-        let origin = Origin::Own { period_s };
-        let outcome = self
-            .served
-            .exchange_as(origin, command, 0.0, &mut is_wanted, &mut measured);
+        let served = &mut *self.served;
+        let outcome = served.exchange_as(origin, &command, 0.0, &mut is_wanted, &mut measured);
         match (unwanted, outcome) {
             (Some(over), _) => Err(over),
-            (None, Err(trip)) => Err(format!("{when}: {}", self.served.whole(trip)).into()),
-            (None, Ok(_)) => Ok(measured),
+            (None, Err(trip)) => Err(format!("where it stands: {}", served.whole(trip)).into()),
+            (None, Ok(_)) => Ok(Some(measured.force)),
         }
     }
 

@@ -1,16 +1,16 @@
 //! Notes and rows of a served specimen: into the record of its test, or into the program's log where nothing is recorded.
 
-use super::exchange_columns::Exchange;
 use super::identity::Identity;
 use super::session_record::{RecordSettings, SessionRecord};
 use super::{Controller, GuardStore, Trip};
 use crate::quota::Allowance;
+use gusset_control::engine::ReceivedTest;
 use gusset_control::port::ReceivedPort;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::event::{Remark, Severity};
 use gusset_quantity::substructure::LinkStats;
-use gusset_record::Event;
 use gusset_record::rt::os;
+use gusset_record::{Event, Recorder, TimedEvent};
 
 /// The record of a served specimen, and its settings.
 #[derive(Default)]
@@ -30,7 +30,8 @@ pub(super) struct Recording {
 }
 
 impl Recording {
-    /// Opens the record of a controller's test, if there is to be one. A server that paces it makes `pace_hz` commands per second.
+    /// Opens the record of a controller's test, if there is to be one: the number of its columns, and where its rows go. A server that
+    /// paces it makes `pace_hz` commands per second.
     ///
     /// # Errors
     /// It cannot be kept.
@@ -39,19 +40,20 @@ impl Recording {
         specimen: (&Identity, &ReceivedPort),
         controller: &Controller,
         pace_hz: Option<f64>,
-    ) -> Result<(), String> {
+    ) -> Result<Option<(usize, Box<dyn Recorder>)>, String> {
         self.link = LinkStats::default();
         self.missed_edges = 0;
         let Some(settings) = &self.settings else {
-            return Ok(());
+            return Ok(None);
         };
         let record = SessionRecord::open(settings, specimen, controller, (pace_hz, self.away_from));
-        let mut record = record.map_err(|text| format!("the log cannot be kept: {text}"))?;
+        let (mut record, recorder) =
+            record.map_err(|text| format!("the log cannot be kept: {text}"))?;
         if let Some(words) = &self.played {
             record.warn(Remark::Faults, words);
         }
         self.open = Some(record);
-        Ok(())
+        Ok(Some(recorder))
     }
 
     /// The user's reason to accept a wiring fault.
@@ -67,24 +69,10 @@ impl Recording {
         Some(format!("recording into {}", record.path().display()))
     }
 
-    /// The present time, if something is recorded: only the record needs it. Real-time: yes.
-    pub(crate) fn now_ns(&self) -> u64 {
-        self.open.as_ref().map_or(0, |_| os::monotonic_ns())
-    }
-
-    /// An exchange begins, whose command is of this test time. When it began. Real-time: yes.
-    pub(crate) fn begins(&mut self, time: f64) -> u64 {
-        let now_ns = self.now_ns();
+    /// This exchange begins, whose command is of this test time. Real-time: yes.
+    pub(crate) const fn begins(&mut self, exchange: u64, time: f64) {
         if let Some(record) = &mut self.open {
-            record.begins(time);
-        }
-        now_ns
-    }
-
-    /// One row. Real-time: yes.
-    pub(crate) fn exchange(&mut self, exchange: &Exchange<'_>) {
-        if let Some(record) = &mut self.open {
-            record.exchange(exchange);
+            record.begins(exchange, time);
         }
     }
 
@@ -114,15 +102,7 @@ impl Recording {
         if let Some(record) = &self.open {
             return record.note(event.into());
         }
-        let row = event.row();
-        // The operator of the server receives everything else.
-        if row.is_some_and(|row| row.severity == Severity::Warning) {
-            let Allowance { is_told, notice } = store.warning(os::monotonic_ns());
-            let text = is_told.then_some(text);
-            for text in text.into_iter().chain(notice.as_deref()) {
-                tracing::warn!("{text}");
-            }
-        }
+        log_warning(store, &event);
     }
 
     /// A warning for record and summary, which the summary lists once.
@@ -133,10 +113,53 @@ impl Recording {
         }
     }
 
-    /// The test is over.
-    pub(crate) fn close(&mut self, cause: Cause, text: &str, commits: u64) {
-        if let Some(record) = self.open.take() {
-            record.close(cause, text, &self.link, (commits, self.missed_edges));
+    /// A warning for the summary, whose event the loop has recorded.
+    pub(crate) fn warn_beside_an_event(&mut self, text: &str) {
+        match &mut self.open {
+            Some(record) => record.list_warning(text),
+            None => tracing::warn!("{text}"),
         }
+    }
+
+    /// The test is over.
+    pub(crate) fn close(
+        &mut self,
+        cause: Cause,
+        text: &str,
+        commits: u64,
+        test: &mut ReceivedTest,
+    ) {
+        if let Some(record) = self.open.take() {
+            let counts = (commits, self.missed_edges);
+            record.close(cause, text, &self.link, counts, test);
+        }
+    }
+}
+
+/// Events of a test without a record: the program's log has the warnings, as many as the store lets through.
+pub(super) struct Unrecorded(pub GuardStore);
+
+impl Recorder for Unrecorded {
+    fn row(&mut self, _: &[f64]) -> bool {
+        true
+    }
+
+    fn event(&mut self, event: TimedEvent) -> bool {
+        log_warning(&self.0, &event.kind);
+        true
+    }
+}
+
+/// Shows a warning in the program's log. The operator of the server receives everything else.
+fn log_warning(store: &GuardStore, event: &Event) {
+    let row = event.row();
+    let is_warning = row.is_some_and(|row| row.severity == Severity::Warning);
+    let (Event::Said { text, .. }, true) = (event, is_warning) else {
+        return;
+    };
+    let Allowance { is_told, notice } = store.warning(os::monotonic_ns());
+    let text = is_told.then_some(text);
+    for text in text.into_iter().chain(&notice) {
+        tracing::warn!("{text}");
     }
 }

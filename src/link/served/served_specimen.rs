@@ -18,7 +18,7 @@ use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{PortSpec, ReceivedPort, WiringCheck};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::Remark;
-use gusset_quantity::frame::AtClient;
+use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::substructure::{Command, LinkStats, Measurement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
@@ -325,7 +325,7 @@ impl ServedSpecimen {
         self.guarded.begin_session(controller)?;
         // The specimen is not connected yet.
         (self.stage, self.is_ready) = (Stage::Dismissed, false);
-        if let Err(text) = self.open_record(controller) {
+        if let Err(text) = self.guarded.open_record(controller) {
             self.end(Cause::Protocol, &text);
             return Err(text.into());
         }
@@ -343,20 +343,6 @@ impl ServedSpecimen {
             self.end(cause, &text);
             TestEnd::of(cause, text)
         })
-    }
-
-    fn open_record(&mut self, controller: &Controller) -> Result<(), String> {
-        let pace_hz = self
-            .guarded
-            .pacing()
-            .map(|pacing| pacing.period_s().recip());
-        let GuardedSpecimen {
-            recording,
-            identity,
-            port,
-            ..
-        } = &mut self.guarded;
-        recording.open((identity, port), controller, pace_hz)
     }
 
     /// The controller begins again after commands that only checked the wiring: a computed specimen forgets them. May block, for
@@ -510,8 +496,9 @@ impl ServedSpecimen {
         self.guarded.port.exchange_mut().retire(cause.into());
         let said = self.guarded.port.exchange().last_words();
         if let Some(links) = &self.links {
-            if !self.guarded.told.is_empty() {
-                links.left_at(&self.guarded.told);
+            let told = self.guarded.test.told();
+            if !told.is_empty() {
+                links.left_at(&told);
             }
             // The connection closes.
             let axes = self.guarded.port.axes();
@@ -550,13 +537,13 @@ impl ServedSpecimen {
         self.stage = Stage::Closed;
         let is_regular = self.is_ready && cause == Cause::Done && !self.guarded.rests_on_the_way();
         let is_lost = self.has_lost_it();
-        let told = self.guarded.told.as_slice();
+        let AtAxis(told) = self.guarded.test.told();
         let last = (told.is_empty() || !is_lost).then_some(told);
         self.guarded.latch.ends(last, is_regular);
         self.guarded.end_session();
-        self.guarded
-            .recording
-            .close(cause, &text, self.guarded.commits());
+        let commits = self.guarded.commits();
+        let test = &mut self.guarded.test;
+        self.guarded.recording.close(cause, &text, commits, test);
     }
 }
 

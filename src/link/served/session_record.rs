@@ -8,18 +8,16 @@ use std::path::{Path, PathBuf};
 
 use crossbeam_channel::Sender;
 
-use super::exchange_columns::{Exchange, HEAD, columns};
 use super::identity::Identity;
-use super::session_summary::Counted;
+use super::session_summary::summary_of;
 use super::{Controller, Trip};
+use gusset_control::engine::{ReceivedTest, received_columns};
 use gusset_control::port::ReceivedPort;
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::{Remark, Severity};
-use gusset_quantity::substructure::{LinkStats, Status};
-use gusset_quantity::units::AxisUnits;
+use gusset_quantity::substructure::LinkStats;
 use gusset_record::Summary;
 use gusset_record::rt::os;
-use gusset_record::rt::timing::Timing;
 use gusset_record::rt::wall::Wall;
 use gusset_record::summary::RecordedVerdict;
 use gusset_record::writer::Clocks;
@@ -63,14 +61,9 @@ const MOST_FOLDERS: u32 = 999_999;
 pub(super) struct SessionRecord {
     folder: RunFolder,
     name: String,
-    units: Vec<AxisUnits>,
-    /// In which the port counts.
-    port_units: Vec<AxisUnits>,
     writer: Writer,
-    recorder: RingRecorder,
-    row: Vec<f64>,
-    timing: Timing,
-    counted: Counted,
+    rate_hz: Option<f64>,
+    began: Wall,
     /// Warnings of the summary.
     warnings: Vec<String>,
     /// Accepted findings: key and reason.
@@ -84,21 +77,21 @@ pub(super) struct SessionRecord {
 }
 
 impl SessionRecord {
-    /// The folder, with everything that is known before the test. Touches the disk, and starts two threads.
+    /// The folder, with everything that is known before the test; the number of its columns, and where its rows go. Touches the disk, and starts two threads.
     pub(crate) fn open(
         settings: &RecordSettings,
         (identity, port): (&Identity, &ReceivedPort),
         controller: &Controller,
         (pace_hz, away_from): (Option<f64>, Option<usize>),
-    ) -> Result<Self, String> {
+    ) -> Result<(Self, (usize, Box<dyn Recorder>)), String> {
         let mut folder = next_folder(&settings.root)?;
         let announced = controller.rate;
         let announced = announced.map(|(above, below)| above as f64 / below as f64);
         let rate_hz = pace_hz.or(announced.filter(|rate| rate.is_finite()));
         let (name, units) = (identity.name.as_str(), identity.scale.axis_units());
-        let columns = columns(units, identity.scale.coordinates(), port, name);
+        let columns = received_columns(units, identity.scale.coordinates(), port, name);
         let made = Self::make(settings, &mut folder, (name, columns), rate_hz, away_from);
-        let (writer, recorder, row) = match made {
+        let (writer, recorder, width) = match made {
             Ok(made) => made,
             Err(text) => {
                 folder.abandon();
@@ -107,15 +100,9 @@ impl SessionRecord {
         };
         let log = Self {
             name: name.to_owned(),
-            units: units.to_vec(),
-            port_units: (0..units.len())
-                .map(|axis| *identity.scale.port_units(axis))
-                .collect(),
             writer,
-            recorder,
-            row,
-            timing: Timing::new(&[name], true, 0),
-            counted: Counted::new(units.len(), rate_hz, Wall::now()),
+            rate_hz,
+            began: Wall::now(),
             warnings: Vec::new(),
             position: Position::default(),
             began_ns: os::monotonic_ns(),
@@ -133,7 +120,7 @@ impl SessionRecord {
             }
             .into(),
         );
-        Ok(log)
+        Ok((log, (width, Box::new(recorder))))
     }
 
     fn make(
@@ -142,7 +129,7 @@ impl SessionRecord {
         (name, columns): (&str, Vec<Column>),
         rate_hz: Option<f64>,
         away_from: Option<usize>,
-    ) -> Result<(Writer, RingRecorder, Vec<f64>), String> {
+    ) -> Result<(Writer, RingRecorder, usize), String> {
         let words = |error: FolderError| error.to_string();
         let kept = folder.keep(&settings.file, &settings.resolved, &settings.inputs);
         kept.map_err(words)?;
@@ -167,17 +154,17 @@ impl SessionRecord {
         };
         let writer = Writer::spawn(reader, samples, events, None, clocks, writer);
         let writer = writer.map_err(|error| error.to_string())?;
-        Ok((writer, recorder, vec![0.0; width]))
+        Ok((writer, recorder, width))
     }
 
     pub(crate) fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// An exchange begins, whose command is of that test time. Real-time: yes.
-    pub(crate) fn begins(&mut self, time: f64) {
+    /// This exchange begins, whose command is of that test time. Real-time: yes.
+    pub(crate) const fn begins(&mut self, exchange: u64, time: f64) {
         self.position = Position {
-            tick: Some(self.counted.exchanges),
+            tick: Some(exchange),
             time: Some(time),
         };
     }
@@ -191,6 +178,11 @@ impl SessionRecord {
     /// Adds a warning to the summary.
     pub(crate) fn warn(&mut self, event: Remark, text: &str) {
         self.note(Event::said(event, text).into());
+        self.list_warning(text);
+    }
+
+    /// Adds a warning to the summary that has an event already.
+    pub(crate) fn list_warning(&mut self, text: &str) {
         self.warnings.push(text.to_owned());
     }
 
@@ -227,42 +219,6 @@ impl SessionRecord {
         );
     }
 
-    /// One row. Real-time: yes.
-    pub(crate) fn exchange(&mut self, exchange: &Exchange<'_>) {
-        let command = exchange.command;
-        let round_trip_ns = exchange.answered_ns.saturating_sub(exchange.received_ns);
-        let head = [
-            self.counted.exchanges as f64,
-            0.0,
-            exchange.state,
-            command.time,
-            exchange.elapsed,
-            command.sequence as f64,
-            exchange.commits as f64,
-            exchange.trip.map_or(0.0, |trip| f64::from(trip.code())),
-            exchange.received_ns.saturating_sub(self.began_ns) as f64 * 1e-9,
-            round_trip_ns as f64 * 1e-9,
-        ];
-        for (to, from) in self.row.iter_mut().zip(head) {
-            *to = from;
-        }
-        let is_kept_back = exchange.is_kept_back();
-        exchange.write(
-            &self.port_units,
-            self.row.get_mut(HEAD..).unwrap_or_default(),
-        );
-        if let Some(status) = self.row.last_mut() {
-            let stale = if is_kept_back { Status::STALE.0 } else { 0 };
-            *status = f64::from(exchange.status.0 | stale);
-        }
-        if !is_kept_back {
-            self.timing.round_trip(0, round_trip_ns);
-        }
-        self.counted.exchange(exchange, &self.units);
-        // A full queue is counted there, and in the summary.
-        let _ = self.recorder.row(&self.row);
-    }
-
     /// Writes the record of a test with this many commits, and commands that left late. The program's log reports a file that cannot be
     /// written.
     pub(crate) fn close(
@@ -271,6 +227,7 @@ impl SessionRecord {
         text: &str,
         stats: &LinkStats,
         (commits, missed_edges): (u64, u64),
+        test: &mut ReceivedTest,
     ) {
         let severity = match cause.status() {
             Ended::Completed | Ended::Interrupted => Severity::Info,
@@ -281,8 +238,8 @@ impl SessionRecord {
             folder,
             name,
             writer,
-            timing,
-            counted,
+            rate_hz,
+            began,
             warnings,
             accepted,
             began_ns,
@@ -291,6 +248,7 @@ impl SessionRecord {
             ended,
             ..
         } = self;
+        let timing = test.take_timing();
         let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
         let recorded = writer.finish().unwrap_or_default();
         let cause = match cause {
@@ -310,7 +268,7 @@ impl SessionRecord {
             verdict,
             steps: commits,
             deadline_misses: missed_edges,
-            ..counted.summary(&name, stats)
+            ..summary_of(test.counts(), &name, stats, (rate_hz, began))
         };
         for result in [
             folder.write_timing(&timing.with_bins()),

@@ -28,7 +28,7 @@ impl Budget {
     pub(super) fn cost(experiment: &Experiment) -> u64 {
         let dofs = match &experiment.side {
             Side::Structure(numerical) => numerical.structure.dofs() as u64,
-            Side::Prescribed(_) => 0,
+            Side::Prescribed(_) | Side::Received(_) => 0,
         };
         dofs.max(LEAST_DOFS)
     }

@@ -1,70 +1,72 @@
-//! The rows of a server: one per exchange, and their columns.
+//! The rows of received targets: one for each exchange, and their columns.
 
-use super::Trip;
+use super::phase::Phase;
+use super::received::{Received, ReceivedTarget};
+use super::tick::Tick;
+use crate::port::{LoadingUnit, Port, ReceivedPort};
 use gusset_actuator::geometry::Coordinate;
-use gusset_control::port::{LoadingUnit, ReceivedPort};
 use gusset_quantity::catalog::column::{
     Each, Kind, Origin, SERVER, SERVER_COMPENSATION, SERVER_RAW_DISP, SERVER_RAW_FORCE,
 };
-use gusset_quantity::catalog::phase::Phase;
-use gusset_quantity::substructure::{Command, Status};
+use gusset_quantity::substructure::Status;
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Column;
 
-/// One recorded exchange.
-pub(super) struct Exchange<'a> {
-    /// The port was aimed at the command; else it only sought the target, if that is a number.
-    pub is_aimed: bool,
-    pub state: f64,
-    pub command: &'a Command<'a>,
-    pub elapsed: f64,
-    pub port: &'a ReceivedPort,
-    pub commits: u64,
-    /// Flags that the controller received.
-    pub status: Status,
-    pub trip: Option<Trip>,
-    pub received_ns: u64,
-    pub answered_ns: u64,
-}
-
-impl Exchange<'_> {
-    /// Values of the column `state`, as in a controller's record: commands that are kept back count as tripped.
-    pub(crate) const PROBING: f64 = Phase::Probing.code();
-    pub const RUNNING: f64 = Phase::Running.code();
-    pub(crate) const RAMPING: f64 = Phase::Ramping.code();
-    pub(crate) const KEPT_BACK: f64 = Phase::Tripped.code();
-
-    /// True if the command was not passed on.
-    pub(crate) fn is_kept_back(&self) -> bool {
-        self.state == Self::KEPT_BACK
+impl Received {
+    /// The row of an exchange in this state. Real-time: yes.
+    pub(super) fn write(&self, tick: &Tick, state: f64, port: &Port, values: &mut [f64]) {
+        let row = &self.row;
+        let (received_s, round_trip_s) = self.times();
+        let head = [
+            super::columns::number(self.counts.exchanges),
+            0.0,
+            state,
+            tick.time,
+            row.elapsed,
+            row.number.map_or_else(
+                || port.exchange().count().sent.saturating_sub(1) as f64,
+                |number| number as f64,
+            ),
+            super::columns::number(row.commits),
+            f64::from(row.trip),
+            received_s,
+            round_trip_s,
+        ];
+        for (to, from) in values.iter_mut().zip(head) {
+            *to = from;
+        }
+        let is_kept_back = state == Phase::Tripped.code();
+        self.write_axes(
+            is_kept_back,
+            port,
+            values.get_mut(HEAD..).unwrap_or_default(),
+        );
+        if let Some(status) = values.last_mut() {
+            let raw = port.feedback().raw().status.0 & !Status::HELD.0;
+            let stale = if is_kept_back { Status::STALE.0 } else { 0 };
+            *status = f64::from(row.status.map_or(raw, |status| status.0) | stale);
+        }
     }
 
-    /// Writes the columns of the axes, [`WIDTH`] each, those of the coordinates, and those of tracking, as the row of a run.
-    /// The port counts in `units`. Real-time: yes.
-    pub(crate) fn write(&self, units: &[AxisUnits], row: &mut [f64]) {
-        let port = self.port;
+    /// The columns of the axes, [`WIDTH`] each, those of the coordinates, and those of tracking, as in the row of a run. Real-time: yes.
+    fn write_axes(&self, is_kept_back: bool, port: &Port, row: &mut [f64]) {
         let axes = WIDTH * port.axes();
         let (row, coordinates) = row.split_at_mut(axes.min(row.len()));
-        let is_number = self.command.disp.iter().all(|disp| disp.is_finite());
         let commands = port.goal().0.iter().zip(*port.command());
-        let commands = commands.zip(*port.command_vel()).zip(units).enumerate();
+        let commands = commands.zip(*port.command_vel()).zip(&self.port_units);
         for (slot, (axis, (((goal, command), vel), units))) in
-            row.chunks_exact_mut(WIDTH).zip(commands)
+            row.chunks_exact_mut(WIDTH).zip(commands.enumerate())
         {
             let [target, _, meas, force, raw_disp, raw_force] = port.motion_of(axis);
             let AxisUnits {
                 metres, newtons, ..
             } = units;
-            let target = match (is_number, self.is_aimed) {
-                (false, _) => f64::NAN,
-                (true, true) => target,
-                (true, false) => *goal,
+            let target = match self.row.target {
+                ReceivedTarget::Aimed => target,
+                ReceivedTarget::Sought => *goal,
+                ReceivedTarget::NoNumber => f64::NAN,
             };
-            let sent = if self.is_kept_back() {
-                f64::NAN
-            } else {
-                *command
-            };
+            let sent = if is_kept_back { f64::NAN } else { *command };
             slot.copy_from_slice(&[
                 metres * target,
                 sent,
@@ -95,11 +97,11 @@ impl Exchange<'_> {
 }
 
 /// Columns before those of the axes.
-pub(super) const HEAD: usize = count(Each::Test);
+const HEAD: usize = count(Each::Test);
 /// Columns of every axis.
-pub(super) const WIDTH: usize = count(Each::Axis);
+const WIDTH: usize = count(Each::Axis);
 /// Columns of every coordinate of a loading unit.
-pub(super) const COORDINATE_WIDTH: usize = count(Each::Coordinate);
+const COORDINATE_WIDTH: usize = count(Each::Coordinate);
 
 /// Estimates are not counted: only an axis whose tracking is estimated has them.
 const fn count(each: Each) -> usize {
@@ -125,7 +127,8 @@ fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
 
 /// The columns of a specimen whose axes have these units, and which are the actuators of a loading unit with these coordinates, if
 /// there is one.
-pub(super) fn columns(
+#[must_use]
+pub fn received_columns(
     units: &[AxisUnits],
     coordinates: &[Coordinate],
     port: &ReceivedPort,

@@ -1,0 +1,474 @@
+//! A test whose targets another controller sends.
+//!
+//! Its server makes each command with the port, and judges what only a server knows: the limits that its client announced, the first
+//! command, poses. The engine waits for the edge, exchanges, judges the answer by the limits of the specimen, checks the wiring, and
+//! keeps the rows: as in a test whose targets are integrated. The port outlives the test, so it is lent for each call.
+
+use super::columns::Row;
+use super::commanding::Exchanges;
+use super::cycle::{Client, Engine, Maneuver};
+use super::deadlines::Deadlines;
+use super::end_positions::Ends;
+use super::environment::Environment;
+use super::journal::Journal;
+use super::operator::Control;
+use super::order::{Kind, Order, Sends};
+use super::owned_test::Parts;
+use super::pace::Pace;
+use super::phase::Phase;
+use super::place::Place;
+use super::plan::Plan;
+use super::step_progress::{Pacing, StepProgress};
+use super::supervision::Supervision;
+use super::test_judge::TestJudge;
+use super::tick::Tick;
+use super::wiring_check::WiringCheck;
+use super::{Ending, Limits, OnMiss, Operator, Peaks, Side, StartupSettings, Stop, TestLimits};
+use crate::port::{OnStale, Port, ReceivedPort, WaitRules, WayBack, Wiring};
+use gusset_quantity::frame::AtAxis;
+use gusset_quantity::substructure::Status;
+use gusset_quantity::time::{Clock, Nanos, Ratio};
+use gusset_quantity::units::AxisUnits;
+use gusset_record::Recorder;
+use gusset_record::rt::timing::{TickStamps, Timing};
+
+/// Answers in a row in which a specimen may report a hold: as many as a controller's loop tolerates at least.
+const HOLDING_IN_A_ROW: u64 = 10;
+
+/// Whether the target of a row was commanded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ReceivedTarget {
+    /// The port was aimed at it.
+    #[default]
+    Aimed,
+    /// The port only sought it.
+    Sought,
+    /// It is not a finite number.
+    NoNumber,
+}
+
+/// Numbers of a row that the server knows.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ReceivedRow {
+    /// Test time of the command in s.
+    pub time: f64,
+    /// Test time in s since the last commit.
+    pub elapsed: f64,
+    /// The client's number of the command; none of a command of the server itself.
+    pub number: Option<u64>,
+    /// Commands that were accepted so far.
+    pub commits: u64,
+    /// Code of the trip; 0 without one.
+    pub trip: u32,
+    /// The specimen is lost.
+    pub is_lost: bool,
+    /// Flags that the client receives; none of a command of the server itself.
+    pub status: Option<Status>,
+    /// What became of the target.
+    pub target: ReceivedTarget,
+}
+
+/// Counts of the exchanges.
+#[derive(Debug, Clone, Default)]
+pub struct ReceivedCounts {
+    /// Exchanges, those included whose command was not passed on.
+    pub exchanges: u64,
+    /// Commands that were passed on, and those of them that were answered.
+    pub passed_on: u64,
+    /// See `passed_on`.
+    pub answered: u64,
+    /// Largest |displacement| of each axis in m, and largest |force| in N.
+    pub peaks: [Vec<f64>; 2],
+    /// First test time in s between two commands that is not 0.
+    pub dt: f64,
+}
+
+/// What the rows of received targets are made from.
+#[derive(Debug)]
+pub struct Received {
+    /// Units of the axes, and units in which the port counts.
+    units: Vec<AxisUnits>,
+    pub(super) port_units: Vec<AxisUnits>,
+    began: Nanos,
+    stamps: TickStamps,
+    pub(super) row: ReceivedRow,
+    /// Place of the newest command in the record.
+    pub(super) place: Tick,
+    pub(super) counts: ReceivedCounts,
+    /// The last command that left to the axes, in their units; empty before one.
+    told: AtAxis<Vec<f64>>,
+    /// The last paced command left late.
+    pub(super) is_late: bool,
+}
+
+impl Received {
+    /// A command has left. Real-time: yes.
+    pub(super) fn left(&mut self, command: AtAxis<&[f64]>) {
+        // Within its capacity.
+        self.told.clear();
+        self.told.extend_from_slice(&command);
+    }
+
+    /// Keeps the times of an exchange. Real-time: yes.
+    pub(super) const fn stamp(&mut self, stamps: &TickStamps) {
+        self.stamps = *stamps;
+    }
+
+    /// When the command of the row came, and the time of its round trip, in s.
+    pub(super) fn times(&self) -> (f64, f64) {
+        let seconds = |from: Nanos, to: Nanos| super::columns::number(to.since(from)) * 1e-9;
+        let TickStamps { woke, decoded, .. } = self.stamps;
+        (seconds(self.began, woke), seconds(woke, decoded))
+    }
+
+    /// Counts the exchange whose row is complete. Real-time: yes.
+    pub(super) fn count(&mut self, is_passed_on: bool, port: &Port) {
+        let counts = &mut self.counts;
+        counts.exchanges += 1;
+        counts.passed_on += u64::from(is_passed_on);
+        counts.answered += u64::from(is_passed_on && !self.row.is_lost);
+        if counts.dt == 0.0 && self.row.elapsed > 0.0 {
+            counts.dt = self.row.elapsed;
+        }
+        let raw = port.feedback().raw();
+        let [disp, force] = &mut counts.peaks;
+        let measured = raw.disp.iter().zip(&raw.force).zip(&self.units);
+        for ((disp, force), ((raw_disp, raw_force), units)) in
+            disp.iter_mut().zip(force).zip(measured)
+        {
+            *disp = disp.max((units.metres * raw_disp).abs());
+            *force = force.max((units.newtons * raw_force).abs());
+        }
+    }
+}
+
+/// One received command.
+struct Target {
+    order: Option<Order>,
+}
+
+impl Maneuver for Target {
+    fn next(&mut self, _: &mut Engine<'_>) -> Result<Option<Order>, Stop> {
+        Ok(self.order.take())
+    }
+
+    /// The exchange belongs to the test, and its server counts it.
+    fn recorded(&mut self, _: &mut Engine<'_>, _: &Order, _: &mut TickStamps) -> Result<(), Stop> {
+        Ok(())
+    }
+}
+
+/// A command of the port that is to leave.
+#[derive(Debug, Clone, Copy)]
+pub struct ReceivedCommand {
+    /// Its number.
+    pub sequence: u64,
+    /// Its test time in s, and the time since the command before.
+    pub time: f64,
+    /// See `time`.
+    pub dt: f64,
+    /// It leaves at the next edge of the pace, not at once.
+    pub is_paced: bool,
+}
+
+/// Settings of a test with received targets.
+#[derive(Debug)]
+pub struct ReceivedSettings {
+    /// Units of the axes.
+    pub units: Vec<AxisUnits>,
+    /// Units in which the port counts.
+    pub port_units: Vec<AxisUnits>,
+    /// From one paced command to the next, in ns.
+    pub period_ns: u64,
+    /// Longest wait for an answer in ns; 0 of a specimen without a link.
+    pub reply_timeout_ns: u64,
+    /// Histograms are kept.
+    pub is_timed: bool,
+    /// Number of columns of a row.
+    pub width: usize,
+}
+
+/// A period of whole ns in s.
+fn period_of(ns: u64) -> Ratio {
+    Ratio::new(ns.max(1), 1_000_000_000).unwrap_or(Ratio::ONE)
+}
+
+/// A test whose targets another controller sends.
+pub struct ReceivedTest(Box<Parts>);
+
+impl std::fmt::Debug for ReceivedTest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ReceivedTest").finish_non_exhaustive()
+    }
+}
+
+impl ReceivedTest {
+    /// A test with this specimen, which is connected later.
+    #[must_use]
+    pub fn new(
+        port: &mut ReceivedPort,
+        settings: ReceivedSettings,
+        clock: Box<dyn Clock>,
+        recorder: Box<dyn Recorder>,
+    ) -> Self {
+        let ReceivedSettings {
+            units,
+            port_units,
+            period_ns,
+            reply_timeout_ns,
+            is_timed,
+            width,
+        } = settings;
+        let period = period_of(period_ns);
+        let timing = if is_timed {
+            Timing::new(&[port.name()], true, 0)
+        } else {
+            Timing::counting()
+        };
+        port.wait_by(WaitRules {
+            reply_timeout_ns,
+            on_stale: OnStale::Stop,
+            stale_in_a_row: HOLDING_IN_A_ROW,
+        });
+        let axes = port.axes();
+        let received = Received {
+            units,
+            port_units,
+            began: clock.now(),
+            stamps: TickStamps::default(),
+            row: ReceivedRow::default(),
+            place: Tick::before_start(0.0),
+            counts: ReceivedCounts {
+                peaks: [vec![0.0; axes], vec![0.0; axes]],
+                ..ReceivedCounts::default()
+            },
+            told: AtAxis(Vec::with_capacity(axes)),
+            is_late: false,
+        };
+        let limits = Limits {
+            on_miss: OnMiss::Stretch,
+            extrapolate_stale: false,
+            stale_in_a_row: 0,
+            reply_timeout_ns,
+            warmup_ticks: 0,
+            divergence: f64::INFINITY,
+            test: TestLimits::NONE,
+        };
+        let dt = period.value();
+        Self(Box::new(Parts {
+            side: Side::Received(Box::new(received)),
+            settling: None,
+            peaks: Peaks::zeros(0),
+            progress: StepProgress::new(Pacing::default()),
+            exchanges: Exchanges::new(),
+            judge: TestJudge::new(limits.test.clone()),
+            environment: Environment {
+                pace: Pace::new(clock, period, limits.on_miss),
+                deadlines: Deadlines::new(timing, &limits.test, false),
+                supervision: Supervision::new(Control::unattended()),
+                journal: Journal::new(Row::of_received(width), width, recorder),
+                place: Place::start(dt),
+            },
+            ends: Ends::new(1),
+            earlier_forces: Vec::new(),
+            plan: Plan {
+                dt,
+                steps: u64::MAX,
+                opening: StartupSettings::default(),
+                limits,
+                checkpoint_ticks: u64::MAX,
+                keeps_state: false,
+            },
+        }))
+    }
+
+    /// Sends the command of the port, which was judged, and judges its answer by the limits of the specimen. `client` may end the wait.
+    /// Real-time: yes.
+    ///
+    /// # Errors
+    /// The test ends. [`Stop::Operator`]: the client does not want the answer any more.
+    pub fn exchange(
+        &mut self,
+        port: &mut ReceivedPort,
+        command: ReceivedCommand,
+        client: &mut dyn FnMut() -> Option<Operator>,
+    ) -> Result<(), Stop> {
+        let tick = self.place(command.time, command.dt);
+        let kind = Kind::Received {
+            is_paced: command.is_paced,
+        };
+        let mut target = Target {
+            order: Some(Order::new(tick, Sends::Next, kind)),
+        };
+        let mut engine = self.engine(port, client);
+        engine.exchanges.continue_at(command.sequence);
+        engine.perform(&mut target)
+    }
+
+    /// Judges the next command of the port, of this test time, by the limits of the specimen. Real-time: yes.
+    ///
+    /// # Errors
+    /// A limit is passed, or the actuators cannot have this pose.
+    pub fn judge_command(&mut self, port: &mut ReceivedPort, time: f64) -> Result<(), Stop> {
+        self.place(time, 0.0);
+        self.engine(port, &mut || None).judge_commands()
+    }
+
+    /// Checks the wiring of the specimen, which is armed where it stands. The word of its `client` lets it go back.
+    ///
+    /// # Errors
+    /// The wiring is wrong, or the test ends. A tick that ended it has no row yet.
+    pub fn check_wiring(
+        &mut self,
+        port: &mut ReceivedPort,
+        client: &mut dyn FnMut() -> Option<Operator>,
+    ) -> Result<Option<Wiring>, Stop> {
+        let Some(probe) = port.as_ports().first().and_then(Port::probe) else {
+            return Ok(None);
+        };
+        // It keeps to its own pace.
+        let period = period_of(probe.period_ns());
+        let usual = self.0.environment.pace.take_period(period);
+        self.0.plan.dt = period.value();
+        port.guard_mut().set_motion_time(self.0.plan.dt);
+        self.set_row(ReceivedRow::default());
+        let mut engine = self.engine(port, client);
+        let environment = &mut engine.environment;
+        environment.enter(Phase::Probing, Ending::Completed);
+        let checked = WiringCheck::of_armed(&mut engine);
+        engine.environment.supervision.continue_running();
+        engine.environment.pace.take_period(usual);
+        self.0.plan.dt = usual.value();
+        checked.map(|mut found| found.pop())
+    }
+
+    /// The axis, from 0, of a wiring check that was interrupted, and how it went back.
+    #[must_use]
+    pub const fn way_back(&self) -> Option<(usize, WayBack)> {
+        self.0.ends.way_back
+    }
+
+    /// Records the last exchange in this state. Real-time: yes.
+    pub fn record(&mut self, port: &mut ReceivedPort, state: Phase, row: ReceivedRow) {
+        self.set_row(row);
+        let Parts {
+            side, environment, ..
+        } = &mut *self.0;
+        let tick = Tick {
+            step: 0,
+            sub_tick: 0,
+            time: row.time,
+            dt: row.elapsed,
+        };
+        let ports = port.as_ports();
+        let journal = &mut environment.journal;
+        journal.row.between(&tick, state.code(), side, ports);
+        // A full queue counts it.
+        journal.keep_row();
+        if let Side::Received(received) = side {
+            received.count(state != Phase::Tripped, port);
+        }
+    }
+
+    /// True if a command has left since the last row. Real-time: yes.
+    #[must_use]
+    pub fn lacks_row(&self) -> bool {
+        self.0.environment.journal.lacks_commands()
+    }
+
+    /// The command of the next row is judged where it stands: no exchange gives its times. Real-time: yes.
+    pub fn note_arrival(&mut self) {
+        let now = self.0.environment.pace.read();
+        if let Side::Received(received) = &mut self.0.side {
+            received.stamp(&TickStamps {
+                woke: now,
+                decoded: now,
+                ..TickStamps::default()
+            });
+        }
+    }
+
+    /// The last command that left to the axes, in their units; empty before one. Real-time: yes.
+    #[must_use]
+    pub fn told(&self) -> AtAxis<&[f64]> {
+        match &self.0.side {
+            Side::Received(received) => received.told.part(Vec::as_slice),
+            _ => AtAxis(&[]),
+        }
+    }
+
+    /// Counts so far.
+    #[must_use]
+    pub fn counts(&self) -> &ReceivedCounts {
+        static NONE: ReceivedCounts = ReceivedCounts {
+            exchanges: 0,
+            passed_on: 0,
+            answered: 0,
+            peaks: [Vec::new(), Vec::new()],
+            dt: 0.0,
+        };
+        match &self.0.side {
+            Side::Received(received) => &received.counts,
+            _ => &NONE,
+        }
+    }
+
+    /// True if the last paced command left late by more than half a period. Real-time: yes.
+    #[must_use]
+    pub fn was_late(&self) -> bool {
+        matches!(&self.0.side, Side::Received(received) if received.is_late)
+    }
+
+    /// True if a command that leaves now comes later than a tick after the last. Real-time: yes.
+    #[must_use]
+    pub fn is_behind(&self) -> bool {
+        self.0.environment.pace.is_behind()
+    }
+
+    /// The histograms. A second call has none.
+    pub fn take_timing(&mut self) -> Timing {
+        self.0.environment.deadlines.take_timing()
+    }
+
+    /// The place of a command in the record: the controller's test runs. Real-time: yes.
+    fn place(&mut self, time: f64, dt: f64) -> Tick {
+        self.0.environment.supervision.continue_running();
+        let place = Tick {
+            step: self.counts().exchanges,
+            sub_tick: 0,
+            time,
+            dt,
+        };
+        if let Side::Received(received) = &mut self.0.side {
+            received.place = place;
+        }
+        place
+    }
+
+    fn set_row(&mut self, row: ReceivedRow) {
+        if let Side::Received(received) = &mut self.0.side {
+            received.row = row;
+        }
+    }
+
+    fn engine<'a>(
+        &'a mut self,
+        port: &'a mut ReceivedPort,
+        client: &'a mut Client<'a>,
+    ) -> Engine<'a> {
+        let parts = &mut *self.0;
+        Engine {
+            plan: &parts.plan,
+            ports: port.as_ports_mut(),
+            side: &mut parts.side,
+            settling: &mut parts.settling,
+            peaks: &mut parts.peaks,
+            progress: &mut parts.progress,
+            exchanges: &mut parts.exchanges,
+            judge: &mut parts.judge,
+            environment: &mut parts.environment,
+            ends: &mut parts.ends,
+            client: Some(client),
+        }
+    }
+}
