@@ -76,7 +76,7 @@ pub(super) struct Engine<'a> {
     pub client: Option<&'a mut Client<'a>>,
 }
 
-/// Called where an operator is heard, too: the word by which another controller, or its server, ends the test.
+/// The request by which another controller, or its server, ends the test; asked for where requests of the operator are taken, too.
 pub(super) type Client<'a> = dyn FnMut() -> Option<Operator> + 'a;
 
 impl Engine<'_> {

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::columns::Row;
 use super::commanding::Exchanges;
-use super::cycle::Engine;
+use super::cycle::{Client, Engine};
 use super::deadlines::Deadlines;
 use super::end_positions::{EndPosition, Ends};
 use super::environment::Environment;
@@ -14,6 +14,7 @@ use super::operator::{Control, Watch};
 use super::pace::Pace;
 use super::phase::Phase;
 use super::place::Place;
+use super::step_progress::Pacing;
 use super::step_progress::StepProgress;
 use super::supervision::Supervision;
 use super::test_judge::TestJudge;
@@ -23,7 +24,7 @@ use super::{
 };
 use crate::port::Port;
 use gusset_quantity::state::{Stateful, TestState};
-use gusset_quantity::time::Clock;
+use gusset_quantity::time::{Clock, Ratio};
 use gusset_record::rt::timing::Timing;
 use gusset_record::{Column, Event, Recorder};
 
@@ -42,7 +43,60 @@ pub(super) struct Parts {
     pub environment: Environment,
     pub ends: Ends,
     /// Largest |force| of each axis of each specimen in the test that this one continues.
-    pub earlier_forces: Vec<Vec<f64>>,
+    earlier_forces: Vec<Vec<f64>>,
+}
+
+impl Parts {
+    /// A test of steps without degrees of freedom, at its beginning.
+    pub(crate) fn new(
+        plan: Plan,
+        side: Side,
+        ports: &[Port],
+        (clock, period): (Box<dyn Clock>, Ratio),
+        (timing, journal): (Timing, Journal),
+    ) -> Self {
+        let limits = &plan.limits;
+        let per_step = ports.iter().any(|port| port.path().is_per_step());
+        Self {
+            side,
+            settling: None,
+            peaks: Peaks::zeros(0),
+            progress: StepProgress::new(Pacing::default()),
+            exchanges: Exchanges::new(),
+            judge: TestJudge::new(limits.test.clone()),
+            environment: Environment {
+                pace: Pace::new(clock, period, limits.on_miss),
+                deadlines: Deadlines::new(timing, &limits.test, per_step),
+                supervision: Supervision::new(Control::unattended()),
+                journal,
+                place: Place::start(plan.dt),
+            },
+            ends: Ends::new(ports.len()),
+            earlier_forces: Vec::new(),
+            plan,
+        }
+    }
+
+    /// The running engine.
+    pub(crate) fn engine<'a>(
+        &'a mut self,
+        ports: &'a mut [Port],
+        client: Option<&'a mut Client<'a>>,
+    ) -> Engine<'a> {
+        Engine {
+            plan: &self.plan,
+            ports,
+            side: &mut self.side,
+            settling: &mut self.settling,
+            peaks: &mut self.peaks,
+            progress: &mut self.progress,
+            exchanges: &mut self.exchanges,
+            judge: &mut self.judge,
+            environment: &mut self.environment,
+            ends: &mut self.ends,
+            client,
+        }
+    }
 }
 
 /// Something to do on the loop's own thread just before the first and just after the last tick of the test: tests put a guard
@@ -98,35 +152,23 @@ impl Test {
             Side::Structure(numerical) => numerical.structure.dofs(),
             Side::Prescribed(_) | Side::Received(_) => 0,
         };
-        let per_step = ports.iter().any(|port| port.path().is_per_step());
-        let mut environment = Environment {
-            pace: Pace::new(clock, period, limits.on_miss),
-            deadlines: Deadlines::new(timing, &limits.test, per_step),
-            supervision: Supervision::new(Control::unattended()),
-            journal: Journal::new(row, columns.len(), recorder),
-            place: Place::start(dt),
+        let plan = Plan {
+            dt,
+            steps,
+            opening,
+            limits,
+            checkpoint_ticks: pacing.checkpoint_ticks,
+            keeps_state: dofs <= MOST_DOFS_OF_A_STATE,
         };
-        environment.supervision.set_retraces(retraces);
-        let earlier = resume.as_ref().map(|resume| resume.earlier.forces.clone());
-        let parts = Parts {
-            side,
-            settling,
-            peaks: Peaks::zeros(dofs),
-            progress: StepProgress::new(pacing),
-            exchanges: Exchanges::new(),
-            judge: TestJudge::new(limits.test.clone()),
-            environment,
-            ends: Ends::new(ports.len()),
-            earlier_forces: earlier.unwrap_or_default(),
-            plan: Plan {
-                dt,
-                steps,
-                opening,
-                limits,
-                checkpoint_ticks: pacing.checkpoint_ticks,
-                keeps_state: dofs <= MOST_DOFS_OF_A_STATE,
-            },
-        };
+        let journal = Journal::new(row, columns.len(), recorder);
+        let mut parts = Parts::new(plan, side, &ports, (clock, period), (timing, journal));
+        parts.settling = settling;
+        parts.peaks = Peaks::zeros(dofs);
+        parts.progress = StepProgress::new(pacing);
+        parts.environment.supervision.set_retraces(retraces);
+        if let Some(resume) = &resume {
+            parts.earlier_forces.clone_from(&resume.earlier.forces);
+        }
         let mut test = Self {
             ports,
             parts: Box::new(parts),
@@ -159,20 +201,7 @@ impl Test {
 
     /// The running engine.
     pub(crate) fn engine(&mut self) -> (Engine<'_>, &mut Watches) {
-        let parts = &mut *self.parts;
-        let engine = Engine {
-            plan: &parts.plan,
-            ports: &mut self.ports,
-            side: &mut parts.side,
-            settling: &mut parts.settling,
-            peaks: &mut parts.peaks,
-            progress: &mut parts.progress,
-            exchanges: &mut parts.exchanges,
-            judge: &mut parts.judge,
-            environment: &mut parts.environment,
-            ends: &mut parts.ends,
-            client: None,
-        };
+        let engine = self.parts.engine(&mut self.ports, None);
         (engine, &mut self.watches)
     }
 

@@ -5,25 +5,15 @@
 //! keeps the rows: as in a test whose targets are integrated. The port outlives the test, so it is lent for each call.
 
 use super::columns::Row;
-use super::commanding::Exchanges;
 use super::cycle::{Client, Engine, Maneuver};
-use super::deadlines::Deadlines;
-use super::end_positions::Ends;
-use super::environment::Environment;
 use super::journal::Journal;
-use super::operator::Control;
 use super::order::{Kind, Order, Sends};
 use super::owned_test::Parts;
-use super::pace::Pace;
 use super::phase::Phase;
-use super::place::Place;
 use super::plan::Plan;
-use super::step_progress::{Pacing, StepProgress};
-use super::supervision::Supervision;
-use super::test_judge::TestJudge;
 use super::tick::Tick;
 use super::wiring_check::WiringCheck;
-use super::{Ending, Limits, OnMiss, Operator, Peaks, Side, StartupSettings, Stop, TestLimits};
+use super::{Ending, Limits, OnMiss, Operator, Side, StartupSettings, Stop, TestLimits};
 use crate::port::{OnStale, Port, ReceivedPort, WaitRules, WayBack, Wiring};
 use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Status;
@@ -83,7 +73,7 @@ pub struct ReceivedCounts {
     pub dt: f64,
 }
 
-/// What the rows of received targets are made from.
+/// The numbers that a row of a received target is made from.
 #[derive(Debug)]
 pub struct Received {
     /// Units of the axes, and units in which the port counts.
@@ -254,32 +244,24 @@ impl ReceivedTest {
             divergence: f64::INFINITY,
             test: TestLimits::NONE,
         };
-        let dt = period.value();
-        Self(Box::new(Parts {
-            side: Side::Received(Box::new(received)),
-            settling: None,
-            peaks: Peaks::zeros(0),
-            progress: StepProgress::new(Pacing::default()),
-            exchanges: Exchanges::new(),
-            judge: TestJudge::new(limits.test.clone()),
-            environment: Environment {
-                pace: Pace::new(clock, period, limits.on_miss),
-                deadlines: Deadlines::new(timing, &limits.test, false),
-                supervision: Supervision::new(Control::unattended()),
-                journal: Journal::new(Row::of_received(width), width, recorder),
-                place: Place::start(dt),
-            },
-            ends: Ends::new(1),
-            earlier_forces: Vec::new(),
-            plan: Plan {
-                dt,
-                steps: u64::MAX,
-                opening: StartupSettings::default(),
-                limits,
-                checkpoint_ticks: u64::MAX,
-                keeps_state: false,
-            },
-        }))
+        let plan = Plan {
+            dt: period.value(),
+            steps: u64::MAX,
+            opening: StartupSettings::default(),
+            limits,
+            checkpoint_ticks: u64::MAX,
+            keeps_state: false,
+        };
+        let journal = Journal::new(Row::of_received(width), width, recorder);
+        let side = Side::Received(Box::new(received));
+        let (time, record) = ((clock, period), (timing, journal));
+        Self(Box::new(Parts::new(
+            plan,
+            side,
+            port.as_ports(),
+            time,
+            record,
+        )))
     }
 
     /// Sends the command of the port, which was judged, and judges its answer by the limits of the specimen. `client` may end the wait.
@@ -378,7 +360,7 @@ impl ReceivedTest {
 
     /// The command of the next row is judged where it stands: no exchange gives its times. Real-time: yes.
     pub fn note_arrival(&mut self) {
-        let now = self.0.environment.pace.read();
+        let now = self.0.environment.pace.keep_reading();
         if let Side::Received(received) = &mut self.0.side {
             received.stamp(&TickStamps {
                 woke: now,
@@ -456,19 +438,6 @@ impl ReceivedTest {
         port: &'a mut ReceivedPort,
         client: &'a mut Client<'a>,
     ) -> Engine<'a> {
-        let parts = &mut *self.0;
-        Engine {
-            plan: &parts.plan,
-            ports: port.as_ports_mut(),
-            side: &mut parts.side,
-            settling: &mut parts.settling,
-            peaks: &mut parts.peaks,
-            progress: &mut parts.progress,
-            exchanges: &mut parts.exchanges,
-            judge: &mut parts.judge,
-            environment: &mut parts.environment,
-            ends: &mut parts.ends,
-            client: Some(client),
-        }
+        self.0.engine(port.as_ports_mut(), Some(client))
     }
 }

@@ -62,7 +62,7 @@ impl PortSpec {
     }
 }
 
-// What the engine needs of it.
+// For the engine.
 impl ReceivedPort {
     pub(crate) const fn as_ports(&self) -> &[Port] {
         std::slice::from_ref(&self.0)

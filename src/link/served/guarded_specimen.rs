@@ -8,6 +8,7 @@ use super::identity::Identity;
 use super::latch::Latch;
 use super::pacing::{PaceClock, PacedPath, Pacing};
 use super::recording::{Recording, Unrecorded};
+use super::session_record::RowSink;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
 use gusset_control::engine::{
@@ -21,8 +22,8 @@ use gusset_quantity::frame::{AtAxis, AtClient, AtSpecimen, AtStructure};
 use gusset_quantity::substructure::{Command, Introduction, LinkFault, Measurement, Status};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
+use gusset_record::Event;
 use gusset_record::rt::os;
-use gusset_record::{Event, Recorder};
 
 /// Whose motion a command is part of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +77,7 @@ impl Origin {
 pub(super) struct GuardedSpecimen {
     pub identity: Identity,
     pub port: ReceivedPort,
-    /// What the loop does for the controller's test.
+    /// The engine's part of the controller's test.
     pub test: ReceivedTest,
     /// Longest wait for an answer in ns; 0 of a specimen without a link.
     pub reply_limit_ns: u64,
@@ -127,7 +128,7 @@ impl GuardedSpecimen {
         identity: &Identity,
         port: &mut ReceivedPort,
         (pacing, reply_timeout_ns): (Option<Pacing>, u64),
-        (width, recorder): (usize, Box<dyn Recorder>),
+        (width, recorder): RowSink,
     ) -> ReceivedTest {
         let scale = &identity.scale;
         let axes = 0..scale.axis_units().len();
@@ -157,7 +158,7 @@ impl GuardedSpecimen {
         Ok(())
     }
 
-    fn new_test(&mut self, recorder: (usize, Box<dyn Recorder>)) -> ReceivedTest {
+    fn new_test(&mut self, recorder: RowSink) -> ReceivedTest {
         let pace = (self.pacing(), self.reply_limit_ns);
         Self::test(&self.identity, &mut self.port, pace, recorder)
     }

@@ -1,9 +1,10 @@
 //! The specimen of a server of any protocol: computed in this process, or behind another link. With a link the server is a
 //! gateway.
 //!
-//! A server commands a [`ServedSpecimen`]. It is a [`gusset_control::port::ReceivedPort`] whose commands are received: the same
-//! guard judges them, and the same exchange sends them, as in the loop. Beside the port are the parts that only a server needs:
-//! the speed allowance, the limits that the controller announced, the first command, the latch of trips, and the record.
+//! A server commands a [`ServedSpecimen`]. It has a [`gusset_control::port::ReceivedPort`], and a
+//! [`gusset_control::engine::ReceivedTest`]: the engine waits for the edge of a command, exchanges it, judges it and its answer, keeps
+//! the rows and checks the wiring, as in a test whose targets are integrated. Here are the parts that only a server needs:
+//! the speed allowance, the limits that the controller announced, the first command, the latch of trips, and the folders of tests.
 //! Invariants: a refused command is not passed on. A trip stops its session for good, and the specimen holds at the last command.
 //! The limits' history and the trip belong to the specimen and outlive a session. However a test ends, the specimen receives the
 //! goodbye of its protocol.

@@ -330,7 +330,7 @@ impl<'a> Readiness<'a> {
         }
     }
 
-    /// What a check found, for the operator of the server.
+    /// The result of a check, for the operator of the server.
     fn agreed(&mut self, wiring: &Wiring) -> String {
         if !wiring.accepted.is_empty()
             && let Some(reason) = self.served.port.startup().wiring().accepted()

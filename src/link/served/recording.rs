@@ -1,7 +1,7 @@
 //! Notes and rows of a served specimen: into the record of its test, or into the program's log where nothing is recorded.
 
 use super::identity::Identity;
-use super::session_record::{RecordSettings, SessionRecord};
+use super::session_record::{RecordSettings, RowSink, SessionRecord};
 use super::{Controller, GuardStore, Trip};
 use crate::quota::Allowance;
 use gusset_control::engine::ReceivedTest;
@@ -40,7 +40,7 @@ impl Recording {
         specimen: (&Identity, &ReceivedPort),
         controller: &Controller,
         pace_hz: Option<f64>,
-    ) -> Result<Option<(usize, Box<dyn Recorder>)>, String> {
+    ) -> Result<Option<RowSink>, String> {
         self.link = LinkStats::default();
         self.missed_edges = 0;
         let Some(settings) = &self.settings else {

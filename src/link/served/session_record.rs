@@ -49,6 +49,9 @@ pub struct RecordSettings {
     pub ended: Option<Sender<Option<EndedTest>>>,
 }
 
+/// Number of columns of the rows, and where they go.
+pub(super) type RowSink = (usize, Box<dyn Recorder>);
+
 /// The folder of a test that has ended, and its summary.
 pub type EndedTest = (RunFolder, Summary);
 
@@ -83,7 +86,7 @@ impl SessionRecord {
         (identity, port): (&Identity, &ReceivedPort),
         controller: &Controller,
         (pace_hz, away_from): (Option<f64>, Option<usize>),
-    ) -> Result<(Self, (usize, Box<dyn Recorder>)), String> {
+    ) -> Result<(Self, RowSink), String> {
         let mut folder = next_folder(&settings.root)?;
         let announced = controller.rate;
         let announced = announced.map(|(above, below)| above as f64 / below as f64);

@@ -267,13 +267,13 @@ pub enum Remark {
     Connected,
     /// A server: the link to the specimen behind it failed.
     Link,
-    /// A server: the wiring check moves the specimen.
+    /// A server of an earlier version: the wiring check moves the specimen.
     Probing,
-    /// A server: what the wiring check found.
+    /// A server of an earlier version: what the wiring check found.
     Direction,
-    /// A server: the wiring check was ended and went back.
+    /// A server of an earlier version: the wiring check was ended and went back.
     Retraced,
-    /// A server: the user accepts what the wiring check found.
+    /// A server of an earlier version: the user accepts what the wiring check found.
     WiringAccepted,
     /// A server: the specimen reports that its own watchdog holds it.
     SpecimenHolds,
