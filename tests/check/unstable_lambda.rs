@@ -80,7 +80,7 @@ fn linear_model_beyond_its_limit_warns() {
         "check",
         &format!("{TEST}[integrator]\nlambda = {below}\n{LAW}"),
     );
-    assert!(!said.contains("above the limit"), "{said}");
+    assert!(!said.contains("above the"), "{said}");
     assert_eq!(facts["structure"]["stable"], true);
 }
 
@@ -158,17 +158,17 @@ fn unstable_at_any_lambda_moves_no_link() {
 #[test]
 fn implicit_method_refuses_linked_specimen() {
     for (method, reason) in [
-        ("newmark_average", "it is implicit"),
-        ("newmark_linear", "it is implicit"),
-        ("newmark_explicit", "explicit in displacement only"),
-        ("central_difference", "explicit in displacement only"),
-        ("chang_2002", "explicit in displacement only"),
+        ("newmark_average", "implicit"),
+        ("newmark_linear", "implicit"),
+        ("newmark_explicit", "explicit"),
+        ("central_difference", "explicit"),
+        ("chang_2002", "explicit"),
     ] {
         let text = format!("{TEST}[integrator]\nmethod = \"{method}\"\n{LINK}");
         let (code, _, said) = gusset("run", &text);
         assert_eq!(code, 2, "{method}: {said}");
         assert!(
-            said.contains("this method cannot command a specimen") && said.contains(reason),
+            said.contains("cannot command") && said.contains(reason),
             "{method}: {said}"
         );
     }
@@ -186,8 +186,7 @@ fn method_that_divides_by_mass_needs_it() {
         );
         assert_eq!(code, 2, "{method}: {said}");
         assert!(
-            said.contains("degree of freedom 1 has no mass, and this method divides by it")
-                && said.contains("mass_kg = [0, 1000]"),
+            said.contains("freedom 1") && said.contains("mass_kg = [0, 1000]"),
             "{method}: {said}"
         );
     }
@@ -209,7 +208,7 @@ fn method_that_divides_by_mass_needs_it() {
     let (code, _, said) = gusset("check", &singular);
     assert_eq!(code, 2);
     assert!(
-        said.contains("not positive definite") && said.contains("degree of freedom 2"),
+        said.contains("positive definite") && said.contains("freedom 2"),
         "{said}"
     );
 }
@@ -217,25 +216,16 @@ fn method_that_divides_by_mass_needs_it() {
 #[test]
 fn parameters_out_of_domain_are_refused() {
     for (keys, words) in [
-        ("lambda = 0", "greater than zero"),
-        ("lambda = -4", "greater than zero"),
-        ("lambda = nan", "greater than zero"),
+        ("lambda = 0", "greater than"),
+        ("lambda = -4", "greater than"),
+        ("lambda = nan", "greater than"),
         ("gain_bound = 0", "gain_bound"),
-        (
-            "method = \"kr_alpha\"\nrho_infinity = 1.0000001",
-            "must be from 0 to 1",
-        ),
-        (
-            "method = \"kr_alpha\"\nrho_infinity = -0.1",
-            "must be from 0 to 1",
-        ),
-        (
-            "method = \"mkr_alpha\"\nrho_infinity = 2",
-            "must be from 0 to 1",
-        ),
+        ("method = \"kr_alpha\"\nrho_infinity = 1.0000001", "0 to 1"),
+        ("method = \"kr_alpha\"\nrho_infinity = -0.1", "0 to 1"),
+        ("method = \"mkr_alpha\"\nrho_infinity = 2", "0 to 1"),
         (
             "method = \"mkr_alpha\"\nrho_infinity = nan",
-            "must be a finite number",
+            "finite number",
         ),
         (
             "method = \"newmark_average\"\nnewton_tolerance = 0",
@@ -268,9 +258,7 @@ fn failed_newton_names_step_and_residual() {
     assert_eq!(summary["status"], "stopped");
     let reason = summary["reason"].as_str().unwrap();
     // "step 3: no equilibrium in 2 iterations: 1.2e4 N are unbalanced at degree of freedom 2"
-    let (step, rest) = reason
-        .split_once(": no equilibrium in 2 iterations: ")
-        .expect(reason);
+    let (step, rest) = reason.split_once(" 2 iterations: ").expect(reason);
     let step: u64 = step.rsplit(' ').next().unwrap().parse().unwrap();
     assert_eq!(step, summary["steps"].as_u64().unwrap() + 1, "{reason}");
     let residual: f64 = rest.split(' ').next().unwrap().parse().expect(reason);

@@ -311,7 +311,7 @@ fn divergence_stops_the_test_names_the_dof() {
     let reason = summary["reason"].as_str().unwrap();
     // The sawtooth is that of the stiff bottom storey, whose floor is DOF 1.
     assert!(
-        reason.contains("displacement of DOF 1 ") && reason.contains("`safety.divergence_m`"),
+        reason.contains("DOF 1 ") && reason.contains("`safety.divergence_m`"),
         "{reason}"
     );
     let steps = summary["steps"].as_u64().unwrap();
@@ -349,11 +349,7 @@ fn nonfinite_force_stops_the_test_with_1() {
     let summary = json(&out, "summary.json");
     assert_eq!(summary["status"], "stopped");
     let reason = summary["reason"].as_str().unwrap();
-    for words in [
-        "specimen \"spring\"",
-        "which is computed here",
-        "the computation diverged",
-    ] {
+    for words in ["specimen \"spring\"", "computed here", "diverged"] {
         assert!(reason.contains(words), "{words}: {reason}");
     }
     // The record contains only the finite forces from before.

@@ -125,7 +125,7 @@ fn panic_retires_specimens_and_keeps_folder() {
     assert!(
         fs::read_to_string(out.join("report.html"))
             .unwrap()
-            .contains("the bug of step 50")
+            .contains("step 50")
     );
 }
 
@@ -137,7 +137,7 @@ fn panic_in_retire_spares_the_next_specimen() {
     assert_eq!(finished.cause, Cause::Internal);
     let reason = finished.summary.reason;
     assert!(
-        reason.contains("the bug of step 50") && reason.contains("the bug at the goodbye"),
+        reason.contains("step 50") && reason.contains("the goodbye"),
         "{reason}"
     );
 }
@@ -172,16 +172,8 @@ fn injected_panic_exits_with_5_and_retires() {
         arguments.extend(PATIENT.map(std::ffi::OsStr::new));
         let said = say(arguments);
         assert_eq!(said.code, Some(5), "{}", said.stderr);
-        assert!(
-            said.stderr.contains("fault injection: at 0.2499 s"),
-            "{}",
-            said.stderr
-        );
-        assert!(
-            said.stderr.contains("FAILED: internal error"),
-            "{}",
-            said.stderr
-        );
+        assert!(said.stderr.contains("0.2499 s"), "{}", said.stderr);
+        assert!(said.stderr.contains("internal error"), "{}", said.stderr);
         served.hears("retired because the test tripped");
 
         let summary = json(&out, "summary.json");
@@ -211,7 +203,7 @@ fn injected_panic_exits_with_5_and_retires() {
             "it had moved"
         );
         let report = fs::read_to_string(out.join("report.html")).unwrap();
-        assert!(report.contains("fails on purpose"));
+        assert!(report.contains("on purpose"));
         let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
         assert!(events.contains("\"internal_error\""), "{events}");
         // The recorded part is replayed, without the injected fault.

@@ -104,7 +104,7 @@ mod tests {
         let words = "at rest the law of \"brace\" gives -15 kN to the structure";
         assert!(said.contains(words), "{said}");
         let said = warnings(&format!("{plastic}axis = [{{ offset_n = 500 }}]\n"));
-        assert!(said.contains("gives -500 N to the structure"), "{said}");
+        assert!(said.contains("-500 N"), "{said}");
         let silent = [
             // Nothing is off.
             format!("{plastic}axis = [{{ {gear} }}]\n"),
@@ -118,7 +118,7 @@ mod tests {
         ];
         for specimen in silent {
             let said = warnings(&specimen);
-            assert!(!said.contains("at rest the law"), "{specimen}{said}");
+            assert!(!said.contains("at rest"), "{specimen}{said}");
         }
     }
 }

