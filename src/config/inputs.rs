@@ -280,7 +280,7 @@ mod tests {
         let error = inputs.read("elcntro.at2").unwrap_err();
         assert!(error.to_string().contains("no file"), "{error}");
         let finding = error.finding(KeyPath::root().key("file"));
-        assert_eq!(finding.label, "did you mean `elcentro.at2`?");
+        assert!(finding.label.contains("`elcentro.at2`"));
         assert!(inputs.read("b").unwrap_err().to_string().contains("folder"));
     }
 

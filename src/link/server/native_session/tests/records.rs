@@ -114,8 +114,8 @@ fn record_shows_holds_and_lost_commands() {
         names,
         ["controller", "holding", "commands_again", "counts", "ended"]
     );
-    assert_eq!(events[2].1, "commands come again, from 4");
-    assert_eq!(events[3].1, "3 commands, 2 missed, 0 frames corrupt");
+    assert!(events[2].1.ends_with(" 4"), "{events:?}");
+    assert!(events[3].1.contains("2 missed"), "{events:?}");
     assert_eq!(
         (summary.link["rig"].missed, summary.link["rig"].sent),
         (2, 3)
