@@ -6,9 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::common::engine::run_on;
+use crate::common::test_file::TestFile;
 use crate::link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
-    test_file, write,
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, finish, gateway, gusset, linked, run, summary, test_file,
+    write,
 };
 use gusset_config as config;
 use gusset_control::engine::{Ending, Stop};
@@ -29,7 +30,7 @@ fn complaint(text: &str) -> String {
 }
 
 fn bare(address: &str, keys: &str) -> String {
-    linked(200, address, keys).replace(UNLIMITED, "")
+    linked(200, address, keys).without("safety.unlimited")
 }
 
 #[test]
@@ -46,28 +47,30 @@ fn missing_limits_are_refused_with_template() {
         .filter(|line| line.starts_with("[specimen.limits]") || line.contains(" = { trip = "))
         .map(|line| format!("{line}\n"))
         .collect();
-    let pasted = text.replace("[specimen.link]", &format!("{table}[specimen.link]"));
+    let pasted = text.with(&table);
     assert!(
         config::parse(Path::new("test.toml"), pasted.clone(), &[]).is_ok(),
         "{pasted}"
     );
-    let half = pasted.replace("measured_force_n", "#");
+    let half = pasted.without("specimen.0.limits.measured_force_n");
     assert!(complaint(&half).contains("`measured_force_n`"));
-    let warned = pasted.replace("command_disp_m = { trip", "command_disp_m = { warn");
+    let warned = pasted.without("specimen.0.limits.command_disp_m");
+    let warned = warned.with("specimen.limits.command_disp_m.warn = [-1, 1]");
     assert!(
         complaint(&warned).contains("`command_disp_m`"),
         "a warning holds nothing"
     );
-    let silent = text.replace("[safety]", "[safety]\nunlimited = \" \"");
+    let silent = text.with("safety.unlimited = ' '");
     assert!(complaint(&silent).contains("no reason"));
     // A reason of invisible characters shows nothing to a person.
     for blank in ["\\u2800", "\\u00a0\\u2800"] {
-        let silent = text.replace("[safety]", &format!("[safety]\nunlimited = \"{blank}\""));
+        let silent = text.with(&format!("safety.unlimited = \"{blank}\""));
         assert!(complaint(&silent).contains("no reason"), "{blank}");
     }
     // A gateway, too: OpenSees has no limits.
     let folder = tempfile::tempdir().unwrap();
-    let between = gateway("127.0.0.1:1", "stiffness_n_per_m = 4e5\n", "").replace(UNLIMITED, "");
+    let between = gateway("127.0.0.1:1", "stiffness_n_per_m = 4e5\n", "");
+    let between = between.without("safety.unlimited");
     let path = write(folder.path(), "gateway.toml", &between);
     let said = gusset_setup::load_served(&path, None)
         .unwrap_err()
@@ -81,8 +84,7 @@ fn reason_for_no_limits_is_in_the_folder() {
     let folder = folder.path();
     let local = test_file(200, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
     let served = Served::start(folder, &local, &[]);
-    let text =
-        bare(&served.address, "").replace("[safety]", "[safety]\nunlimited = \"only a formula\"");
+    let text = bare(&served.address, "").with("safety.unlimited = 'only a formula'");
     let (code, said) = run(folder, "run", &text);
     assert_eq!(code, 0, "{said}");
     assert!(
@@ -105,9 +107,8 @@ fn reason_for_no_limits_is_in_the_folder() {
 #[test]
 fn contradicting_limits_show_both_places() {
     let with = |limits: &str, safety: &str, table: &str| {
-        let text = bare("127.0.0.1:1", "").replace("[safety]", &format!("[safety]\n{safety}"));
-        let limits = format!("{table}{LIMITS}{limits}\n[specimen.link]");
-        complaint(&text.replace("[specimen.link]", &limits))
+        let keys = format!("[safety]\n{safety}\n[specimen]\n{table}{LIMITS}{limits}");
+        complaint(&bare("127.0.0.1:1", "").with(&keys))
     };
     for (limits, safety, table, words) in [
         (
@@ -161,9 +162,8 @@ fn contradicting_limits_show_both_places() {
         assert!(said.contains("--> test.toml:"), "{said}");
     }
     // An equal bound in other units contradicts nothing.
-    let same =
-        "command_vel_m_per_s = { trip = 1.0 }\ncommand_step_m = { trip = 0.001 }\n[specimen.link]";
-    let text = bare("127.0.0.1:1", "").replace("[specimen.link]", &format!("{LIMITS}{same}"));
+    let same = "command_vel_m_per_s = { trip = 1.0 }\ncommand_step_m = { trip = 0.001 }\n";
+    let text = bare("127.0.0.1:1", "").with(&format!("{LIMITS}{same}"));
     assert!(config::parse(Path::new("test.toml"), text, &[]).is_ok());
 }
 
@@ -179,8 +179,7 @@ fn both_ends_know_the_others_limits() {
     );
     let served = Served::start(folder, &local, &[]);
     // Wider: refused.
-    let wide =
-        bare(&served.address, "").replace("[specimen.link]", &format!("{LIMITS}[specimen.link]"));
+    let wide = bare(&served.address, "").with(LIMITS);
     let (code, said) = run(folder, "wide", &wide);
     assert_eq!(code, 3, "{said}");
     let reason = summary(folder, "wide").reason;
@@ -197,8 +196,7 @@ fn both_ends_know_the_others_limits() {
     );
     // Within: both keep it, and ours, which is narrower, trips first.
     let narrow = LIMITS.replace("0.5", "0.004");
-    let narrow =
-        bare(&served.address, "").replace("[specimen.link]", &format!("{narrow}[specimen.link]"));
+    let narrow = bare(&served.address, "").with(&narrow);
     let (code, said) = run(folder, "narrow", &narrow);
     assert_eq!(code, 1, "{said}");
     let reason = summary(folder, "narrow").reason;
@@ -234,13 +232,12 @@ fn narrower_limits_at_the_end_are_refused() {
                 move |_| is_armed.store(true, Ordering::Relaxed),
             );
             let table = format!("stiffness_n_per_m = 4e5\n{LIMITS}");
-            let file = gateway(&address, &table, "").replace(UNLIMITED, "");
+            let file = gateway(&address, &table, "").without("safety.unlimited");
             let between = (!through.is_empty()).then(|| Served::start(folder, &file, &[]));
             let address = between
                 .as_ref()
                 .map_or(&address, |between| &between.address);
-            let text =
-                bare(address, "").replace("[specimen.link]", &format!("{LIMITS}[specimen.link]"));
+            let text = bare(address, "").with(LIMITS);
             let name = format!("narrow-{number}{}", through.len());
             let (code, said) = run(folder, &name, &text);
             assert_eq!(code, 3, "{said}");
@@ -257,17 +254,9 @@ fn check_shows_limits_and_their_effects() {
     let folder = tempfile::tempdir().unwrap();
     let more = "following_error_m = { warn = 0.001, trip = 0.002 }\nfollowing_time_s = 0.03\n\
                 stuck_ticks = { trip = 20 }\nstuck_travel_m = 1e-4\nalternating_ticks = { trip = 9 }\n";
-    let text = bare("127.0.0.1:1", "watchdog_s = 0.5").replace(
-        "[specimen.link]",
-        &format!("safe_disp_m = [0.0125]\n{LIMITS}{more}[specimen.link]"),
-    );
-    let safety = "[safety]\nat_end = \"safe_displacement\"\nexit_speed_m_per_s = 0.004\nconfirm = true\nramp_s = 3\n\
-                  ease_s = 0.75\nzero_s = 0.25\n";
-    let text = text
-        .replace("[safety]\nzero_s = 0\n", safety)
-        .replace("[timing]\n", "[timing]\nmisses.window_s = 7\n")
-        .replace("\"simulated\"", "\"real\"");
-    assert!(text.contains("ramp_s = 3") && text.contains("misses.window_s = 7"));
+    let keys = "time.clock = 'real'\ntiming.misses.window_s = 7\n[safety]\nat_end = \"safe_displacement\"\nexit_speed_m_per_s = 0.004\nconfirm = true\nramp_s = 3\n\
+                  ease_s = 0.75\nzero_s = 0.25\n[specimen]\nsafe_disp_m = [0.0125]\n";
+    let text = bare("127.0.0.1:1", "watchdog_s = 0.5").with(&format!("{keys}{LIMITS}{more}"));
     let file = write(folder.path(), "test.toml", &text);
     let said = |json: bool| {
         let mut command = gusset();
@@ -429,9 +418,8 @@ fn stiffer_specimen_is_measured_and_trips() {
     let stiff = "[specimen.law.linear]\nstiffness_n_per_m = 6e5\n";
     let served = Served::start(folder, &test_file(200, &format!("{ONE_AXIS}{stiff}")), &[]);
     let with = |ratio: &str| {
-        let limits =
-            format!("{LIMITS}stiffness_ratio = {{ warn = 1.1, trip = {ratio} }}\n[specimen.link]");
-        bare(&served.address, "").replace("[specimen.link]", &limits)
+        let limits = format!("{LIMITS}stiffness_ratio = {{ warn = 1.1, trip = {ratio} }}\n");
+        bare(&served.address, "").with(&limits)
     };
     let (code, said) = run(folder, "trips", &with("1.49"));
     assert_eq!(code, 1, "{said}");
@@ -483,10 +471,8 @@ impl Clock for Late {
 #[test]
 fn misses_in_a_window_end_the_test() {
     let late = |every: u64| {
-        let text = test_file(2000, &format!("{ONE_AXIS}{ONE_AXIS_LAW}")).replace(
-            "[timing]",
-            "[timing]\nmisses.in_total.trip = 1000\nmisses.in_window.trip = 9\nmisses.window_s = 0.1",
-        );
+        let text = test_file(2000, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"))
+            .with("timing.misses = { in_total.trip = 1000, in_window.trip = 9, window_s = 0.1 }");
         let clock = Late {
             clock: SimClock::new(),
             waits: Arc::default(),
@@ -536,8 +522,8 @@ fn refused_displacement_is_no_peak() {
 fn check_shows_limits_announced_differently() {
     let folder = tempfile::tempdir().unwrap();
     let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\ncommand_step_m = { trip = 0.01 }\n\
-                  measured_force_n = { trip = [-1e5, 1e6] }\n[specimen.link]";
-    let text = bare("127.0.0.1:1", "").replace("[specimen.link]", limits);
+                  measured_force_n = { trip = [-1e5, 1e6] }\n";
+    let text = bare("127.0.0.1:1", "").with(limits);
     let file = write(folder.path(), "test.toml", &text);
     let mut command = gusset();
     command.args(["check", "--verbose"]).arg(&file);
@@ -691,15 +677,11 @@ fn all_trips_of_one_step_are_reported() {
     let with = |late: f64, added: f64| {
         let safety = format!(
             "[safety]\ndelay_used = {{ trip = {late:e} }}\nadded_energy_share = {{ trip = {added:e}, floor_j = 1e-9 }}\n\
-             [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n[integrator]"
+             [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n"
         );
-        let text = at_limit(2.0, "") + "[specimen.transfer]\ndelay_s = 0.005\n";
-        let text = text.replace(
-            "step_s = 0.1\nduration_s = 200",
-            "step_s = 0.01\nduration_s = 2",
-        );
-        let text = text.replace("frequency_hz = 0.5", "frequency_hz = 3.0");
-        crate::common::engine::run(&text.replace("[integrator]", &safety))
+        let faster = "time = { step_s = 0.01, duration_s = 2 }\nspecimen.transfer.delay_s = 0.005\n\
+                      excitation.ground_acceleration.signal.sine.frequency_hz = 3.0\n";
+        crate::common::engine::run(&at_limit(2.0, "").with(&format!("{faster}{safety}")))
     };
     let free = with(1e9, 1e9);
     let share = free.column("added_energy_share");
