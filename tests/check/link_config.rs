@@ -4,6 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
 
+use crate::common::test_file::TestFile;
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
 use gusset_config::{self as config, Offer};
 use gusset_setup as setup;
@@ -68,7 +69,7 @@ fn numbers_out_of_range_are_shown_at_keys() {
 fn position_comes_from_the_link_or_the_file() {
     let with = |keys: &str| {
         let text = linked(10, "127.0.0.1:1", keys);
-        complaint(&text.replace("computed = true\n", ""))
+        complaint(&text.without("specimen.0.link.computed"))
     };
     const ASKS: &str = "the position of this specimen before the test is unknown";
     const TELLS: &str = "the specimen reports its position";
@@ -121,7 +122,7 @@ fn displacement_keys_need_the_signal() {
     let said = |table: &str, openfresco: &str| {
         let link = format!("protocol = \"openfresco\"\n{openfresco}");
         let text = linked(10, "127.0.0.1:1", &link);
-        complaint(&text.replace("storey = 1\n", &format!("storey = 1\n{table}\n")))
+        complaint(&text.with(&format!("[specimen]\n{table}")))
     };
     for (key, table) in [
         (
@@ -161,7 +162,7 @@ fn displacement_test_keys_spare_force_links() {
             "127.0.0.1:1",
             "protocol = \"openfresco\"\nprobe_m = 1e-4",
         );
-        text.replace("[safety]\n", &format!("[safety]\n{key}\n"))
+        text.with(&format!("[safety]\n{key}"))
     };
     for key in ["delay_used", "added_energy_share"] {
         let floor = if key == "delay_used" {
@@ -179,7 +180,7 @@ fn displacement_test_keys_spare_force_links() {
         let warned = gusset_config::Diagnostics(loaded.warnings).to_string();
         shows(&warned, &format!("`{key}`"));
         shows(&warned, "\"column\"");
-        let measures = alone.replace("probe_m", "openfresco = { server = \"site\" }\nprobe_m");
+        let measures = alone.with("specimen.link.openfresco.server = 'site'");
         let found = complaint(&measures);
         assert!(!found.contains("a measured"), "{found}");
     }
@@ -204,34 +205,26 @@ fn signal_counts_are_zero_or_number_of_axes() {
 #[test]
 fn link_specimen_needs_an_estimate() {
     let text = linked(10, "127.0.0.1:1", "");
-    let silent = text.replace("stiffness_n_per_m = 4e5\n", "");
+    let silent = text.without("specimen.0.stiffness_n_per_m");
     shows(&complaint(&silent), "`stiffness_n_per_m` is missing");
-    let softening = text.replace("storey = 1\n", "storey = 1\nhardening_bound = 0.5\n");
+    let softening = text.with("specimen.hardening_bound = 0.5");
     shows(&complaint(&softening), "1 or greater");
-    let inches = text.replace(
-        "[specimen.link]",
-        "[[specimen.axis]]\nunit_disp = \"in\"\n[specimen.link]",
-    );
+    let inches = text.with("[[specimen.axis]]\nunit_disp = 'in'");
     shows(&complaint(&inches), "`unit_disp`");
     shows(&complaint(&inches), "protocol = \"openfresco…\"");
     shows(&complaint(&inches), "mm");
-    let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
+    let burst = text.with("timing.on_miss = 'catch_up'");
     shows(&complaint(&burst), "faster");
-    let allowed = burst.replace("[timing]", "[timing]\ncatch_up_remote = true");
+    let allowed = burst.with("timing.catch_up_remote = true");
     shows(&complaint(&allowed), "`timing.catch_up_remote` was removed");
 }
 
 #[test]
 fn hardening_bound_enters_stability_proof() {
     let limit = |bound: &str| {
-        let text = linked(10, "127.0.0.1:1", "").replace(
-            "storey = 1\n",
-            &format!("storey = 1\nhardening_bound = {bound}\n"),
-        );
-        let text = text.replace(
-            "[timing]",
-            "[integrator]\nlambda = 4\nallow_unstable_lambda = true\n[timing]",
-        );
+        let text = linked(10, "127.0.0.1:1", "").with(&format!(
+            "specimen.hardening_bound = {bound}\nintegrator = {{ lambda = 4, allow_unstable_lambda = true }}"
+        ));
         let loaded = config::parse(Path::new("test.toml"), text, &[]).unwrap();
         let structure = setup::build(&loaded).unwrap().facts.structure.unwrap();
         structure.choice().unwrap().limit
@@ -304,7 +297,7 @@ fn live_page_on_a_specimens_port_is_refused() {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let text = linked(10, &address.to_string(), "probe = \"none\"\n");
-    let text = text.replace("clock = \"real\"", "clock = \"simulated\"");
+    let text = text.with("time.clock = 'simulated'");
     let file = write(folder.path(), "test.toml", &text);
     let mut command = crate::link_common::gusset();
     command

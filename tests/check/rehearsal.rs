@@ -4,6 +4,7 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
+use crate::common::test_file::TestFile;
 use crate::common::{FRAME, Said, run, say, write};
 use gusset_session::rehearsal::{Budget, rehearse};
 use serde_json::Value;
@@ -149,7 +150,7 @@ fn half_velocity_hold_is_a_warning() {
 #[test]
 fn limit_trips_where_the_rehearsal_says() {
     let limits = "limits = { command_step_m = { trip = 1 }, force_step_n = { trip = 1e9 } }\n";
-    let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{limits}"));
+    let text = FRAME.with(&format!("[specimen]\n{limits}"));
     let found = Found::of(&text);
     let ranges = [
         "command_disp_m",
@@ -177,8 +178,8 @@ fn limit_trips_where_the_rehearsal_says() {
             } else {
                 format!("{:e}", high * share)
             };
-            let limits = format!("storey = 1\nlimits = {{ {quantity} = {{ trip = {level} }} }}\n");
-            let text = FRAME.replace("storey = 1\n", &limits);
+            let limits = format!("specimen.limits.{quantity}.trip = {level}");
+            let text = FRAME.with(&limits);
             let folder = tempfile::tempdir().unwrap();
             let said = check(folder.path(), &text, &[]);
             assert_eq!(said.code, Some(code), "{quantity} {}", said.stderr);
@@ -335,10 +336,7 @@ fn check_reports_a_missing_stand_in() {
 #[test]
 fn warning_level_and_rehearsal_off_work() {
     let folder = tempfile::tempdir().unwrap();
-    let text = FRAME.replace(
-        "storey = 1\n",
-        "storey = 1\nlimits.command_vel_m_per_s = { warn = 1e-3, trip = 10 }\n",
-    );
+    let text = FRAME.with("specimen.limits.command_vel_m_per_s = { warn = 1e-3, trip = 10 }");
     let said = check(folder.path(), &text, &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(
@@ -500,7 +498,7 @@ fn runaway_without_a_bound_is_refused() {
 #[test]
 fn slow_machine_gives_a_warning() {
     let folder = tempfile::tempdir().unwrap();
-    let text = FRAME.replace("duration_s = 0.5", "duration_s = 5");
+    let text = FRAME.with("time.duration_s = 5");
     let warned = |text: &str, tick_s: f64| {
         let test = write(folder.path(), "test.toml", text);
         let loaded = gusset_config::load(&test, &[]).unwrap();
@@ -516,7 +514,7 @@ fn slow_machine_gives_a_warning() {
         let texts: Vec<_> = findings.into_iter().map(|found| found.headline).collect();
         texts.join("; ")
     };
-    let real = text.replace("\"simulated\"", "\"real\"");
+    let real = text.with("time.clock = 'real'");
     // A tick has 5 ms.
     assert_eq!(warned(&real, 2.4e-3), "");
     let little = warned(&real, 2.6e-3);
@@ -530,7 +528,7 @@ fn slow_machine_gives_a_warning() {
         "{cannot}"
     );
     assert_eq!(warned(&text, 5.1e-3), "");
-    let scaled = real.replace("clock =", "scale = 2\nclock =");
+    let scaled = real.with("time.scale = 2");
     assert_eq!(warned(&scaled, 4.9e-3), "");
 }
 

@@ -6,6 +6,8 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::common::test_file::TestFile;
+
 /// One degree of freedom, ω = 2π, ξ = 2 %, half of its stiffness in the specimen, λ = 4.
 const TEST: &str = r#"
 [time]
@@ -46,10 +48,10 @@ fn check(text: &str, more: &[&str]) -> (i32, String, String) {
 #[test]
 fn stiff_part_reports_its_lost_digits() {
     let building = |stiffness: &str| {
-        TEST.replace("mass_kg = [1000]", "mass_kg = [1000, 1000]")
-            .replace("[19739.208802178716]", stiffness)
-            .replace("[251.32741228718345]", "[0, 0]")
-            .replace("[0.01]", "[0.01, 0.01]")
+        TEST.with(&format!(
+            "structure.initial_displacement_m = [0.01, 0.01]\n[structure.shear_building]\nmass_kg = [1000, 1000]\n\
+             stiffness_n_per_m = {stiffness}\ndamping_n_s_per_m = [0, 0]\n"
+        ))
     };
     let reciprocal = |text: &str| {
         let (code, text, complaint) = check(text, &["--json", "--no-rehearsal"]);
@@ -160,7 +162,7 @@ fn curves_are_written_to_the_given_path() {
 /// One degree of freedom without damping: any delay is a negative dashpot.
 #[test]
 fn undamped_system_tolerates_no_delay() {
-    let text = TEST.replace("damping_n_s_per_m = [251.32741228718345]\n", "");
+    let text = TEST.without("structure.shear_building.damping_n_s_per_m");
     let (code, table, _) = check(&text, &[]);
     assert_eq!(code, 0);
     assert!(table.contains("without damping"), "{table}");
@@ -180,11 +182,9 @@ fn numbers_are_finite(text: &str) {
 /// critical delay is shown.
 #[test]
 fn unstable_without_delay_is_a_finding() {
-    let actuator = "[specimen.transfer]\nactuator = { first_order = { time_constant_s = 0.05 } }\n";
-    let text = TEST
-        .replace("rate_hz = 256", "rate_hz = 2")
-        .replace("lambda = 4", "lambda = 8");
-    let text = format!("{text}{actuator}");
+    let text = TEST.with(
+        "time.rate_hz = 2\nintegrator.lambda = 8\nspecimen.transfer.actuator.first_order.time_constant_s = 0.05",
+    );
     let (_, table, complaint) = check(&text, &["--no-rehearsal"]);
     for words in ["spring", "UNSTABLE", "recursion"] {
         assert!(table.contains(words), "no {words:?} in {table}{complaint}");
@@ -386,12 +386,9 @@ fn short_page_shows_smallest_critical_delay() {
 fn short_page_claims_only_examined_range() {
     // Critical damping and a soft specimen: the loop gain is below one at every frequency. The recursion is examined up to
     // 96 steps of 1/256 s.
-    let text = TEST
-        .replace("251.32741228718345", "12566.370614359172")
-        .replace(
-            "{ stiffness_n_per_m = 19739.208802178716 }",
-            "{ stiffness_n_per_m = 1e4 }",
-        );
+    let text = TEST.with(
+        "structure.shear_building.damping_n_s_per_m = [12566.370614359172]\nspecimen.law.linear.stiffness_n_per_m = 1e4",
+    );
     let row = short_row(&text, "critical delay");
     assert!(row.contains("every delay"), "{row}");
     assert!(row.contains("375 ms"), "{row}");

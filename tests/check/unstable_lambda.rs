@@ -5,6 +5,8 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::common::test_file::TestFile;
+
 /// Two floors of 1000 kg, 4e5 and 1e5 N/m, 10 steps a second: Ω = 2.24 in the second mode, so that λ has a limit.
 const TEST: &str = r#"title = "Linear"
 [time]
@@ -94,8 +96,8 @@ fn first(facts: &Value) -> (&str, &str) {
 #[test]
 fn unstable_lambda_behind_a_link_is_refused() {
     let above = 1.01 * limit();
-    let real = TEST.replace("\"simulated\"", "\"real\"");
-    let text = format!("{real}[integrator]\nlambda = {above}\n{LINK}");
+    let keys = format!("time.clock = 'real'\nintegrator.lambda = {above}\n");
+    let text = TEST.with(&(keys + LINK));
     let (code, facts, said) = gusset("check", &text);
     assert_eq!(
         (code, first(&facts)),
@@ -109,10 +111,9 @@ fn unstable_lambda_behind_a_link_is_refused() {
     assert_eq!(code, 2, "{said}");
     assert!(said.contains("accept_unstable"), "{said}");
     // On the simulated clock nothing that moves can break: the test continues to its link, which has no server.
-    let simulated = text.replace("\"real\"", "\"simulated\"");
-    let simulated = simulated.replace("[specimen.link]", "[specimen.link]\ncomputed = true");
+    let simulated = text.with("time.clock = 'simulated'\nspecimen.link.computed = true");
     assert_eq!(gusset("run", &simulated).0, 3);
-    let older = text.replace("[integrator]", "[integrator]\nallow_unstable_lambda = true");
+    let older = text.with("integrator.allow_unstable_lambda = true");
     let newer = format!("{text}[safety]\naccept_unstable = \"a study\"\n");
     for allowed in [older, newer] {
         let (code, facts, said) = gusset("check", &allowed);
@@ -140,12 +141,9 @@ fn unstable_lambda_behind_a_link_is_refused() {
 #[test]
 fn unstable_at_any_lambda_moves_no_link() {
     // A specimen that may turn out stiffer than its estimate; its K0 is nearly zero.
-    let link = LINK.replace(
-        "stiffness_n_per_m = 4e5",
-        "stiffness_n_per_m = 1e-6\nhardening_bound = 1e12",
+    let text = format!("{TEST}{LINK}").with(
+        "time.clock = 'real'\nintegrator.lambda = 4\nspecimen = { stiffness_n_per_m = 1e-6, hardening_bound = 1e12 }",
     );
-    let real = TEST.replace("\"simulated\"", "\"real\"");
-    let text = format!("{real}[integrator]\nlambda = 4\n{link}");
     let (code, facts, said) = gusset("check", &text);
     assert_eq!(
         (code, first(&facts)),
@@ -177,8 +175,7 @@ fn implicit_method_refuses_linked_specimen() {
 #[test]
 fn method_that_divides_by_mass_needs_it() {
     let massless = TEST
-        .replace("mass_kg = [1000, 1000]", "mass_kg = [0, 1000]")
-        .replace("[0, 1e5]", "[4e5, 1e5]");
+        .with("structure.shear_building = { mass_kg = [0, 1000], stiffness_n_per_m = [4e5, 1e5] }");
     for method in ["newmark_explicit", "central_difference", "chang_2002"] {
         let (code, _, said) = gusset(
             "check",
@@ -201,8 +198,7 @@ fn method_that_divides_by_mass_needs_it() {
         assert_eq!(code, 0, "{keys}: {said}");
     }
     // A full matrix that is singular without an empty row.
-    let singular = TEST.replace(
-        "[structure.shear_building]\nmass_kg = [1000, 1000]\nstiffness_n_per_m = [0, 1e5]",
+    let singular = TEST.without("structure.shear_building").with(
         "[structure.matrices]\nmass = [[1000, 1000], [1000, 1000]]\nstiffness = [[5e5, -1e5], [-1e5, 1e5]]",
     );
     let (code, _, said) = gusset("check", &singular);
@@ -251,7 +247,7 @@ fn failed_newton_names_step_and_residual() {
     let text = format!(
         "{}[integrator]\nmethod = \"newmark_average\"\nnewton_iterations = 2\n[[structure.element]]\nfrom = 1\nto = 2\n\
          reach_disp_m = 1\nlaw = {{ cubic = {{ stiffness_n_per_m = 1e5, cubic_n_per_m3 = 1e9 }} }}\n",
-        TEST.replace("[0, 1e5]", "[4e5, 0]")
+        TEST.with("structure.shear_building.stiffness_n_per_m = [4e5, 0]")
     );
     let (code, summary, _) = gusset("run", &text);
     assert_eq!(code, 1);

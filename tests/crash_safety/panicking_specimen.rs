@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::common::test_file::TestFile;
 use crate::common::{FRAME, PATIENT, json, say, write};
 use crate::link_common::Served;
 use gusset_config as config;
@@ -236,7 +237,7 @@ fn test_resumes_after_an_injected_panic() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let plain = format!("{FRAME}\n[safety]\nease_s = 0\n");
-    let drilled = plain.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.2499\n");
+    let drilled = plain.with("specimen.drill.panic_at_s = 0.2499");
     let test = write(folder, "test.toml", &drilled);
     let broken = folder.join("broken");
     assert_eq!(crate::common::run(&test, &broken, &[]).code, Some(5));

@@ -4,6 +4,8 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::common::test_file::TestFile;
+
 const TEST: &str = r#"
 title = "Two storeys"
 
@@ -159,13 +161,13 @@ fn unsupported_keys_of_a_method_are_named() {
         assert_eq!(code, 2, "{keys}");
         assert!(text.contains(words), "{keys}: {text}");
     }
-    let real = TEST.replace("clock = \"simulated\"", "clock = \"real\"");
-    let (code, _, text) = gusset("check", &format!("{real}method = \"newmark_average\"\n"));
+    let real = TEST.with("time.clock = 'real'\nintegrator.method = 'newmark_average'");
+    let (code, _, text) = gusset("check", &real);
     assert_eq!(code, 2);
     assert!(text.contains("real clock"), "{text}");
     // Ω = 2.9 in the second mode: beyond the explicit member, within none of the others.
-    let coarse = TEST.replace("step_s = 0.01", "step_s = 0.08");
-    let (code, facts, _) = gusset("check", &format!("{coarse}method = \"newmark_explicit\"\n"));
+    let coarse = TEST.with("time.step_s = 0.08\nintegrator.method = 'newmark_explicit'");
+    let (code, facts, _) = gusset("check", &coarse);
     assert_eq!(code, 0);
     let warning = facts["warnings"][0].as_str().unwrap();
     assert!(warning.contains("stable to Ω = 2"), "{warning}");

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gusset_wire::handshake::{Capabilities, Welcome};
 
 use super::command::{SHORT, TEST, identify, served};
+use crate::common::test_file::TestFile;
 use crate::common::{Said, write};
 use crate::link_common::Fake;
 
@@ -64,7 +65,7 @@ fn refused_amplitude_shows_the_largest_one() {
         &["--amplitude is -0.001", "greater than 0"],
     );
     refused(TEST, &["--amplitude", "nan"], &["--amplitude is NaN"]);
-    let free = TEST.replace("command_disp_m = { trip = [-0.05, 0.05] }\n", "");
+    let free = TEST.without("specimen.0.limits.command_disp_m");
     refused(
         &free,
         &["--duration", "10"],
@@ -75,10 +76,8 @@ fn refused_amplitude_shows_the_largest_one() {
 #[test]
 fn rehearsal_sees_a_force_that_would_trip() {
     // 1.2e6 N/m · 2 mm = 2400 N.
-    let weak = TEST.replace(
-        "lag_s = { trip = 0.004 }\n",
-        "measured_force_n = { trip = [-1000, 1000] }\n",
-    );
+    let weak = TEST.without("specimen.0.limits.lag_s");
+    let weak = weak.with("specimen.limits.measured_force_n.trip = [-1000, 1000]");
     refused(&weak, &SHORT, &["measured_force_n", "measured force"]);
     let said = attempt(&weak, &["--duration", "8", "--band", "0.5,10"], |out| {
         assert!(out.exists())
@@ -105,17 +104,15 @@ fn impossible_bands_are_refused() {
         &["no specimen \"story\"", "\"storey\""],
     );
     let none = TEST.split("[[specimen]]").next().unwrap();
-    let none = none.replace("[0, 4e5]", "[4e5, 4e5]");
+    let none = none.with("structure.shear_building.stiffness_n_per_m = [4e5, 4e5]");
     refused(&none, &[], &["no specimen", "identify"]);
 }
 
 #[test]
 fn dead_sensor_ends_with_1_and_its_reason() {
     // The actuator does not move, and the sensor reads noise only.
-    let dead = TEST.replace(
-        "actuator.first_order = { time_constant_s = 0.0123 }",
-        "actuator.proportional = { gain = 1e-9 }",
-    );
+    let dead = TEST.without("specimen.0.transfer.actuator");
+    let dead = dead.with("specimen.transfer.actuator.proportional.gain = 1e-9");
     let said = attempt(&dead, &SHORT, |out| {
         assert!(out.join("samples.bin").exists() && out.join("report.html").exists());
         assert!(out.join("identification/index.html").exists());
@@ -129,10 +126,8 @@ fn dead_sensor_ends_with_1_and_its_reason() {
 #[test]
 fn motion_stopped_by_a_limit_exits_with_1() {
     // The actuator lags by 12 ms: the rehearsal sees it where the file knows the actuator, and nothing moves.
-    let strict = TEST.replace(
-        "lag_s = { trip = 0.004 }\n",
-        "following_error_m = { trip = 0.0003 }\n",
-    );
+    let strict = TEST.without("specimen.0.limits.lag_s");
+    let strict = strict.with("specimen.limits.following_error_m.trip = 0.0003");
     refused(&strict, &SHORT, &["would stop", "following_error_m"]);
     // The stand-in of a specimen behind a link has no lag.
     let folder = tempfile::tempdir().unwrap();
@@ -183,7 +178,7 @@ fn redundant_actuators_are_refused() {
 #[test]
 fn findings_are_not_shown_at_the_users_file() {
     // Inertia in the force loads the structure, which a motion is without.
-    let heavy = TEST.replace("storey = 1\n", "storey = 1\nmass_in_force_kg = 20.0\n");
+    let heavy = TEST.with("specimen.mass_in_force_kg = 20.0");
     let quick = [
         "--duration",
         "8",
@@ -196,10 +191,8 @@ fn findings_are_not_shown_at_the_users_file() {
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(!said.stderr.contains("mass_in_force_kg"), "{}", said.stderr);
     // A bound that the motion alone meets is shown where it stands, in a text of another name.
-    let trips = TEST.replace(
-        "command_vel_m_per_s = { trip = 0.4 }",
-        "measured_force_n = { trip = [-900.0, 900.0] }",
-    );
+    let trips = TEST.without("specimen.0.limits.command_vel_m_per_s");
+    let trips = trips.with("specimen.limits.measured_force_n.trip = [-900.0, 900.0]");
     let said = attempt(&trips, &quick, |_| {});
     assert_ne!(said.code, Some(0), "{}", said.stderr);
     assert!(
