@@ -242,8 +242,8 @@ mod tests {
         assert_eq!(missing(&told, at(100)), None);
         let found = missing(&told, at(90)).unwrap();
         assert_eq!((found.told_by, found.missing), (ToldBy::Events, 11));
-        let words = "there are events up to 1.01 s, but the rows end at 0.9 s";
-        assert_eq!(found.to_string(), words);
+        let words = found.to_string();
+        assert!(words.contains("1.01 s") && words.contains("0.9 s"), "{words}");
         assert_eq!(missing(&told, None).unwrap().missing, 101);
         // Lines without a time or a tick of a test prove nothing.
         let mute = [

@@ -450,7 +450,7 @@ fn unstable_at_any_lambda_is_a_no_go() {
         [[specimen]]\nname = \"damper\"\nstorey = 1\n\
         law.biviscous = { damping_n_s_per_m = 1000, post_yield_damping_n_s_per_m = 1e6, yield_velocity_m_per_s = 0.2 }\n";
     let said = certified(folder.path(), slider, &[]);
-    let words = "UNSTABLE: no lambda is stable at the declared bounds";
+    let words = "UNSTABLE: no lambda";
     assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
     assert_eq!(said.stdout.matches(words).count(), 2, "{}", said.stdout);
     assert!(!said.stdout.contains("declared bound"), "{}", said.stdout);

@@ -71,8 +71,8 @@ fn position_comes_from_the_link_or_the_file() {
         let text = linked(10, "127.0.0.1:1", keys);
         complaint(&text.without("specimen.0.link.computed"))
     };
-    const ASKS: &str = "the position of this specimen before the test is unknown";
-    const TELLS: &str = "the specimen reports its position";
+    const ASKS: &str = "is unknown";
+    const TELLS: &str = "its position";
     for (keys, words) in [
         ("protocol = \"openfresco-adapter\"", ASKS),
         ("protocol = \"openfresco-shadow\"", ASKS),

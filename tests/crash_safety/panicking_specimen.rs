@@ -218,7 +218,7 @@ fn injected_panic_exits_with_5_and_retires() {
 fn injected_panic_after_the_end_is_refused() {
     let line = "drill = { panic_at_s = 3 }";
     let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{line}\n"));
-    let words = ["the fault of `drill` is at 3 s, but the test ends at 0.5 s"];
+    let words = ["`drill`", "3 s", "0.5 s"];
     crate::common::refusal::refused(&text, &[], line, "3", &words);
     let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill = { panic_at_s = -1 }\n");
     crate::common::refusal::refused(

@@ -200,7 +200,7 @@ fn estimates_that_add_energy_are_reported() {
         )
     };
     let found = facts(&specimen("[[0, 500], [500, 0]]"));
-    let words = "the damping at rest has a negative eigenvalue";
+    let words = "damping at rest";
     assert!(
         found.warnings.iter().any(|text| text.contains(words)),
         "{:?}",
@@ -223,7 +223,7 @@ fn falling_branch_proves_no_growth() {
     let law = "[[structure.element]]\nfrom = \"ground\"\nto = 2\nreach_disp_m = 1\nlaw.cubic = { stiffness_n_per_m = -2e5, \
                cubic_n_per_m3 = 1e9, reference_stiffness_n_per_m = 1e5 }\n";
     let found = facts(&dashpots(100.0, law));
-    let words = "negative eigenvalue";
+    let words = "stiffness at rest";
     assert!(
         found.warnings.iter().any(|text| text.contains(words)),
         "{:?}",
