@@ -23,14 +23,13 @@ impl TestFile for str {
     #[track_caller]
     fn without(&self, path: &str) -> String {
         let mut file = parsed(self);
-        let (above, key) = path.rsplit_once('.').expect("a key in a table");
-        let table = above
-            .split('.')
-            .fold(&mut file, |at, key| match key.parse::<usize>() {
-                Ok(index) => &mut at[index],
-                Err(_) => &mut at[key],
-            });
-        let removed = table.as_table_mut().unwrap().remove(key);
+        let mut keys = path.split('.');
+        let last = keys.next_back().unwrap();
+        let table = keys.fold(&mut file, |at, key| match key.parse::<usize>() {
+            Ok(index) => &mut at[index],
+            Err(_) => &mut at[key],
+        });
+        let removed = table.as_table_mut().unwrap().remove(last);
         assert!(removed.is_some(), "no {path}");
         toml::to_string(&file).unwrap()
     }
