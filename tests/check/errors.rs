@@ -6,6 +6,7 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use super::verdict::{Said, gusset};
 use crate::common::test_file::TestFile;
 
 /// Mass on a spring in series with a yielding spring. The joint has no mass.
@@ -40,28 +41,6 @@ fn oscillator(specimen: &str, integrator: &str, clock: &str) -> String {
 const STIFFNESS: f64 = 1.6e5;
 const DAMPING: f64 = 1265.0;
 const LAW: &str = "law.linear = { stiffness_n_per_m = 1.6e5 }\n";
-
-struct Said {
-    code: i32,
-    json: Value,
-    stderr: String,
-}
-
-fn gusset(folder: &Path, command: &str, text: &str, more: &[&str]) -> Said {
-    let file = folder.join("test.toml");
-    std::fs::write(&file, text).unwrap();
-    let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
-    process.arg(command).arg(&file).arg("--json").args(more);
-    if command == "run" {
-        process.arg("--out").arg(folder.join("out"));
-    }
-    let output = process.output().unwrap();
-    Said {
-        code: output.status.code().unwrap(),
-        json: serde_json::from_slice(&output.stdout).unwrap_or(Value::Null),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
-}
 
 fn check(text: &str) -> Said {
     gusset(TempDir::new().unwrap().path(), "check", text, &[])

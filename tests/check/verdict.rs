@@ -53,13 +53,15 @@ fn simulated(lag_s: f64) -> String {
     text.with("time.clock = 'simulated'")
 }
 
-struct Said {
-    code: i32,
-    json: Value,
-    stderr: String,
+/// Exit code, standard output as JSON, and messages of a command.
+pub struct Said {
+    pub code: i32,
+    pub json: Value,
+    pub stderr: String,
 }
 
-fn gusset(folder: &Path, command: &str, text: &str, more: &[&str]) -> Said {
+/// `gusset COMMAND --json` on a test file of this text in `folder`.
+pub fn gusset(folder: &Path, command: &str, text: &str, more: &[&str]) -> Said {
     let file = folder.join("test.toml");
     std::fs::write(&file, text).unwrap();
     let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
