@@ -291,7 +291,7 @@ mod tests {
         }
     }
 
-    /// The parts of `wanted` between `…` stand in `text` in this order, the first at its beginning.
+    /// `text` holds the parts of `wanted` between `…` in this order, the first at its beginning.
     #[track_caller]
     fn shows(text: &str, wanted: &str) {
         let mut rest = text;

@@ -303,11 +303,11 @@ fn nearly_critical_delay_is_shown() {
     let summary: Value = serde_json::from_str(&summary).unwrap();
     assert_eq!(&summary["verdict"]["errors"], errors);
     assert!(said.stderr.contains("error, coupling"), "{}", said.stderr);
-    assert!(said.stderr.contains("mode 2"));
+    assert!(said.stderr.contains("to mode 2"));
     let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
     assert!(!page.contains("class=\"verdict good\""));
     assert!(page.contains("coupling is"));
-    assert!(page.contains("mode 2"));
+    assert!(page.contains("to mode 2"));
 }
 
 #[test]

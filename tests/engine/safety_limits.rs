@@ -281,13 +281,13 @@ fn check_shows_limits_and_their_effects() {
         // How a bound is checked, the reaction of the other end, and the start and end of the test.
         "30 ms",
         "100 µm",
-        "7 s",
+        "in 7 s",
         "500 ms",
         "wiring check",
         "0.004 m/s",
         "  12.5 mm\n",
         "250 ms",
-        "3 s",
+        "ramp of 3 s",
         "0.75 s",
     ] {
         assert!(table.contains(words), "{words:?} is not in {table}");
@@ -306,7 +306,7 @@ fn check_shows_limits_and_their_effects() {
     for (key, words) in [
         ("at_end", "safe_disp_m"),
         ("on_trip", "last command"),
-        ("way_in", "3 s"),
+        ("way_in", "ramp of 3 s"),
         ("on_miss", "whole ticks"),
     ] {
         let text = facts["limits"][key].as_str().unwrap();

@@ -211,7 +211,7 @@ fn client_that_never_commits_has_no_history() {
     }
     served.hears("10 commands without a commit");
     client.says(&[99.0]);
-    let between = served.says_before("the client");
+    let between = served.says_before("client ended");
     assert!(between.iter().all(|line| !line.contains("commit")));
 }
 
@@ -248,7 +248,7 @@ fn iterations_do_not_count_as_commits() {
         client.says(&[3.0, 1e-4 * f64::from(k), 0.01]);
     }
     client.says(&[99.0]);
-    let before = served.says_before("the client");
+    let before = served.says_before("client ended");
     let told = |line: &String| line.contains("a commit");
     assert!(!before.iter().any(told), "{before:?}");
 }
@@ -268,7 +268,7 @@ fn client_that_commits_later_is_accepted() {
         client.says(&[5.0, 1e-4 * f64::from(k), 0.01 * f64::from(k)]);
     }
     client.says(&[99.0]);
-    let before = served.says_before("the client");
+    let before = served.says_before("client ended");
     let told = |line: &String| line.contains("a commit");
     assert!(!before.iter().any(told), "{before:?}");
 }
@@ -341,7 +341,7 @@ fn reset_is_reported_and_recorded_once() {
     }
     client.says(&[99.0]);
     served.hears("the client went back to displacement 0 at time 0");
-    let between = served.says_before("the client");
+    let between = served.says_before("client ended");
     let again = |line: &&String| line.contains("went back");
     assert_eq!(between.iter().filter(again).count(), 0, "{between:?}");
     drop(served);

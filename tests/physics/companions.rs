@@ -287,7 +287,7 @@ fn check_states_what_is_known_of_alpha() {
         );
     }
     assert!(
-        hardening.contains("0.99") && hardening.contains("not grow"),
+        hardening.contains("radius is 0.99") && hardening.contains("not grow"),
         "{hardening}"
     );
     let average = look(&format!("{TEST}method = \"newmark_average\"\n"));

@@ -118,7 +118,7 @@ fn resume_refuses_a_changed_force() {
     let told = common::json(&at("refused"), "summary.json");
     assert_eq!(told["status"], "stopped");
     let reason = told["reason"].as_str().unwrap();
-    for word in ["load cell", "resume_within_n", "--accept-changed"] {
+    for word in ["cell reads", "resume_within_n", "--accept-changed"] {
         assert!(reason.contains(word), "{word}: {reason}");
     }
     let commands = column(&at("refused"), "cmd_1_1");
@@ -158,7 +158,7 @@ fn resume_refuses_a_changed_force() {
     let page = std::fs::read_to_string(at("second/report.html")).unwrap();
     let warnings = summary["warnings"].as_array().unwrap().iter();
     let mut warnings = warnings.map(|text| text.as_str().unwrap());
-    let told = warnings.find(|text| text.contains("load cell"));
+    let told = warnings.find(|text| text.contains("cell reads"));
     assert!(told.unwrap().contains("BEYOND"), "{told:?}");
     assert!(page.contains("BEYOND"));
     drop(served);

@@ -96,7 +96,7 @@ fn record_ending_before_events_is_refused() {
         assert!(told.contains(missing), "{command}: {told}");
     }
     let page = std::fs::read_to_string(short.join("report.html")).unwrap();
-    assert!(page.contains("2 s"), "it also reports this");
+    assert!(page.contains("up to 2 s"), "it also reports this");
     // All of it is there: only its summary was not written any more.
     refused(&ended("closing", 0), "is complete", &[]);
 }

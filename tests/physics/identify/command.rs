@@ -346,9 +346,9 @@ fn table_names_numbers_on_the_real_clock() {
         "first order",
         "best",
         "stiffness",
-        "at rest",
+        "noise at",
         "identified.toml",
-        "the band",
+        "over the",
     ] {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
     }
