@@ -197,7 +197,10 @@ mod tests {
         let words = MissingEnd::of_test(&summary, Some(0.25))
             .unwrap()
             .to_string();
-        assert!(words.contains("100 steps") && words.contains("0.25 s"), "{words}");
+        assert!(
+            words.contains("100 steps") && words.contains("0.25 s"),
+            "{words}"
+        );
         let nothing = Summary {
             steps: 0,
             ..summary
@@ -243,7 +246,10 @@ mod tests {
         let found = missing(&told, at(90)).unwrap();
         assert_eq!((found.told_by, found.missing), (ToldBy::Events, 11));
         let words = found.to_string();
-        assert!(words.contains("1.01 s") && words.contains("0.9 s"), "{words}");
+        assert!(
+            words.contains("1.01 s") && words.contains("0.9 s"),
+            "{words}"
+        );
         assert_eq!(missing(&told, None).unwrap().missing, 101);
         // Lines without a time or a tick of a test prove nothing.
         let mute = [

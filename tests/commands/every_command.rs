@@ -337,10 +337,7 @@ fn jitter_prints_the_timing_keys_as_json() {
     assert!(!verdict["reservations"].as_array().unwrap().is_empty() || forbidden);
     let words = verdict["text"].as_str().unwrap();
     let word = if forbidden { "no" } else { "not known" };
-    assert!(
-        words.contains(&format!("500 Hz: {word}, ")),
-        "{words}"
-    );
+    assert!(words.contains(&format!("500 Hz: {word}, ")), "{words}");
 }
 
 #[test]

@@ -391,7 +391,10 @@ fn warm_up_with_misses_ends_before_the_test() {
     let Ending::Stopped(stop) = ending else {
         unreachable!()
     };
-    assert!(stop.to_string().contains("max_consecutive_misses"), "{stop}");
+    assert!(
+        stop.to_string().contains("max_consecutive_misses"),
+        "{stop}"
+    );
     // 24 of 30, of which 24 − 3 √24 are no chance: in 41 ticks 12 at least.
     let (ending, told) = late(&|k| k % 5 != 0);
     assert_eq!((ending, told), (Ending::Completed, (true, 30, 24, 4)));

@@ -101,7 +101,10 @@ mod tests {
         let said = warnings(&format!(
             "{plastic}axis = [{{ {gear}, offset_m = 0.05 }}]\n"
         ));
-        assert!(said.contains("at rest") && said.contains("-15 kN"), "{said}");
+        assert!(
+            said.contains("at rest") && said.contains("-15 kN"),
+            "{said}"
+        );
         let said = warnings(&format!("{plastic}axis = [{{ offset_n = 500 }}]\n"));
         assert!(said.contains("-500 N"), "{said}");
         let silent = [

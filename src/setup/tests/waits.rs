@@ -30,7 +30,11 @@ fn each_wait_has_a_maximum() {
         ("record.checkpoint_s", "1e5", "3600 s"),
         ("certificate.trials", "4000000000", "1000000"),
     ] {
-        refused_as(GOOD, &format!("{key}={value}"), &[&format!("`{key}`"), most]);
+        refused_as(
+            GOOD,
+            &format!("{key}={value}"),
+            &[&format!("`{key}`"), most],
+        );
     }
     refused_as(
         GOOD,
@@ -103,11 +107,7 @@ fn invalid_count_shows_its_range() {
         ("timing.priority=300", "from 0 to 255", "found 300"),
         ("timing.priority=-1", "from 0 to 255", "found -1"),
     ] {
-        refused_as(
-            GOOD,
-            set,
-            &[allowed, found],
-        );
+        refused_as(GOOD, set, &[allowed, found]);
     }
 }
 

@@ -5,11 +5,11 @@ mod nonlinear;
 mod restored;
 
 use super::{scalar, storeys};
-use gusset_quantity::assert_is;
 use gusset_numerics::integrate::*;
 use gusset_numerics::law::{BilinearSpec, BiviscousSpec, CubicSpec, Law, Reach};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{Base, Element, End, Structure};
+use gusset_quantity::assert_is;
 
 /// What can be stepped, by name.
 #[derive(Debug, Clone, Copy, PartialEq)]
