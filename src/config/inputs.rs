@@ -278,16 +278,10 @@ mod tests {
         let folder = folder();
         let mut inputs = Inputs::new(folder.path());
         let error = inputs.read("elcntro.at2").unwrap_err();
-        assert!(error.to_string().contains("there is no file"), "{error}");
+        assert!(error.to_string().contains("no file"), "{error}");
         let finding = error.finding(KeyPath::root().key("file"));
-        assert_eq!(finding.label, "did you mean `elcentro.at2`?");
-        assert!(
-            inputs
-                .read("b")
-                .unwrap_err()
-                .to_string()
-                .contains("is a folder")
-        );
+        assert!(finding.label.contains("`elcentro.at2`"));
+        assert!(inputs.read("b").unwrap_err().to_string().contains("folder"));
     }
 
     #[test]

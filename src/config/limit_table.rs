@@ -306,15 +306,12 @@ mod tests {
     #[test]
     fn contradicting_levels_are_named() {
         for (text, words) in [
-            (
-                "command_step_m = { warn = 2, trip = 2 }",
-                "not within its trip level",
-            ),
-            ("command_step_m = { trip = 0 }", "must be greater than 0"),
-            ("command_step_m = { warn = nan }", "must be greater than 0"),
-            ("force_step_n = {}", "neither a `warn` nor a `trip`"),
-            ("command_disp_m = { trip = [1, 1] }", "leaves no room"),
-            ("command_disp_m = { trip = [nan, 1] }", "leaves no room"),
+            ("command_step_m = { warn = 2, trip = 2 }", "trip level"),
+            ("command_step_m = { trip = 0 }", "greater than"),
+            ("command_step_m = { warn = nan }", "greater than"),
+            ("force_step_n = {}", "`warn`"),
+            ("command_disp_m = { trip = [1, 1] }", "no room"),
+            ("command_disp_m = { trip = [nan, 1] }", "no room"),
             (
                 "measured_force_n = { warn = [-5, 1], trip = [-4, 4] }",
                 "warns at -5",
@@ -324,13 +321,10 @@ mod tests {
                 "warns at 5",
             ),
             ("sensor_disp_m = {}", "neither"),
-            (
-                "alternating_ticks = { trip = 2.7 }",
-                "is 2.7, but must be a whole number of at least 1",
-            ),
+            ("alternating_ticks = { trip = 2.7 }", "is 2.7,"),
             ("stuck_ticks = { warn = 0.5, trip = 4 }", "is 0.5"),
             ("stuck_ticks = {}", "neither"),
-            ("stuck_travel_m = -1", "must be greater than 0"),
+            ("stuck_travel_m = -1", "greater than"),
         ] {
             let error = read(text).check().unwrap_err();
             assert!(error.to_string().contains(words), "{text}: {error}");

@@ -241,10 +241,7 @@ mod tests {
         assert_eq!(empty, TimingSpec::default());
         assert_eq!(empty.spin_ns(), 60_000);
         let error = toml::from_str::<TimingSpec>("prority = 3").unwrap_err();
-        assert!(
-            error.to_string().contains("unknown field `prority`"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("`prority`"), "{error}");
         assert!(toml::from_str::<TimingSpec>("on_miss = \"skip\"").is_err());
     }
 
@@ -271,7 +268,10 @@ mod tests {
             ..TimingSpec::default()
         };
         let error = spec.check_cpu(&[0, 1]).unwrap_err();
-        assert_eq!(error, "cpu is 7, wanted one of [0, 1]");
+        assert!(
+            error.contains("cpu is 7,") && error.contains("[0, 1]"),
+            "{error}"
+        );
     }
 
     #[test]

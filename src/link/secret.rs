@@ -121,16 +121,16 @@ mod tests {
             read_key(&write("d", b"sixteen bytes it is\n\n")).unwrap()
         );
         let short = read_key(&write("e", b"short")).unwrap_err();
-        assert!(short.to_string().contains("holds no key"));
+        assert!(short.to_string().contains("no key"));
         let long = read_key(&write("f", &[7; 5000])).unwrap_err();
-        assert!(long.to_string().ends_with("it has more than 4096 bytes"));
+        assert!(long.to_string().ends_with("4096 bytes"));
         for blank in [
             &[b' '; 32],
             &[0; 32],
             b"\t\n\r \t\n\r \t\n\r \t\n\r \t\n\r \t\n\r \t\n\r \t\n\r ",
         ] {
             let blank = read_key(&write("g", blank)).unwrap_err();
-            assert!(blank.to_string().contains("nothing but blanks"), "{blank}");
+            assert!(blank.to_string().contains("blanks"), "{blank}");
         }
         assert!(read_key(&folder.path().join("none")).is_err());
     }

@@ -414,6 +414,7 @@ fn check(what: &'static str, values: &[f64], wanted: usize) -> Result<(), Motion
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gusset_quantity::assert_is;
 
     fn loaded() -> Excitation {
         Excitation::none(5, 3)
@@ -493,17 +494,17 @@ mod tests {
             })
         };
         assert!(term(&[1.0, 0.0], &[0.0, 1.0]).is_ok());
-        assert_eq!(
-            term(&[1.0], &[0.0, 1.0]).unwrap_err().to_string(),
-            "load pattern: wanted 2 entries, found 1"
+        assert_is!(
+            term(&[1.0], &[0.0, 1.0]).unwrap_err()
+            => MotionError::Length { what: "load pattern", wanted: 2, found: 1 }
         );
-        assert_eq!(
-            term(&[1.0, 0.0], &[0.0]).unwrap_err().to_string(),
-            "load series: wanted 2 entries, found 1"
+        assert_is!(
+            term(&[1.0, 0.0], &[0.0]).unwrap_err()
+            => MotionError::Length { what: "load series", wanted: 2, found: 1 }
         );
-        assert_eq!(
-            term(&[1.0, 0.0], &[0.0, f64::NAN]).unwrap_err().to_string(),
-            "load series: entry 2 is NaN, but must be finite"
+        assert_is!(
+            term(&[1.0, 0.0], &[0.0, f64::NAN]).unwrap_err()
+            => MotionError::EntryNotFinite { index: 2, .. }
         );
         assert!(bare().with_constant(vec![1.0]).is_err());
         assert!(bare().with_base(vec![0.0; 2], vec![0.0]).is_err());
@@ -514,9 +515,9 @@ mod tests {
                 values: values.to_vec(),
             })
         };
-        assert_eq!(
-            table(&[2], &[1.0]).unwrap_err().to_string(),
-            "nodal force table: degree of freedom 3 does not exist: there are 2"
+        assert_is!(
+            table(&[2], &[1.0]).unwrap_err()
+            => MotionError::NoSuchDof { found: 3, dofs: 2, .. }
         );
         assert!(table(&[0, 1], &[1.0, 2.0, 3.0]).is_err());
         assert!(table(&[], &[]).is_err());

@@ -425,6 +425,7 @@ fn synthetic(values: Vec<f64>, dt: f64, start: f64, duration: f64, top_hz: f64) 
 mod tests {
     use super::*;
     use crate::{Grid, Motion, Processing, Signal};
+    use gusset_quantity::assert_is;
 
     fn noise() -> BandLimitedNoise {
         BandLimitedNoise {
@@ -692,78 +693,43 @@ mod tests {
 
     #[test]
     fn invalid_noise_is_refused() {
-        let refuse =
-            |noise: BandLimitedNoise| noise.sampled(Quantity::Force).err().unwrap().to_string();
-        assert_eq!(
-            refuse(BandLimitedNoise {
-                to_hz: 1.0,
-                ..noise()
-            }),
-            "to_hz is 1, but must be finite and greater than from_hz"
+        let refuse = |noise: BandLimitedNoise| noise.sampled(Quantity::Force).err().unwrap();
+        assert_is!(
+            refuse(BandLimitedNoise { to_hz: 1.0, ..noise() })
+            => MotionError::Parameter { name: "to_hz", found: 1.0, .. }
         );
-        assert!(
-            refuse(BandLimitedNoise {
-                from_hz: 1.01,
-                to_hz: 1.04,
-                ..noise()
-            })
-            .contains("0.05 Hz")
+        assert_is!(
+            refuse(BandLimitedNoise { from_hz: 1.01, to_hz: 1.04, ..noise() })
+            => MotionError::EmptyBand { line_hz: 0.05, .. }
         );
-        assert!(
-            refuse(BandLimitedNoise {
-                rms: f64::NAN,
-                ..noise()
-            })
-            .contains("rms is NaN")
+        assert_is!(
+            refuse(BandLimitedNoise { rms: f64::NAN, ..noise() })
+            => MotionError::Parameter { name: "rms", .. }
         );
-        assert!(
-            refuse(BandLimitedNoise {
-                taper_s: 11.0,
-                ..noise()
-            })
-            .contains("half the duration")
+        assert_is!(
+            refuse(BandLimitedNoise { taper_s: 11.0, ..noise() })
+            => MotionError::Parameter { name: "taper_s", found: 11.0, .. }
         );
-        assert!(
-            refuse(BandLimitedNoise {
-                duration_s: 1e12,
-                ..noise()
-            })
-            .contains("at most")
+        assert_is!(
+            refuse(BandLimitedNoise { duration_s: 1e12, ..noise() })
+            => MotionError::Parameter { name: "to_hz · duration_s", .. }
         );
-        let refuse = |quake: KanaiTajimi| {
-            quake
-                .sampled(Quantity::Acceleration)
-                .err()
-                .unwrap()
-                .to_string()
-        };
-        assert_eq!(
-            refuse(KanaiTajimi {
-                peak: Some(1.0),
-                ..quake()
-            }),
-            "give exactly one of peak, s0_m2_per_s3: 2 are given"
+        let refuse = |quake: KanaiTajimi| quake.sampled(Quantity::Acceleration).err().unwrap();
+        assert_is!(
+            refuse(KanaiTajimi { peak: Some(1.0), ..quake() })
+            => MotionError::ExactlyOne { names: "peak, s0_m2_per_s3", found: 2 }
         );
-        assert_eq!(
-            refuse(KanaiTajimi {
-                s0_m2_per_s3: None,
-                ..quake()
-            }),
-            "give exactly one of peak, s0_m2_per_s3: 0 are given"
+        assert_is!(
+            refuse(KanaiTajimi { s0_m2_per_s3: None, ..quake() })
+            => MotionError::ExactlyOne { found: 0, .. }
         );
-        assert!(
-            refuse(KanaiTajimi {
-                ground_damping_ratio: 0.0,
-                ..quake()
-            })
-            .contains("ground_damping_ratio")
+        assert_is!(
+            refuse(KanaiTajimi { ground_damping_ratio: 0.0, ..quake() })
+            => MotionError::Parameter { name: "ground_damping_ratio", found: 0.0, .. }
         );
-        assert!(
-            refuse(KanaiTajimi {
-                duration_s: 1e9,
-                ..quake()
-            })
-            .contains("at most")
+        assert_is!(
+            refuse(KanaiTajimi { duration_s: 1e9, ..quake() })
+            => MotionError::Parameter { .. }
         );
         assert!(quake().sampled(Quantity::Displacement).is_err());
     }

@@ -257,7 +257,7 @@ mod tests {
             let found = spec(vec![sine(10.0)], ease)
                 .evaluate(grid, &no_files)
                 .unwrap();
-            let softens = |text: &&String| text.contains("it softens nothing");
+            let softens = |text: &&String| text.starts_with("ease_");
             found.warnings.iter().filter(softens).count()
         };
         assert_eq!((told(0.0), told(0.005), told(0.5)), (0, 2, 0));
@@ -283,7 +283,7 @@ mod tests {
         assert_eq!(test.at(usize::MAX), test.at(251));
         // A sine out of rest is rough at both ends, on both axes.
         assert_eq!(test.warnings.len(), 4, "{:?}", test.warnings);
-        assert!(test.warnings[0].contains("axis 1 starts with"));
+        assert!(test.warnings[0].contains("axis 1 "));
     }
 
     #[test]
@@ -331,7 +331,7 @@ mod tests {
         assert!(
             test.warnings
                 .iter()
-                .any(|w| w.contains("axis 1 jumps by -1.000e0 m")),
+                .any(|w| w.contains("axis 1") && w.contains("-1.000e0 m")),
             "{:?}",
             test.warnings
         );

@@ -448,6 +448,7 @@ const FORMATS: [RecordFormat; 18] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gusset_quantity::assert_is;
     use proptest::prelude::*;
 
     /// Whatever comes back is a valid record.
@@ -615,7 +616,7 @@ mod tests {
     fn empty_file_is_named() {
         for bytes in [&b""[..], b"\n\n", b"# only a comment\n"] {
             let error = parse_record("quiet.txt", bytes, &ReadOptions::default()).unwrap_err();
-            assert_eq!(error.to_string(), "quiet.txt: holds no numbers");
+            assert_is!(error => MotionError::Empty { file } if file == "quiet.txt");
         }
     }
 
@@ -639,6 +640,6 @@ mod tests {
         assert_eq!(table.values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         let table = parse_table("load.txt", b"north east\n1 2\n3 4\n").unwrap();
         assert_eq!((table.rows(), table.names.len()), (2, 2));
-        assert!(table.warnings[0].contains("taken as a header"));
+        assert!(table.warnings[0].contains("header"));
     }
 }

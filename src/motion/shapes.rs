@@ -392,6 +392,7 @@ impl Constant {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use gusset_quantity::assert_is;
 
     /// The rate agrees with a difference of the values, away from `corners`.
     pub(crate) fn rate_is_the_derivative(curve: &Curve, end: f64, corners: &[f64]) {
@@ -573,53 +574,30 @@ pub(super) mod tests {
 
     #[test]
     fn bad_parameters_are_named() {
-        let message = |sine: Sine| {
-            let refused = sine.curve(Quantity::Displacement).err();
-            refused.map(|e| e.to_string()).unwrap_or_default()
-        };
-        assert_eq!(
-            message(Sine {
-                frequency_hz: Some(0.0),
-                ..sine()
-            }),
-            "frequency_hz is 0, but must be finite and greater than zero"
+        let refused = |sine: Sine| sine.curve(Quantity::Displacement).err().unwrap();
+        assert_is!(
+            refused(Sine { frequency_hz: Some(0.0), ..sine() })
+            => MotionError::Parameter { name: "frequency_hz", found: 0.0, .. }
         );
-        assert_eq!(
-            message(Sine {
-                angular_frequency_rad_per_s: Some(1.0),
-                ..sine()
-            }),
-            "give exactly one of frequency_hz, angular_frequency_rad_per_s: 2 are given"
+        assert_is!(
+            refused(Sine { angular_frequency_rad_per_s: Some(1.0), ..sine() })
+            => MotionError::ExactlyOne { names: "frequency_hz, angular_frequency_rad_per_s", found: 2 }
         );
-        assert_eq!(
-            message(Sine {
-                cycles: Some(1.0),
-                duration_s: Some(1.0),
-                ..sine()
-            }),
-            "give at most one of cycles, duration_s: 2 are given"
+        assert_is!(
+            refused(Sine { cycles: Some(1.0), duration_s: Some(1.0), ..sine() })
+            => MotionError::AtMostOne { names: "cycles, duration_s", found: 2 }
         );
-        assert_eq!(
-            message(Sine {
-                amplitude: f64::NAN,
-                ..sine()
-            }),
-            "amplitude is NaN, but must be finite"
+        assert_is!(
+            refused(Sine { amplitude: f64::NAN, ..sine() })
+            => MotionError::Parameter { name: "amplitude", .. }
         );
-        assert_eq!(
-            message(Sine {
-                unit: Some(Unit::Gravity),
-                ..sine()
-            }),
-            "unit g does not measure a displacement"
+        assert_is!(
+            refused(Sine { unit: Some(Unit::Gravity), ..sine() })
+            => MotionError::UnitMismatch { unit: Unit::Gravity, quantity: Quantity::Displacement, .. }
         );
-        assert!(
-            message(Sine {
-                taper_s: 2.0,
-                duration_s: Some(3.0),
-                ..sine()
-            })
-            .contains("half the duration")
+        assert_is!(
+            refused(Sine { taper_s: 2.0, duration_s: Some(3.0), ..sine() })
+            => MotionError::Parameter { name: "taper_s", found: 2.0, .. }
         );
         for value in [-1.0, f64::NAN, f64::INFINITY] {
             assert!(

@@ -18,3 +18,14 @@ pub mod text;
 pub mod time;
 pub mod units;
 pub mod work;
+
+/// Asserts that a value matches a pattern, and shows the value if not. For the tests of all members, which compare the kind and
+/// the numbers of an error instead of its wording.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! assert_is {
+    ($found:expr => $($wanted:tt)+) => {{
+        let found = $found;
+        assert!(matches!(&found, $($wanted)+), "{found:?}");
+    }};
+}

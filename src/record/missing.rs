@@ -197,9 +197,9 @@ mod tests {
         let words = MissingEnd::of_test(&summary, Some(0.25))
             .unwrap()
             .to_string();
-        assert_eq!(
-            words,
-            "the summary has 100 steps, 1 s, but the rows end at 0.25 s"
+        assert!(
+            words.contains("100 steps") && words.contains("0.25 s"),
+            "{words}"
         );
         let nothing = Summary {
             steps: 0,
@@ -245,8 +245,11 @@ mod tests {
         assert_eq!(missing(&told, at(100)), None);
         let found = missing(&told, at(90)).unwrap();
         assert_eq!((found.told_by, found.missing), (ToldBy::Events, 11));
-        let words = "there are events up to 1.01 s, but the rows end at 0.9 s";
-        assert_eq!(found.to_string(), words);
+        let words = found.to_string();
+        assert!(
+            words.contains("1.01 s") && words.contains("0.9 s"),
+            "{words}"
+        );
         assert_eq!(missing(&told, None).unwrap().missing, 101);
         // Lines without a time or a tick of a test prove nothing.
         let mute = [

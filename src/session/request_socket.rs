@@ -467,7 +467,6 @@ mod tests {
             matches!(silent, Unanswered::Silent { left: true, .. }),
             "{silent}"
         );
-        assert_eq!(silent.to_string(), "the test does not answer (2 s)");
         let (lies_there, _) = listener.accept().unwrap();
         let asked: Request = read_line(&lies_there).unwrap();
         assert_eq!(asked, Request::Stop);
@@ -484,10 +483,7 @@ mod tests {
         let folder = RunFolder::create(&path).unwrap();
         folder.claim();
         let silent = ask(&path, Request::Stop).unwrap_err();
-        assert_eq!(
-            silent.to_string(),
-            "the test does not answer (there is no control.sock)"
-        );
+        assert!(silent.to_string().contains("control.sock"), "{silent}");
         drop(folder);
         let over = ask(&path, Request::Stop).unwrap_err();
         assert!(matches!(over, Unanswered::Over(_)), "{over}");

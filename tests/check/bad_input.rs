@@ -10,22 +10,23 @@ use gusset_record::Run;
 
 #[test]
 fn syntax_error_is_shown_at_its_place() {
-    let words = ["the file is not valid TOML", "extra `=`"];
+    let words = ["valid TOML", "extra `=`"];
     wrong_line(FRAME, "rate_hz = 200", "rate_hz == 200", "=", &words);
     wrong_line(
         FRAME,
         "amplitude = 3.0",
         "amplitude = 3,0",
         "3,0",
-        &["`amplitude` has a decimal comma", "write 3.0"],
+        &["`amplitude`", "write 3.0"],
     );
 }
 
 #[test]
 fn unknown_key_lists_the_valid_keys() {
     let words = [
-        "unknown key `duration` in `time`",
-        "did you mean `duration_s`?",
+        "`duration`",
+        "`time`",
+        "`duration_s`",
         "`step_s`, `rate_hz`",
     ];
     wrong_line(
@@ -36,8 +37,9 @@ fn unknown_key_lists_the_valid_keys() {
         &words,
     );
     let words = [
-        "unknown key `yield_force` in `specimen[0].law.bouc_wen`",
-        "did you mean `yield_force_n`?",
+        "`yield_force`",
+        "`specimen[0].law.bouc_wen`",
+        "`yield_force_n`",
     ];
     wrong_line(
         FRAME,
@@ -46,7 +48,7 @@ fn unknown_key_lists_the_valid_keys() {
         "yield_force",
         &words,
     );
-    let words = ["did you mean `bouc_wen`?", "allowed here: "];
+    let words = ["`bouc_wen`", "allowed here: "];
     wrong_line(
         FRAME,
         "[specimen.law.bouc_wen]",
@@ -61,17 +63,14 @@ fn unknown_key_lists_the_valid_keys() {
 fn wrong_unit_is_shown_at_its_place() {
     let target = "target_peak = { value = 0.35, unit = \"mm\" }";
     let text = format!("{FRAME}\n[excitation.ground_acceleration.processing]\n{target}\n");
-    let words = ["unit mm does not measure an acceleration"];
+    let words = ["unit mm", "acceleration"];
     let under = "{ value = 0.35, unit = \"mm\" }";
     refused(&text, &[], target, under, &words);
 }
 
 #[test]
 fn wrong_type_is_shown_with_the_right_one() {
-    let words = [
-        "`structure.shear_building.mass_kg` must be an array",
-        "found the text \"heavy\"",
-    ];
+    let words = ["`structure.shear_building.mass_kg`", "\"heavy\""];
     wrong_line(
         FRAME,
         "mass_kg = [1000.0, 900.0]",
@@ -81,10 +80,7 @@ fn wrong_type_is_shown_with_the_right_one() {
     );
     let words = ["`specimen[0].storey` must be", "found 1.5"];
     wrong_line(FRAME, "storey = 1", "storey = 1.5", "1.5", &words);
-    let words = [
-        "must be a finite number greater than zero, or a fraction",
-        "found `true`",
-    ];
+    let words = ["a fraction", "found `true`"];
     wrong_line(FRAME, "rate_hz = 200", "rate_hz = true", "true", &words);
 }
 
@@ -92,11 +88,7 @@ fn wrong_type_is_shown_with_the_right_one() {
 fn missing_file_suggests_a_similar_name() {
     let files = [("elcentro.at2", "x"), ("stiffness.csv", "x")];
     let record = with_record("elcntro.at2");
-    let words = [
-        "there is no file ",
-        "did you mean `elcentro.at2`?",
-        "relative to the folder of this file",
-    ];
+    let words = ["no file", "`elcentro.at2`", "relative to"];
     refused(
         &record,
         &files,
@@ -108,7 +100,7 @@ fn missing_file_suggests_a_similar_name() {
         "stiffness = [[2e5, -1e5], [-1e5, 1e5]]",
         "stiffness_file = \"stifness.csv\"",
     );
-    let words = ["there is no file ", "did you mean `stiffness.csv`?"];
+    let words = ["no file", "`stiffness.csv`"];
     refused(
         &matrix,
         &files,
@@ -142,12 +134,9 @@ fn missing_or_binary_test_file_is_refused() {
 
 #[test]
 fn nan_and_infinity_are_refused_everywhere() {
-    let words = [
-        "signal.sine.amplitude` must be a finite number",
-        "found nan",
-    ];
+    let words = ["signal.sine.amplitude`", "found nan"];
     wrong_line(FRAME, "amplitude = 3.0", "amplitude = nan", "nan", &words);
-    let words = ["mass_kg[1]` must be a finite number", "found inf"];
+    let words = ["mass_kg[1]`", "found inf"];
     wrong_line(
         FRAME,
         "mass_kg = [1000.0, 900.0]",
@@ -156,7 +145,7 @@ fn nan_and_infinity_are_refused_everywhere() {
         &words,
     );
     let record = ("a.at2", &*peer("NPTS= 3, DT= .01 SEC", "0.1 NaN 0.2"));
-    let words = ["a.at2:5:5: wanted a finite number, found NaN"];
+    let words = ["a.at2:5:5: ", "NaN"];
     refused(
         &with_record("a.at2"),
         &[record],
@@ -165,7 +154,7 @@ fn nan_and_infinity_are_refused_everywhere() {
         &words,
     );
     let text = MATRICES.replace("mass = [[1000, 0], [0, 1000]]", "mass_file = \"m.csv\"");
-    let words = ["m.csv, line 2, field 1: \"-inf\" is not a finite number"];
+    let words = ["m.csv, line 2, field 1: \"-inf\""];
     refused(
         &text,
         &[("m.csv", "1000,0\n-inf,1000\n")],
@@ -186,10 +175,7 @@ fn lambda_must_be_greater_than_zero() {
     ] {
         let wrong = format!("lambda = {lambda}");
         let found = format!("found {found}");
-        let words = [
-            "must be a number greater than zero, `inf` or \"auto\"",
-            &found,
-        ];
+        let words = ["`inf`", "\"auto\"", &found];
         wrong_line(FRAME, "lambda = \"auto\"", &wrong, lambda, &words);
     }
 }
@@ -236,10 +222,7 @@ fn warned(record: &str, words: &[&str]) -> Vec<Vec<f64>> {
 #[test]
 fn short_record_warns_and_ends_in_zeros() {
     let values = ["0.1"; 21].join(" ");
-    let columns = warned(
-        &peer("NPTS= 21, DT= .01 SEC", &values),
-        &["the record ends at 0.2 s, the test at 0.5 s; it is zero after that"],
-    );
+    let columns = warned(&peer("NPTS= 21, DT= .01 SEC", &values), &["0.2 s", "0.5 s"]);
     // 0.1 g at the points of the record, nothing beyond it; one step between may be interpolated.
     for (time, ground) in columns[0].iter().zip(&columns[1]) {
         let expected = if *time <= 0.2 { 0.980_665 } else { 0.0 };
@@ -294,16 +277,17 @@ fn decimal_commas_are_refused() {
         &[("a.at2", &record)],
         "path = \"a.at2\"",
         "\"a.at2\"",
-        &["a.at2:5:4: wanted a decimal point", "\"0,0000000E+00\""],
+        &["a.at2:5:4", "\"0,0000000E+00\""],
     );
 }
 
 #[test]
 fn duration_must_be_a_whole_number_of_steps() {
     let words = [
-        "the duration is not a whole number of steps",
-        "0.503 s are 100.6 steps of 0.005 s",
-        "0.5 s (100 steps) and 0.505 s (101 steps)",
+        "whole number",
+        "100.6 steps",
+        "0.5 s (100 steps)",
+        "0.505 s (101 steps)",
     ];
     wrong_line(
         FRAME,
@@ -313,10 +297,7 @@ fn duration_must_be_a_whole_number_of_steps() {
         &words,
     );
     // 1e11 steps: a slip of the pen must not ask the machine for terabytes.
-    let words = [
-        "the excitation of 100000000000 steps needs",
-        "at most 178956970 steps",
-    ];
+    let words = ["100000000000 steps", "178956970 steps"];
     wrong_line(FRAME, "duration_s = 0.5", "duration_s = 5e8", "5e8", &words);
     for value in ["0", "-1", "inf"] {
         wrong_line(
@@ -334,12 +315,9 @@ fn command_line_mistake_is_shown_there() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
     for (set, words) in [
-        (
-            "integrator.lambda=0",
-            "`integrator.lambda` must be a number greater than zero",
-        ),
-        ("integrator.lamda=4", "did you mean `lambda`?"),
-        ("specimen.0.storey=3", "storey 3 does not exist"),
+        ("integrator.lambda=0", "`integrator.lambda`"),
+        ("integrator.lamda=4", "`lambda`"),
+        ("specimen.0.storey=3", "storey 3"),
         ("time.rate_hz=", "time.rate_hz="),
     ] {
         let out = folder.path().join("out");
@@ -363,20 +341,11 @@ fn nonempty_output_folder_stays_unchanged() {
     write(&out, "precious.txt", "keep");
     let said = run(&test, &out, &[]);
     plain(&said);
-    assert!(
-        said.stderr
-            .contains("out is not empty: it holds precious.txt"),
-        "{}",
-        said.stderr
-    );
+    assert!(said.stderr.contains("precious.txt"), "{}", said.stderr);
     assert_eq!(names(&out), ["precious.txt"]);
     let said = run(&test, &test, &[]);
     plain(&said);
-    assert!(
-        said.stderr.contains("test.toml is not a folder"),
-        "{}",
-        said.stderr
-    );
+    assert!(said.stderr.contains("a folder"), "{}", said.stderr);
     assert_eq!(fs::read_to_string(&test).unwrap(), FRAME);
     // An empty folder belongs to no run.
     fs::remove_file(out.join("precious.txt")).unwrap();
@@ -404,7 +373,7 @@ fn meaningless_energy_share_is_refused() {
     );
     refused(
         "added_energy_share = { trip = 0.1, floor_j = 0 }",
-        &["floor_j", "greater than zero"],
+        &["floor_j", "greater than"],
     );
     refused(
         "added_energy_share = { warn = 0.2, trip = 0.1, floor_j = 1 }",
@@ -419,7 +388,7 @@ fn meaningless_energy_share_is_refused() {
     let path = Path::new("test.toml");
     let said = gusset_config::parse(path, prescribed.to_owned(), &[]).map(|_| ());
     let said = said.unwrap_err().to_string();
-    assert!(said.contains("this test has no structure"), "{said}");
+    assert!(said.contains("no structure"), "{said}");
 }
 
 #[test]
@@ -453,7 +422,7 @@ fn control_characters_never_reach_terminal() {
 
 #[test]
 fn impossible_rate_is_refused() {
-    let words = ["is too fast", "at most 1e9 Hz on the simulated clock"];
+    let words = ["too fast", "1e9 Hz"];
     wrong_line(FRAME, "rate_hz = 200", "rate_hz = 1e10", "1e10", &words);
     let long = FRAME.replace("rate_hz = 200", "rate_hz = 1e7");
     let long = long.replace("duration_s = 0.5", "duration_s = 1e-4");
@@ -465,16 +434,12 @@ fn impossible_rate_is_refused() {
     let real = ["--clock".as_ref(), "real".as_ref()];
     let said = say(["run".as_ref(), test.as_os_str(), real[0], real[1]]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-    assert!(said.stderr.contains("at most 1e6 Hz on the real clock"));
+    assert!(said.stderr.contains("1e6 Hz"));
 }
 
 #[test]
 fn oversized_excitation_is_refused_early() {
-    let words = [
-        "of memory before the test",
-        "GiB",
-        "at most 178956970 steps",
-    ];
+    let words = ["of memory", "GiB", "178956970 steps"];
     wrong_line(FRAME, "duration_s = 0.5", "duration_s = 1e6", "1e6", &words);
 }
 
@@ -489,10 +454,7 @@ fn prescribed_motion_warnings_name_the_axis() {
     let test = write(folder.path(), "test.toml", text);
     let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    for words in [
-        "axis 2: values: the record ends at 1 s",
-        "axis 2 starts with",
-    ] {
+    for words in ["axis 2: values", "axis 2 starts"] {
         assert!(said.stderr.contains(words), "{}", said.stderr);
     }
     assert!(!said.stderr.contains("axis 1"), "{}", said.stderr);
@@ -506,18 +468,9 @@ fn refused_fault_number_shows_both_bounds() {
         script.unwrap_err().to_string()
     };
     for (fault, words) in [
-        (
-            "late = { ticks = 1e300 }",
-            "`ticks` is 1e300, but must be greater than 0 and less than 1e12",
-        ),
-        (
-            "late = { ticks = 0 }",
-            "`ticks` is 0, but must be greater than 0",
-        ),
-        (
-            "noise = { disp_m = -1 }",
-            "`disp_m` is -1, but must be at least 0",
-        ),
+        ("late = { ticks = 1e300 }", "`ticks` is 1e300"),
+        ("late = { ticks = 0 }", "`ticks` is 0"),
+        ("noise = { disp_m = -1 }", "`disp_m` is -1"),
     ] {
         let said = complaint(fault);
         assert!(said.contains(words), "{said}");

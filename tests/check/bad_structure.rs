@@ -26,7 +26,7 @@ fn matrix_of_the_wrong_size_is_refused() {
             &[words],
         );
     }
-    let words = ["damping has 1 degrees of freedom, but the mass matrix has 2"];
+    let words = ["damping has 1", "has 2"];
     wrong_line(
         MATRICES,
         "damping = [[100, 0], [0, 100]]",
@@ -67,11 +67,12 @@ fn indefinite_mass_names_the_dof() {
         "mass = [[1000, 0], [0, 0]]",
     );
     let words = [
-        "the effective mass",
-        "not positive definite",
-        "at degree of freedom 2",
-        "DOF 2 has a mass of 0 kg",
-        "needs a stiffness",
+        "effective mass",
+        "positive definite",
+        "freedom 2",
+        "DOF 2",
+        "0 kg",
+        "a stiffness",
     ];
     wrong_line(&loose, right, wrong, "[0, 0]", &words);
     // No choice of λ can mend it, so the choice must not be blamed.
@@ -83,10 +84,7 @@ fn indefinite_mass_names_the_dof() {
         &words,
     );
     let soft = MATRICES.replace("[-1e5, 1e5]]", "[-1e5, -9e9]]");
-    let words = [
-        "the stiffness has a negative eigenvalue",
-        "the structure is unstable",
-    ];
+    let words = ["negative eigenvalue", "is unstable"];
     let (line, under) = (
         "stiffness = [[2e5, -1e5], [-1e5, -9e9]]",
         "[[2e5, -1e5], [-1e5, -9e9]]",
@@ -95,14 +93,10 @@ fn indefinite_mass_names_the_dof() {
     let rule = "rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]";
     let none = "rayleigh]\nmass_coefficient_per_s = 0\nstiffness_coefficient_s = 0";
     let hinge = FRAME.replace("[0, 4e5]", "[0, 0]").replace(rule, none);
-    let words = [
-        "not positive definite",
-        "at degree of freedom 2",
-        "DOF 2 has a mass of 0 kg",
-    ];
+    let words = ["positive definite", "freedom 2", "DOF 2", "0 kg"];
     let wrong = "mass_kg = [1000.0, 0.00]";
     wrong_line(&hinge, "mass_kg = [1000.0, 900.0]", wrong, "0.00", &words);
-    let words = ["mass of degree of freedom 2 is -1000 kg, but must not be negative"];
+    let words = ["freedom 2", "-1000 kg"];
     wrong_line(
         MATRICES,
         right,
@@ -118,28 +112,22 @@ fn oversized_chain_is_refused_early() {
     let end = MATRICES.find("[integrator]").unwrap();
     let chain = "[structure.chain]\ndofs = 4000000000000\nmass_kg = 1\nstiffness_n_per_m = 1e3\n\n";
     let text = format!("{}{chain}{}", &MATRICES[..start], &MATRICES[end..]);
-    let words = ["dofs is 4000000000000, but must be 1 to 1000000"];
+    let words = ["dofs is 4000000000000", "1 to 1000000"];
     refused(&text, &[], "dofs = 4000000000000", "4000000000000", &words);
 }
 
 #[test]
 fn specimen_on_a_missing_storey_is_refused() {
-    let words = [
-        "storey 3 does not exist, the structure has storeys 1 to 2",
-        "no such storey",
-    ];
+    let words = ["storey 3", "1 to 2", "such storey"];
     wrong_line(FRAME, "storey = 1", "storey = 3", "3", &words);
-    let words = [
-        "storey 0 does not exist",
-        "storeys are counted from 1 at the bottom",
-    ];
+    let words = ["storey 0", "from 1"];
     wrong_line(FRAME, "storey = 1", "storey = 0", "0", &words);
     let specimen = FRAME.find("[[specimen]]").unwrap();
     let text = format!("{MATRICES}\n{}", &FRAME[specimen..]);
-    let words = ["a structure given by matrices has no storeys: describe the deformation by rows"];
+    let words = ["no storeys"];
     refused(&text, &[], "storey = 1", "1", &words);
     let rows = text.replace("storey = 1", "rows = [[0, 0, 1]]");
-    let words = ["row 1 of B has 3 entries, but the structure has 2 DOFs"];
+    let words = ["row 1", "3 entries", "2 DOFs"];
     refused(&rows, &[], "rows = [[0, 0, 1]]", "[0, 0, 1]", &words);
 }
 
@@ -203,10 +191,10 @@ fn overflowing_mass_is_refused() {
             "mass = [[1000, 0], [0, 1000]]",
             &format!("mass = [[1000, 0], [0, {mass}]]"),
             mass,
-            &["entry (2, 2)", mass, "must be at most 1e140"],
+            &["entry (2, 2)", mass, "1e140"],
         );
         let wrong = format!("mass_kg = [1000.0, {mass}]");
-        let words = [mass, "must be at most 1e140"];
+        let words = [mass, "1e140"];
         wrong_line(FRAME, "mass_kg = [1000.0, 900.0]", &wrong, mass, &words);
     }
 }
@@ -224,10 +212,6 @@ fn impossible_stiffness_names_the_specimen() {
         .replace(damping, "")
         .replace("rate_hz = 200", "step_s = 100")
         .replace("duration_s = 0.5", "duration_s = 1000");
-    let words = [
-        "a step of 100 s",
-        "is so large that 4 M + 2 Δt",
-        "overflows",
-    ];
+    let words = ["100 s", "4 M + 2 Δt", "overflows"];
     refused(&text, &[], line, line, &words);
 }

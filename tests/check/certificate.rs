@@ -275,7 +275,7 @@ fn identified_delay_acts_in_the_trials() {
         let of_delay = line(&found, "delay");
         let text = of_delay["text"].as_str().unwrap();
         assert_eq!(of_delay["verdict"] == "go", go, "{share} {spread}: {text}");
-        assert!(text.contains("by the recursion"), "{text}");
+        assert!(text.contains("recursion"), "{text}");
         assert_eq!(line(&found, "stability")["verdict"] == "go", carried);
         if spread == 0.0 {
             assert_eq!(found["trips"], if carried { 0 } else { 1 }, "{found:#}");
@@ -345,12 +345,7 @@ fn zero_trips_do_not_mean_probability_zero() {
     let noisy = prescribed("[specimen.transfer]\ndisp_sensor.noise_rms_m = 1e-6\n", "");
     let said = certified(folder.path(), &noisy, &["--trials", "20"]);
     assert_eq!(said.code, Some(1), "{}", said.stdout);
-    for words in [
-        "0 of 20 trials",
-        "0.0 to 16.9 %",
-        "100 trials without a trip",
-        "NO-GO",
-    ] {
+    for words in ["0 of 20 trials", "0.0 to 16.9 %", "100 trials", "NO-GO"] {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
     }
     // The tracking error is the noise alone: 1 µm over 10 mm/√2.
@@ -372,12 +367,7 @@ fn impossible_draws_are_an_error() {
     );
     let said = certified(folder.path(), &text, &[]);
     assert_eq!(said.code, Some(2), "{}{}", said.stdout, said.stderr);
-    for words in [
-        "trial ",
-        "cannot be drawn",
-        "stiffness_n_per_m",
-        "[[uncertainty]]",
-    ] {
+    for words in ["trial ", "drawn", "stiffness_n_per_m", "[[uncertainty]]"] {
         assert!(said.stderr.contains(words), "{words}: {}", said.stderr);
     }
     let said = say(["check", "--trials", "3", "config/vrths-case-1.toml"]);
@@ -460,14 +450,10 @@ fn unstable_at_any_lambda_is_a_no_go() {
         [[specimen]]\nname = \"damper\"\nstorey = 1\n\
         law.biviscous = { damping_n_s_per_m = 1000, post_yield_damping_n_s_per_m = 1e6, yield_velocity_m_per_s = 0.2 }\n";
     let said = certified(folder.path(), slider, &[]);
-    let words = "UNSTABLE: no lambda is stable at the declared bounds";
+    let words = "UNSTABLE: no lambda";
     assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
     assert_eq!(said.stdout.matches(words).count(), 2, "{}", said.stdout);
-    assert!(
-        !said.stdout.contains("no declared bound"),
-        "{}",
-        said.stdout
-    );
+    assert!(!said.stdout.contains("declared bound"), "{}", said.stdout);
     let (_, found) = certify(folder.path(), slider, &[]);
     assert_eq!(line(&found, "integration")["verdict"], "no-go");
     let said = certified(folder.path(), slider, &["--json"]);

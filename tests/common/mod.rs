@@ -9,6 +9,7 @@ pub mod killed;
 pub mod refusal;
 pub mod rig;
 pub mod spring;
+pub mod test_file;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -6,19 +6,14 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use crate::common::test_file::TestFile;
 use crate::common::{FRAME, PATIENT, Said, completed, json, run, say, write};
 use gusset_record::Run;
 
 /// A test that lasts longer than this file may, on the real clock.
 fn long(folder: &Path) -> std::path::PathBuf {
-    let text = FRAME
-        .replace("duration_s = 0.5", "duration_s = 600")
-        .replace("rate_hz = 200", "rate_hz = 1000");
-    write(
-        folder,
-        "test.toml",
-        &text.replace("\"simulated\"", "\"real\""),
-    )
+    let text = FRAME.with("time = { duration_s = 600, rate_hz = 1000, clock = 'real' }");
+    write(folder, "test.toml", &text)
 }
 
 /// The binary with `hang_up` as its setting for SIGHUP, whatever the setting of these tests.
@@ -147,7 +142,7 @@ fn ctrl_c_ends_cleanly_with_130() {
 fn ctrl_c_works_while_a_slow_test_waits() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let text = FRAME.replace("\"simulated\"", "\"real\"\nscale = 8000");
+    let text = FRAME.with("time = { clock = 'real', scale = 8000 }");
     let test = write(
         folder.path(),
         "test.toml",
@@ -311,7 +306,7 @@ fn divergence_stops_the_test_names_the_dof() {
     let reason = summary["reason"].as_str().unwrap();
     // The sawtooth is that of the stiff bottom storey, whose floor is DOF 1.
     assert!(
-        reason.contains("displacement of DOF 1 ") && reason.contains("`safety.divergence_m`"),
+        reason.contains("DOF 1 ") && reason.contains("`safety.divergence_m`"),
         "{reason}"
     );
     let steps = summary["steps"].as_u64().unwrap();
@@ -349,11 +344,7 @@ fn nonfinite_force_stops_the_test_with_1() {
     let summary = json(&out, "summary.json");
     assert_eq!(summary["status"], "stopped");
     let reason = summary["reason"].as_str().unwrap();
-    for words in [
-        "specimen \"spring\"",
-        "which is computed here",
-        "the computation diverged",
-    ] {
+    for words in ["specimen \"spring\"", "computed here", "diverged"] {
         assert!(reason.contains(words), "{words}: {reason}");
     }
     // The record contains only the finite forces from before.

@@ -75,8 +75,8 @@ fn killed_controller_leaves_a_held_specimen() {
             served.hears("HOLDING: no command received for");
         } else {
             let over = served.hears("test over");
-            assert!(over.contains("without a goodbye"), "{over}");
-            assert!(over.contains("the specimen stays where it is"), "{over}");
+            assert!(over.contains("a goodbye"), "{over}");
+            assert!(over.contains("stays where"), "{over}");
         }
         let killed = Run::open(&folder.join("killed")).unwrap();
         assert!(killed.summary().is_none());
@@ -105,11 +105,8 @@ fn killed_specimen_ends_the_test_as_planned() {
             other => panic!("{other}: {said}"),
         }
         let reason = &summary.reason;
-        let closed = reason.contains("the peer closed the connection");
-        assert!(
-            closed || reason.contains("no fresh measurement"),
-            "{reason}"
-        );
+        let closed = reason.contains("peer closed");
+        assert!(closed || reason.contains("fresh measurement"), "{reason}");
         assert_eq!(summary.rows_lost, 0);
         is_whole(folder, "run", true);
     }
@@ -161,10 +158,7 @@ fn stopped_specimen_trips_at_stale_bound() {
         let summary = summary(folder, "run");
         assert_eq!(summary.status, Status::Stopped);
         let reason = &summary.reason;
-        assert!(
-            reason.contains("no fresh measurement for 201 ticks"),
-            "{reason}"
-        );
+        assert!(reason.contains("201 ticks"), "{reason}");
         is_whole(folder, "run", true);
         // It resumes after its controller is gone, and accepts the next one.
         served.send("CONT");

@@ -430,7 +430,7 @@ fn a_panic_in_the_loop_retires_all() {
             session::run(prepared, folder, requests, Watches::default(), &mut |_| {}).unwrap();
         assert_eq!(finished.cause, Cause::Internal);
         assert!(
-            finished.summary.reason.contains("out of order"),
+            finished.summary.reason.contains("of order"),
             "{}",
             finished.summary.reason
         );

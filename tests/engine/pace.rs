@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::common::engine::{Run, prepare, run, run_on, run_under};
 use crate::common::spring::Spring;
+use crate::common::test_file::TestFile;
 use gusset_control::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset_control::port::{Axis, AxisSpec, Order, PortSpec};
 use gusset_quantity::substructure::{
@@ -159,7 +160,7 @@ fn specimen_that_never_answers_is_lost() {
     let Ending::Stopped(stop) = run.outcome.ending else {
         panic!("it goes on");
     };
-    assert!(stop.to_string().contains("no reply within the time limit"));
+    assert!(stop.to_string().contains("time limit"));
     // 0.3 s are 300 ticks.
     let waited = run.all("state").iter().filter(|s| **s >= 12.0).count();
     assert!((300..=303).contains(&waited), "{waited}");
@@ -461,7 +462,7 @@ fn pending_answer_delays_no_other_shutdown() {
 #[test]
 fn real_and_simulated_time_have_equal_bits() {
     let home = tempfile::tempdir().unwrap();
-    let text = format!("{}{SPRING}", frame(8, "")).replace("duration_s = 1.5", "duration_s = 0.4");
+    let text = format!("{}{SPRING}", frame(8, "")).with("time.duration_s = 0.4");
     let test = crate::common::write(home.path(), "test.toml", &text);
     let (real, simulated) = (home.path().join("real"), home.path().join("simulated"));
     let mut more = vec!["--clock", "real", "--set", "timing.policy=\"ordinary\""];
@@ -470,11 +471,7 @@ fn real_and_simulated_time_have_equal_bits() {
     crate::common::completed(&test, &simulated, &[]);
     crate::common::same_physics(&real, &simulated);
     let said = crate::common::say(["check", test.to_str().unwrap(), "--verbose"]);
-    assert!(
-        said.stdout.contains("at 800 Hz, 8 ticks per step"),
-        "{}",
-        said.stdout
-    );
+    assert!(said.stdout.contains("800 Hz, 8"), "{}", said.stdout);
     let out = home.path().join("out.csv");
     let said = crate::common::say([
         "export",
@@ -493,37 +490,29 @@ fn a_pace_that_makes_no_sense_is_refused() {
     let link = "[[specimen]]\nname = \"far\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = { address = \"h:9\", commands = \
                 \"every_step\"";
     for (text, word) in [
-        (frame(0, ""), "must be 1 to 10000"),
-        (frame(20_000, ""), "must be 1 to 10000"),
-        (
-            frame(2, "time.prediction_order = 4")
-                .replace("[time]\n", "[time]\nprediction_order = 4\n")
-                .replace("time.prediction_order = 4", ""),
-            "must be 1, 2 or 3",
-        ),
+        (frame(0, ""), "1 to 10000"),
+        (frame(20_000, ""), "1 to 10000"),
+        (frame(2, "").with("time.prediction_order = 4"), "1, 2 or 3"),
         (
             format!("{}{link} }}\n", frame(1, "safety.unlimited = \"t\"")),
-            "each step has only one tick here",
+            "one tick",
         ),
         (
             format!(
                 "{}{link}, coupling = \"sampled\" }}\n",
                 frame(4, "safety.unlimited = \"t\"")
             ),
-            "needs a command at every tick",
+            "every tick",
         ),
         (
             format!(
                 "{}{link}, coupling = \"lockstep\" }}\n",
-                frame(4, "safety.unlimited = \"t\"").replace("ticks = 3", "ticks = 0")
+                frame(4, "safety.unlimited = \"t\"\n").with("timing.warmup_ticks = 0")
             ),
-            "needs a warm-up of at least one tick",
+            "a warm-up",
         ),
-        (frame(1, "safety.ease_s = -1"), "must not be negative"),
-        (
-            frame(1, "record.checkpoint_s = 0"),
-            "must be greater than zero",
-        ),
+        (frame(1, "safety.ease_s = -1"), "negative"),
+        (frame(1, "record.checkpoint_s = 0"), "greater than"),
     ] {
         let read = gusset_config::parse(Path::new("test.toml"), text.clone(), &[]);
         let error = read.expect_err(&text).to_string();
@@ -560,9 +549,7 @@ fn jump(series: &[f64]) -> f64 {
 fn hold_does_not_kick_compensated_commands() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
-    let text = text
-        .replace("duration_s = 41", "duration_s = 10")
-        .replace("clock = \"real\"", "clock = \"simulated\"");
+    let text = text.with("time = { duration_s = 10, clock = 'simulated' }");
     let free = run(&text);
     let words = a_hold(6 * 4096, 3000);
     let held = run_under(prepare(&text).experiment, SimClock::new(), &saying(&words));
@@ -592,7 +579,7 @@ fn compensated_hold_replays_exactly() {
         let home = tempfile::tempdir().unwrap();
         let text = format!(
             "{}{SPRING}[specimen.compensation]\n{made}\n",
-            frame(ticks, "safety.ease_s = 0.1").replace("step_s = 0.01", "step_s = 0.002")
+            frame(ticks, "safety.ease_s = 0.1").with("time.step_s = 0.002")
         );
         let path = crate::common::write(home.path(), "test.toml", &text);
         let loaded = gusset_config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));

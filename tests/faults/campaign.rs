@@ -492,7 +492,7 @@ fn rig_at_a_wrong_place_is_detected() {
         if is_driven {
             let place = played.seen[0].stood + 0.001 / units.metres;
             played.seen[0].driven.lock().unwrap().push(place);
-            uncommanded += u32::from(says(&played, "which was not commanded"));
+            uncommanded += u32::from(says(&played, "not commanded"));
         }
         played.seen[0].stood += 0.02 / units.metres;
         elsewhere += u32::from(says(&played, "command 0"));

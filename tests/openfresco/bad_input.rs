@@ -63,7 +63,7 @@ fn port_without_a_server_is_refused_there() {
             says(
                 &port.to_string(),
                 &keys(protocol, transport),
-                &[&format!("{port} refused"), "nothing listens on that port"],
+                &[&format!("{port} refused"), "that port"],
             );
         }
     }
@@ -77,17 +77,14 @@ fn unreachable_machine_is_reported() {
             says(
                 "255.255.255.255:4823",
                 &keys(protocol, transport),
-                &[
-                    "255.255.255.255:4823 is unreachable",
-                    "is the address right",
-                ],
+                &["255.255.255.255:4823 is unreachable", "address right"],
             );
         }
     }
     says(
         "no-such-host.invalid:4823",
         &keys("openfresco", "tcp"),
-        &["is no address", "host:port"],
+        &["no address", "host:port"],
     );
 }
 
@@ -117,7 +114,7 @@ fn web_server_is_recognised() {
             says(
                 &address,
                 &keys(protocol, "tcp"),
-                &["the peer speaks another protocol", "is it the right port"],
+                &["another protocol", "right port"],
             );
         }
     }
@@ -132,10 +129,7 @@ fn protocols_do_not_mistake_each_other() {
         let opensees = Served::start(folder.path(), &law, &arguments);
         let (reason, moved) = fails(&opensees.address, &keys("gusset", transport));
         assert!(!moved);
-        assert!(
-            reason.contains("is it a specimen that speaks the gusset protocol?"),
-            "{reason}"
-        );
+        assert!(reason.contains("gusset protocol"), "{reason}");
         let ours = Served::start(folder.path(), &law, &arguments[..2]);
         let (reason, moved) = fails(&ours.address, &keys("openfresco", transport));
         assert!(!moved);
@@ -156,7 +150,7 @@ fn other_number_of_axes_is_refused() {
     says(
         &served.address,
         &keys("openfresco", "tcp"),
-        &["closed the connection", "compare the number of axes"],
+        &["closed", "of axes"],
     );
     served.hears("2 wanted, 1 found");
 }
@@ -236,7 +230,7 @@ fn a_force_that_is_no_number_ends_the_test() {
             while element.read().is_some() {}
         });
         assert!(
-            reason.contains("is not a finite number") && reason.contains("look at the sensor"),
+            reason.contains("finite number") && reason.contains("the sensor"),
             "{reason}"
         );
     }
@@ -245,15 +239,15 @@ fn a_force_that_is_no_number_ends_the_test() {
 #[test]
 fn silence_or_half_an_answer_ends_the_test() {
     let silent = against_in(SHORT, |mut element| while element.read().is_some() {});
-    assert!(silent.contains("did not answer within 0.3 s"), "{silent}");
+    assert!(silent.contains("0.3 s"), "{silent}");
     let half = against_in(SHORT, |mut element| {
         let _ = element.stream.write_all(&[0; 1000]);
         while element.read().is_some() {}
     });
-    assert!(half.contains("did not answer within 0.3 s"), "{half}");
+    assert!(half.contains("0.3 s"), "{half}");
     let gone = against(drop);
     assert!(
-        gone.contains("the peer closed the connection") && gone.contains("look at the specimen"),
+        gone.contains("peer closed") && gone.contains("the specimen"),
         "{gone}"
     );
     let unasked = against(|mut element| {
@@ -261,10 +255,7 @@ fn silence_or_half_an_answer_ends_the_test() {
         element.answer(2.0);
         while element.read().is_some() {}
     });
-    assert!(
-        unasked.contains("the peer sent bytes that the protocol does not allow"),
-        "{unasked}"
-    );
+    assert!(unasked.contains("peer sent"), "{unasked}");
 }
 
 #[test]

@@ -195,10 +195,10 @@ fn client_that_never_commits_has_no_history() {
         client.says(&[99.0]);
         served.hears("5 commands without a commit");
         let end = served.hears("the client ended the test");
-        assert!(end.contains("0 steps committed, 0 taken back"), "{end}");
+        assert!(end.contains("0 steps committed, 0"), "{end}");
         drop(served);
         let warnings = summary(&out, "test-0001").warnings;
-        let told = |text: &&String| text.contains("without a commit");
+        let told = |text: &&String| text.contains("a commit");
         assert_eq!(warnings.iter().filter(told).count(), 1, "{warnings:?}");
         let names = events(&out, "test-0001");
         assert!(names.contains(&"client_without_commits".to_owned()));
@@ -211,7 +211,7 @@ fn client_that_never_commits_has_no_history() {
     }
     served.hears("10 commands without a commit");
     client.says(&[99.0]);
-    let between = served.says_before("the client ended the test");
+    let between = served.says_before("client ended");
     assert!(between.iter().all(|line| !line.contains("commit")));
 }
 
@@ -234,7 +234,7 @@ fn iterations_do_not_count_as_commits() {
         let warnings = summary(&out, "test-0001").warnings;
         let told: Vec<_> = warnings
             .iter()
-            .filter(|text| text.contains("without a commit"))
+            .filter(|text| text.contains("a commit"))
             .collect();
         assert_eq!(told.len(), 1, "{warnings:?}");
         // A machine starts from its position.
@@ -248,8 +248,8 @@ fn iterations_do_not_count_as_commits() {
         client.says(&[3.0, 1e-4 * f64::from(k), 0.01]);
     }
     client.says(&[99.0]);
-    let before = served.says_before("the client ended the test");
-    let told = |line: &String| line.contains("without a commit");
+    let before = served.says_before("client ended");
+    let told = |line: &String| line.contains("a commit");
     assert!(!before.iter().any(told), "{before:?}");
 }
 
@@ -268,8 +268,8 @@ fn client_that_commits_later_is_accepted() {
         client.says(&[5.0, 1e-4 * f64::from(k), 0.01 * f64::from(k)]);
     }
     client.says(&[99.0]);
-    let before = served.says_before("the client ended the test");
-    let told = |line: &String| line.contains("without a commit");
+    let before = served.says_before("client ended");
+    let told = |line: &String| line.contains("a commit");
     assert!(!before.iter().any(told), "{before:?}");
 }
 
@@ -341,12 +341,12 @@ fn reset_is_reported_and_recorded_once() {
     }
     client.says(&[99.0]);
     served.hears("the client went back to displacement 0 at time 0");
-    let between = served.says_before("the client ended the test");
+    let between = served.says_before("client ended");
     let again = |line: &&String| line.contains("went back");
     assert_eq!(between.iter().filter(again).count(), 0, "{between:?}");
     drop(served);
     let warnings = summary(&out, "test-0001").warnings;
-    let told = |text: &&String| text.contains("went back to displacement 0");
+    let told = |text: &&String| text.contains("displacement 0");
     assert_eq!(warnings.iter().filter(told).count(), 1, "{warnings:?}");
     let names = events(&out, "test-0001");
     assert_eq!(

@@ -44,7 +44,7 @@ fn unknown_position_comes_from_the_file() {
     let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
     let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
     assert_eq!(code, 0, "{said}");
-    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
+    assert!(!said.contains("UNKNOWN"), "{said}");
     let told = told.lock().unwrap();
     // Half a cosine over a second of ticks of 1 ms, and a test that moves by less in one.
     assert!((told[0] - STANDS).abs() < 1e-6, "{}", told[0]);
@@ -58,15 +58,12 @@ fn without_it_only_computed_ones_move() {
     let text = linked(STEPS, &address, ADAPTER);
     let (code, said) = run(folder.path(), "run", &text);
     assert_eq!(code, 0, "{said}");
-    assert!(said.contains("ITS POSITION IS UNKNOWN"), "{said}");
+    assert!(said.contains("UNKNOWN"), "{said}");
     assert_eq!(told.lock().unwrap()[0], 0.0);
     let text = text.replace("computed = true\n", "");
     let (code, said) = run(folder.path(), "refused", &text);
     assert_eq!(code, 2, "{said}");
-    for words in [
-        "the position of this specimen before the test is unknown",
-        "`stands_at_m = [0.0]`",
-    ] {
+    for words in ["is unknown", "`stands_at_m = [0.0]`"] {
         assert!(said.contains(words), "{said}");
     }
 }
@@ -91,8 +88,8 @@ fn resumed_test_uses_the_last_position() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{said}");
     // The position in the file is outdated from the first command on.
-    assert!(said.contains("takes it at once to where it was left"));
-    assert!(!said.contains("stands_at_m") && !said.contains("the test starts from there"));
+    assert!(said.contains("was left"));
+    assert!(!said.contains("stands_at_m") && !said.contains("starts from"));
     let told = told.lock().unwrap();
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
 }
@@ -112,11 +109,7 @@ fn zero_displacement_server_gives_forces() {
     assert_eq!(code, 0, "{said}");
     let kept = Run::open(&folder.join("run")).unwrap();
     let warnings = &kept.summary().unwrap().warnings;
-    assert!(
-        warnings
-            .iter()
-            .any(|text| text.contains("gives forces only"))
-    );
+    assert!(warnings.iter().any(|text| text.contains("forces only")));
     // Nothing compares the command with the target as if it had been measured.
     let told_of = kept.summary().unwrap();
     let metrics = &told_of.metrics.as_ref().unwrap().0;
@@ -124,7 +117,7 @@ fn zero_displacement_server_gives_forces() {
     let [missing] = told_of.metrics_missing.as_slice() else {
         panic!("{:?}", told_of.metrics_missing);
     };
-    assert!(missing.starts_with("column") && missing.contains("displacement is not measured"));
+    assert!(missing.starts_with("column") && missing.contains("not measured"));
     let columns = kept.columns(&["cmd_1_1", "meas_1_1", "force_1_1"]).unwrap();
     assert_eq!(columns[0], columns[1]);
     let forces = columns[0].iter().zip(&columns[2]);
@@ -144,7 +137,7 @@ fn zero_displacement_server_gives_forces() {
     let (code, _) = run(folder, "vouched", &text);
     assert_eq!(code, 3);
     let reason = summary(folder, "vouched").reason;
-    assert!(reason.contains("dead or frozen sensor"), "{reason}");
+    assert!(reason.contains("frozen sensor"), "{reason}");
 }
 
 /// The first command of a client is a step from the gateway's last command, or from the position in the file, and is checked as
@@ -165,10 +158,7 @@ fn gateway_knows_its_last_command() {
     let output = finish(command);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(
-        said.contains("the position of this specimen before the test is unknown"),
-        "{said}"
-    );
+    assert!(said.contains("is unknown"), "{said}");
 
     let stands = format!("stands_at_m = [{STANDS}]");
     let served = Served::start(folder.path(), &text(&stands), &["--protocol", "openfresco"]);
@@ -205,7 +195,7 @@ fn file_gives_an_unreported_native_position() {
     let keys = format!("probe = \"none\"\nstands_at_m = [{STANDS}]");
     let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
     assert_eq!(code, 0, "{said}");
-    assert!(!said.contains("POSITION IS UNKNOWN"), "{said}");
+    assert!(!said.contains("UNKNOWN"), "{said}");
     let told: Vec<f64> = told.try_iter().flatten().collect();
     assert!((told[0] - STANDS).abs() < 1e-6 && largest_step(&told) < 2e-4);
 

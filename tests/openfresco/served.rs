@@ -149,10 +149,7 @@ fn native_protocol_refuses_inches_and_kips() {
         let output = finish(command);
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(
-            said.contains(&format!("does not support this `{key}`")),
-            "{said}"
-        );
+        assert!(said.contains(&format!("`{key}`")), "{said}");
         assert!(said.contains("rig.toml:3:"), "{said}");
     }
 }
@@ -178,7 +175,7 @@ fn test_commands_in_inches_over_openfresco() {
     let (code, said) = run(folder, "far", &text);
     assert_eq!(code, 0, "{said}");
     // The estimates of both ends agree in N/m.
-    assert!(!said.contains("reports a stiffness"), "{said}");
+    assert!(!said.contains("a stiffness"), "{said}");
     let column = |name: &str, column: &str| {
         let run = gusset_record::Run::open(&folder.join(name)).unwrap();
         run.columns(&[column]).unwrap().remove(0)

@@ -147,17 +147,17 @@ fn silent_client_keeps_no_other_out() {
         let before = lines_before_the_client(&served);
         let says = |words: &str| before.iter().any(|line| line.contains(words));
         // No time limit of a stranger had to pass first.
-        assert!(!says("sent no sizes within"), "{before:?}");
+        assert!(!says("no sizes"), "{before:?}");
         let turned_away = || {
-            let mut after = served.says_before("the client ended the test").into_iter();
-            after.any(|line| line.contains("turned away: a client is being served"))
+            let mut after = served.says_before("client ended").into_iter();
+            after.any(|line| line.contains("turned away"))
         };
         if !moves {
             // They wait until the computed specimen is free again.
             assert!(!says("turned away") && !turned_away(), "{before:?}");
             continue;
         }
-        assert!(says("turned away: a client is being served"), "{before:?}");
+        assert!(says("turned away"), "{before:?}");
         // They were all sent away for the client's sake.
         for mut stranger in silent {
             stranger.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -187,7 +187,7 @@ fn half_a_hello_on_udp_keeps_no_other_out() {
     assert_eq!(code, 0, "{said}");
     let before = lines_before_the_client(&served);
     assert!(
-        !before.iter().any(|line| line.contains("sent no sizes")),
+        !before.iter().any(|line| line.contains("no sizes")),
         "{before:?}"
     );
     drop(silent);
@@ -210,10 +210,10 @@ fn noise_of_strangers_is_reported_rarely() {
     let keys = "protocol = \"openfresco\"\ntransport = \"udp\"";
     let (code, said) = run(folder, "run", &linked(STEPS, &served.address, keys));
     assert_eq!(code, 0, "{said}");
-    let before = served.says_before("the client ended the test");
+    let before = served.says_before("client ended");
     let told = |words: &str| before.iter().filter(|line| line.contains(words)).count();
-    assert_eq!(told("100 bytes that open no test"), 100);
-    assert_eq!(told("are not told for"), 1);
+    assert_eq!(told("100 bytes"), 100);
+    assert_eq!(told("told for"), 1);
 }
 
 /// Every port of OpenFresco's protocols, over TCP and UDP, while a test runs over it.

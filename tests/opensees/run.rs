@@ -185,11 +185,8 @@ fn killed_opensees_exits_with_3() {
         assert_eq!(summary["status"], "failed");
         let reason = summary["reason"].as_str().unwrap();
         // A UDP peer that dies while it handles our command leaves no trace for us.
-        let silent = transport == "udp" && reason.contains("no reply within the time limit");
-        assert!(
-            silent || reason.contains("closed the connection"),
-            "{reason}"
-        );
+        let silent = transport == "udp" && reason.contains("time limit");
+        assert!(silent || reason.contains("closed"), "{reason}");
         assert!(out.join("report.html").exists());
     }
 }
@@ -232,8 +229,5 @@ fn stiffness_far_from_the_servers_warns() {
     let (code, _) = run(folder.path(), "stiffer", "simulated", &remote);
     assert_eq!(code, Some(0));
     let events = std::fs::read_to_string(folder.path().join("stiffer/events.jsonl")).unwrap();
-    assert!(
-        events.contains("reports a stiffness of 12 kN/m"),
-        "{events}"
-    );
+    assert!(events.contains("12 kN/m"), "{events}");
 }

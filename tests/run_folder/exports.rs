@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use crate::common::test_file::TestFile;
 use crate::common::{FRAME, Said, completed, copy, json, names, say, write};
 use crate::readers::{TABLES, by_hand, judge, judge_in_octave, row};
 use gusset_record::Run;
@@ -98,11 +99,7 @@ fn torn_run_exports_its_sound_rows() {
     fs::write(&samples, &bytes[..bytes.len() / 2 - 3]).unwrap();
     let out = temp.path().join("torn");
     let said = all_tables(&run, &out, &["--rate", "tick"]);
-    for words in [
-        "warning: the run is unfinished",
-        "end in the middle of a row",
-        "50 rows in",
-    ] {
+    for words in ["unfinished", "the middle", "50 rows in"] {
         assert!(said.stderr.contains(words), "{}", said.stderr);
     }
     if let Some(said) = judge(&run, &out, "tick", &TABLES) {
@@ -111,11 +108,7 @@ fn torn_run_exports_its_sound_rows() {
     fs::write(&samples, b"").unwrap();
     let out = temp.path().join("none");
     let said = all_tables(&run, &out, &[]);
-    assert!(
-        said.stderr.contains("warning: there is no row"),
-        "{}",
-        said.stderr
-    );
+    assert!(said.stderr.contains("no row"), "{}", said.stderr);
     // `genfromtxt` cannot read an empty table of text.
     if let Some(said) = judge(&run, &out, "step", &["npz", "mat", "hdf5"]) {
         assert!(said.ends_with(" 0 rows"), "{said}");
@@ -186,10 +179,7 @@ const ALL: &str = "absolute-acceleration,storey-drift,storey-shear";
 #[test]
 fn inertia_shears_equal_storey_forces() {
     let temp = tempfile::tempdir().unwrap();
-    let undamped = FRAME.replace(
-        "[structure.damping.rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]\n",
-        "",
-    );
+    let undamped = FRAME.without("structure.damping");
     assert_ne!(undamped, FRAME);
     let (said, csv) = exported_with(temp.path(), &undamped, ALL);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
@@ -224,9 +214,9 @@ fn inertia_shears_equal_storey_forces() {
 #[test]
 fn displaced_base_has_absolute_values() {
     let temp = tempfile::tempdir().unwrap();
-    let base = FRAME
-        .replace("ground_acceleration.signal", "base_displacement.signal")
-        .replace("amplitude = 3.0", "amplitude = 0.003");
+    let base = FRAME.without("excitation.ground_acceleration").with(
+        "excitation.base_displacement.signal.sine = { amplitude = 0.003, frequency_hz = 2.0 }",
+    );
     let (said, csv) = exported_with(temp.path(), &base, ALL);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let found = columns_of(&csv);
@@ -250,20 +240,18 @@ fn displaced_base_has_absolute_values() {
 #[test]
 fn underivable_columns_are_refused() {
     let matrices = "[structure.matrices]\nmass = [[1000.0, 0], [0, 900.0]]\nstiffness = [[4e5, -4e5], [-4e5, 4e5]]\n";
-    let (head, rest) = FRAME.split_once("[structure.shear_building]").unwrap();
-    let (_, rest) = rest.split_once("\n\n").unwrap();
-    let matrices = format!("{head}{matrices}\n{rest}").replace("storey = 1", "rows = [[1, 0]]");
-    let (still, specimen) = FRAME.split_once("[excitation").unwrap();
-    let (_, specimen) = specimen.split_once("[[specimen]]").unwrap();
-    let pulled = format!(
-        "{still}[[excitation.nodal_force]]\ndofs = [2]\nsignal.sine = {{ amplitude = 100.0, frequency_hz = 2.0 }}\n\n[[specimen]]{specimen}"
+    let matrices = FRAME
+        .without("structure.shear_building")
+        .without("specimen.0.storey")
+        .with(&format!("{matrices}[specimen]\nrows = [[1, 0]]\n"));
+    let pulled = FRAME.without("excitation.ground_acceleration").with(
+        "[[excitation.nodal_force]]\ndofs = [2]\nsignal.sine = { amplitude = 100.0, frequency_hz = 2.0 }\n",
     );
-    let (own, _) = FRAME.split_once("[[specimen]]").unwrap();
-    let own = own.replace("[0, 4e5]", "[5e5, 4e5]").replace(
-        "lambda = \"auto\"",
-        "method = \"kr_alpha\"\nrho_infinity = 0.8\nweighting = \"state\"",
+    let own = FRAME.without("specimen").without("integrator.lambda").with(
+        "structure.shear_building.stiffness_n_per_m = [5e5, 4e5]\n\
+         integrator = { method = \"kr_alpha\", rho_infinity = 0.8, weighting = \"state\" }\n",
     );
-    let heavy = FRAME.replace("storey = 1", "storey = 1\nmass_in_force_kg = 20.0");
+    let heavy = FRAME.with("specimen.mass_in_force_kg = 20.0");
     for (test, with, words) in [
         (&matrices, "storey-drift", "[structure.matrices]"),
         (&matrices, "storey-shear", "[structure.matrices]"),
@@ -284,7 +272,7 @@ fn underivable_columns_are_refused() {
     }
     // Between the ends of steps the ground moves on, and the acceleration does not.
     let temp = tempfile::tempdir().unwrap();
-    let fine = FRAME.replace("[time]\n", "[time]\nticks_per_step = 2\n");
+    let fine = FRAME.with("time.ticks_per_step = 2");
     let (said, csv) = exported_with(temp.path(), &fine, ALL);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let (run, ticks) = (temp.path().join("run"), temp.path().join("ticks.csv"));
@@ -328,10 +316,8 @@ fn exported_ground_motion_is_usable_again() {
             .collect::<Vec<_>>(),
         without
     );
-    let (signal, rest) = ("signal.sine]\namplitude = 3.0\nfrequency_hz = 2.0\n", FRAME);
-    let again = rest.replace(
-        signal,
-        "signal.file]\npath = \"out.csv\"\ncolumn.name = \"ground\"\n",
+    let again = FRAME.without("excitation.ground_acceleration.signal.sine").with(
+        "excitation.ground_acceleration.signal.file = { path = \"out.csv\", column.name = \"ground\" }",
     );
     assert_ne!(again, FRAME);
     let file = write(temp.path(), "again.toml", &again);
@@ -430,11 +416,7 @@ fn project_folder_has_every_part() {
         &[],
     );
     assert_eq!(inside.code, Some(2), "{}", inside.stderr);
-    assert!(
-        inside.stderr.contains("is inside of the run"),
-        "{}",
-        inside.stderr
-    );
+    assert!(inside.stderr.contains("inside"), "{}", inside.stderr);
     // The log alone, without test file, is a run that can be exported.
     let bare = temp.path().join("bare");
     let said = export(
@@ -444,7 +426,7 @@ fn project_folder_has_every_part() {
         &[],
     );
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert!(read(&bare.join("README.md")).contains("- the run has no resolved.toml"));
+    assert!(read(&bare.join("README.md")).contains("no resolved.toml"));
 }
 
 /// Units are in a text file: the export warns if one was changed. An export of the log alone gives no warning.
@@ -515,13 +497,13 @@ fn refused_export_leaves_nothing_behind() {
     let formats = TABLES.iter().chain(&["trace", "designsafe"]);
     for format in formats {
         for (run, words) in [
-            (&at("nowhere"), "nowhere does not exist"),
-            (&at("frame.toml"), "frame.toml is not a folder"),
-            (&at("empty"), "is empty: no run was recorded there"),
-            (&at("foreign"), "is not a run folder"),
+            (&at("nowhere"), "not exist"),
+            (&at("frame.toml"), "a folder"),
+            (&at("empty"), "is empty"),
+            (&at("foreign"), "run folder"),
             (&no_samples, "samples.bin"),
             (&damaged, "samples.json"),
-            (&foreign_time, "the samples have no column \"time\""),
+            (&foreign_time, "\"time\""),
         ] {
             let said = export(run, format, &out, &[]);
             assert_eq!(
@@ -537,18 +519,10 @@ fn refused_export_leaves_nothing_behind() {
         for window in [["--from", "nan"], ["--to", "nan"]] {
             let said = export(&run, format, &out, &window);
             assert_eq!(said.code, Some(2), "{}", said.stderr);
-            assert!(
-                said.stderr.contains("is empty: the second time"),
-                "{}",
-                said.stderr
-            );
+            assert!(said.stderr.contains("second time"), "{}", said.stderr);
         }
         let said = export(&run, format, &out, &["--from", "2", "--to", "1"]);
-        assert!(
-            said.stderr.contains("the window from 2 s to 1 s is empty"),
-            "{}",
-            said.stderr
-        );
+        assert!(said.stderr.contains("2 s to 1 s"), "{}", said.stderr);
         let said = export(&run, format, &at("empty"), &[]);
         assert!(said.stderr.contains("exists already"), "{}", said.stderr);
         let said = export(&run, format, &at("dangling"), &[]);
@@ -560,17 +534,12 @@ fn refused_export_leaves_nothing_behind() {
     }
     let said = export(&run, "csv", Path::new("-"), &[]);
     assert!(
-        said.code == Some(2) && said.stderr.contains("--out -: an export is a file"),
+        said.code == Some(2) && said.stderr.contains("--out -"),
         "{}",
         said.stderr
     );
     let said = export(&untimed, "trace", &out, &[]);
-    assert!(
-        said.stderr
-            .contains("no loop to draw a timeline of: the samples have no column \"release_s\""),
-        "{}",
-        said.stderr
-    );
+    assert!(said.stderr.contains("\"release_s\""), "{}", said.stderr);
     let said = export(&run, "excel", &out, &[]);
     let known = "[possible values: csv, npz, mat, hdf5, trace, designsafe]";
     assert!(

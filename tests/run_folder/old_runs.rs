@@ -37,7 +37,7 @@ fn old_runs_are_reported_and_exported() {
         assert!(summary.limits.is_some() && summary.falsified.is_some());
         assert!(opened.timings().unwrap().is_some());
         let page = std::fs::read_to_string(run.join("report.html")).unwrap();
-        assert!(!page.contains("cannot be read") && !page.contains("Damaged"));
+        assert!(!page.contains("be read") && !page.contains("Damaged"));
         assert!(page.contains("elastic") || page.contains("linear") || page.contains("coulomb"));
         for further in [&[][..], &["--with", "absolute-acceleration,storey-drift"]] {
             let out = home.path().join(format!("{name}-{}.csv", further.len()));
@@ -84,7 +84,7 @@ fn removed_key_refuses_the_replay() {
             let (_, rest) = said.stderr.split_once(&refused).unwrap_or_else(|| {
                 panic!("{refused}: {}", said.stderr);
             });
-            assert!(rest.contains(&format!("up to version {last}")), "{rest}");
+            assert!(rest.contains(&format!("version {last}")), "{rest}");
         }
     }
 }
@@ -126,7 +126,7 @@ fn law_under_its_old_name_keeps_the_bits() {
             "{}",
             said.stderr
         );
-        assert!(said.stderr.contains("is now called"), "{}", said.stderr);
+        assert!(said.stderr.contains("now called"), "{}", said.stderr);
         let again = physics(&out);
         let mut compared = 0;
         for (column, bits) in physics(&before) {

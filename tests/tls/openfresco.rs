@@ -75,15 +75,12 @@ fn plain_and_tls_report_it_at_both_ends() {
     for peer in [Peer::Element, Peer::Site] {
         let secure = server(folder, true);
         let said = failure(remote(peer, &secure, None));
-        assert!(
-            said.contains("it speaks TLS: set `transport = \"tls\"`"),
-            "{said}"
-        );
+        assert!(said.contains("`transport = \"tls\"`"), "{said}");
         assert_eq!(secure.end(), End::Tls(TlsFault::NotTls));
 
         let plain = Server::start(Role::Application, Carrier::Stream, 1, Nature::Simulated);
         let said = failure(remote(peer, &plain, Some(client(folder))));
-        assert!(said.contains("does it speak TLS"), "{said}");
+        assert!(said.contains("speak TLS"), "{said}");
         assert_eq!(plain.end(), End::SpeaksTls);
         // The port is free again, and the specimen was not touched.
         let mut good = remote(peer, &plain, None);
@@ -103,15 +100,12 @@ fn unsuitable_certificate_is_named() {
         authority.issue(folder, "client", &["controller"], EXPIRED);
         for peer in [Peer::Element, Peer::Site] {
             let said = failure(remote(peer, &here, Some(client(folder))));
-            assert!(said.contains("our certificate has expired"), "{said}");
+            assert!(said.contains("has expired"), "{said}");
             assert!(matches!(here.end(), End::Tls(TlsFault::Expired(_))));
         }
         Authority::named("elsewhere").issue(folder, "client", &["controller"], VALID);
         let said = failure(remote(Peer::Site, &here, Some(client(folder))));
-        assert!(
-            said.contains("not signed by an authority that it trusts"),
-            "{said}"
-        );
+        assert!(said.contains("an authority"), "{said}");
         assert_eq!(here.end(), End::Tls(TlsFault::UnknownAuthority));
         authority.issue(folder, "client", &["controller"], VALID);
         let mut good = remote(Peer::Site, &here, Some(client(folder)));
@@ -121,10 +115,7 @@ fn unsuitable_certificate_is_named() {
     authority.issue(folder, "server", LOCAL, EXPIRED);
     let here = server(folder, true);
     let said = failure(remote(Peer::Element, &here, Some(client(folder))));
-    assert!(
-        said.contains("its certificate expired on 2003-01-01"),
-        "{said}"
-    );
+    assert!(said.contains("2003-01-01"), "{said}");
     assert!(matches!(here.end(), End::Tls(TlsFault::RefusedUs(_))));
 }
 

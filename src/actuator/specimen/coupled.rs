@@ -175,6 +175,7 @@ fn copy(to: &mut [f64], from: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gusset_quantity::assert_is;
 
     fn spec(stiffness: [[f64; 2]; 2]) -> CoupledSpec {
         CoupledSpec {
@@ -210,24 +211,24 @@ mod tests {
 
     #[test]
     fn invalid_matrix_is_refused() {
-        let text = |spec: &CoupledSpec, axes| spec.build(axes).unwrap_err().to_string();
-        assert_eq!(
-            text(&spec([[1.0, 0.5], [0.4, 1.0]]), 2),
-            "stiffness_n_per_m is not symmetric: entry (2, 1) is 0.4, its mirror image 0.5"
+        let refused = |spec: &CoupledSpec, axes| spec.build(axes).unwrap_err();
+        assert_is!(
+            refused(&spec([[1.0, 0.5], [0.4, 1.0]]), 2)
+            => LawError::Asymmetric { row: 2, column: 1, found: 0.4, mirror: 0.5, .. }
         );
-        assert_eq!(
-            text(&spec([[1.0, 0.0], [0.0, f64::NAN]]), 2),
-            "stiffness_n_per_m is NaN, but must be finite in every entry"
+        assert_is!(
+            refused(&spec([[1.0, 0.0], [0.0, f64::NAN]]), 2)
+            => LawError::Parameter { name: "stiffness_n_per_m", .. }
         );
-        assert_eq!(
-            text(&spec([[1.0, 0.0], [0.0, 1.0]]), 3),
-            "stiffness_n_per_m has 2 rows, but must have 3"
+        assert_is!(
+            refused(&spec([[1.0, 0.0], [0.0, 1.0]]), 3)
+            => LawError::Size { name: "stiffness_n_per_m", found: 2, wanted: 3, .. }
         );
         let mut ragged = spec([[1.0, 0.0], [0.0, 1.0]]);
         ragged.mass_kg = Some(vec![vec![1.0, 0.0], vec![1.0]]);
-        assert_eq!(
-            text(&ragged, 2),
-            "mass_kg has 1 columns in a row, but must have 2"
+        assert_is!(
+            refused(&ragged, 2)
+            => LawError::Size { name: "mass_kg", found: 1, wanted: 2, .. }
         );
     }
 }

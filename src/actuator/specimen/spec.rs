@@ -95,6 +95,7 @@ impl SpecimenLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gusset_quantity::assert_is;
 
     #[derive(Deserialize)]
     struct Keys {
@@ -120,11 +121,8 @@ mod tests {
         }
         assert_eq!(read("").unwrap(), None);
         let wrong = read(two).unwrap().unwrap().build(3).unwrap_err();
-        assert_eq!(wrong.to_string(), "laws has 2 entries, but must have 3");
+        assert_is!(wrong => LawError::Size { name: "laws", found: 2, wanted: 3, .. });
         let both = read(&format!("{two}\n{full}")).unwrap_err();
-        assert_eq!(
-            both.to_string(),
-            "laws and coupled are both given, but only one of them may be"
-        );
+        assert_is!(both => LawError::Exclusive { first: "laws", second: "coupled" });
     }
 }

@@ -238,7 +238,7 @@ mod tests {
         };
         assert!(warned(vec![0.0]).is_empty());
         let words = warned(Vec::new());
-        assert!(words.len() == 1 && words[0].contains("ITS POSITION IS UNKNOWN"));
+        assert!(words.len() == 1 && words[0].contains("UNKNOWN"));
         // The user is warned if the specimen reports another position than the file states.
         let warned = |standing| {
             let mut spec = PortSpec::new(
@@ -255,11 +255,7 @@ mod tests {
         assert_eq!(warned(Vec::new()), (0.01, Vec::new()));
         assert_eq!(warned(vec![0.01]), (0.01, Vec::new()));
         let (stands, words) = warned(vec![0.03]);
-        assert!(
-            stands == 0.03
-                && words.len() == 1
-                && words[0].contains("the reported position is used")
-        );
+        assert!(stands == 0.03 && words.len() == 1 && words[0].contains("reported position"));
     }
 
     /// Times by the clock of a retraced test mean nothing in the resumed test.
@@ -302,6 +298,6 @@ mod tests {
     #[test]
     fn reversed_channel_is_refused_first() {
         let refused = meets(-1.0).unwrap_err();
-        assert!(refused.text.contains("a channel is reversed"));
+        assert!(refused.text.contains("reversed"));
     }
 }

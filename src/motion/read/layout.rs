@@ -195,6 +195,7 @@ fn of_header(error: MotionError) -> MotionError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gusset_quantity::assert_is;
 
     const ANY: Settings = Settings {
         skip_rows: 0,
@@ -370,30 +371,30 @@ mod tests {
 
     #[test]
     fn bad_number_is_shown_with_line_and_column() {
-        let message = |text: &str| read(text).unwrap_err().to_string();
-        assert_eq!(
-            message("t,a\n0,1\n0.1, 1.x\n"),
-            "a.csv:3:6: wanted a number, found \"1.x\""
+        let refused = |text: &str| read(text).unwrap_err();
+        assert_is!(
+            refused("t,a\n0,1\n0.1, 1.x\n")
+            => MotionError::NotANumber { line: 3, column: 6, found, .. } if found == "1.x"
         );
-        assert_eq!(
-            message("t,a\n0,1\n0.1,\n"),
-            "a.csv:3: wanted 2 columns, found 1"
+        assert_is!(
+            refused("t,a\n0,1\n0.1,\n")
+            => MotionError::Ragged { line: 3, wanted: 2, found: 1, .. }
         );
-        assert_eq!(
-            message("t,a\n0,NaN\n"),
-            "a.csv:2:3: wanted a finite number, found NaN"
+        assert_is!(
+            refused("t,a\n0,NaN\n")
+            => MotionError::NotFinite { line: 2, column: 3, found, .. } if found == "NaN"
         );
-        assert_eq!(
-            message("t,a\n-inf,0\n"),
-            "a.csv:2:1: wanted a finite number, found -inf"
+        assert_is!(
+            refused("t,a\n-inf,0\n")
+            => MotionError::NotFinite { line: 2, column: 1, found, .. } if found == "-inf"
         );
-        assert_eq!(
-            message("1,2\n3,1e999\n"),
-            "a.csv:2:3: wanted a finite number, found 1e999"
+        assert_is!(
+            refused("1,2\n3,1e999\n")
+            => MotionError::NotFinite { line: 2, column: 3, found, .. } if found == "1e999"
         );
-        assert_eq!(
-            message("0.1x,2\n"),
-            "a.csv:1:1: wanted a number, found \"0.1x\""
+        assert_is!(
+            refused("0.1x,2\n")
+            => MotionError::NotANumber { line: 1, column: 1, found, .. } if found == "0.1x"
         );
         // A slip in the first row is not a header.
         for text in ["0.1x,2\n1,2\n", "0.1x\n1\n"] {
@@ -421,13 +422,13 @@ mod tests {
             let is_told = matches!(error, MotionError::NeitherHeaderNorRow { line: 2, .. });
             assert!(is_told, "{text:?}: {error}");
         }
-        assert_eq!(
-            message("1,2\n1,2,3\n"),
-            "a.csv:2: wanted 2 columns, found 3"
+        assert_is!(
+            refused("1,2\n1,2,3\n")
+            => MotionError::Ragged { line: 2, wanted: 2, found: 3, .. }
         );
-        assert_eq!(
-            message("a,b,c\n1,2\n"),
-            "a.csv:2: wanted 3 columns, found 2"
+        assert_is!(
+            refused("a,b,c\n1,2\n")
+            => MotionError::Ragged { line: 2, wanted: 3, found: 2, .. }
         );
     }
 

@@ -159,6 +159,7 @@ fn shape(header: &str) -> Option<Vec<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gusset_quantity::assert_is;
 
     /// A file as NumPy writes it, put together by hand.
     fn file(version: u8, dict: &str, data: &[u8]) -> Vec<u8> {
@@ -223,29 +224,29 @@ mod tests {
 
     #[test]
     fn unreadable_npy_is_reported() {
-        let message = |bytes: &[u8]| parse("a.npy", bytes).unwrap_err().to_string();
-        assert_eq!(
-            message(&file(1, &dict("<i4", "False", "(1,)"), &[0; 4])),
-            "a.npy:1: wanted numbers of type f8 or f4, found \"<i4\""
+        let refused = |bytes: &[u8]| parse("a.npy", bytes).unwrap_err();
+        assert_is!(
+            refused(&file(1, &dict("<i4", "False", "(1,)"), &[0; 4]))
+            => MotionError::Header { line: 1, found, .. } if found == "<i4"
         );
-        assert_eq!(
-            message(&file(1, &dict("<f8", "False", "(2,)"), &[0; 12])),
-            "a.npy: wanted 16 bytes of numbers, found 12"
+        assert_is!(
+            refused(&file(1, &dict("<f8", "False", "(2,)"), &[0; 12]))
+            => MotionError::Truncated { wanted: 16, found: 12, .. }
         );
-        assert_eq!(
-            message(&file(1, &dict("<f8", "False", "(1, 1, 1)"), &[0; 8])),
-            "a.npy:1: wanted one or two dimensions, found \"[1, 1, 1]\""
+        assert_is!(
+            refused(&file(1, &dict("<f8", "False", "(1, 1, 1)"), &[0; 8]))
+            => MotionError::Header { line: 1, found, .. } if found == "[1, 1, 1]"
         );
         let huge = file(1, &dict("<f8", "False", "(99999999999,)"), &[0; 8]);
-        assert!(message(&huge).contains("at most"));
-        assert!(message(&file(9, "", &[])).contains("version 1, 2 or 3"));
+        assert_is!(refused(&huge) => MotionError::TooLarge { what: "values", .. });
+        assert_is!(refused(&file(9, "", &[])) => MotionError::Header { .. });
         let nan: Vec<u8> = [1.0, f64::NAN]
             .iter()
             .flat_map(|v| v.to_le_bytes())
             .collect();
-        assert_eq!(
-            message(&file(1, &dict("<f8", "False", "(2,)"), &nan)),
-            "a.npy:2:1: wanted a finite number, found NaN"
+        assert_is!(
+            refused(&file(1, &dict("<f8", "False", "(2,)"), &nan))
+            => MotionError::NotFinite { line: 2, column: 1, .. }
         );
     }
 

@@ -98,6 +98,8 @@ impl LawSpec {
 
 #[cfg(test)]
 mod tests {
+    use gusset_quantity::assert_is;
+
     use super::*;
 
     #[test]
@@ -108,15 +110,15 @@ mod tests {
             .unwrap()
             .build()
             .unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "parallel entry 2: gap_m is -0.1, but must be finite and not negative"
-        );
         assert_eq!(error.key(), "gap_m");
+        assert_is!(
+            error
+            => LawError::Entry { list: "parallel", index: 2, reason } if matches!(**reason, LawError::Parameter { found: -0.1, .. })
+        );
         let empty = toml::from_str::<LawSpec>("parallel = []").unwrap();
-        assert_eq!(
-            empty.build().unwrap_err().to_string(),
-            "parallel has 0 entries, but must have 1"
+        assert_is!(
+            empty.build().err()
+            => Some(LawError::Size { name: "parallel", found: 0, wanted: 1, .. })
         );
     }
 

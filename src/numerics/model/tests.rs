@@ -1,4 +1,4 @@
-//! Structures against hand-written matrices, rigid-body invariance and modal identities; descriptions against messages.
+//! Structures against hand-written matrices, rigid-body invariance and modal identities; descriptions against the kinds of their errors.
 
 mod damping;
 mod descriptions;
@@ -6,11 +6,12 @@ mod matrices;
 mod parse;
 mod runs;
 
+use gusset_quantity::assert_is;
 use proptest::prelude::*;
 
 use super::*;
 use crate::law::Tangent;
-use crate::linalg::{SymMatrix, modes};
+use crate::linalg::{MatrixError, SymMatrix, modes};
 
 /// f = k d + h d |d| + c v plus a plastic slider that remembers its set: enough memory to see commits.
 #[derive(Debug, Clone, Default)]

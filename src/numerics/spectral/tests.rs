@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use gusset_quantity::assert_is;
 use nalgebra::{DMatrix, Matrix3, Vector2};
 
 use super::delay::{
@@ -431,10 +432,10 @@ fn damping_of_the_specimen_is_delayed() {
 fn missing_delay_analysis_has_a_reason() {
     let mut system = one(0.02, 0.5);
     let wrong = discrete(&system, 0.0, 4.0, None).unwrap_err();
-    assert_eq!(wrong.to_string(), "dt is 0, but must be greater than 0");
+    assert_is!(wrong => delay::DelayError::Parameter { name: "dt", found: 0.0 });
     // λ = 100 at Ω = 2.6: unstable before any delay.
     let early = discrete(&system, 2.6 / TAU, 100.0, None).unwrap_err();
-    assert!(early.to_string().contains("without any delay"), "{early}");
+    assert_is!(early => delay::DelayError::Unstable { .. });
     system.mass[(0, 0)] = 0.0;
     assert_eq!(continuous(&system), Err(delay::DelayError::Massless));
     // Undamped: no delay is stable.

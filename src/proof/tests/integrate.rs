@@ -5,8 +5,9 @@ use proptest::prelude::*;
 
 use super::*;
 use gusset_numerics::integrate::*;
-use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::linalg::{NotPositiveDefinite, SymMatrix};
 use gusset_numerics::model::Part;
+use gusset_quantity::assert_is;
 
 mod by_rows;
 mod companions;

@@ -101,10 +101,12 @@ mod tests {
         let said = warnings(&format!(
             "{plastic}axis = [{{ {gear}, offset_m = 0.05 }}]\n"
         ));
-        let words = "at rest the law of \"brace\" gives -15 kN to the structure";
-        assert!(said.contains(words), "{said}");
+        assert!(
+            said.contains("at rest") && said.contains("-15 kN"),
+            "{said}"
+        );
         let said = warnings(&format!("{plastic}axis = [{{ offset_n = 500 }}]\n"));
-        assert!(said.contains("gives -500 N to the structure"), "{said}");
+        assert!(said.contains("-500 N"), "{said}");
         let silent = [
             // Nothing is off.
             format!("{plastic}axis = [{{ {gear} }}]\n"),
@@ -118,7 +120,7 @@ mod tests {
         ];
         for specimen in silent {
             let said = warnings(&specimen);
-            assert!(!said.contains("at rest the law"), "{specimen}{said}");
+            assert!(!said.contains("at rest"), "{specimen}{said}");
         }
     }
 }

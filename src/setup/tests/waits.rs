@@ -30,19 +30,18 @@ fn each_wait_has_a_maximum() {
         ("record.checkpoint_s", "1e5", "3600 s"),
         ("certificate.trials", "4000000000", "1000000"),
     ] {
-        let headline = format!("`{key}` must be at most {most}");
-        refused_as(GOOD, &format!("{key}={value}"), &[&headline, "found "]);
+        refused_as(
+            GOOD,
+            &format!("{key}={value}"),
+            &[&format!("`{key}`"), most],
+        );
     }
     refused_as(
         GOOD,
         "timing.warmup_ticks=100000000",
-        &["must be at most 614400", "97656.25 s"],
+        &["614400", "97656.25 s"],
     );
-    refused_as(
-        GOOD,
-        "time.scale=1e7",
-        &["a tick takes 9765.625 s of wall time"],
-    );
+    refused_as(GOOD, "time.scale=1e7", &["9765.625 s"]);
     assert!(read(GOOD, &["time.scale=1e7", "time.clock=simulated"]).is_ok());
     let speed = read(
         GOOD,
@@ -51,15 +50,12 @@ fn each_wait_has_a_maximum() {
             "safety.at_end=zero_displacement",
         ],
     );
-    shows(&speed.unwrap_err().to_string(), "must be at least 1e-6 m/s");
+    shows(&speed.unwrap_err().to_string(), "1e-6 m/s");
     let newton = [
         "integrator.method=newmark_average",
         "integrator.newton_iterations=4000000000",
     ];
-    shows(
-        &read(GOOD, &newton).unwrap_err().to_string(),
-        "must be at most 10000",
-    );
+    shows(&read(GOOD, &newton).unwrap_err().to_string(), "10000");
 }
 
 #[test]
@@ -79,17 +75,15 @@ fn each_link_wait_has_a_maximum() {
         ("probe_ramp_s", "1e4", "600 s"),
         ("spin_us", "1e7", "1000000 µs"),
     ] {
-        let headline = format!("`specimen[0].link.{key}` must be at most {most}");
+        let key_path = format!("`specimen[0].link.{key}`");
         let set = format!("specimen.0.link.{key}={value}");
         let error = read(&text, &[&set]).unwrap_err().to_string();
-        shows(&error, &headline);
+        shows(&error, &key_path);
+        shows(&error, most);
     }
     // A watchdog shorter than the pause between two commands is refused.
     let error = read(&text, &["specimen.0.link.watchdog_s=1e-6"]).unwrap_err();
-    shows(
-        &error.to_string(),
-        "`specimen[0].link.watchdog_s` must be at least",
-    );
+    shows(&error.to_string(), "`specimen[0].link.watchdog_s`");
 }
 
 #[test]
@@ -113,11 +107,7 @@ fn invalid_count_shows_its_range() {
         ("timing.priority=300", "from 0 to 255", "found 300"),
         ("timing.priority=-1", "from 0 to 255", "found -1"),
     ] {
-        refused_as(
-            GOOD,
-            set,
-            &[&format!("must be a whole number {allowed}"), found],
-        );
+        refused_as(GOOD, set, &[allowed, found]);
     }
 }
 
@@ -150,20 +140,14 @@ fn terminal_codes_are_refused_or_spelt() {
     for key in ["title", "safety.unlimited"] {
         for c in ["\\u001b[2J", "\\u0007", "\\u202e", "\\u200b", "\\ufeff"] {
             let set = format!("{key}=\"a{c}b\"");
-            refused_as(
-                GOOD,
-                &set,
-                &[&format!(
-                    "`{key}` contains a character that cannot be printed"
-                )],
-            );
+            refused_as(GOOD, &set, &[&format!("`{key}`")]);
         }
     }
     accepted(GOOD, &["title=\"Prüfling № 3 — µ\""]);
     let text = GOOD.replace("name = \"bottom\"", "name = \"a\\u001b[31mb\"");
     let raw = read(&text, &[]).unwrap_err().to_string();
     assert!(!raw.contains('\u{1b}'), "{raw:?}");
-    shows(&raw, "cannot name a specimen");
+    shows(&raw, "cannot name");
     let driven = PRESCRIBED.replace("specimen = \"damper\"", "specimen = \"x\\u001b[31m\"");
     let error = read(&driven, &[]).unwrap_err().to_string();
     assert!(!error.contains('\u{1b}'), "{error:?}");

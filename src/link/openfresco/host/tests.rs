@@ -243,12 +243,12 @@ fn first_command_steps_from_the_position() {
     host.end(Cause::Done, "");
     // As genericClient does: it begins at zero, at any position of the specimen.
     let told = host.begin(&controller(), &mut || Ok(())).unwrap();
-    assert!(told.iter().any(|text| text.contains("is at 40 mm")));
+    assert!(told.iter().any(|text| text.contains(" 40 mm")));
     assert_eq!(host.response().disp, [0.04]);
     let fault = host.trial(Course::First, &at(&[0.0], 0.0), None, &mut || true);
     let text = host.whole(fault.unwrap_err());
     assert!(text.contains("command_step_m"), "{text}");
-    assert!(text.contains("is at 40 mm"), "{text}");
+    assert!(text.contains(" 40 mm"), "{text}");
     host.end(Cause::Protocol, "");
     let over = host.begin(&controller(), &mut || Ok(())).unwrap_err();
     assert!(over.text.contains("command_step_m"), "{}", over.text);

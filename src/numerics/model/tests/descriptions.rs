@@ -4,24 +4,24 @@ use super::*;
 
 #[test]
 fn bad_descriptions_name_key_and_file() {
-    let text = |spec: &StructureSpec| build(spec).unwrap_err().to_string();
-    assert_eq!(
-        text(&building(&[1.0, 1.0], &[1.0], None)),
-        "stiffness_n_per_m has 1 entries, but mass_kg has 2"
+    let refused = |spec: &StructureSpec| build(spec).unwrap_err();
+    assert_is!(
+        refused(&building(&[1.0, 1.0], &[1.0], None))
+        => BuildError::Length { key: "stiffness_n_per_m", expected: 2, found: 1 }
     );
-    assert_eq!(
-        text(&building(&[1.0, 1.0], &[1.0, -5.0], None)),
-        "stiffness_n_per_m of storey 2 is -5, but must be finite and not negative"
+    assert_is!(
+        refused(&building(&[1.0, 1.0], &[1.0, -5.0], None))
+        => BuildError::Value { key: "stiffness_n_per_m", place: "storey", number: 2, found: -5.0, .. }
     );
-    assert_eq!(
-        text(&building(&[f64::NAN, 1.0], &[1.0, 0.0], None)),
-        "mass_kg of floor 1 is NaN, but must be finite and not negative"
+    assert_is!(
+        refused(&building(&[f64::NAN, 1.0], &[1.0, 0.0], None))
+        => BuildError::Value { key: "mass_kg", place: "floor", number: 1, .. }
     );
-    assert!(text(&building(&[0.0, 0.0], &[1.0, 1.0], None)).contains("every mass is zero"));
-    assert!(text(&building(&[], &[], None)).contains("at least one degree of freedom"));
-    assert!(
-        text(&building(&[1.0], &[1.0], Some(&[1.0, 2.0])))
-            .contains("damping_n_s_per_m has 2 entries")
+    assert_is!(refused(&building(&[0.0, 0.0], &[1.0, 1.0], None)) => BuildError::NoMass);
+    assert_is!(refused(&building(&[], &[], None)) => BuildError::Model(ModelError::Empty));
+    assert_is!(
+        refused(&building(&[1.0], &[1.0], Some(&[1.0, 2.0])))
+        => BuildError::Length { key: "damping_n_s_per_m", found: 2, .. }
     );
     let chain = |dofs, mass_kg, stiffness_n_per_m| {
         StructureSpec::Chain(ChainSpec {
@@ -32,86 +32,65 @@ fn bad_descriptions_name_key_and_file() {
             absolute_damper: None,
         })
     };
-    assert_eq!(
-        text(&chain(0, 1.0, 1.0)),
-        "dofs is 0, but must be 1 to 1000000"
+    assert_is!(refused(&chain(0, 1.0, 1.0)) => BuildError::Chain { key: "dofs", found: 0.0, .. });
+    assert_is!(
+        refused(&chain(2, 0.0, 1.0))
+        => BuildError::Chain { key: "mass_kg", found: 0.0, .. }
     );
-    assert_eq!(
-        text(&chain(2, 0.0, 1.0)),
-        "mass_kg is 0, but must be finite and greater than 0"
+    assert_is!(
+        refused(&chain(2, 1.0, f64::INFINITY))
+        => BuildError::Chain { key: "stiffness_n_per_m", found: f64::INFINITY, .. }
     );
-    assert!(text(&chain(2, 1.0, f64::INFINITY)).contains("stiffness_n_per_m is inf"));
 
     let rows = |rows: &[&[f64]]| Some(rows.iter().map(|r| r.to_vec()).collect::<Vec<_>>());
-    let matrices = |spec| text(&StructureSpec::Matrices(spec));
+    let matrices = |spec| refused(&StructureSpec::Matrices(spec));
     let good = MatricesSpec {
         mass: rows(&[&[1.0, 0.0], &[0.0, 1.0]]),
         stiffness: rows(&[&[2.0, -1.0], &[-1.0, 1.0]]),
         ..MatricesSpec::default()
     };
     assert!(build(&StructureSpec::Matrices(good.clone())).is_ok());
-    assert_eq!(
-        matrices(MatricesSpec {
-            mass: None,
-            ..good.clone()
-        }),
-        "give mass either inline or as mass_file"
+    assert_is!(
+        matrices(MatricesSpec { mass: None, ..good.clone() })
+        => BuildError::Source { key: "mass", both: false }
     );
-    assert_eq!(
-        matrices(MatricesSpec {
-            mass_file: Some("m.csv".to_owned()),
-            ..good.clone()
-        }),
-        "give mass either inline or as mass_file, not both"
+    assert_is!(
+        matrices(MatricesSpec { mass_file: Some("m.csv".to_owned()), ..good.clone() })
+        => BuildError::Source { key: "mass", both: true }
     );
-    assert_eq!(
-        matrices(MatricesSpec {
-            stiffness: rows(&[&[2.0, -1.0], &[-1.0]]),
-            ..good.clone()
-        }),
-        "stiffness: row 2 has 1 entries, but row 1 has 2"
+    assert_is!(
+        matrices(MatricesSpec { stiffness: rows(&[&[2.0, -1.0], &[-1.0]]), ..good.clone() })
+        => BuildError::Ragged { key: "stiffness", row: 2, expected: 2, found: 1 }
     );
-    assert_eq!(
-        matrices(MatricesSpec {
-            stiffness: rows(&[&[2.0, -1.0]]),
-            ..good.clone()
-        }),
-        "stiffness: must be square, but is 1 by 2"
+    assert_is!(
+        matrices(MatricesSpec { stiffness: rows(&[&[2.0, -1.0]]), ..good.clone() })
+        => BuildError::Matrix { key, source: MatrixError::NotSquare { rows: 1, columns: 2 } } if key == "stiffness"
     );
-    assert_eq!(
-        matrices(MatricesSpec {
-            damping: rows(&[&[2.0, -1.0], &[-0.5, 1.0]]),
-            ..good.clone()
-        }),
-        "damping: must be symmetric, but entry (1, 2) is -1 and entry (2, 1) is -0.5"
+    assert_is!(
+        matrices(MatricesSpec { damping: rows(&[&[2.0, -1.0], &[-0.5, 1.0]]), ..good.clone() })
+        => BuildError::Matrix { key, source: MatrixError::Asymmetric { row: 0, column: 1, here: -1.0, there: -0.5 } } if key == "damping"
     );
-    assert_eq!(
-        matrices(MatricesSpec {
-            stiffness: rows(&[&[2.0]]),
-            ..good.clone()
-        }),
-        "stiffness has 1 degrees of freedom, but the mass matrix has 2"
+    assert_is!(
+        matrices(MatricesSpec { stiffness: rows(&[&[2.0]]), ..good.clone() })
+        => BuildError::Model(ModelError::Size { what: "stiffness", expected: 2, found: 1 })
     );
-    assert_eq!(
-        matrices(MatricesSpec {
-            damping_file: Some("c.npy".to_owned()),
-            ..good.clone()
-        }),
-        "damping_file: the file c.npy was not read"
+    assert_is!(
+        matrices(MatricesSpec { damping_file: Some("c.npy".to_owned()), ..good.clone() })
+        => BuildError::File { key: "damping_file", file } if file == "c.npy"
     );
-    assert!(
-        matrices(MatricesSpec {
-            influence: Some(vec![1.0]),
-            ..good
-        })
-        .contains("influence has 1")
+    assert_is!(
+        matrices(MatricesSpec { influence: Some(vec![1.0]), ..good })
+        => BuildError::Model(ModelError::Size { what: "influence", found: 1, .. })
     );
 }
 
 #[test]
 fn bad_damping_rules_are_explained() {
     let spec = building(&[1.0, 1.0], &[100.0, 100.0], None);
-    let text = |rule| damped(&spec, rule).unwrap_err().to_string();
+    let refused = |rule| match damped(&spec, rule).unwrap_err() {
+        BuildError::Damping(error) => error,
+        other => panic!("{other:?}"),
+    };
     let ratio = |ratio, first_hz, second_hz, modes| {
         DampingSpec::RayleighRatio(RayleighRatioSpec {
             ratio,
@@ -125,30 +104,36 @@ fn bad_damping_rules_are_explained() {
             ratios: ratios.to_vec(),
         })
     };
-    assert_eq!(
-        text(ratio(5.0, Some(1.0), Some(2.0), None)),
-        "damping: ratio is 5, but must be a fraction of critical from 0 to below 1"
+    assert_is!(
+        refused(ratio(5.0, Some(1.0), Some(2.0), None))
+        => DampingError::Number { key: "ratio", found: 5.0, .. }
     );
-    assert!(
-        text(ratio(0.02, Some(1.0), None, None))
-            .contains("either first_hz and second_hz, or modes")
+    assert_is!(refused(ratio(0.02, Some(1.0), None, None)) => DampingError::WhichFrequencies);
+    assert_is!(
+        refused(ratio(0.02, Some(1.0), Some(2.0), Some([1, 2])))
+        => DampingError::WhichFrequencies
     );
-    assert!(text(ratio(0.02, Some(1.0), Some(2.0), Some([1, 2]))).contains("either"));
-    assert!(text(ratio(0.02, Some(1.0), Some(1.0), None)).contains("must be different"));
-    assert!(
-        text(ratio(0.02, Some(f64::NAN), Some(1.0), None))
-            .contains("must be different and greater than 0")
+    assert_is!(
+        refused(ratio(0.02, Some(1.0), Some(1.0), None))
+        => DampingError::Frequencies { first_hz: 1.0, second_hz: 1.0 }
     );
-    assert!(text(ratio(0.02, None, None, Some([1, 3]))).contains("mode 3 does not exist"));
-    assert!(text(ratio(0.02, None, None, Some([0, 1]))).contains("mode 0 does not exist"));
-    assert!(text(modal(&[0.1, 0.1, 0.1])).contains("3 damping ratios for 2 modes"));
-    assert!(text(modal(&[])).contains("0 damping ratios"));
+    assert_is!(
+        refused(ratio(0.02, Some(f64::NAN), Some(1.0), None))
+        => DampingError::Frequencies { second_hz: 1.0, .. }
+    );
+    assert_is!(
+        refused(ratio(0.02, None, None, Some([1, 3])))
+        => DampingError::NoSuchMode { mode: 3, available: 2 }
+    );
+    assert_is!(
+        refused(ratio(0.02, None, None, Some([0, 1])))
+        => DampingError::NoSuchMode { mode: 0, .. }
+    );
+    assert_is!(refused(modal(&[0.1, 0.1, 0.1])) => DampingError::Ratios { found: 3, modes: 2 });
+    assert_is!(refused(modal(&[])) => DampingError::Ratios { found: 0, .. });
     let given = building(&[1.0], &[1.0], Some(&[0.1]));
-    let twice = damped(&given, modal(&[0.1])).unwrap_err().to_string();
-    assert_eq!(
-        twice,
-        "damping is given twice: as damping_n_s_per_m and by a rule; remove one"
-    );
+    let twice = damped(&given, modal(&[0.1])).unwrap_err();
+    assert_is!(twice => BuildError::DampingTwice { given: "damping_n_s_per_m" });
     let long = StructureSpec::Chain(ChainSpec {
         dofs: 301,
         mass_kg: 1.0,
@@ -156,11 +141,8 @@ fn bad_damping_rules_are_explained() {
         damping_n_s_per_m: None,
         absolute_damper: None,
     });
-    let text = damped(&long, modal(&[0.02])).unwrap_err().to_string();
-    assert!(
-        text.contains("301 degrees of freedom are beyond the limit of 300"),
-        "{text}"
-    );
+    let long = damped(&long, modal(&[0.02])).unwrap_err();
+    assert_is!(long => BuildError::Damping(DampingError::TooLarge { n: 301 }));
 }
 
 #[test]
@@ -169,19 +151,11 @@ fn storeys_are_rows_or_an_error() {
     assert_eq!(spec.storey_row(1).unwrap(), [(0, 1.0)]);
     assert_eq!(spec.storey_row(3).unwrap(), [(1, -1.0), (2, 1.0)]);
     for storey in [0, 4] {
-        assert_eq!(
-            spec.storey_row(storey).unwrap_err().to_string(),
-            format!("storey {storey} does not exist, the structure has storeys 1 to 3")
-        );
+        let refused = spec.storey_row(storey).unwrap_err();
+        assert_eq!(refused, BuildError::NoSuchStorey { storey, storeys: 3 });
     }
     let matrices = StructureSpec::Matrices(MatricesSpec::default());
-    assert!(
-        matrices
-            .storey_row(1)
-            .unwrap_err()
-            .to_string()
-            .contains("has no storeys")
-    );
+    assert_eq!(matrices.storey_row(1), Err(BuildError::NoStoreys));
 }
 
 #[test]
@@ -221,7 +195,7 @@ fn toml_descriptions_explain_bad_ends() {
             .unwrap_err()
             .to_string();
         assert!(
-            message.contains("a degree of freedom counted from 1, \"ground\" or \"fixed\""),
+            message.contains("\"ground\"") && message.contains("\"fixed\""),
             "{message}"
         );
     }

@@ -9,6 +9,7 @@ use gusset_numerics::integrate::*;
 use gusset_numerics::law::{BilinearSpec, BiviscousSpec, CubicSpec, Law, Reach};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{Base, Element, End, Structure};
+use gusset_quantity::assert_is;
 
 /// What can be stepped, by name.
 #[derive(Debug, Clone, Copy, PartialEq)]

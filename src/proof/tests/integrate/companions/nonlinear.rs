@@ -169,8 +169,7 @@ fn massless_joint_follows_statically() {
         CentralDifference::new(&m, &c, &k, 0.1, newton).err(),
         Chang2002::new(&m, &c, &k, 0.1, newton).err(),
     ] {
-        let text = refused.unwrap().to_string();
-        assert!(text.contains("degree of freedom 2 has no mass"), "{text}");
+        assert_is!(refused.unwrap() => MethodError::Massless { dof: 1 });
     }
 }
 
@@ -204,11 +203,6 @@ fn lost_equilibrium_names_step_and_dof() {
     } = failed;
     assert_eq!((step, iterations), (1, 1));
     assert!(residual.is_finite());
-    let text = failed.to_string();
-    assert!(
-        text.starts_with("step 1: no equilibrium in 1 iterations")
-            && text.contains("degree of freedom")
-    );
 }
 
 #[test]
