@@ -424,31 +424,30 @@ impl RawTable {
 }
 
 #[cfg(test)]
-const FORMATS: [RecordFormat; 18] = [
-    RecordFormat::Peer,
-    RecordFormat::Table,
-    RecordFormat::Csv,
-    RecordFormat::TwoColumn,
-    RecordFormat::OneColumn,
-    RecordFormat::List,
-    RecordFormat::Npy,
-    RecordFormat::Knet,
-    RecordFormat::Cosmos,
-    RecordFormat::Csmip,
-    RecordFormat::Esm,
-    RecordFormat::Geonet,
-    RecordFormat::Nsmn,
-    RecordFormat::Cwa,
-    RecordFormat::Smc,
-    RecordFormat::Bbp,
-    RecordFormat::Unam,
-    RecordFormat::Renadic,
-];
-
-#[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    pub(super) const FORMATS: [RecordFormat; 18] = [
+        RecordFormat::Peer,
+        RecordFormat::Table,
+        RecordFormat::Csv,
+        RecordFormat::TwoColumn,
+        RecordFormat::OneColumn,
+        RecordFormat::List,
+        RecordFormat::Npy,
+        RecordFormat::Knet,
+        RecordFormat::Cosmos,
+        RecordFormat::Csmip,
+        RecordFormat::Esm,
+        RecordFormat::Geonet,
+        RecordFormat::Nsmn,
+        RecordFormat::Cwa,
+        RecordFormat::Smc,
+        RecordFormat::Bbp,
+        RecordFormat::Unam,
+        RecordFormat::Renadic,
+    ];
 
     /// Whatever comes back is a valid record.
     fn read_all_ways(bytes: &[u8]) {

@@ -38,7 +38,7 @@ mod stiffened;
 mod uniaxial;
 
 #[cfg(test)]
-mod restored;
+mod tests;
 
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;

@@ -20,7 +20,7 @@ mod plastic;
 mod spec;
 
 #[cfg(test)]
-mod contract;
+mod tests;
 
 use thiserror::Error;
 
