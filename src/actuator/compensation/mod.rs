@@ -141,7 +141,8 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         &[]
     }
 
-    /// Bounds of each parameter; both are equal where nothing adapts.
+    /// Bounds of each parameter; empty where nothing adapts.
+    #[cfg(test)]
     fn bounds(&self) -> &[(f64, f64)] {
         &[]
     }
