@@ -8,6 +8,7 @@ use std::fmt;
 use thiserror::Error;
 
 use super::unit::{Quantity, Unit};
+pub(super) use gusset_quantity::domain::{OutOfDomain, finite, inside, not_negative, positive};
 
 /// A number in a message: six significant digits at most, as a plain decimal if that is short.
 #[derive(Debug, Clone, Copy)]
@@ -355,15 +356,8 @@ pub enum MotionError {
         what: &'static str,
     },
     /// A number outside its domain.
-    #[error("{name} is {found}, but must be {allowed}")]
-    Parameter {
-        /// The key, as the test file spells it.
-        name: &'static str,
-        /// The value given.
-        found: f64,
-        /// The domain, in words.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// Keys of which exactly one must be given.
     #[error("give exactly one of {names}: {found} are given")]
     ExactlyOne {
@@ -466,46 +460,13 @@ impl MotionError {
     #[must_use]
     pub const fn key(&self) -> Option<&'static str> {
         match self {
-            Self::Parameter { name, .. } => Some(name),
+            Self::Parameter(out) => Some(out.name),
             Self::NotApplicable { key, .. } => Some(key),
             Self::UnitMismatch { key, .. } => *key,
             Self::UnitMissing { .. } | Self::Unreadable { .. } => Some("path"),
             _ => None,
         }
     }
-}
-
-/// `found` if it is inside its domain.
-pub(super) fn inside(
-    name: &'static str,
-    found: f64,
-    is_inside: bool,
-    allowed: &'static str,
-) -> Result<f64, MotionError> {
-    if is_inside && found.is_finite() {
-        Ok(found)
-    } else {
-        Err(MotionError::Parameter {
-            name,
-            found,
-            allowed,
-        })
-    }
-}
-
-/// Finite and greater than zero.
-pub(super) fn positive(name: &'static str, found: f64) -> Result<f64, MotionError> {
-    inside(name, found, found > 0.0, "finite and greater than zero")
-}
-
-/// Finite and at least zero.
-pub(super) fn not_negative(name: &'static str, found: f64) -> Result<f64, MotionError> {
-    inside(name, found, found >= 0.0, "finite and at least zero")
-}
-
-/// Finite.
-pub(super) fn finite(name: &'static str, found: f64) -> Result<f64, MotionError> {
-    inside(name, found, true, "finite")
 }
 
 /// Every entry finite.

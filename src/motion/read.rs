@@ -626,7 +626,7 @@ mod tests {
                 ..ReadOptions::default()
             };
             let error = parse_record("a.txt", b"1\n2\n", &options).unwrap_err();
-            assert!(matches!(error, MotionError::Parameter { name: "dt_s", .. }));
+            assert!(matches!(error, MotionError::Parameter(out) if out.name == "dt_s"));
         }
     }
 

@@ -582,7 +582,7 @@ pub(super) mod tests {
                 frequency_hz: Some(0.0),
                 ..sine()
             }),
-            "frequency_hz is 0, but must be finite and greater than zero"
+            "frequency_hz is 0, but must be finite and greater than 0"
         );
         assert_eq!(
             message(Sine {
