@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::unit::{Quantity, Unit};
 pub(super) use gusset_quantity::domain::{OutOfDomain, finite, inside, not_negative, positive};
+use gusset_quantity::npy::NpyError;
 
 /// A number in a message: six significant digits at most, as a plain decimal if that is short.
 #[derive(Debug, Clone, Copy)]
@@ -66,7 +67,10 @@ pub enum MotionError {
         line: usize,
     },
     /// A word in place of a number.
-    #[error("{file}:{line}:{column}: wanted a number, found {}", word(found))]
+    #[error(
+        "{file}:{line}:{column}: wanted a number, found {}{advice}",
+        word(found)
+    )]
     NotANumber {
         /// Name of the file.
         file: String,
@@ -76,35 +80,8 @@ pub enum MotionError {
         column: usize,
         /// The word.
         found: String,
-    },
-    /// A word where a number must be, in a file that only its first lines show to be one of PEER.
-    #[error(
-        "{file}:{line}:{column}: wanted a number, found {found:?} (the file is read as peer because a line states NPTS and DT: \
-         format = \"table\" reads it as a table)"
-    )]
-    NotPeer {
-        /// Name of the file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column of the first character, from 1.
-        column: usize,
-        /// The word.
-        found: String,
-    },
-    /// A line before the table that is neither words nor a row of numbers.
-    #[error(
-        "{file}:{line}:{column}: wanted a number, found {found:?} (if the line belongs to a header: skip_rows = {line})"
-    )]
-    NeitherHeaderNorRow {
-        /// Name of the file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column of the first character, from 1.
-        column: usize,
-        /// The word.
-        found: String,
+        /// How else to read the file, in brackets; empty where no other way is likely.
+        advice: String,
     },
     /// NaN, an infinity, or a number beyond the range of a double.
     #[error("{file}:{line}:{column}: wanted a finite number, found {found}")]
@@ -208,15 +185,13 @@ pub enum MotionError {
         /// Why it is not read, or what to do.
         reason: &'static str,
     },
-    /// A header that promises another number of bytes than follow.
-    #[error("{file}: wanted {wanted} bytes of numbers, found {found}")]
-    Truncated {
+    /// A `.npy` file that is not understood.
+    #[error("{file}: {source}")]
+    Npy {
         /// Name of the file.
         file: String,
-        /// Bytes that shape and type ask for.
-        wanted: usize,
-        /// Bytes after the header.
-        found: usize,
+        /// The error.
+        source: NpyError,
     },
     /// Neither the file nor the test file says the time step.
     #[error(
@@ -427,22 +402,12 @@ pub enum MotionError {
 }
 
 impl MotionError {
-    /// This error for a file that only its first lines show to be one of PEER.
-    pub(super) fn of_peer(self) -> Self {
-        match self {
-            Self::NotANumber {
-                file,
-                line,
-                column,
-                found,
-            } => Self::NotPeer {
-                file,
-                line,
-                column,
-                found,
-            },
-            other => other,
+    /// The same error; one about a word in place of a number with advice.
+    pub(super) fn advised(mut self, text: impl fmt::Display) -> Self {
+        if let Self::NotANumber { advice, .. } = &mut self {
+            *advice = format!(" ({text})");
         }
+        self
     }
 
     /// Advice to the user that the message does not contain.

@@ -2,11 +2,14 @@
 //!
 //! All internal values are in SI units. A unit is a key beside its number, and is never guessed.
 
+use Quantity::{Acceleration, Displacement, Force, Velocity};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Standard acceleration of gravity in m/s² (CGPM 1901): what `g` means here.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
+/// The same, short enough for one line of the table of units.
+const G: f64 = STANDARD_GRAVITY;
 
 /// A unit of time as headers spell it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +23,11 @@ pub(crate) struct TimeUnit {
 /// Spellings of a unit of time, its seconds, and in how many of it.
 const TIMES: [(&str, f64, f64); 7] = [
     ("s sec secs second seconds", 1.0, 1.0),
-    ("ms msec msecs millisec millisecs millisecond milliseconds", 1.0, 1e3),
+    (
+        "ms msec msecs millisec millisecs millisecond milliseconds",
+        1.0,
+        1e3,
+    ),
     ("us µs μs usec usecs microsecond microseconds", 1.0, 1e6),
     ("ns nsec nsecs nanosecond nanoseconds", 1.0, 1e9),
     ("min mins minute minutes", 60.0, 1.0),
@@ -92,29 +99,29 @@ pub enum Quantity {
 
 /// Every unit in the order of [`Unit`]: its spelling in a test file, its quantity, and SI units in one of it.
 const UNITS: [(Unit, &str, Quantity, f64); 23] = [
-    (Unit::MetrePerSecond2, "m/s2", Quantity::Acceleration, 1.0),
-    (Unit::Gravity, "g", Quantity::Acceleration, STANDARD_GRAVITY),
-    (Unit::MilliGravity, "mg", Quantity::Acceleration, STANDARD_GRAVITY / 1000.0),
-    (Unit::PercentGravity, "%g", Quantity::Acceleration, STANDARD_GRAVITY / 100.0),
-    (Unit::TenthGravity, "g/10", Quantity::Acceleration, STANDARD_GRAVITY / 10.0),
-    (Unit::Gal, "gal", Quantity::Acceleration, 0.01),
-    (Unit::CentimetrePerSecond2, "cm/s2", Quantity::Acceleration, 0.01),
-    (Unit::MillimetrePerSecond2, "mm/s2", Quantity::Acceleration, 0.001),
-    (Unit::InchPerSecond2, "in/s2", Quantity::Acceleration, 0.0254),
-    (Unit::FootPerSecond2, "ft/s2", Quantity::Acceleration, 0.3048),
-    (Unit::MetrePerSecond, "m/s", Quantity::Velocity, 1.0),
-    (Unit::CentimetrePerSecond, "cm/s", Quantity::Velocity, 0.01),
-    (Unit::MillimetrePerSecond, "mm/s", Quantity::Velocity, 0.001),
-    (Unit::InchPerSecond, "in/s", Quantity::Velocity, 0.0254),
-    (Unit::Metre, "m", Quantity::Displacement, 1.0),
-    (Unit::Centimetre, "cm", Quantity::Displacement, 0.01),
-    (Unit::Millimetre, "mm", Quantity::Displacement, 0.001),
-    (Unit::Inch, "in", Quantity::Displacement, 0.0254),
-    (Unit::Foot, "ft", Quantity::Displacement, 0.3048),
-    (Unit::Newton, "N", Quantity::Force, 1.0),
-    (Unit::Kilonewton, "kN", Quantity::Force, 1000.0),
-    (Unit::PoundForce, "lbf", Quantity::Force, 4.448_221_615_260_5),
-    (Unit::Kip, "kip", Quantity::Force, 4_448.221_615_260_5),
+    (Unit::MetrePerSecond2, "m/s2", Acceleration, 1.0),
+    (Unit::Gravity, "g", Acceleration, G),
+    (Unit::MilliGravity, "mg", Acceleration, G / 1000.0),
+    (Unit::PercentGravity, "%g", Acceleration, G / 100.0),
+    (Unit::TenthGravity, "g/10", Acceleration, G / 10.0),
+    (Unit::Gal, "gal", Acceleration, 0.01),
+    (Unit::CentimetrePerSecond2, "cm/s2", Acceleration, 0.01),
+    (Unit::MillimetrePerSecond2, "mm/s2", Acceleration, 0.001),
+    (Unit::InchPerSecond2, "in/s2", Acceleration, 0.0254),
+    (Unit::FootPerSecond2, "ft/s2", Acceleration, 0.3048),
+    (Unit::MetrePerSecond, "m/s", Velocity, 1.0),
+    (Unit::CentimetrePerSecond, "cm/s", Velocity, 0.01),
+    (Unit::MillimetrePerSecond, "mm/s", Velocity, 0.001),
+    (Unit::InchPerSecond, "in/s", Velocity, 0.0254),
+    (Unit::Metre, "m", Displacement, 1.0),
+    (Unit::Centimetre, "cm", Displacement, 0.01),
+    (Unit::Millimetre, "mm", Displacement, 0.001),
+    (Unit::Inch, "in", Displacement, 0.0254),
+    (Unit::Foot, "ft", Displacement, 0.3048),
+    (Unit::Newton, "N", Force, 1.0),
+    (Unit::Kilonewton, "kN", Force, 1000.0),
+    (Unit::PoundForce, "lbf", Force, 4.448_221_615_260_5),
+    (Unit::Kip, "kip", Force, 4_448.221_615_260_5),
 ];
 
 impl Quantity {

@@ -65,7 +65,7 @@ fn outer(row: &[(usize, f64)], value: f64, into: &mut Vec<(usize, usize, f64)>) 
 mod tests {
     use super::*;
 
-    fn online(proof: StabilityProof, axis: Part) -> OnlineLimit {
+    fn limit_of(proof: StabilityProof, axis: Part) -> OnlineLimit {
         OnlineLimit {
             proof,
             axes: vec![axis],
@@ -96,7 +96,7 @@ mod tests {
             damping: c0,
             damping_bound: c_max,
         };
-        let online = online(proof.clone(), axis);
+        let online = limit_of(proof.clone(), axis);
         for (k, c) in [(k_max, c_max), (3e5, 100.0), (2e6, 900.0), (4e5, 0.0)] {
             let expected = 4.0 * dt * dt * k0 / (dt * dt * k - 4.0 * m - 2.0 * dt * (c0 - c));
             let found = online.limit([(k, Some(c))]);
@@ -143,7 +143,7 @@ mod tests {
             damping: 0.0,
             damping_bound: 0.0,
         };
-        let online = online(proof.clone(), axis);
+        let online = limit_of(proof.clone(), axis);
         let limits: Vec<f64> = [9e5, 6e5, 3e5, 1e5]
             .into_iter()
             .map(|k| online.limit([(k, None)]))
@@ -167,7 +167,7 @@ mod tests {
                 damping: 0.0,
                 damping_bound: 0.0,
             };
-            online(proof.clone(), axis).limit([(k, None)])
+            limit_of(proof.clone(), axis).limit([(k, None)])
         };
         for k in [1e5, 2e5, 7e5] {
             let same = StabilityProof {

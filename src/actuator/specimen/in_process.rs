@@ -310,9 +310,8 @@ mod tests {
             twice.accepted(k).unwrap();
             assert_eq!(a, b);
         }
-        let state = |port: &mut InProcess| {
-            TestState::of(|visit| port.specimen.visit_state(visit)).unwrap()
-        };
+        let state =
+            |port: &mut InProcess| TestState::of(|visit| port.specimen.visit_state(visit)).unwrap();
         assert_eq!(state(&mut once), state(&mut twice));
     }
 

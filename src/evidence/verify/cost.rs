@@ -136,7 +136,11 @@ fn as_published(effort: Effort, clock: &dyn Clock) -> Vec<AsPublished> {
             operations: [f64::NAN; 6],
         };
         for (k, method) in METHODS.into_iter().enumerate() {
-            let steps = if matches!(method, Method::Family(_)) { 20 } else { 4 };
+            let steps = if matches!(method, Method::Family(_)) {
+                20
+            } else {
+                4
+            };
             let Some(mut dense) = Dense::new(method, n) else {
                 continue;
             };

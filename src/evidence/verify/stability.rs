@@ -219,8 +219,7 @@ pub(super) fn recommendations(effort: Effort) -> Proof {
     for _ in 0..effort.of(200, 5000) {
         let (omega, ratio) = (random.spread(1e-2, 1e3), random.between(0.0, 0.5));
         let own = (2.0 * ratio * omega, omega * omega);
-        let at =
-            |lambda: f64, stiffer: f64| margin(own, (own.0, own.1 * stiffer), 1.0, lambda);
+        let at = |lambda: f64, stiffer: f64| margin(own, (own.0, own.1 * stiffer), 1.0, lambda);
         four = four.min(at(4.0, 1.0));
         softer = softer.min(at(4.0, random.between(0.0, 1.0)));
         more = more.min(at(4.02, 1.0));

@@ -101,7 +101,9 @@ fn loop_figure() -> Figure {
         ));
     }
     // A line and its dots have one colour.
-    let (lines, dots): (Vec<_>, Vec<_>) = series.into_iter().partition(|s| s.look == gusset_view::report::Look::Line);
+    let (lines, dots): (Vec<_>, Vec<_>) = series
+        .into_iter()
+        .partition(|s| s.look == gusset_view::report::Look::Line);
     Figure {
         file: "fig-4",
         title: "Fig. 4: the closed loop answers an impulse",
