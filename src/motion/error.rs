@@ -402,7 +402,7 @@ pub enum MotionError {
 }
 
 impl MotionError {
-    /// The same error; one about a word in place of a number with advice.
+    /// This error, with advice if it is about a word in place of a number.
     pub(super) fn advised(mut self, text: impl fmt::Display) -> Self {
         if let Self::NotANumber { advice, .. } = &mut self {
             *advice = format!(" ({text})");

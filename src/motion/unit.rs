@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Standard acceleration of gravity in m/s² (CGPM 1901): what `g` means here.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
-/// The same, short enough for one line of the table of units.
+/// Short name of [`STANDARD_GRAVITY`] for the table of units.
 const G: f64 = STANDARD_GRAVITY;
 
 /// A unit of time as headers spell it.

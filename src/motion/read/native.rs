@@ -55,7 +55,7 @@ struct Channel {
     values: Vec<f64>,
 }
 
-/// What the name of a component adds to that of its channel, if it is no acceleration.
+/// Second word in the name of a component that is no acceleration.
 fn kind(unit: Option<Unit>) -> &'static str {
     match unit.map(Unit::quantity) {
         Some(Quantity::Velocity) => " velocity",

@@ -16,11 +16,11 @@ pub struct ParseError {
     pub file: String,
     /// Line and field, if the fault is in one of them.
     pub place: String,
-    /// What is wrong.
+    /// Fault of the file.
     pub fault: ParseFault,
 }
 
-/// What is wrong with a file of a matrix. Lines, rows and columns count from 1.
+/// Fault of a file with a matrix. Lines, rows and columns count from 1.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ParseFault {
     /// An extension that names no known format.
