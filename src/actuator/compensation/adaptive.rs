@@ -292,7 +292,7 @@ mod tests {
     #[test]
     fn goal_that_is_nan_moves_nothing() {
         let bounds = vec![(0.5, 1.5), (0.0, 0.1)];
-        let made = Bounded::new(vec![1.0, 0.01], bounds, None, None, None, 1e-3);
+        let made = Bounded::new(vec![1.0, 0.01], bounds, [&None; 3], 1e-3);
         let mut learnt = made.unwrap();
         for goal in [[f64::NAN, 0.02], [1.1, f64::INFINITY]] {
             learnt.approach(&goal);

@@ -476,7 +476,7 @@ mod tests {
         let coupled: SpecimenLaw = toml::from_str(text).unwrap();
         let mut ports: [Box<dyn Substructure>; 2] = [
             Box::new(port()),
-            Box::new(InProcess::new(Box::new(coupled.build(2).unwrap()))),
+            Box::new(InProcess::new(coupled.build(2).unwrap())),
         ];
         let mut into = Measurement::zeros(2);
         for port in &mut ports {
