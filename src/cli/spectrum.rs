@@ -8,7 +8,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::table::Table;
-use gusset_evidence::verify::{Figure, Scale, Series};
+use gusset_evidence::verify::{Axes, Figure, Scale, Series};
 use gusset_numerics::spectral::delay::{DelayError, DiscreteLimit};
 use gusset_proof::{CriticalDelays, DelayBound, Diagram, INERTIA, ModeFacts, Spectrum, diagrams};
 use gusset_quantity::units::{duration, number, quantity};
@@ -274,8 +274,7 @@ fn figure(diagram: &Diagram) -> Figure {
         claim: "",
         across: scale(diagram.across),
         up: scale(diagram.up),
-        logarithmic: false,
-        square: false,
+        axes: Axes::Linear,
         series: curves.collect(),
     }
 }

@@ -8,6 +8,8 @@ use std::fmt;
 use thiserror::Error;
 
 use super::unit::{Quantity, Unit};
+pub(super) use gusset_quantity::domain::{OutOfDomain, finite, inside, not_negative, positive};
+use gusset_quantity::npy::NpyError;
 
 /// A number in a message: six significant digits at most, as a plain decimal if that is short.
 #[derive(Debug, Clone, Copy)]
@@ -65,7 +67,10 @@ pub enum MotionError {
         line: usize,
     },
     /// A word in place of a number.
-    #[error("{file}:{line}:{column}: wanted a number, found {}", word(found))]
+    #[error(
+        "{file}:{line}:{column}: wanted a number, found {}{advice}",
+        word(found)
+    )]
     NotANumber {
         /// Name of the file.
         file: String,
@@ -75,35 +80,8 @@ pub enum MotionError {
         column: usize,
         /// The word.
         found: String,
-    },
-    /// A word where a number must be, in a file that only its first lines show to be one of PEER.
-    #[error(
-        "{file}:{line}:{column}: wanted a number, found {found:?} (the file is read as peer because a line states NPTS and DT: \
-         format = \"table\" reads it as a table)"
-    )]
-    NotPeer {
-        /// Name of the file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column of the first character, from 1.
-        column: usize,
-        /// The word.
-        found: String,
-    },
-    /// A line before the table that is neither words nor a row of numbers.
-    #[error(
-        "{file}:{line}:{column}: wanted a number, found {found:?} (if the line belongs to a header: skip_rows = {line})"
-    )]
-    NeitherHeaderNorRow {
-        /// Name of the file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column of the first character, from 1.
-        column: usize,
-        /// The word.
-        found: String,
+        /// How else to read the file, in brackets; empty where no other way is likely.
+        advice: String,
     },
     /// NaN, an infinity, or a number beyond the range of a double.
     #[error("{file}:{line}:{column}: wanted a finite number, found {found}")]
@@ -207,15 +185,13 @@ pub enum MotionError {
         /// Why it is not read, or what to do.
         reason: &'static str,
     },
-    /// A header that promises another number of bytes than follow.
-    #[error("{file}: wanted {wanted} bytes of numbers, found {found}")]
-    Truncated {
+    /// A `.npy` file that is not understood.
+    #[error("{file}: {source}")]
+    Npy {
         /// Name of the file.
         file: String,
-        /// Bytes that shape and type ask for.
-        wanted: usize,
-        /// Bytes after the header.
-        found: usize,
+        /// The error.
+        source: NpyError,
     },
     /// Neither the file nor the test file says the time step.
     #[error(
@@ -355,15 +331,8 @@ pub enum MotionError {
         what: &'static str,
     },
     /// A number outside its domain.
-    #[error("{name} is {found}, but must be {allowed}")]
-    Parameter {
-        /// The key, as the test file spells it.
-        name: &'static str,
-        /// The value given.
-        found: f64,
-        /// The domain, in words.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// Keys of which exactly one must be given.
     #[error("give exactly one of {names}: {found} are given")]
     ExactlyOne {
@@ -433,22 +402,12 @@ pub enum MotionError {
 }
 
 impl MotionError {
-    /// This error for a file that only its first lines show to be one of PEER.
-    pub(super) fn of_peer(self) -> Self {
-        match self {
-            Self::NotANumber {
-                file,
-                line,
-                column,
-                found,
-            } => Self::NotPeer {
-                file,
-                line,
-                column,
-                found,
-            },
-            other => other,
+    /// This error, with advice if it is about a word in place of a number.
+    pub(super) fn advised(mut self, text: impl fmt::Display) -> Self {
+        if let Self::NotANumber { advice, .. } = &mut self {
+            *advice = format!(" ({text})");
         }
+        self
     }
 
     /// Advice to the user that the message does not contain.
@@ -466,46 +425,13 @@ impl MotionError {
     #[must_use]
     pub const fn key(&self) -> Option<&'static str> {
         match self {
-            Self::Parameter { name, .. } => Some(name),
+            Self::Parameter(out) => Some(out.name),
             Self::NotApplicable { key, .. } => Some(key),
             Self::UnitMismatch { key, .. } => *key,
             Self::UnitMissing { .. } | Self::Unreadable { .. } => Some("path"),
             _ => None,
         }
     }
-}
-
-/// `found` if it is inside its domain.
-pub(super) fn inside(
-    name: &'static str,
-    found: f64,
-    is_inside: bool,
-    allowed: &'static str,
-) -> Result<f64, MotionError> {
-    if is_inside && found.is_finite() {
-        Ok(found)
-    } else {
-        Err(MotionError::Parameter {
-            name,
-            found,
-            allowed,
-        })
-    }
-}
-
-/// Finite and greater than zero.
-pub(super) fn positive(name: &'static str, found: f64) -> Result<f64, MotionError> {
-    inside(name, found, found > 0.0, "finite and greater than zero")
-}
-
-/// Finite and at least zero.
-pub(super) fn not_negative(name: &'static str, found: f64) -> Result<f64, MotionError> {
-    inside(name, found, found >= 0.0, "finite and at least zero")
-}
-
-/// Finite.
-pub(super) fn finite(name: &'static str, found: f64) -> Result<f64, MotionError> {
-    inside(name, found, true, "finite")
 }
 
 /// Every entry finite.

@@ -101,7 +101,7 @@ impl Grid {
 }
 
 /// Numbers on the step grid in SI units, and what the user should know about them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {
     /// steps + 1 values.
     pub values: Vec<f64>,

@@ -14,7 +14,7 @@ use super::peak;
 use super::random::{Random, sum_of_lines};
 use super::resample::{HALF_WIDTH, Kernel, Resample};
 use super::sampled::{Origin, Sampled};
-use super::shapes::{factor, one_of, taper};
+use super::shapes::{OneOf, check_taper, factor, one_of, taper};
 use super::unit::{Quantity, Unit};
 
 /// Samples beyond each end of the motion, so that the kernel sees no end.
@@ -69,14 +69,7 @@ impl BandLimitedNoise {
         inside("to_hz", to, to > from, "finite and greater than from_hz")?;
         let duration = positive("duration_s", self.duration_s)?;
         let start = not_negative("start_s", self.start_s)?;
-        let rise = self.taper_s;
-        let fits = rise >= 0.0 && 2.0 * rise <= duration;
-        inside(
-            "taper_s",
-            rise,
-            fits,
-            "at least zero and at most half the duration",
-        )?;
+        let rise = check_taper(self.taper_s, duration)?;
         let points = 8.0 * to * duration;
         let few = points <= MOST_SAMPLES;
         inside(
@@ -307,7 +300,7 @@ impl KanaiTajimi {
             });
         }
         let omega_g = self.checked_ground()?;
-        one_of("peak, s0_m2_per_s3", self.peak, self.s0_m2_per_s3)?;
+        let amplitude = one_of("peak, s0_m2_per_s3", self.peak, self.s0_m2_per_s3)?;
         let duration = positive("duration_s", self.duration_s)?;
         let start = not_negative("start_s", self.start_s)?;
         let few = 4.0 * self.cutoff_hz * duration <= MOST_SAMPLES / 4.0;
@@ -320,8 +313,8 @@ impl KanaiTajimi {
             .enumerate()
             .map(|(i, v)| v * self.envelope.at((i as f64 - MARGIN as f64) * dt))
             .collect();
-        let scale = match (self.peak, self.s0_m2_per_s3) {
-            (Some(wanted), _) => {
+        let scale = match amplitude {
+            OneOf::First(wanted) => {
                 let wanted = positive("peak", wanted)? * factor(self.unit, quantity)?;
                 let found = peak_between(&values, MARGIN as f64 + duration / dt);
                 if found == 0.0 {
@@ -329,7 +322,7 @@ impl KanaiTajimi {
                 }
                 wanted / found
             }
-            (None, s0) => positive("s0_m2_per_s3", s0.unwrap_or(f64::NAN))?.sqrt(),
+            OneOf::Second(s0) => positive("s0_m2_per_s3", s0)?.sqrt(),
         };
         values.iter_mut().for_each(|v| *v *= scale);
         Ok(synthetic(values, dt, start, duration, self.cutoff_hz))
@@ -337,7 +330,7 @@ impl KanaiTajimi {
 
     /// ω_g, with all that shapes the spectrum checked.
     fn checked_ground(&self) -> Result<f64, MotionError> {
-        one_of(
+        let frequency = one_of(
             "ground_frequency_hz, ground_angular_frequency_rad_per_s",
             self.ground_frequency_hz,
             self.ground_angular_frequency_rad_per_s,
@@ -351,16 +344,10 @@ impl KanaiTajimi {
             )?;
             positive("damping_ratio", filter.damping_ratio)?;
         }
-        match (
-            self.ground_frequency_hz,
-            self.ground_angular_frequency_rad_per_s,
-        ) {
-            (Some(hz), _) => Ok(2.0 * PI * positive("ground_frequency_hz", hz)?),
-            (None, omega) => positive(
-                "ground_angular_frequency_rad_per_s",
-                omega.unwrap_or(f64::NAN),
-            ),
-        }
+        Ok(match frequency {
+            OneOf::First(hz) => 2.0 * PI * positive("ground_frequency_hz", hz)?,
+            OneOf::Second(omega) => positive("ground_angular_frequency_rad_per_s", omega)?,
+        })
     }
 }
 

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::{MotionError, finite, inside, not_negative, positive};
-use super::shapes::{Curve, factor, one_of, reached, smooth_rise};
+use super::shapes::{Curve, OneOf, factor, one_of, reached, smooth_rise};
 use super::unit::{Quantity, Unit};
 
 /// Step: zero before its start, then constant.
@@ -198,7 +198,7 @@ pub struct Cyclic {
 
 impl Cyclic {
     pub(super) fn curve(&self, quantity: Quantity) -> Result<Curve, MotionError> {
-        one_of("frequency_hz, speed", self.frequency_hz, self.speed)?;
+        let pace = one_of("frequency_hz, speed", self.frequency_hz, self.speed)?;
         let unit = factor(self.unit, quantity)?;
         let shape = self.shape;
         let rest = not_negative("rest_s", self.rest_s)?;
@@ -211,10 +211,10 @@ impl Cyclic {
         for amplitude in &self.amplitudes {
             let is_some = *amplitude != 0.0;
             let amplitude = inside("amplitudes", *amplitude, is_some, "finite and not zero")?;
-            let hz = match (self.frequency_hz, self.speed) {
-                (Some(hz), _) => positive("frequency_hz", hz)?,
-                (_, speed) => {
-                    let speed = positive("speed", speed.unwrap_or(f64::NAN))?;
+            let hz = match pace {
+                OneOf::First(hz) => positive("frequency_hz", hz)?,
+                OneOf::Second(speed) => {
+                    let speed = positive("speed", speed)?;
                     match shape {
                         CyclicShape::Sine => speed / (2.0 * PI * amplitude.abs()),
                         CyclicShape::Triangle => speed / (4.0 * amplitude.abs()),

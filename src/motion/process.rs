@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 use super::error::{MotionError, Short, all_finite, finite, inside, positive};
 use super::resample::central_difference;
 use super::sampled::{Origin, Sampled};
-use super::shapes::{factor_of, taper};
+use super::shapes::{check_taper, factor_of, taper};
 use super::signal::{Signal, Source};
 use super::unit::{Quantity, Unit};
-use super::{Files, Grid, RecordFacts, Series, peak};
+use super::{Files, Grid, Series, peak};
 use crate::metrics::spectrum::response_spectrum;
 
 /// Signal and its processing.
@@ -143,18 +143,11 @@ impl Motion {
         grid: Grid,
         files: &Files<'_>,
     ) -> Result<Series, MotionError> {
-        let [mut warnings, mut doubts] = [Vec::new(), Vec::new()];
-        let told = [&mut warnings, &mut doubts];
-        let (points, record) = self.points(quantity, grid, files, told)?;
-        let mut values: Vec<f64> = points.into_iter().map(|(value, _)| value).collect();
+        let (points, mut series) = self.points(quantity, grid, files)?;
+        series.values = points.into_iter().map(|(value, _)| value).collect();
         // They are collected in the memory of the points, which is three times as large.
-        values.shrink_to_fit();
-        Ok(Series {
-            values,
-            warnings,
-            doubts,
-            record,
-        })
+        series.values.shrink_to_fit();
+        Ok(series)
     }
 
     /// Values and rates of change on `grid`. The rate is that of the formula where there is one, that of the kernel
@@ -168,9 +161,7 @@ impl Motion {
         grid: Grid,
         files: &Files<'_>,
     ) -> Result<(Series, Vec<f64>), MotionError> {
-        let [mut warnings, mut doubts] = [Vec::new(), Vec::new()];
-        let told = [&mut warnings, &mut doubts];
-        let (points, record) = self.points(quantity, grid, files, told)?;
+        let (points, mut series) = self.points(quantity, grid, files)?;
         let (values, rates): (Vec<f64>, Vec<Option<f64>>) = points.into_iter().unzip();
         let differences = if rates.iter().all(Option::is_some) {
             Vec::new()
@@ -182,26 +173,21 @@ impl Motion {
             .enumerate()
             .map(|(i, rate)| rate.or(differences.get(i).copied()).unwrap_or(0.0))
             .collect();
-        let series = Series {
-            values,
-            warnings,
-            doubts,
-            record,
-        };
+        series.values = values;
         Ok((series, rates))
     }
 
-    /// Value and, where it is known, rate at every point of the grid, and the record that they come from. Adds to the warnings and
-    /// doubts of a [`Series`].
+    /// Value and, where it is known, rate at every point of the grid, and what else a [`Series`] holds.
     fn points(
         &self,
         quantity: Quantity,
         grid: Grid,
         files: &Files<'_>,
-        [warnings, doubts]: [&mut Vec<String>; 2],
-    ) -> Result<(Vec<Point>, Option<RecordFacts>), MotionError> {
+    ) -> Result<(Vec<Point>, Series), MotionError> {
+        let mut series = Series::default();
+        let (warnings, doubts) = (&mut series.warnings, &mut series.doubts);
         let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
-        match self.signal.source(quantity, files, warnings)? {
+        let points = match self.signal.source(quantity, files, warnings)? {
             Source::Curve(curve) => {
                 self.processing.only_scales()?;
                 let points: Vec<(f64, f64)> = grid.times().map(|t| (curve.at)(t)).collect();
@@ -214,7 +200,7 @@ impl Motion {
                     .into_iter()
                     .map(|(v, r)| (scale * v, Some(scale * r)))
                     .collect();
-                Ok((finite_points(points)?, None))
+                finite_points(points)?
             }
             Source::Sampled(mut samples) => {
                 let (first, last) = samples.inner();
@@ -250,9 +236,11 @@ impl Motion {
                     };
                     told.push(text);
                 }
-                Ok((points, samples.record))
+                series.record = samples.record;
+                points
             }
-        }
+        };
+        Ok((points, series))
     }
 }
 
@@ -392,14 +380,7 @@ impl Processing {
 
     fn taper(&self, samples: &mut Sampled) -> Result<(), MotionError> {
         let duration = samples.span.1 - samples.span.0;
-        let rise = self.taper_s;
-        let fits = rise >= 0.0 && 2.0 * rise <= duration;
-        inside(
-            "taper_s",
-            rise,
-            fits,
-            "at least zero and at most half the duration",
-        )?;
+        let rise = check_taper(self.taper_s, duration)?;
         if rise > 0.0 {
             let offset = samples.first_time - samples.span.0;
             let dt = samples.dt;

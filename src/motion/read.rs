@@ -33,6 +33,7 @@ mod rows;
 mod text;
 mod uniform;
 
+use gusset_quantity::npy::MAGIC;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -243,7 +244,15 @@ pub fn parse_record(
         RecordFormat::Peer => {
             let read = peer::parse(name, text::decode(name, bytes)?.as_ref(), options.dt);
             let is_told = options.format.is_some() || has_ending(name, &PEER_ENDINGS);
-            read.map_err(|error| if is_told { error } else { error.of_peer() })?
+            let advice = "the file is read as peer because a line states NPTS and DT: \
+                          format = \"table\" reads it as a table";
+            read.map_err(|error| {
+                if is_told {
+                    error
+                } else {
+                    error.advised(advice)
+                }
+            })?
         }
         RecordFormat::Npy => axis::record(name, npy::parse(name, bytes)?, options)?,
         table if is_text_table => text_record(name, bytes, table, options)?,
@@ -292,7 +301,7 @@ fn text_record(
 /// Those of [`MotionError`] that name a file.
 pub fn parse_table(name: &str, bytes: &[u8]) -> Result<Table, MotionError> {
     check_size(name, bytes)?;
-    let raw = if bytes.starts_with(npy::MAGIC) || has_ending(name, &["npy"]) {
+    let raw = if bytes.starts_with(MAGIC) || has_ending(name, &["npy"]) {
         npy::parse(name, bytes)?
     } else {
         let settings = Settings {
@@ -327,7 +336,7 @@ fn has_ending(name: &str, endings: &[&str]) -> bool {
 
 /// The format according to the name and the first lines.
 fn detect(name: &str, bytes: &[u8]) -> RecordFormat {
-    if bytes.starts_with(npy::MAGIC) || has_ending(name, &["npy"]) {
+    if bytes.starts_with(MAGIC) || has_ending(name, &["npy"]) {
         return RecordFormat::Npy;
     }
     if has_ending(name, &PEER_ENDINGS) {
@@ -424,32 +433,31 @@ impl RawTable {
 }
 
 #[cfg(test)]
-const FORMATS: [RecordFormat; 18] = [
-    RecordFormat::Peer,
-    RecordFormat::Table,
-    RecordFormat::Csv,
-    RecordFormat::TwoColumn,
-    RecordFormat::OneColumn,
-    RecordFormat::List,
-    RecordFormat::Npy,
-    RecordFormat::Knet,
-    RecordFormat::Cosmos,
-    RecordFormat::Csmip,
-    RecordFormat::Esm,
-    RecordFormat::Geonet,
-    RecordFormat::Nsmn,
-    RecordFormat::Cwa,
-    RecordFormat::Smc,
-    RecordFormat::Bbp,
-    RecordFormat::Unam,
-    RecordFormat::Renadic,
-];
-
-#[cfg(test)]
 mod tests {
     use super::*;
     use gusset_quantity::assert_is;
     use proptest::prelude::*;
+
+    pub(super) const FORMATS: [RecordFormat; 18] = [
+        RecordFormat::Peer,
+        RecordFormat::Table,
+        RecordFormat::Csv,
+        RecordFormat::TwoColumn,
+        RecordFormat::OneColumn,
+        RecordFormat::List,
+        RecordFormat::Npy,
+        RecordFormat::Knet,
+        RecordFormat::Cosmos,
+        RecordFormat::Csmip,
+        RecordFormat::Esm,
+        RecordFormat::Geonet,
+        RecordFormat::Nsmn,
+        RecordFormat::Cwa,
+        RecordFormat::Smc,
+        RecordFormat::Bbp,
+        RecordFormat::Unam,
+        RecordFormat::Renadic,
+    ];
 
     /// Whatever comes back is a valid record.
     fn read_all_ways(bytes: &[u8]) {
@@ -628,7 +636,7 @@ mod tests {
                 ..ReadOptions::default()
             };
             let error = parse_record("a.txt", b"1\n2\n", &options).unwrap_err();
-            assert!(matches!(error, MotionError::Parameter { name: "dt_s", .. }));
+            assert!(matches!(error, MotionError::Parameter(out) if out.name == "dt_s"));
         }
     }
 

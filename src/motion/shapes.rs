@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{MotionError, Short, finite, inside, not_negative, positive};
+use super::error::{MotionError, OutOfDomain, Short, finite, inside, not_negative, positive};
 use super::unit::{Quantity, Unit};
 
 /// A function of time: (value, rate) in SI units.
@@ -92,18 +92,27 @@ pub(super) fn factor_of(
     })
 }
 
-/// Requires exactly one of two alternative keys.
+/// One of two keys, of which exactly one is given.
+#[derive(Clone, Copy)]
+pub(super) enum OneOf {
+    /// The first, and its number.
+    First(f64),
+    /// The second, and its number.
+    Second(f64),
+}
+
+/// The key of the two that is given.
 pub(super) fn one_of(
     names: &'static str,
     first: Option<f64>,
     second: Option<f64>,
-) -> Result<(), MotionError> {
+) -> Result<OneOf, MotionError> {
+    let exactly = |found| Err(MotionError::ExactlyOne { names, found });
     match (first, second) {
-        (Some(_), None) | (None, Some(_)) => Ok(()),
-        (a, _) => Err(MotionError::ExactlyOne {
-            names,
-            found: if a.is_some() { 2 } else { 0 },
-        }),
+        (Some(first), None) => Ok(OneOf::First(first)),
+        (None, Some(second)) => Ok(OneOf::Second(second)),
+        (None, None) => exactly(0),
+        (Some(_), Some(_)) => exactly(2),
     }
 }
 
@@ -152,7 +161,7 @@ pub(super) fn smooth_rise(time: f64, rise: f64) -> (f64, f64) {
     }
 }
 
-fn check_taper(taper_s: f64, duration: f64) -> Result<f64, MotionError> {
+pub(super) fn check_taper(taper_s: f64, duration: f64) -> Result<f64, OutOfDomain> {
     inside(
         "taper_s",
         taper_s,
@@ -196,14 +205,13 @@ pub struct Sine {
 
 impl Sine {
     pub(super) fn curve(&self, quantity: Quantity) -> Result<Curve, MotionError> {
-        one_of(
+        let omega = match one_of(
             "frequency_hz, angular_frequency_rad_per_s",
             self.frequency_hz,
             self.angular_frequency_rad_per_s,
-        )?;
-        let omega = match (self.frequency_hz, self.angular_frequency_rad_per_s) {
-            (Some(hz), _) => 2.0 * PI * positive("frequency_hz", hz)?,
-            (_, omega) => positive("angular_frequency_rad_per_s", omega.unwrap_or(f64::NAN))?,
+        )? {
+            OneOf::First(hz) => 2.0 * PI * positive("frequency_hz", hz)?,
+            OneOf::Second(omega) => positive("angular_frequency_rad_per_s", omega)?,
         };
         let duration = match (self.cycles, self.duration_s) {
             (None, None) => f64::INFINITY,
@@ -577,7 +585,7 @@ pub(super) mod tests {
         let refused = |sine: Sine| sine.curve(Quantity::Displacement).err().unwrap();
         assert_is!(
             refused(Sine { frequency_hz: Some(0.0), ..sine() })
-            => MotionError::Parameter { name: "frequency_hz", found: 0.0, .. }
+            => MotionError::Parameter(OutOfDomain { name: "frequency_hz", found: 0.0, .. })
         );
         assert_is!(
             refused(Sine { angular_frequency_rad_per_s: Some(1.0), ..sine() })
@@ -589,7 +597,7 @@ pub(super) mod tests {
         );
         assert_is!(
             refused(Sine { amplitude: f64::NAN, ..sine() })
-            => MotionError::Parameter { name: "amplitude", .. }
+            => MotionError::Parameter(OutOfDomain { name: "amplitude", .. })
         );
         assert_is!(
             refused(Sine { unit: Some(Unit::Gravity), ..sine() })
@@ -597,7 +605,7 @@ pub(super) mod tests {
         );
         assert_is!(
             refused(Sine { taper_s: 2.0, duration_s: Some(3.0), ..sine() })
-            => MotionError::Parameter { name: "taper_s", found: 2.0, .. }
+            => MotionError::Parameter(OutOfDomain { name: "taper_s", found: 2.0, .. })
         );
         for value in [-1.0, f64::NAN, f64::INFINITY] {
             assert!(

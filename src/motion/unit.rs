@@ -2,11 +2,14 @@
 //!
 //! All internal values are in SI units. A unit is a key beside its number, and is never guessed.
 
+use Quantity::{Acceleration, Displacement, Force, Velocity};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Standard acceleration of gravity in m/s² (CGPM 1901): what `g` means here.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
+/// Short name of [`STANDARD_GRAVITY`] for the table of units.
+const G: f64 = STANDARD_GRAVITY;
 
 /// A unit of time as headers spell it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,42 +21,18 @@ pub(crate) struct TimeUnit {
 }
 
 /// Spellings of a unit of time, its seconds, and in how many of it.
-const TIMES: [(&[&str], f64, f64); 7] = [
-    (&["s", "sec", "secs", "second", "seconds"], 1.0, 1.0),
+const TIMES: [(&str, f64, f64); 7] = [
+    ("s sec secs second seconds", 1.0, 1.0),
     (
-        &[
-            "ms",
-            "msec",
-            "msecs",
-            "millisec",
-            "millisecs",
-            "millisecond",
-            "milliseconds",
-        ],
+        "ms msec msecs millisec millisecs millisecond milliseconds",
         1.0,
         1e3,
     ),
-    (
-        &[
-            "us",
-            "µs",
-            "μs",
-            "usec",
-            "usecs",
-            "microsecond",
-            "microseconds",
-        ],
-        1.0,
-        1e6,
-    ),
-    (
-        &["ns", "nsec", "nsecs", "nanosecond", "nanoseconds"],
-        1.0,
-        1e9,
-    ),
-    (&["min", "mins", "minute", "minutes"], 60.0, 1.0),
-    (&["h", "hr", "hrs", "hour", "hours"], 3600.0, 1.0),
-    (&["d", "day", "days"], 86_400.0, 1.0),
+    ("us µs μs usec usecs microsecond microseconds", 1.0, 1e6),
+    ("ns nsec nsecs nanosecond nanoseconds", 1.0, 1e9),
+    ("min mins minute minutes", 60.0, 1.0),
+    ("h hr hrs hour hours", 3600.0, 1.0),
+    ("d day days", 86_400.0, 1.0),
 ];
 
 impl TimeUnit {
@@ -70,7 +49,7 @@ impl TimeUnit {
         let plain = plain.strip_prefix("in ").unwrap_or(&plain).trim_start();
         TIMES
             .iter()
-            .find(|(spellings, ..)| spellings.contains(&plain))
+            .find(|(spellings, ..)| spellings.split(' ').any(|one| one == plain))
             .map(|&(_, seconds, parts)| Self { seconds, parts })
     }
 
@@ -118,31 +97,31 @@ pub enum Quantity {
     Force,
 }
 
-/// Every unit.
-const ALL: [Unit; 23] = [
-    Unit::MetrePerSecond2,
-    Unit::Gravity,
-    Unit::MilliGravity,
-    Unit::PercentGravity,
-    Unit::TenthGravity,
-    Unit::Gal,
-    Unit::CentimetrePerSecond2,
-    Unit::MillimetrePerSecond2,
-    Unit::InchPerSecond2,
-    Unit::FootPerSecond2,
-    Unit::MetrePerSecond,
-    Unit::CentimetrePerSecond,
-    Unit::MillimetrePerSecond,
-    Unit::InchPerSecond,
-    Unit::Metre,
-    Unit::Centimetre,
-    Unit::Millimetre,
-    Unit::Inch,
-    Unit::Foot,
-    Unit::Newton,
-    Unit::Kilonewton,
-    Unit::PoundForce,
-    Unit::Kip,
+/// Every unit in the order of [`Unit`]: its spelling in a test file, its quantity, and SI units in one of it.
+const UNITS: [(Unit, &str, Quantity, f64); 23] = [
+    (Unit::MetrePerSecond2, "m/s2", Acceleration, 1.0),
+    (Unit::Gravity, "g", Acceleration, G),
+    (Unit::MilliGravity, "mg", Acceleration, G / 1000.0),
+    (Unit::PercentGravity, "%g", Acceleration, G / 100.0),
+    (Unit::TenthGravity, "g/10", Acceleration, G / 10.0),
+    (Unit::Gal, "gal", Acceleration, 0.01),
+    (Unit::CentimetrePerSecond2, "cm/s2", Acceleration, 0.01),
+    (Unit::MillimetrePerSecond2, "mm/s2", Acceleration, 0.001),
+    (Unit::InchPerSecond2, "in/s2", Acceleration, 0.0254),
+    (Unit::FootPerSecond2, "ft/s2", Acceleration, 0.3048),
+    (Unit::MetrePerSecond, "m/s", Velocity, 1.0),
+    (Unit::CentimetrePerSecond, "cm/s", Velocity, 0.01),
+    (Unit::MillimetrePerSecond, "mm/s", Velocity, 0.001),
+    (Unit::InchPerSecond, "in/s", Velocity, 0.0254),
+    (Unit::Metre, "m", Displacement, 1.0),
+    (Unit::Centimetre, "cm", Displacement, 0.01),
+    (Unit::Millimetre, "mm", Displacement, 0.001),
+    (Unit::Inch, "in", Displacement, 0.0254),
+    (Unit::Foot, "ft", Displacement, 0.3048),
+    (Unit::Newton, "N", Force, 1.0),
+    (Unit::Kilonewton, "kN", Force, 1000.0),
+    (Unit::PoundForce, "lbf", Force, 4.448_221_615_260_5),
+    (Unit::Kip, "kip", Force, 4_448.221_615_260_5),
 ];
 
 impl Quantity {
@@ -160,8 +139,8 @@ impl Quantity {
     /// The units of it as the test file spells them, with commas between.
     #[must_use]
     pub fn spellings(self) -> String {
-        let units = ALL.iter().filter(|unit| unit.quantity() == self);
-        units.map(|unit| unit.name()).collect::<Vec<_>>().join(", ")
+        let units = UNITS.iter().filter(|(_, _, quantity, _)| *quantity == self);
+        units.map(|unit| unit.1).collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -255,48 +234,13 @@ impl Unit {
     /// Quantity of this unit.
     #[must_use]
     pub const fn quantity(self) -> Quantity {
-        match self {
-            Self::MetrePerSecond2
-            | Self::Gravity
-            | Self::MilliGravity
-            | Self::PercentGravity
-            | Self::TenthGravity
-            | Self::Gal
-            | Self::CentimetrePerSecond2
-            | Self::MillimetrePerSecond2
-            | Self::InchPerSecond2
-            | Self::FootPerSecond2 => Quantity::Acceleration,
-            Self::MetrePerSecond
-            | Self::CentimetrePerSecond
-            | Self::MillimetrePerSecond
-            | Self::InchPerSecond => Quantity::Velocity,
-            Self::Metre | Self::Centimetre | Self::Millimetre | Self::Inch | Self::Foot => {
-                Quantity::Displacement
-            }
-            Self::Newton | Self::Kilonewton | Self::PoundForce | Self::Kip => Quantity::Force,
-        }
+        UNITS[self as usize].2
     }
 
     /// SI units in one of this.
     #[must_use]
     pub const fn to_si(self) -> f64 {
-        match self {
-            Self::MetrePerSecond2 | Self::MetrePerSecond | Self::Metre | Self::Newton => 1.0,
-            Self::Gravity => STANDARD_GRAVITY,
-            Self::MilliGravity => STANDARD_GRAVITY / 1000.0,
-            Self::PercentGravity => STANDARD_GRAVITY / 100.0,
-            Self::TenthGravity => STANDARD_GRAVITY / 10.0,
-            Self::Gal
-            | Self::CentimetrePerSecond2
-            | Self::CentimetrePerSecond
-            | Self::Centimetre => 0.01,
-            Self::MillimetrePerSecond2 | Self::MillimetrePerSecond | Self::Millimetre => 0.001,
-            Self::InchPerSecond2 | Self::InchPerSecond | Self::Inch => 0.0254,
-            Self::FootPerSecond2 | Self::Foot => 0.3048,
-            Self::Kilonewton => 1000.0,
-            Self::PoundForce => 4.448_221_615_260_5,
-            Self::Kip => 4_448.221_615_260_5,
-        }
+        UNITS[self as usize].3
     }
 
     /// True of two spellings of one unit: `gal` is `cm/s2`.
@@ -308,31 +252,7 @@ impl Unit {
     /// The spelling of the test file.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::MetrePerSecond2 => "m/s2",
-            Self::Gravity => "g",
-            Self::MilliGravity => "mg",
-            Self::PercentGravity => "%g",
-            Self::TenthGravity => "g/10",
-            Self::Gal => "gal",
-            Self::CentimetrePerSecond2 => "cm/s2",
-            Self::MillimetrePerSecond2 => "mm/s2",
-            Self::InchPerSecond2 => "in/s2",
-            Self::FootPerSecond2 => "ft/s2",
-            Self::MetrePerSecond => "m/s",
-            Self::CentimetrePerSecond => "cm/s",
-            Self::MillimetrePerSecond => "mm/s",
-            Self::InchPerSecond => "in/s",
-            Self::Metre => "m",
-            Self::Centimetre => "cm",
-            Self::Millimetre => "mm",
-            Self::Inch => "in",
-            Self::Foot => "ft",
-            Self::Newton => "N",
-            Self::Kilonewton => "kN",
-            Self::PoundForce => "lbf",
-            Self::Kip => "kip",
-        }
+        UNITS[self as usize].1
     }
 
     /// Reads the many spellings of headers: `G`, `CM/S**2`, `cm/sec/sec`, `[m/s^2]`, `Gal`, `m s-2`, `units of g`.
@@ -363,37 +283,29 @@ impl Unit {
             Some((length, rate)) => (length, Some(rate)),
             None => (plain.as_str(), None),
         };
-        let unit = match (length, rate) {
-            ("m" | "meter" | "meters" | "metre" | "metres", None) => Self::Metre,
-            ("m" | "meter" | "meters" | "metre" | "metres", Some("s")) => Self::MetrePerSecond,
-            ("m" | "meter" | "meters" | "metre" | "metres", Some("s2" | "ss")) => {
-                Self::MetrePerSecond2
-            }
-            ("cm" | "centimeters" | "centimetres", None) => Self::Centimetre,
-            ("cm" | "centimeters" | "centimetres", Some("s")) | ("kine" | "kines", None) => {
-                Self::CentimetrePerSecond
-            }
-            ("cm" | "centimeters" | "centimetres", Some("s2" | "ss")) => Self::CentimetrePerSecond2,
-            ("mm" | "millimeters" | "millimetres", None) => Self::Millimetre,
-            ("mm" | "millimeters" | "millimetres", Some("s")) => Self::MillimetrePerSecond,
-            ("mm" | "millimeters" | "millimetres", Some("s2" | "ss")) => Self::MillimetrePerSecond2,
-            ("in" | "inch" | "inches", None) => Self::Inch,
-            ("in" | "inch" | "inches", Some("s")) => Self::InchPerSecond,
-            ("in" | "inch" | "inches", Some("s2" | "ss")) => Self::InchPerSecond2,
-            ("ft" | "foot" | "feet", None) => Self::Foot,
-            ("ft" | "foot" | "feet", Some("s2" | "ss")) => Self::FootPerSecond2,
-            ("g" | "g's" | "gs", None) => Self::Gravity,
-            ("mg" | "milli-g" | "millig" | "milli-gs", None) => Self::MilliGravity,
-            ("%g" | "percentg", None) => Self::PercentGravity,
-            ("g", Some("10")) => Self::TenthGravity,
-            ("gal" | "gals", None) => Self::Gal,
-            ("n" | "newton" | "newtons", None) => Self::Newton,
-            ("kn" | "kilonewton" | "kilonewtons", None) => Self::Kilonewton,
-            ("lbf", None) => Self::PoundForce,
-            ("kip" | "kips", None) => Self::Kip,
-            _ => return None,
+        let word = match length {
+            "meter" | "meters" | "metre" | "metres" => "m",
+            "centimeters" | "centimetres" => "cm",
+            "millimeters" | "millimetres" => "mm",
+            "inch" | "inches" => "in",
+            "foot" | "feet" => "ft",
+            "kine" | "kines" => "cm/s",
+            "g's" | "gs" => "g",
+            "milli-g" | "millig" | "milli-gs" => "mg",
+            "percentg" => "%g",
+            "gals" => "gal",
+            "n" | "newton" | "newtons" => "N",
+            "kn" | "kilonewton" | "kilonewtons" => "kN",
+            "kips" => "kip",
+            other => other,
         };
-        Some(unit)
+        let spelling = match rate {
+            None => word.to_owned(),
+            Some("ss") => format!("{word}/s2"),
+            Some(rate) => format!("{word}/{rate}"),
+        };
+        let known = UNITS.iter().find(|(_, name, ..)| *name == spelling);
+        known.map(|(unit, ..)| *unit)
     }
 }
 
@@ -409,7 +321,8 @@ mod tests {
 
     #[test]
     fn unit_names_match_test_files_and_headers() {
-        for unit in ALL {
+        for (unit, ..) in UNITS {
+            assert_eq!(UNITS[unit as usize].0, unit);
             let quoted = format!("\"{}\"", unit.name());
             assert_eq!(serde_json::to_string(&unit).unwrap(), quoted);
             assert_eq!(serde_json::from_str::<Unit>(&quoted).unwrap(), unit);

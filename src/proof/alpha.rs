@@ -6,8 +6,9 @@ use super::criterion::StabilityProof;
 use super::integration::Stability;
 use super::kind::Kind;
 use super::lambda::Advice;
+use gusset_numerics::integrate::AlphaWeights;
 use gusset_numerics::linalg::{Spd, SymMatrix};
-use gusset_numerics::spectral::{AlphaStep, Weights, spectral_radius};
+use gusset_numerics::spectral::{AlphaStep, spectral_radius};
 use gusset_quantity::finding::{Finding, KeyPath};
 
 /// Largest structure that is examined: eigenvalues of six times as many rows.
@@ -20,7 +21,7 @@ const ROUNDOFF: f64 = 1e-9;
 #[must_use]
 pub fn alpha_stability(
     proof: &StabilityProof,
-    (weights, name): (Weights, &str),
+    (weights, name): (AlphaWeights, &str),
     advice: &Advice,
 ) -> (Stability, Option<(Kind, Finding)>) {
     let covered = covers(&proof.stiffness, &proof.stiffness_bound)
@@ -54,7 +55,7 @@ pub fn alpha_stability(
 }
 
 /// Spectral radius of the recursion at the bounds; none if it is not known.
-fn radius(proof: &StabilityProof, weights: Weights) -> Option<f64> {
+fn radius(proof: &StabilityProof, weights: AlphaWeights) -> Option<f64> {
     if proof.mass.n() > LARGEST {
         return None;
     }

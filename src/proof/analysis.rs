@@ -330,11 +330,9 @@ impl Analysis {
         self.mass.plus(1.0, &SymMatrix::from_triplets(n, moving))
     }
 
-    /// Modes at rest, ascending, and what the recursion at Δt and λ makes of them: α holds K0 and C0, which may differ from
-    /// the tangents. All of a small structure, the lowest of a large one. Modal damping is the diagonal of Φᵀ C0 Φ. Inertia in
-    /// the forces of specimens counts as mass, as it does at low frequencies. Empty if there are no real modes.
-    #[must_use]
-    pub fn modes(&self, dt: f64, lambda: Lambda) -> Vec<ModeFacts> {
+    /// Natural frequencies of the whole at rest, ascending, and their shapes: all of a small structure, the lowest of a large
+    /// one. Inertia in the forces of specimens counts as mass, as it does at low frequencies. Empty if there are no real modes.
+    pub(super) fn shapes(&self) -> Vec<(f64, Vec<f64>)> {
         let mass = self.moved_mass();
         let modes = if mass.n() <= ALL_MODES {
             linalg::modes(&self.at_rest.stiffness, &mass)
@@ -344,14 +342,23 @@ impl Analysis {
         let Ok(modes) = modes else {
             return Vec::new();
         };
-        let weighted = self.weighted(lambda);
         let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
-        each.map(|(&frequency, shape)| {
-            let damping = self.damping.quadratic(shape.as_slice());
+        each.map(|(frequency, shape)| (*frequency, shape.as_slice().to_vec()))
+            .collect()
+    }
+
+    /// Modes at rest, ascending, and what the recursion at Δt and λ makes of them: α holds K0 and C0, which may differ from
+    /// the tangents. Modal damping is the diagonal of Φᵀ C0 Φ.
+    #[must_use]
+    pub fn modes(&self, dt: f64, lambda: Lambda) -> Vec<ModeFacts> {
+        let weighted = self.weighted(lambda);
+        let each = self.shapes().into_iter();
+        each.map(|(frequency, shape)| {
+            let damping = self.damping.quadratic(&shape);
             let locus = Locus {
                 mass: 1.0,
                 damping,
-                stiffness: weighted.quadratic(shape.as_slice()),
+                stiffness: weighted.quadratic(&shape),
                 dt,
                 lambda: 1.0,
             };
@@ -400,30 +407,19 @@ impl Analysis {
         0.5 * self.at_rest.stiffness.quadratic(disp)
     }
 
-    /// Modes of the whole at rest, ascending, with the damping that delays of its specimens add. All modes of a small
-    /// structure, the lowest of a large one; empty if there are no real modes.
+    /// Modes of the whole at rest, ascending, with the damping that delays of its specimens add.
     #[must_use]
     pub fn delayed_modes(&self) -> Vec<DelayedMode> {
-        let mass = self.moved_mass();
-        let n = mass.n();
-        let modes = if n <= ALL_MODES {
-            linalg::modes(&self.at_rest.stiffness, &mass)
-        } else {
-            linalg::lowest_modes(&self.at_rest.stiffness, &mass, LOWEST)
-        };
-        let Ok(modes) = modes else {
-            return Vec::new();
-        };
-        let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
         // A body that moves freely has no damping ratio.
-        let each = each.filter(|(frequency, _)| **frequency > 0.0);
-        each.map(|(&frequency, shape)| DelayedMode {
+        let each = self.shapes().into_iter();
+        let each = each.filter(|(frequency, _)| *frequency > 0.0);
+        each.map(|(frequency, shape)| DelayedMode {
             frequency,
-            ratio: self.damping.quadratic(shape.as_slice()) / (2.0 * frequency),
+            ratio: self.damping.quadratic(&shape) / (2.0 * frequency),
             per_second: self
                 .specimens
                 .iter()
-                .map(|specimen| specimen.per_second(frequency, shape.as_slice()))
+                .map(|specimen| specimen.per_second(frequency, &shape))
                 .collect(),
         })
         .collect()

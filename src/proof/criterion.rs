@@ -56,25 +56,22 @@ pub struct StabilityProof {
 
 /// What sets the limit.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Governing {
-    /// An element, storey or specimen.
-    Part {
-        /// Its name.
-        name: String,
-        /// Its share of the destabilising energy in the critical shape, 0 to 1.
-        share: f64,
-        /// Frequency of the critical shape at the bounds, rad/s; infinite if it moves no mass.
-        frequency: f64,
-    },
-    /// No single part dominates (a structure given by matrices): the degree of freedom that moves most energy.
-    Dof {
-        /// From 0.
-        dof: usize,
-        /// Its share of the destabilising energy in the critical shape.
-        share: f64,
-        /// Frequency of the critical shape at the bounds, rad/s; infinite if it moves no mass.
-        frequency: f64,
-    },
+pub struct Governing {
+    /// The part, or the degree of freedom.
+    pub place: Place,
+    /// Its share of the destabilising energy in the critical shape, 0 to 1.
+    pub share: f64,
+    /// Frequency of the critical shape at the bounds, rad/s; infinite if it moves no mass.
+    pub frequency: f64,
+}
+
+/// Where the limit is set.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Place {
+    /// An element, storey or specimen, by its name.
+    Part(String),
+    /// No single part dominates (a structure given by matrices): the degree of freedom, from 0, that moves most energy.
+    Dof(usize),
 }
 
 /// Frequency above which the shape moves no mass but that of rounding, rad/s.
@@ -82,27 +79,13 @@ const FASTEST: f64 = 1e9;
 
 impl fmt::Display for Governing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (share, frequency) = match self {
-            Governing::Part {
-                name,
-                share,
-                frequency,
-            } => {
-                f.write_str(name)?;
-                (share, frequency)
-            }
-            Governing::Dof {
-                dof,
-                share,
-                frequency,
-            } => {
-                write!(f, "degree of freedom {}", dof + 1)?;
-                (share, frequency)
-            }
-        };
-        write!(f, " ({:.0} % of the critical shape", 100.0 * share)?;
-        if *frequency < FASTEST {
-            write!(f, " at {})", quantity(frequency / TAU, "Hz"))
+        match &self.place {
+            Place::Part(name) => f.write_str(name)?,
+            Place::Dof(dof) => write!(f, "degree of freedom {}", dof + 1)?,
+        }
+        write!(f, " ({:.0} % of the critical shape", 100.0 * self.share)?;
+        if self.frequency < FASTEST {
+            write!(f, " at {})", quantity(self.frequency / TAU, "Hz"))
         } else {
             f.write_str(", which moves no mass)")
         }
@@ -346,18 +329,15 @@ impl StabilityProof {
             }
         });
         let dof = (0..n).max_by(|&i, &j| of_dof(i).total_cmp(&of_dof(j)))?;
-        Some(match best {
+        let (place, share) = match best {
             // The parts must explain the shape at least as well as what they leave unexplained.
-            Some((name, share)) if share >= 1.0 - listed / total => Governing::Part {
-                name,
-                share,
-                frequency,
-            },
-            _ => Governing::Dof {
-                dof,
-                share: of_dof(dof) / total,
-                frequency,
-            },
+            Some((name, share)) if share >= 1.0 - listed / total => (Place::Part(name), share),
+            _ => (Place::Dof(dof), of_dof(dof) / total),
+        };
+        Some(Governing {
+            place,
+            share,
+            frequency,
         })
     }
 }
@@ -407,8 +387,8 @@ mod tests {
     #[test]
     fn critical_shape_has_a_frequency_in_hz() {
         let told = |frequency| {
-            let governing = Governing::Part {
-                name: "storey 1".to_owned(),
+            let governing = Governing {
+                place: Place::Part("storey 1".to_owned()),
                 share: 0.97,
                 frequency,
             };

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use super::analysis::{Analysis, Attached};
 use super::case::Case;
 use super::kind::Kind;
-use gusset_numerics::linalg;
 use gusset_quantity::finding::{Finding, KeyPath};
 use gusset_quantity::units::number;
 
@@ -335,20 +334,16 @@ pub fn added_damping(case: &Case<'_>, pace: f64) -> Vec<AddedDamping> {
     if actuated.is_empty() {
         return Vec::new();
     }
-    let mass = analysis.mass_with(|_, _| true);
-    let Ok(modes) = linalg::modes(&analysis.at_rest.stiffness, &mass) else {
-        return Vec::new();
-    };
-    let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
-    let each = each.filter(|(frequency, _)| **frequency > 0.0);
-    each.map(|(&omega, shape)| {
+    let each = analysis.shapes().into_iter();
+    let each = each.filter(|(frequency, _)| *frequency > 0.0);
+    each.map(|(omega, shape)| {
         let added = actuated.iter().map(|(one, specimen, follows)| {
             let respond = |axis: usize| follows.at(omega * pace, &one.system, axis);
-            added_by(specimen, omega, shape.as_slice(), respond)
+            added_by(specimen, omega, &shape, respond)
         });
         AddedDamping {
             frequency_rad_per_s: omega,
-            damping_ratio: own_damping(analysis, shape.as_slice()) / (2.0 * omega),
+            damping_ratio: own_damping(analysis, &shape) / (2.0 * omega),
             added_ratio: added.sum(),
         }
     })

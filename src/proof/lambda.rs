@@ -148,7 +148,11 @@ fn online(proof: StabilityProof, specimens: SpecimenShare) -> Option<OnlineLimit
         parts, sawtooths, ..
     } = specimens;
     let wanted = !parts.is_empty() && proof.mass.n() <= MOST_ONLINE;
-    wanted.then(|| OnlineLimit::new(proof, parts).with_sawtooths(sawtooths))
+    wanted.then_some(OnlineLimit {
+        proof,
+        axes: parts,
+        sawtooths,
+    })
 }
 
 /// How soft S(λ) is along every axis: the room that is left for tangents beyond their bounds.

@@ -39,8 +39,8 @@ pub use analysis::{Analysis, AtRest, Attached, DelayedMode, Loop, Matrices, Mode
 pub use bound::{DelayBound, DelayBounds, DelayCondition, INERTIA, growing};
 pub use case::{Accepts, Case};
 pub use criterion::{
-    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, Parts, StabilityError,
-    StabilityProof,
+    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, Parts, Place,
+    StabilityError, StabilityProof,
 };
 pub use critical::CriticalDelay;
 pub use curves::{Curve, Diagram, diagrams};
@@ -49,7 +49,7 @@ pub use following::Following;
 pub use integration::{Stability, grows, is_stable};
 pub use kind::Kind;
 pub use lambda::{Advice, Proven, Request, SpecimenShare, lambda_path};
-pub use online::{LambdaLimit, OnlineLimit};
+pub use online::OnlineLimit;
 pub use recorded::{Outcome, RecordedFinding, RecordedVerdict};
 pub use spectrum::{CriticalDelays, Spectrum};
 pub use verdict::{Judgement, Verdict};

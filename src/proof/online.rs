@@ -11,57 +11,20 @@ use gusset_numerics::model::Part;
 /// Inputs of the online limit.
 #[derive(Debug, Clone)]
 pub struct OnlineLimit {
-    proof: StabilityProof,
-    axes: Vec<Part>,
-    /// Share of each axis's damping that counts in a sawtooth; 1 for axes beyond the list.
-    sawtooths: Vec<f64>,
-}
-
-/// Largest λ that is stable.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LambdaLimit {
-    /// Up to this one.
-    Finite(f64),
-    /// Every λ is.
-    Every,
-    /// None is.
-    None,
-}
-
-impl LambdaLimit {
-    /// As a number: infinite if every λ is stable, 0 if none is.
-    #[must_use]
-    pub const fn value(self) -> f64 {
-        match self {
-            Self::Finite(limit) => limit,
-            Self::Every => f64::INFINITY,
-            Self::None => 0.0,
-        }
-    }
+    /// At the declared bounds.
+    pub(super) proof: StabilityProof,
+    /// Those of the specimens, whose bounds are in the proof.
+    pub(super) axes: Vec<Part>,
+    /// Share of each axis's damping that counts in a sawtooth, as in the bounds: its velocity is then not that of the
+    /// integrator. 1 for axes beyond the list.
+    pub(super) sawtooths: Vec<f64>,
 }
 
 impl OnlineLimit {
-    /// From the proof at the declared bounds; `axes` are those of the specimens, whose bounds are in it.
+    /// The largest stable λ with tangent stiffness in N/m and tangent damping in N s/m of every axis, in order; where there is no
+    /// finite number the declared bound applies. Infinite if every λ is stable, 0 if none is.
     #[must_use]
-    pub(crate) fn new(proof: StabilityProof, axes: Vec<Part>) -> Self {
-        Self {
-            proof,
-            axes,
-            sawtooths: Vec::new(),
-        }
-    }
-
-    /// Sets the share of each axis's damping that counts in a sawtooth, as in the bounds: its velocity is then not that of
-    /// the integrator.
-    #[must_use]
-    pub(crate) fn with_sawtooths(self, sawtooths: Vec<f64>) -> Self {
-        Self { sawtooths, ..self }
-    }
-
-    /// The limit with tangent stiffness in N/m and tangent damping in N s/m of every axis, in order; where there is no
-    /// finite number the declared bound applies.
-    #[must_use]
-    pub fn limit(&self, tangents: impl IntoIterator<Item = (f64, Option<f64>)>) -> LambdaLimit {
+    pub fn limit(&self, tangents: impl IntoIterator<Item = (f64, Option<f64>)>) -> f64 {
         let n = self.proof.mass.n();
         let (mut stiffness, mut damping) = (Vec::new(), Vec::new());
         let counts = self.sawtooths.iter().copied();
@@ -80,9 +43,8 @@ impl OnlineLimit {
         let more = SymMatrix::from_triplets(n, damping);
         proof.damping_bound = proof.damping_bound.plus(1.0, &more);
         match proof.limit(f64::INFINITY, &self.axes) {
-            Ok(Some(limit)) => LambdaLimit::Finite(limit),
-            Ok(None) => LambdaLimit::Every,
-            Err(_) => LambdaLimit::None,
+            Ok(limit) => limit.unwrap_or(f64::INFINITY),
+            Err(_) => 0.0,
         }
     }
 }
@@ -102,6 +64,14 @@ fn outer(row: &[(usize, f64)], value: f64, into: &mut Vec<(usize, usize, f64)>) 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn limit_of(proof: StabilityProof, axis: Part) -> OnlineLimit {
+        OnlineLimit {
+            proof,
+            axes: vec![axis],
+            sawtooths: Vec::new(),
+        }
+    }
 
     /// One mass m on a storey whose bound is k_max, tested as a specimen: equation (41) has the limit in closed form,
     /// λ = 4 Δt² k0 / (Δt² k_t − 4 m − 2 Δt (c0 − c_t)).
@@ -126,10 +96,10 @@ mod tests {
             damping: c0,
             damping_bound: c_max,
         };
-        let online = OnlineLimit::new(proof.clone(), vec![axis]);
+        let online = limit_of(proof.clone(), axis);
         for (k, c) in [(k_max, c_max), (3e5, 100.0), (2e6, 900.0), (4e5, 0.0)] {
             let expected = 4.0 * dt * dt * k0 / (dt * dt * k - 4.0 * m - 2.0 * dt * (c0 - c));
-            let found = online.limit([(k, Some(c))]).value();
+            let found = online.limit([(k, Some(c))]);
             // The bisection stops at a relative 1e-11.
             assert!(
                 (found / expected - 1.0).abs() < 1e-10,
@@ -137,12 +107,15 @@ mod tests {
             );
         }
         let at_bounds = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
-        let unknown = online.limit([(f64::NAN, None)]).value();
+        let unknown = online.limit([(f64::NAN, None)]);
         assert!((unknown / at_bounds - 1.0).abs() < 1e-10);
-        assert_eq!(online.limit([(1e4, None)]), LambdaLimit::Every);
+        assert_eq!(online.limit([(1e4, None)]), f64::INFINITY);
         // Where twice its damping counts, half of it leaves as much room.
-        let twice = online.with_sawtooths(vec![2.0]);
-        let found = twice.limit([(6e5, Some(c_max / 2.0))]).value();
+        let twice = OnlineLimit {
+            sawtooths: vec![2.0],
+            ..online
+        };
+        let found = twice.limit([(6e5, Some(c_max / 2.0))]);
         let expected = 4.0 * dt * dt * k0 / (dt * dt * 6e5 - 4.0 * m - 2.0 * dt * (c0 - c_max));
         assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
     }
@@ -170,10 +143,10 @@ mod tests {
             damping: 0.0,
             damping_bound: 0.0,
         };
-        let online = OnlineLimit::new(proof.clone(), vec![axis]);
+        let online = limit_of(proof.clone(), axis);
         let limits: Vec<f64> = [9e5, 6e5, 3e5, 1e5]
             .into_iter()
-            .map(|k| online.limit([(k, None)]).value())
+            .map(|k| online.limit([(k, None)]))
             .collect();
         assert!(
             limits.windows(2).all(|pair| pair[0] < pair[1]),
@@ -194,7 +167,7 @@ mod tests {
                 damping: 0.0,
                 damping_bound: 0.0,
             };
-            OnlineLimit::new(proof.clone(), vec![axis]).limit([(k, None)])
+            limit_of(proof.clone(), axis).limit([(k, None)])
         };
         for k in [1e5, 2e5, 7e5] {
             let same = StabilityProof {
@@ -202,7 +175,7 @@ mod tests {
                 ..proof.clone()
             };
             let expected = same.limit(f64::INFINITY, &[]).unwrap().unwrap();
-            assert!((between(k).value() / expected - 1.0).abs() < 1e-10, "{k}");
+            assert!((between(k) / expected - 1.0).abs() < 1e-10, "{k}");
         }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! [`time`] holds exact rates, the tick grid, the clock and its simulated twin. [`units`] writes a number with its unit.
 //! [`catalog`] is the one table of each kind of name that a user sees: limits, events, phases, causes and columns. [`finding`] is a
-//! mistake or a doubt at its place in a file. [`mod@state`] takes, digests and restores the state of a test as a value.
+//! mistake or a doubt at its place in a file. [`domain`] refuses a number that a key does not allow. [`npy`] reads an
+//! array of NumPy. [`mod@state`] takes, digests and restores the state of a test as a value.
 //! [`substructure`] is the trait of every specimen: a command goes out, a measurement comes back. [`text`] makes foreign text safe
 //! to show. [`work`] reports the progress of a long computation.
 //!
@@ -10,8 +11,10 @@
 //! reading with [`substructure`].
 
 pub mod catalog;
+pub mod domain;
 pub mod finding;
 pub mod frame;
+pub mod npy;
 pub mod state;
 pub mod substructure;
 pub mod text;

@@ -68,8 +68,7 @@ pub(super) fn companion(
 ) -> Result<Option<(Stepper, Option<f64>)>, Refused> {
     make(site, structure, initial).or_else(|error| {
         let at = match &error {
-            MethodError::Rho { .. } => path("integrator").key("rho_infinity"),
-            MethodError::Newton { name, .. } => path("integrator").key(name),
+            MethodError::Parameter(out) => path("integrator").key(out.name),
             MethodError::Massless { dof } => super::structure::mass_of(site, *dof),
             MethodError::Factor { source, .. } => super::structure::mass_of(site, source.dof),
             _ => path("structure"),

@@ -4,10 +4,9 @@ use super::method::Initial;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{Finding, LambdaValue, Method, Severity};
-use gusset_numerics::integrate::{Gui, Lambda, Start};
+use gusset_numerics::integrate::{AlphaWeights, Gui, Lambda, Start};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{ModelError, Part, Structure};
-use gusset_numerics::spectral::Weights;
 use gusset_proof::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Proven, Request, Stability, StabilityError,
     StabilityProof, alpha_stability, lambda_path,
@@ -201,9 +200,13 @@ pub(super) fn of_alpha(
     let rho = site.loaded.file.integrator.rho_infinity;
     let rho = rho.unwrap_or(f64::NAN);
     let weighted = match method {
-        Method::KrAlpha => (Weights::kr(rho), "kr_alpha"),
-        Method::MkrAlpha => (Weights::mkr(rho), "mkr_alpha"),
+        Method::KrAlpha => AlphaWeights::kr(rho).map(|weights| (weights, "kr_alpha")),
+        Method::MkrAlpha => AlphaWeights::mkr(rho).map(|weights| (weights, "mkr_alpha")),
         _ => return Stability::NoProof,
+    };
+    // A ρ that is refused is a mistake of the method.
+    let Ok(weighted) = weighted else {
+        return Stability::NoProof;
     };
     let bounds = match bounds(site, structure, specimens) {
         Ok(bounds) => bounds,

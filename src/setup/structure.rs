@@ -106,7 +106,8 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
         found.map_or_else(|| at.key("element"), |index| at.key("element").index(index))
     };
     let place = match error {
-        BuildError::Length { key, .. } | BuildError::Chain { key, .. } => beneath(key),
+        BuildError::Length { key, .. } => beneath(key),
+        BuildError::Parameter(out) => beneath(out.name),
         BuildError::Value { key, number, .. } => beneath(key).index(number - 1),
         BuildError::NoMass => beneath("mass_kg"),
         BuildError::Source { key, .. } | BuildError::Ragged { key, .. } => beneath(key),

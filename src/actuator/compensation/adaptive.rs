@@ -42,21 +42,16 @@ pub(super) struct Bounded {
 state! { Bounded { values } keeps { start, bounds, rates } }
 
 impl Bounded {
-    /// Defaults for bounds and rates are those given with each coefficient.
+    /// Defaults for bounds and rates are those given with each coefficient. `given` are the keys `lower`, `upper` and
+    /// `rate_per_s`.
     pub(crate) fn new(
         start: Vec<f64>,
         default_bounds: Vec<(f64, f64)>,
-        lower: Option<&[f64]>,
-        upper: Option<&[f64]>,
-        rate_per_s: Option<&[f64]>,
+        given: [&Option<Vec<f64>>; 3],
         dt: f64,
     ) -> Result<Self, CompensationError> {
         let n = start.len();
-        for (name, list) in [
-            ("lower", lower),
-            ("upper", upper),
-            ("rate_per_s", rate_per_s),
-        ] {
+        for (name, list) in ["lower", "upper", "rate_per_s"].into_iter().zip(given) {
             if let Some(list) = list
                 && list.len() != n
             {
@@ -67,7 +62,8 @@ impl Bounded {
                 });
             }
         }
-        let pick = |list: Option<&[f64]>, i: usize| list.and_then(|list| list.get(i).copied());
+        let pick = |list: &Option<Vec<f64>>, i: usize| list.as_ref()?.get(i).copied();
+        let [lower, upper, rate_per_s] = given;
         let mut bounds = Vec::with_capacity(n);
         let mut rates = Vec::with_capacity(n);
         for (index, (start, default)) in start.iter().zip(default_bounds).enumerate() {
@@ -162,19 +158,25 @@ pub(super) struct Regressors {
 
 state! { Regressors { command, measured, derivatives } }
 
+/// The filter with the corner `filter_hz`, which must be below half the rate of ticks.
+pub(super) fn low_pass(filter_hz: f64, dt: f64) -> Result<LowPass, CompensationError> {
+    positive("filter_hz", filter_hz)?;
+    let below = filter_hz * dt < 0.5;
+    inside(
+        "filter_hz",
+        filter_hz,
+        below,
+        "below half the rate of ticks",
+    )?;
+    Ok(LowPass::new(filter_hz, dt))
+}
+
 impl Regressors {
     pub(crate) fn new(filter_hz: f64, dt: f64) -> Result<Self, CompensationError> {
-        positive("filter_hz", filter_hz)?;
-        let below = filter_hz * dt < 0.5;
-        inside(
-            "filter_hz",
-            filter_hz,
-            below,
-            "below half the rate of ticks",
-        )?;
+        let filter = low_pass(filter_hz, dt)?;
         Ok(Self {
-            command: LowPass::new(filter_hz, dt),
-            measured: LowPass::new(filter_hz, dt),
+            command: filter,
+            measured: filter,
             derivatives: Differences::new(dt),
         })
     }
@@ -277,6 +279,7 @@ impl<L: Adaption> Compensator for Adaptive<L> {
         &self.a.values
     }
 
+    #[cfg(test)]
     fn bounds(&self) -> &[(f64, f64)] {
         &self.a.bounds
     }
@@ -289,7 +292,7 @@ mod tests {
     #[test]
     fn goal_that_is_nan_moves_nothing() {
         let bounds = vec![(0.5, 1.5), (0.0, 0.1)];
-        let made = Bounded::new(vec![1.0, 0.01], bounds, None, None, None, 1e-3);
+        let made = Bounded::new(vec![1.0, 0.01], bounds, [&None; 3], 1e-3);
         let mut learnt = made.unwrap();
         for goal in [[f64::NAN, 0.02], [1.1, f64::INFINITY]] {
             learnt.approach(&goal);

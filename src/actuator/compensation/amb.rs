@@ -71,9 +71,7 @@ impl AmbSpec {
         let a = Bounded::new(
             self.start.to_vec(),
             defaults.collect(),
-            self.lower.as_deref(),
-            self.upper.as_deref(),
-            self.rate_per_s.as_deref(),
+            [&self.lower, &self.upper, &self.rate_per_s],
             dt,
         )?;
         let mut gains = [0.0; 4];

@@ -126,9 +126,7 @@ impl AtsSpec {
         let a = Bounded::new(
             start.clone(),
             defaults.collect(),
-            self.lower.as_deref(),
-            self.upper.as_deref(),
-            self.rate_per_s.as_deref(),
+            [&self.lower, &self.upper, &self.rate_per_s],
             dt,
         )?;
         let window = Window::new(rows);

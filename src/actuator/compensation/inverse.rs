@@ -19,11 +19,10 @@ pub struct InverseSpec {
 #[derive(Debug)]
 pub(super) struct Inverse {
     alpha: [f64; 1],
-    bounds: [(f64, f64); 1],
     last: f64,
 }
 
-state! { Inverse as "inverse" { last } keeps { alpha, bounds } }
+state! { Inverse as "inverse" { last } keeps { alpha } }
 
 impl InverseSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Inverse, CompensationError> {
@@ -31,7 +30,6 @@ impl InverseSpec {
         history("delay_s", ticks)?;
         Ok(Inverse {
             alpha: [1.0 + ticks],
-            bounds: [(1.0 + ticks, 1.0 + ticks)],
             last: 0.0,
         })
     }
@@ -62,9 +60,5 @@ impl Compensator for Inverse {
 
     fn parameters(&self) -> &[f64] {
         &self.alpha
-    }
-
-    fn bounds(&self) -> &[(f64, f64)] {
-        &self.bounds
     }
 }

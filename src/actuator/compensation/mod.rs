@@ -59,6 +59,7 @@ mod tests;
 
 use thiserror::Error;
 
+use gusset_quantity::domain::{OutOfDomain, inside, not_negative, positive};
 use gusset_quantity::state::Stateful;
 
 pub use amb::AmbSpec;
@@ -141,7 +142,8 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
         &[]
     }
 
-    /// Bounds of each parameter; both are equal where nothing adapts.
+    /// Bounds of each parameter; empty where nothing adapts.
+    #[cfg(test)]
     fn bounds(&self) -> &[(f64, f64)] {
         &[]
     }
@@ -151,15 +153,8 @@ pub trait Compensator: Stateful + Send + std::fmt::Debug {
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum CompensationError {
     /// A number outside its domain.
-    #[error("{name} is {found}, but must be {allowed}")]
-    Parameter {
-        /// Key.
-        name: &'static str,
-        /// The value that was given.
-        found: f64,
-        /// The domain, in words.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// A list of the wrong length.
     #[error("{name} has {found} entries, but must have {wanted}")]
     Length {
@@ -210,7 +205,7 @@ impl CompensationError {
     #[must_use]
     pub const fn key(&self) -> &'static str {
         match self {
-            Self::Parameter { name, .. }
+            Self::Parameter(OutOfDomain { name, .. })
             | Self::Length { name, .. }
             | Self::History { name, .. } => name,
             Self::Bounds { .. } => "lower",
@@ -218,31 +213,6 @@ impl CompensationError {
             Self::NonCausal { .. } => "coefficients",
         }
     }
-}
-
-pub(crate) fn inside(
-    name: &'static str,
-    found: f64,
-    is_inside: bool,
-    allowed: &'static str,
-) -> Result<f64, CompensationError> {
-    if is_inside && found.is_finite() {
-        Ok(found)
-    } else {
-        Err(CompensationError::Parameter {
-            name,
-            found,
-            allowed,
-        })
-    }
-}
-
-fn positive(name: &'static str, found: f64) -> Result<f64, CompensationError> {
-    inside(name, found, found > 0.0, "finite and greater than 0")
-}
-
-fn not_negative(name: &'static str, found: f64) -> Result<f64, CompensationError> {
-    inside(name, found, found >= 0.0, "finite and not negative")
 }
 
 fn history(name: &'static str, ticks: f64) -> Result<usize, CompensationError> {

@@ -22,11 +22,10 @@ pub struct ModelInverseSpec {
 #[derive(Debug)]
 pub(super) struct ModelInverse {
     a: Vec<f64>,
-    bounds: Vec<(f64, f64)>,
     targets: Differences,
 }
 
-state! { ModelInverse as "model_inverse" { targets } keeps { a, bounds } }
+state! { ModelInverse as "model_inverse" { targets } keeps { a } }
 
 impl ModelInverseSpec {
     pub(super) fn build(&self, dt: f64) -> Result<ModelInverse, CompensationError> {
@@ -49,7 +48,6 @@ impl ModelInverseSpec {
         }
         Ok(ModelInverse {
             a: self.coefficients.clone(),
-            bounds: self.coefficients.iter().map(|a| (*a, *a)).collect(),
             targets: Differences::new(dt),
         })
     }
@@ -83,9 +81,5 @@ impl Compensator for ModelInverse {
 
     fn parameters(&self) -> &[f64] {
         &self.a
-    }
-
-    fn bounds(&self) -> &[(f64, f64)] {
-        &self.bounds
     }
 }

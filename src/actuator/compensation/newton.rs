@@ -22,11 +22,10 @@ pub struct NewtonSpec {
 #[derive(Debug)]
 pub(super) struct Newton {
     delay: [f64; 1],
-    bounds: [(f64, f64); 1],
     curve: f64,
 }
 
-state! { Newton as "newton" {} keeps { delay, bounds, curve } }
+state! { Newton as "newton" {} keeps { delay, curve } }
 
 impl NewtonSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Newton, CompensationError> {
@@ -34,7 +33,6 @@ impl NewtonSpec {
         history("delay_s", delay / dt)?;
         Ok(Newton {
             delay: [delay],
-            bounds: [(delay, delay)],
             curve: 0.5 * delay * (delay + dt),
         })
     }
@@ -53,9 +51,5 @@ impl Compensator for Newton {
 
     fn parameters(&self) -> &[f64] {
         &self.delay
-    }
-
-    fn bounds(&self) -> &[(f64, f64)] {
-        &self.bounds
     }
 }

@@ -73,11 +73,10 @@ pub(super) struct Polynomial {
     spacing: f64,
     targets: History,
     delay: [f64; 1],
-    bounds: [(f64, f64); 1],
 }
 
 state! {
-    Polynomial as "polynomial" { targets } keeps { weights, nodes, spacing, delay, bounds }
+    Polynomial as "polynomial" { targets } keeps { weights, nodes, spacing, delay }
 }
 
 impl PolynomialSpec {
@@ -101,7 +100,6 @@ impl PolynomialSpec {
             spacing,
             targets: History::new(entries),
             delay: [self.delay_s],
-            bounds: [(self.delay_s, self.delay_s)],
         })
     }
 }
@@ -130,9 +128,5 @@ impl Compensator for Polynomial {
 
     fn parameters(&self) -> &[f64] {
         &self.delay
-    }
-
-    fn bounds(&self) -> &[(f64, f64)] {
-        &self.bounds
     }
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adaptive::{Bounded, GAIN};
+use super::adaptive::{Bounded, GAIN, low_pass};
 use super::filter::{History, LowPass};
 use super::polynomial::lagrange_weights;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
@@ -114,14 +114,7 @@ impl RecursiveFirSpec {
             "above 0.9 and at most 1",
         )?;
         let variance = positive("start_variance_per_m2", self.start_variance_per_m2)?;
-        positive("filter_hz", self.filter_hz)?;
-        let below = self.filter_hz * dt < 0.5;
-        inside(
-            "filter_hz",
-            self.filter_hz,
-            below,
-            "below half the rate of ticks",
-        )?;
+        let filter = low_pass(self.filter_hz, dt)?;
         let eta = delay / (spacing * dt);
         let start = vec![1.0 + eta, -eta, 0.0, 0.0];
         let third = lagrange_weights(3, eta).into_iter().map(f64::abs);
@@ -133,9 +126,7 @@ impl RecursiveFirSpec {
         let theta = Bounded::new(
             start,
             defaults,
-            self.lower.as_deref(),
-            self.upper.as_deref(),
-            self.rate_per_s.as_deref(),
+            [&self.lower, &self.upper, &self.rate_per_s],
             dt,
         )?;
         let mut fir = RecursiveFir {
@@ -146,8 +137,8 @@ impl RecursiveFirSpec {
             forgetting: self.forgetting,
             variance,
             targets: History::new(entries),
-            commands: LowPass::new(self.filter_hz, dt),
-            measurements: LowPass::new(self.filter_hz, dt),
+            commands: filter,
+            measurements: filter,
             measured: History::new(entries),
         };
         fir.begin();
@@ -302,6 +293,7 @@ impl Compensator for RecursiveFir {
         &self.theta.values
     }
 
+    #[cfg(test)]
     fn bounds(&self) -> &[(f64, f64)] {
         &self.theta.bounds
     }

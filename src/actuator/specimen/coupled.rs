@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Specimen;
 use gusset_numerics::law::{LawError, Reach};
+use gusset_quantity::domain::inside;
 use gusset_quantity::state;
 
 /// Linear specimen with full matrices, one row for each axis. Each matrix is symmetric without
@@ -72,13 +73,7 @@ fn matrix(name: &'static str, rows: &[Vec<f64>], axes: usize) -> Result<Vec<f64>
     }
     let mut largest = 0.0;
     for value in rows.iter().flatten() {
-        if !value.is_finite() {
-            return Err(LawError::Parameter {
-                name,
-                found: *value,
-                allowed: "finite in every entry",
-            });
-        }
+        inside(name, *value, true, "finite in every entry")?;
         largest = f64::max(largest, value.abs());
     }
     let by_columns = nalgebra::DMatrix::from_fn(axes, axes, |i, j| rows[i][j]);

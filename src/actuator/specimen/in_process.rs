@@ -13,8 +13,8 @@ use gusset_quantity::time::Nanos;
 
 /// A [`Specimen`] behind the hinge. Coupling: lockstep.
 #[derive(Debug)]
-pub struct InProcess<S: Specimen> {
-    specimen: S,
+pub struct InProcess {
+    specimen: Box<dyn Specimen>,
     phase: Phase,
     sequence: u64,
     time: f64,
@@ -29,7 +29,7 @@ pub struct InProcess<S: Specimen> {
 }
 
 state! {
-    <S: Specimen> InProcess<S> as "in_process" {
+    InProcess as "in_process" {
         phase, sequence, time, dt, disp, vel, measured, force, status, specimen
     }
     keeps { breaks_at }
@@ -72,10 +72,10 @@ impl Stateful for Phase {
     }
 }
 
-impl<S: Specimen> InProcess<S> {
+impl InProcess {
     /// The specimen in its present committed state, with no command yet.
     #[must_use]
-    pub fn new(specimen: S) -> Self {
+    pub fn new(specimen: Box<dyn Specimen>) -> Self {
         let axes = specimen.axes();
         Self {
             specimen,
@@ -99,13 +99,6 @@ impl<S: Specimen> InProcess<S> {
         self
     }
 
-    /// The specimen back.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) fn into_specimen(self) -> S {
-        self.specimen
-    }
-
     fn fault(&mut self, fault: LinkFault) -> LinkFault {
         self.phase = Phase::Faulted(fault);
         fault
@@ -119,7 +112,7 @@ fn break_down(time: f64) -> ! {
 }
 
 /// Status that a specimen reports.
-pub fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
+pub fn status(specimen: &dyn Specimen) -> Status {
     let mut status = Status::default();
     if specimen.is_saturated() {
         status.0 |= Status::SATURATED.0;
@@ -130,7 +123,7 @@ pub fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
     status
 }
 
-impl<S: Specimen> Substructure for InProcess<S> {
+impl Substructure for InProcess {
     fn axes(&self) -> usize {
         self.disp.len()
     }
@@ -182,7 +175,7 @@ impl<S: Specimen> Substructure for InProcess<S> {
                     *measured = *disp;
                 }
                 self.specimen.measured(&mut self.measured);
-                self.status = status(&self.specimen);
+                self.status = status(&*self.specimen);
                 let numbers = self.disp.iter().zip(&self.measured).zip(&self.force);
                 let mut finite = true;
                 for ((disp, measured), force) in numbers {
@@ -238,6 +231,9 @@ impl<S: Specimen> Substructure for InProcess<S> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
     use super::*;
     use crate::specimen::{SpecimenLaw, Uniaxial};
     use gusset_numerics::law::LawSpec;
@@ -252,8 +248,8 @@ mod tests {
         vec![spec.build().unwrap(), damper.build().unwrap()]
     }
 
-    fn port() -> InProcess<Uniaxial> {
-        InProcess::new(Uniaxial::new(laws()).unwrap())
+    fn port() -> InProcess {
+        InProcess::new(Box::new(Uniaxial::new(laws()).unwrap()))
     }
 
     fn command<'a>(sequence: u64, disp: &'a [f64], vel: &'a [f64]) -> Command<'a> {
@@ -314,9 +310,8 @@ mod tests {
             twice.accepted(k).unwrap();
             assert_eq!(a, b);
         }
-        let state = |port: &mut InProcess<Uniaxial>| {
-            TestState::of(|visit| port.specimen.visit_state(visit)).unwrap()
-        };
+        let state =
+            |port: &mut InProcess| TestState::of(|visit| port.specimen.visit_state(visit)).unwrap();
         assert_eq!(state(&mut once), state(&mut twice));
     }
 
@@ -324,7 +319,7 @@ mod tests {
     fn state_is_taken_only_between_exchanges() {
         let (mut one, mut other) = (port(), port());
         let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
-        let take = |port: &mut InProcess<Uniaxial>| {
+        let take = |port: &mut InProcess| {
             TestState::of(|visit| {
                 Substructure::visit_state(port, visit);
             })
@@ -375,10 +370,10 @@ mod tests {
     }
 
     /// Counts its calls; its force is the number of commits so far.
-    #[derive(Debug, Default)]
+    #[derive(Debug, Default, Clone)]
     struct Counter {
-        trials: u32,
-        commits: u32,
+        trials: Arc<AtomicU32>,
+        commits: Arc<AtomicU32>,
     }
 
     state! { Counter {} keeps { trials, commits } }
@@ -388,11 +383,11 @@ mod tests {
             1
         }
         fn trial(&mut self, _disp: &[f64], _vel: &[f64], _dt: f64, force: &mut [f64]) {
-            self.trials += 1;
-            force[0] = f64::from(self.commits);
+            self.trials.fetch_add(1, Relaxed);
+            force[0] = f64::from(self.commits.load(Relaxed));
         }
         fn commit(&mut self) {
-            self.commits += 1;
+            self.commits.fetch_add(1, Relaxed);
         }
         fn revert(&mut self) {}
         fn reference(&self, _: &mut [f64], _: &mut [f64], _: &mut [f64]) {}
@@ -409,7 +404,8 @@ mod tests {
 
     #[test]
     fn one_number_is_one_trial_and_one_commit() {
-        let mut port = InProcess::new(Counter::default());
+        let counter = Counter::default();
+        let mut port = InProcess::new(Box::new(counter.clone()));
         let mut into = Measurement::zeros(1);
         for k in 0..10 {
             for _ in 0..3 {
@@ -423,8 +419,8 @@ mod tests {
             // An acceptance that comes late, of an older step, moves nothing either.
             port.accepted(k.saturating_sub(1)).unwrap();
         }
-        let Counter { trials, commits } = port.into_specimen();
-        assert_eq!((trials, commits), (10, 10));
+        assert_eq!(counter.trials.load(Relaxed), 10);
+        assert_eq!(counter.commits.load(Relaxed), 10);
     }
 
     #[test]

@@ -6,8 +6,8 @@ use gusset_numerics::law::Reach;
 
 /// A specimen in SI units behind axes that do not count in SI.
 #[derive(Debug)]
-pub struct InUnits<S: Specimen> {
-    specimen: S,
+pub struct InUnits {
+    specimen: Box<dyn Specimen>,
     /// Metres in one unit of displacement and newtons in one unit of force, per axis.
     units: Vec<(f64, f64)>,
     disp: Vec<f64>,
@@ -15,22 +15,26 @@ pub struct InUnits<S: Specimen> {
     read: Vec<f64>,
 }
 
-gusset_quantity::state! { <S: Specimen> InUnits<S> { specimen } keeps { units, disp, vel, read } }
+gusset_quantity::state! { InUnits { specimen } keeps { units, disp, vel, read } }
 
-impl<S: Specimen> InUnits<S> {
-    /// `units` holds, for each axis, metres per displacement unit and newtons per force unit; missing axes are in SI.
+impl InUnits {
+    /// The specimen behind axes in these units: itself, where all count in SI. `units` holds, for each axis, metres per
+    /// displacement unit and newtons per force unit; missing axes are in SI.
     #[must_use]
-    pub(crate) fn new(specimen: S, units: &[(f64, f64)]) -> Self {
+    pub fn around(specimen: Box<dyn Specimen>, units: &[(f64, f64)]) -> Box<dyn Specimen> {
+        if units.iter().all(|unit| *unit == (1.0, 1.0)) {
+            return specimen;
+        }
         let n = specimen.axes();
         let mut units = units.to_vec();
         units.resize(n, (1.0, 1.0));
-        Self {
+        Box::new(Self {
             specimen,
             units,
             disp: vec![0.0; n],
             vel: vec![0.0; n],
             read: vec![0.0; n],
-        }
+        })
     }
 
     /// Brings an n × n matrix of force per motion, by columns, from SI into the axes' units.
@@ -44,19 +48,7 @@ impl<S: Specimen> InUnits<S> {
     }
 }
 
-impl InUnits<Box<dyn Specimen>> {
-    /// The specimen behind axes in these units: itself, where all count in SI.
-    #[must_use]
-    pub fn around(specimen: Box<dyn Specimen>, units: &[(f64, f64)]) -> Box<dyn Specimen> {
-        if units.iter().all(|unit| *unit == (1.0, 1.0)) {
-            specimen
-        } else {
-            Box::new(Self::new(specimen, units))
-        }
-    }
-}
-
-impl<S: Specimen> Specimen for InUnits<S> {
+impl Specimen for InUnits {
     passed_on!(self => self.specimen);
 
     fn axes(&self) -> usize {
@@ -147,7 +139,7 @@ mod tests {
             damping_n_s_per_m: 0.0,
         });
         let spring = SpecimenLaw::Law(law).build(1).unwrap();
-        let mut specimen = InUnits::new(spring, &[(1e-3, 1e3)]);
+        let mut specimen = InUnits::around(spring, &[(1e-3, 1e3)]);
         let mut force = [0.0];
         specimen.trial(&[2.5], &[0.0], 0.0, &mut force);
         assert!((force[0] - 20.0).abs() < 1e-12, "8 kN/mm · 2.5 mm");

@@ -38,7 +38,7 @@ mod stiffened;
 mod uniaxial;
 
 #[cfg(test)]
-mod restored;
+mod tests;
 
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
@@ -122,45 +122,4 @@ pub trait Specimen: Stateful + Send + std::fmt::Debug {
         stiffness: &mut [f64],
         damping: &mut [f64],
     ) -> Result<(), usize>;
-}
-
-impl<S: Specimen + ?Sized> Specimen for Box<S> {
-    passed_on!(self => (**self));
-
-    fn axes(&self) -> usize {
-        (**self).axes()
-    }
-
-    fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]) {
-        (**self).trial(disp, vel, dt, force);
-    }
-
-    fn measured(&mut self, disp: &mut [f64]) {
-        (**self).measured(disp);
-    }
-
-    fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
-        (**self).reference(stiffness, damping, mass);
-    }
-
-    fn tangent(&self, stiffness: &mut [f64]) {
-        (**self).tangent(stiffness);
-    }
-
-    fn tangent_damping(&self, damping: &mut [f64]) {
-        (**self).tangent_damping(damping);
-    }
-
-    fn rest_damping(&self, damping: &mut [f64]) {
-        (**self).rest_damping(damping);
-    }
-
-    fn bound(
-        &self,
-        reach: &[Reach],
-        stiffness: &mut [f64],
-        damping: &mut [f64],
-    ) -> Result<(), usize> {
-        (**self).bound(reach, stiffness, damping)
-    }
 }

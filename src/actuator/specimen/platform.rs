@@ -20,23 +20,23 @@ pub struct Gear {
 
 /// A specimen with one axis per coordinate, behind the actuators of a geometry.
 #[derive(Debug)]
-pub struct Platform<S: Specimen> {
-    specimen: S,
+pub struct Platform {
+    specimen: Box<dyn Specimen>,
     geometry: Geometry,
     gears: Vec<Gear>,
     /// Where the last trial was.
     trial: Placed,
 }
 
-gusset_quantity::state! { <S: Specimen> Platform<S> { specimen } keeps { geometry, gears, trial } }
+gusset_quantity::state! { Platform { specimen } keeps { geometry, gears, trial } }
 
 /// Room for the largest matrix.
 type Square = [f64; MOST * MOST];
 
-impl<S: Specimen> Platform<S> {
+impl Platform {
     /// `specimen` must have as many axes as the geometry has coordinates; a missing gear counts as one to one.
     #[must_use]
-    pub fn new(specimen: S, geometry: Geometry, gears: &[Gear]) -> Self {
+    pub fn new(specimen: Box<dyn Specimen>, geometry: Geometry, gears: &[Gear]) -> Self {
         let none = Gear {
             ratio: 1.0,
             offset: 0.0,
@@ -84,7 +84,7 @@ impl<S: Specimen> Platform<S> {
     }
 }
 
-impl<S: Specimen> Specimen for Platform<S> {
+impl Specimen for Platform {
     passed_on!(self => self.specimen);
 
     fn axes(&self) -> usize {
@@ -301,7 +301,7 @@ mod tests {
             Platform::new(inner, geometry(), &[])
         };
         let (mut one, mut other) = (build(), build());
-        let drive = |platform: &mut Platform<Box<dyn Specimen>>, from: i32, to: i32| {
+        let drive = |platform: &mut Platform, from: i32, to: i32| {
             let mut force = [0.0; 3];
             for k in from..to {
                 let t = 0.05 * f64::from(k);
@@ -329,7 +329,7 @@ mod tests {
     /// A hold, or a test that resumes after an interruption, commands the same strokes again: not a bit may change.
     #[test]
     fn force_depends_only_on_strokes() {
-        let ask = |platform: &mut Platform<Box<dyn Specimen>>, disp: [f64; 3]| {
+        let ask = |platform: &mut Platform, disp: [f64; 3]| {
             let mut force = [0.0; 3];
             platform.trial(&disp, &[0.0; 3], 0.0, &mut force);
             platform.commit();

@@ -10,7 +10,6 @@ mod between_ticks;
 mod delay;
 pub mod exact;
 pub mod noise;
-pub mod range;
 mod sensor;
 mod servo;
 mod spec;
@@ -34,21 +33,15 @@ pub use spec::{
 
 use crate::specimen::Specimen;
 use gusset_numerics::law::Reach;
+use gusset_quantity::domain::OutOfDomain;
 use gusset_quantity::state;
 
 /// Errors of a transfer system.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum TransferError {
     /// A number outside its domain.
-    #[error("{name} is {found}, but must be {allowed}")]
-    Parameter {
-        /// Key.
-        name: &'static str,
-        /// The value that was given.
-        found: f64,
-        /// The domain, in words.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// Two keys that exclude each other.
     #[error("{first} and {second} are both given, but only one of them may be")]
     Exclusive {
@@ -95,7 +88,7 @@ impl TransferError {
     #[must_use]
     pub const fn key(&self) -> &'static str {
         match self {
-            Self::Parameter { name, .. } | Self::NotApplicable { name, .. } => name,
+            Self::Parameter(OutOfDomain { name, .. }) | Self::NotApplicable { name, .. } => name,
             Self::Exclusive { second, .. } => second,
             Self::History { .. } => "delay_s",
             Self::Unstable { .. } => "servo_hydraulic",

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::TransferError;
-use super::range::{finite, not_negative, positive};
+use gusset_quantity::domain::{finite, not_negative, positive};
 
 /// Displacement sensor. Without any key, it has no error.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -62,13 +62,8 @@ pub struct ForceSensorSpec {
     pub quantum_n: f64,
 }
 
-/// How noise is declared.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Noise {
-    None,
-    Rms(f64),
-    Power(f64),
-}
+/// Noise by its root mean square, or by its power, in this order.
+type Noise = [Option<f64>; 2];
 
 /// One sensor of one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,9 +79,7 @@ impl DispSensorSpec {
     /// Root mean square of its noise in m where a tick is `dt` s of test time.
     #[must_use]
     pub fn noise_rms(&self, dt: f64) -> f64 {
-        let of_power = |power: f64| if dt > 0.0 { (power / dt).sqrt() } else { 0.0 };
-        let of_power = || self.noise_power_m2_s.map_or(0.0, of_power);
-        self.noise_rms_m.unwrap_or_else(of_power)
+        rms([self.noise_rms_m, self.noise_power_m2_s], dt)
     }
 
     /// The sensor.
@@ -96,8 +89,8 @@ impl DispSensorSpec {
     pub(crate) fn build(&self) -> Result<Sensor, TransferError> {
         Ok(Sensor {
             noise: noise(
-                ("noise_rms_m", self.noise_rms_m),
-                ("noise_power_m2_s", self.noise_power_m2_s),
+                ["noise_rms_m", "noise_power_m2_s"],
+                [self.noise_rms_m, self.noise_power_m2_s],
             )?,
             bias: finite("bias_m", self.bias_m)?,
             drift: finite("drift_m_per_s", self.drift_m_per_s)?,
@@ -111,9 +104,7 @@ impl ForceSensorSpec {
     /// Root mean square of its noise in N where a tick is `dt` s of test time.
     #[must_use]
     pub fn noise_rms(&self, dt: f64) -> f64 {
-        let of_power = |power: f64| if dt > 0.0 { (power / dt).sqrt() } else { 0.0 };
-        let of_power = || self.noise_power_n2_s.map_or(0.0, of_power);
-        self.noise_rms_n.unwrap_or_else(of_power)
+        rms([self.noise_rms_n, self.noise_power_n2_s], dt)
     }
 
     /// The sensor.
@@ -123,8 +114,8 @@ impl ForceSensorSpec {
     pub(crate) fn build(&self) -> Result<Sensor, TransferError> {
         Ok(Sensor {
             noise: noise(
-                ("noise_rms_n", self.noise_rms_n),
-                ("noise_power_n2_s", self.noise_power_n2_s),
+                ["noise_rms_n", "noise_power_n2_s"],
+                [self.noise_rms_n, self.noise_power_n2_s],
             )?,
             bias: finite("bias_n", self.bias_n)?,
             drift: finite("drift_n_per_s", self.drift_n_per_s)?,
@@ -134,43 +125,45 @@ impl ForceSensorSpec {
     }
 }
 
-fn noise(
-    (rms_key, rms): (&'static str, Option<f64>),
-    (power_key, power): (&'static str, Option<f64>),
-) -> Result<Noise, TransferError> {
+/// Root mean square of a noise where a tick is `dt` s of test time. Real-time: yes.
+fn rms([rms, power]: Noise, dt: f64) -> f64 {
     match (rms, power) {
-        (None, None) => Ok(Noise::None),
-        (Some(rms), None) => not_negative(rms_key, rms).map(Noise::Rms),
-        (None, Some(power)) => not_negative(power_key, power).map(Noise::Power),
-        (Some(_), Some(_)) => Err(TransferError::Exclusive {
-            first: rms_key,
-            second: power_key,
-        }),
+        (Some(rms), _) => rms,
+        (None, Some(power)) if dt > 0.0 => (power / dt).sqrt(),
+        (None, _) => 0.0,
     }
 }
 
+fn noise(keys: [&'static str; 2], noise: Noise) -> Result<Noise, TransferError> {
+    if noise.iter().all(Option::is_some) {
+        let [first, second] = keys;
+        return Err(TransferError::Exclusive { first, second });
+    }
+    for (key, value) in keys.into_iter().zip(noise) {
+        not_negative(key, value.unwrap_or(0.0))?;
+    }
+    Ok(noise)
+}
+
 fn range(key: &'static str, value: Option<f64>) -> Result<f64, TransferError> {
-    value.map_or(Ok(f64::INFINITY), |value| positive(key, value))
+    Ok(match value {
+        Some(value) => positive(key, value)?,
+        None => f64::INFINITY,
+    })
 }
 
 impl Sensor {
     /// True if it draws noise.
     #[must_use]
     pub(crate) fn is_noisy(&self) -> bool {
-        self.noise != Noise::None
+        self.noise != [None; 2]
     }
 
     /// The reading of `value` after `elapsed` seconds of test, `normal` being the noise of the moment in standard deviations
     /// and `dt` the tick; and whether it is at the end of the range. Real-time: yes.
     #[must_use]
     pub(crate) fn read(&self, value: f64, normal: f64, elapsed: f64, dt: f64) -> (f64, bool) {
-        let deviation = match self.noise {
-            Noise::None => 0.0,
-            Noise::Rms(rms) => rms,
-            Noise::Power(power) if dt > 0.0 => (power / dt).sqrt(),
-            Noise::Power(_) => 0.0,
-        };
-        let sensed = value + self.bias + self.drift * elapsed + deviation * normal;
+        let sensed = value + self.bias + self.drift * elapsed + rms(self.noise, dt) * normal;
         let within = sensed.clamp(-self.range, self.range);
         let read = if self.quantum > 0.0 {
             // Half to even, as converters are specified; std's `round` needs no library.

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::between_ticks::BetweenTicks;
 use super::exact::is_hurwitz;
-use super::range::{not_negative, positive};
 use super::sensor::{DispSensorSpec, ForceSensorSpec};
 use super::{TransferError, delay};
+use gusset_quantity::domain::{not_negative, positive};
 
 /// Simulated actuator and sensors between the command and the measurement of a simulated specimen.
 /// The order is: delay, actuator, limits of rate, stroke and force, sensors. Each axis has its own.
@@ -174,17 +174,17 @@ impl TransferSpec {
         }
         self.disp_sensor.build()?;
         self.force_sensor.build()?;
-        match &self.actuator {
-            None => Ok(()),
-            Some(ActuatorSpec::Proportional(spec)) => positive("gain", spec.gain).map(|_| ()),
+        let gain = match &self.actuator {
+            None => return Ok(()),
+            Some(ActuatorSpec::Proportional(spec)) => spec.gain,
             Some(ActuatorSpec::FirstOrder(spec)) => {
                 positive("time_constant_s", spec.time_constant_s)?;
-                positive("gain", spec.gain).map(|_| ())
+                spec.gain
             }
             Some(ActuatorSpec::SecondOrder(spec)) => {
                 positive("frequency_hz", spec.frequency_hz)?;
                 positive("damping_ratio", spec.damping_ratio)?;
-                positive("gain", spec.gain).map(|_| ())
+                spec.gain
             }
             Some(ActuatorSpec::ServoHydraulic(spec)) => {
                 if self.rate_limit_m_per_s.is_some() {
@@ -193,22 +193,18 @@ impl TransferSpec {
                         what: "`servo_hydraulic`, whose valve knows no limit of flow",
                     });
                 }
-                spec.check()
+                spec.check()?;
+                spec.gain
             }
-        }
+        };
+        positive("gain", gain)?;
+        Ok(())
     }
 
     /// True if the actuator lags behind its command.
     #[must_use]
     pub const fn lags(&self) -> bool {
-        match &self.actuator {
-            None | Some(ActuatorSpec::Proportional(_)) => false,
-            Some(
-                ActuatorSpec::FirstOrder(_)
-                | ActuatorSpec::SecondOrder(_)
-                | ActuatorSpec::ServoHydraulic(_),
-            ) => true,
-        }
+        !matches!(self.actuator, None | Some(ActuatorSpec::Proportional(_)))
     }
 
     /// True if it changes velocities: an actuator that lags, or a limit of speed.
@@ -342,13 +338,13 @@ impl ServoHydraulicSpec {
             ("valve_gain", self.valve_gain),
             ("valve_damping_per_s", self.valve_damping_per_s),
             ("valve_stiffness_per_s2", self.valve_stiffness_per_s2),
-            ("gain", self.gain),
             ("mass_kg", self.mass_kg),
         ] {
             positive(name, value)?;
         }
         not_negative("velocity_feedback_n_per_m", self.velocity_feedback_n_per_m)?;
-        not_negative("leakage_per_s", self.leakage_per_s).map(|_| ())
+        not_negative("leakage_per_s", self.leakage_per_s)?;
+        Ok(())
     }
 
     /// The loop with a specimen of these properties inside is stable.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::search::Point;
-use crate::verify::{Figure, Scale, Series};
+use crate::verify::{Axes, Figure, Scale, Series};
 
 /// A published size at a published rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,8 +68,7 @@ pub fn svg(words: &str, points: &[Point]) -> String {
         claim: "",
         across: Scale::free("degrees of freedom", "1"),
         up: Scale::free("rate", "Hz"),
-        logarithmic: true,
-        square: false,
+        axes: Axes::Logarithmic,
         series,
     }
     .svg(false)

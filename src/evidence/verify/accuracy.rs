@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use super::figure::{Figure, Scale, Series};
+use super::drive::oscillator;
+use super::figure::{Axes, Figure, Scale, Series};
 use super::{Check, Proof};
-use gusset_numerics::integrate::{Gui, Integrator, Lambda, Start, State};
-use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::integrate::{Integrator, Start, State};
 use gusset_numerics::spectral::{
     Apparent, amplitude_decay as decay_of, apparent, chang, newmark, omega_limit, period_error,
     principal, quadratic, zero_period_error_lambda,
@@ -101,8 +101,7 @@ pub(super) fn amplitude_decay() -> Proof {
         claim: "All curves and dots lie on zero: no member of the family has numerical damping, nor have the others.",
         across: Scale::fixed("Δt/T", "1", 0.0, LAST),
         up: Scale::fixed("amplitude decay AD", "1", -0.1, 0.5),
-        logarithmic: false,
-        square: false,
+        axes: Axes::Linear,
         series,
     };
     (checks, vec![figure])
@@ -137,18 +136,7 @@ fn of_runs(shares: &[f64]) -> (f64, f64) {
 
 /// Four samples in a row of the program's free vibration from x(0) = 1, about a quarter of a swing in.
 fn free_vibration(omega: f64, lambda: f64) -> Option<[f64; 4]> {
-    let scalar = |value| SymMatrix::diagonal(&[value]);
-    let (none, stiffness) = (scalar(0.0), scalar(omega * omega));
-    let lambda = Lambda::new(lambda).ok()?;
-    let mut gui = Gui::new(
-        &scalar(1.0),
-        &none,
-        &stiffness,
-        1.0,
-        lambda,
-        Start::Published,
-    )
-    .ok()?;
+    let mut gui = oscillator((1.0, 0.0, omega * omega), 1.0, lambda, Start::Published)?;
     let mut state = State::new(vec![1.0], vec![0.0]);
     let mut samples = vec![1.0];
     for _ in 0..4 {
@@ -291,8 +279,7 @@ pub(super) fn period_elongation() -> Proof {
         claim: "PE is signed: it falls through zero as λ grows. λ = 11.5 stays nearest to zero as a compromise up to Δt/T = 0.16; 12 is better below 0.10, a smaller λ above 0.24. Curves end where the poles become real.",
         across: Scale::fixed("Δt/T", "1", 0.0, LAST),
         up: Scale::fixed("period elongation PE", "1", -0.4, 1.0),
-        logarithmic: false,
-        square: false,
+        axes: Axes::Linear,
         series,
     };
     (checks, vec![figure])

@@ -4,14 +4,15 @@
 //! has one.
 
 use super::chain::{
-    DT, METHODS, WAYS, agreement, base, chain_of_example_4_3, damper, force_velocity, limits,
+    DT, METHODS, agreement, base, chain_of_example_4_3, damper, force_velocity, limits,
     same_equations,
 };
-use super::dense::{Dense, Way};
+use super::dense::Dense;
 use super::drive::{Method, Walk};
-use super::figure::{Figure, Scale, Series};
+use super::figure::{Axes, Figure, Scale, Series};
 use super::{Check, Effort, Shown, Tabulation, number};
 use gusset_quantity::time::Clock;
+use gusset_view::report::Look;
 
 /// Table 2 of Gui et al. (2014): n, then milliseconds per step as printed, for average acceleration, Chang 2002, explicit
 /// Newmark, λ = 2, 4, 11.5 (a 2014 PC).
@@ -29,7 +30,7 @@ const TABLE_2: [(usize, [f64; 6]); 8] = [
 /// Median time of a step in ms, and displacements of the first mass, over `steps` steps.
 fn timed(method: Method, n: usize, steps: usize, clock: &dyn Clock) -> Option<(f64, Vec<f64>)> {
     let mut structure = chain_of_example_4_3(n)?;
-    let mut walk = Walk::new(method, &mut structure, DT, base).ok()?;
+    let mut walk = Walk::new(method, &mut structure, DT, base(DT)).ok()?;
     let (mut times, mut first) = (Vec::with_capacity(steps), Vec::with_capacity(steps));
     for _ in 0..steps {
         let start = clock.now();
@@ -134,9 +135,13 @@ fn as_published(effort: Effort, clock: &dyn Clock) -> Vec<AsPublished> {
             factorisations: [f64::NAN; 6],
             operations: [f64::NAN; 6],
         };
-        for (k, way) in WAYS.into_iter().enumerate() {
-            let steps = if matches!(way, Way::Family(_)) { 20 } else { 4 };
-            let Some(mut dense) = Dense::new(way, n) else {
+        for (k, method) in METHODS.into_iter().enumerate() {
+            let steps = if matches!(method, Method::Family(_)) {
+                20
+            } else {
+                4
+            };
+            let Some(mut dense) = Dense::new(method, n) else {
                 continue;
             };
             let before = (dense.factorisations, dense.products);
@@ -248,7 +253,7 @@ fn points(name: String, rows: &[(usize, [f64; 6])], k: usize) -> Series {
 
 fn line(name: String, rows: &[(usize, [f64; 6])], k: usize) -> Series {
     Series {
-        dots: false,
+        look: Look::Line,
         ..points(name, rows, k)
     }
 }
@@ -266,8 +271,7 @@ fn published_axes(dense: &[(usize, [f64; 6])]) -> Figure {
         claim: "Lines are Table 2; dots the same equations with full matrices on this machine.",
         across: Scale::fixed("degrees of freedom", "1", 0.0, 5000.0),
         up: Scale::fixed("time of a step", "ms", 0.0, 2100.0),
-        logarithmic: false,
-        square: false,
+        axes: Axes::Linear,
         series: printed.chain(ours).collect(),
     }
 }
@@ -287,8 +291,7 @@ fn beside(dense: &[(usize, [f64; 6])], measured: &[(usize, [f64; 6])]) -> Figure
         claim: "Two methods of Table 2. What it times is the dense algebra: with sparse factors every method is linear in n, and the family keeps a lead of what an iteration costs.",
         across: Scale::free("degrees of freedom", "1"),
         up: Scale::free("time of a step", "ms"),
-        logarithmic: true,
-        square: false,
+        axes: Axes::Logarithmic,
         series,
     }
 }

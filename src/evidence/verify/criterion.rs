@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::drive::{Random, solved, transition_of};
-use super::figure::{Figure, Scale, Series};
+use super::figure::{Axes, Figure, Scale, Series};
 use super::{Check, Effort, Proof};
 use gusset_numerics::integrate::Lambda;
 use gusset_numerics::linalg::{SymMatrix, modes};
@@ -206,8 +206,7 @@ pub(super) fn criterion(effort: Effort) -> Proof {
         claim: "Each dot is a random structure. Above one, the mode-wise rule calls a λ stable that is not.",
         across: Scale::fixed("exact λ_lim", "1", 0.1, 100.0),
         up: Scale::fixed("mode-wise λ_lim / exact λ_lim", "1", 0.8, 10.0),
-        logarithmic: true,
-        square: false,
+        axes: Axes::Logarithmic,
         series: vec![
             dots("storeys changed at random", &unlike),
             dots("storeys within 20 % of one factor", &alike),

@@ -6,6 +6,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::drive::Method;
+use gusset_numerics::integrate::NewmarkBeta;
 use gusset_numerics::law::BiviscousSpec;
 
 pub(super) const MASS: f64 = 150.0;
@@ -20,18 +22,9 @@ pub(super) const DAMPER: BiviscousSpec = BiviscousSpec {
     yield_velocity_m_per_s: 1.0 / 3.0,
 };
 
-/// The methods of Table 2.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Way {
-    Average,
-    Chang,
-    Explicit,
-    Family(f64),
-}
-
 /// A chain of full matrices on its way.
 pub(super) struct Dense {
-    way: Way,
+    method: Method,
     damping: DMatrix<f64>,
     stiffness: DMatrix<f64>,
     /// α as printed, or what Chang's predictor divides by, as an inverse.
@@ -108,27 +101,27 @@ fn solve(mut matrix: DMatrix<f64>, mut r: DVector<f64>) -> Option<DVector<f64>> 
 
 impl Dense {
     /// At rest, a\[0\] from equilibrium.
-    pub(super) fn new(way: Way, n: usize) -> Option<Self> {
+    pub(super) fn new(method: Method, n: usize) -> Option<Self> {
         let (damping, stiffness) = (tridiagonal(n, DAMPING), tridiagonal(n, STIFFNESS));
         let initial = &damping + DMatrix::identity(n, n) * DAMPER.damping_n_s_per_m;
         let mass = DMatrix::identity(n, n) * MASS;
-        let operator = match way {
+        let operator = match method {
             // (19), with its inverse.
-            Way::Family(lambda) => {
+            Method::Family(lambda) => {
                 let matrix = &mass * (2.0 * lambda)
                     + &initial * (lambda * DT)
                     + &stiffness * (2.0 * DT * DT);
                 Some(matrix.cholesky()?.inverse() * (2.0 * lambda * MASS))
             }
-            Way::Chang => {
+            Method::Chang => {
                 let matrix = &mass + &initial * (DT / 2.0) + &stiffness * (DT * DT / 4.0);
                 Some(matrix.cholesky()?.inverse())
             }
-            Way::Average | Way::Explicit => None,
+            Method::Newmark(_) => None,
         };
         let zeros = DVector::zeros(n);
         let mut made = Self {
-            way,
+            method,
             damping,
             stiffness,
             operator,
@@ -159,8 +152,8 @@ impl Dense {
     /// One step; none if a matrix has no factor.
     pub(super) fn step(&mut self) -> Option<()> {
         self.step += 1;
-        match (self.way, &self.operator) {
-            (Way::Family(_), Some(alpha)) => {
+        match (self.method, &self.operator) {
+            (Method::Family(_), Some(alpha)) => {
                 // (2), (3), (1).
                 let gained = alpha * &self.accel;
                 self.products += 1;
@@ -169,19 +162,19 @@ impl Dense {
                 self.accel = self.internal(self.step) / MASS;
                 Some(())
             }
-            (Way::Average, _) => {
+            (Method::Newmark(NewmarkBeta::Average), _) => {
                 // From x⁺ = x.
                 let next = -(&self.vel * (4.0 / DT)) - &self.accel;
                 self.vel += (&self.accel + &next) * (DT / 2.0);
                 self.accel = next;
                 self.iterate(DT * DT / 4.0)
             }
-            (Way::Explicit, _) => {
+            (Method::Newmark(NewmarkBeta::Explicit), _) => {
                 self.disp += &self.vel * DT + &self.accel * (DT * DT / 2.0);
                 self.vel += &self.accel * DT;
                 self.iterate(0.0)
             }
-            (Way::Chang, Some(inverse)) => {
+            (Method::Chang, Some(inverse)) => {
                 let damped = &self.damping * &self.vel + &self.vel * DAMPER.damping_n_s_per_m;
                 let pushed = (&self.vel * MASS + damped * (DT / 2.0)) * DT
                     + &self.accel * (MASS * DT * DT / 2.0);
@@ -190,7 +183,7 @@ impl Dense {
                 self.vel += &self.accel * DT;
                 self.iterate(0.0)
             }
-            (Way::Family(_) | Way::Chang, None) => None,
+            _ => None,
         }
     }
 

@@ -6,7 +6,7 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use gusset_numerics::integrate::{
     Chang2002, Forces, Gui, Integrator, Lambda, Loaded, MethodError, Moment, Newmark, NewmarkBeta,
-    NewtonSettings, Start, State, Stepper,
+    NewtonSettings, Start, State, Stepper, Tangents,
 };
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{Base, Structure};
@@ -197,6 +197,44 @@ pub(super) fn peak(values: &[f64]) -> f64 {
     values.iter().fold(0.0, larger)
 }
 
+/// The family for one mass in kg with its dashpot and its spring.
+pub(super) fn oscillator(
+    (mass, damping, stiffness): (f64, f64, f64),
+    dt: f64,
+    lambda: f64,
+    start: Start,
+) -> Option<Gui> {
+    let scalar = |value| SymMatrix::diagonal(&[value]);
+    let (mass, damping, stiffness) = (scalar(mass), scalar(damping), scalar(stiffness));
+    let lambda = Lambda::new(lambda).ok()?;
+    Gui::new(&mass, &damping, &stiffness, dt, lambda, start).ok()
+}
+
+/// Forces on one mass: `force` of the number of the step, less those of dashpot and spring.
+pub(super) struct Alone<F> {
+    pub(super) damping: f64,
+    pub(super) stiffness: f64,
+    pub(super) force: F,
+}
+
+impl<F: Fn(f64) -> f64> Forces for Alone<F> {
+    fn residual_into(&mut self, at: Moment, x: &[f64], v: &[f64], _: f64, residual: &mut [f64]) {
+        let force = (self.force)(at.step as f64 - at.back);
+        for ((r, x), v) in residual.iter_mut().zip(x).zip(v) {
+            *r = force - self.damping * v - self.stiffness * x;
+        }
+    }
+
+    fn tangents(&self) -> Tangents {
+        Tangents {
+            stiffness: SymMatrix::diagonal(&[self.stiffness]),
+            damping: SymMatrix::diagonal(&[self.damping]),
+        }
+    }
+
+    fn commit(&mut self) {}
+}
+
 /// What `advance` of the family does to the states (x, Δt v) of one degree of freedom whose α was made with c0, k0 and
 /// whose forces have c, k; m = 1.
 pub(super) fn transition(
@@ -275,4 +313,17 @@ pub(super) fn jury((trace, determinant): (f64, f64)) -> f64 {
     (1.0 + trace + determinant)
         .min(1.0 - trace + determinant)
         .min(1.0 - determinant)
+}
+
+/// Trace and determinant of a step with Ω = `omega`, ξ = `ratio` and unchanged tangents.
+pub(super) fn stepped(omega: f64, ratio: f64, lambda: f64) -> (f64, f64) {
+    let own = (2.0 * ratio * omega, omega * omega);
+    let found = transition(own, own, 1.0, lambda);
+    found.map_or((f64::NAN, f64::NAN), |step| invariants(&step))
+}
+
+/// Margin of [`jury`] of the step of [`transition`].
+pub(super) fn margin(initial: (f64, f64), now: (f64, f64), dt: f64, lambda: f64) -> f64 {
+    let found = transition(initial, now, dt, lambda);
+    found.map_or(f64::NAN, |step| jury(invariants(&step)))
 }

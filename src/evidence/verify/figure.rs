@@ -13,10 +13,8 @@ pub struct Series {
     pub x: Vec<f64>,
     /// Ordinates; NaN where a point is missing.
     pub y: Vec<f64>,
-    /// Points instead of a line.
-    pub dots: bool,
-    /// True for the reference curve: dashed, in the text colour, above all others.
-    pub reference: bool,
+    /// How it is drawn.
+    pub look: Look,
 }
 
 impl Series {
@@ -27,8 +25,7 @@ impl Series {
             name: name.into(),
             x,
             y,
-            dots: false,
-            reference: false,
+            look: Look::Line,
         }
     }
 
@@ -36,7 +33,7 @@ impl Series {
     #[must_use]
     pub(crate) fn reference(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self {
-            reference: true,
+            look: Look::Reference,
             ..Self::line(name, x, y)
         }
     }
@@ -45,7 +42,7 @@ impl Series {
     #[must_use]
     pub fn dots(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self {
-            dots: true,
+            look: Look::Dots,
             ..Self::line(name, x, y)
         }
     }
@@ -84,6 +81,17 @@ impl Scale {
     }
 }
 
+/// How the axes of a figure are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axes {
+    /// Both linear.
+    Linear,
+    /// Both logarithmic.
+    Logarithmic,
+    /// Both linear, and as wide as high: for the z plane.
+    Square,
+}
+
 /// A figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
@@ -97,10 +105,8 @@ pub struct Figure {
     pub across: Scale,
     /// Vertical axis.
     pub up: Scale,
-    /// Both axes logarithmic.
-    pub logarithmic: bool,
-    /// As wide as high, for the z plane.
-    pub square: bool,
+    /// How the axes are drawn.
+    pub axes: Axes,
     /// Its curves.
     pub series: Vec<Series>,
 }
@@ -116,13 +122,7 @@ impl Figure {
                 name: &series.name,
                 x: &series.x,
                 y: &series.y,
-                look: match series {
-                    Series { dots: true, .. } => Look::Dots,
-                    Series {
-                        reference: true, ..
-                    } => Look::Reference,
-                    _ => Look::Line,
-                },
+                look: series.look,
             })
             .collect();
         let scale = |scale: Scale| report::Scale {
@@ -135,13 +135,12 @@ impl Figure {
             across: scale(self.across),
             up: scale(self.up),
             curves: &curves,
-            logarithmic: self.logarithmic,
-            square: self.square,
+            logarithmic: self.axes == Axes::Logarithmic,
+            square: self.axes == Axes::Square,
         };
-        let (width, height) = if self.square {
-            (460.0, 520.0)
-        } else {
-            (640.0, 420.0)
+        let (width, height) = match self.axes {
+            Axes::Square => (460.0, 520.0),
+            Axes::Linear | Axes::Logarithmic => (640.0, 420.0),
         };
         chart.svg(width, height, inline)
     }

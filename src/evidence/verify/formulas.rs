@@ -2,11 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::drive::{Random, invariants, transition};
+use super::drive::{Alone, Random, oscillator, stepped};
 use super::{Check, Effort, Proof};
 use gusset_numerics::integrate::{
-    Forces, Gui, Integrator, Lambda, Moment, Newmark, NewmarkBeta, NewtonSettings, Offline, Start,
-    State, Tangents,
+    Gui, Integrator, Lambda, Newmark, NewmarkBeta, NewtonSettings, Offline, Start, State,
 };
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::spectral::{self, Tabulated, Transfer};
@@ -38,10 +37,7 @@ pub(super) fn table_1(_: Effort) -> Proof {
                 of_family = worse(of_family, apart(-a2 / a1, sum));
                 of_family = worse(of_family, apart(a3 / a1, product));
                 // Δt = 1: k = Ω², c = 2 ξ Ω.
-                let own = (2.0 * ratio * omega, omega * omega);
-                let found = transition(own, own, 1.0, lambda);
-                let (trace, determinant) =
-                    found.map_or((f64::NAN, f64::NAN), |step| invariants(&step));
+                let (trace, determinant) = stepped(omega, ratio, lambda);
                 of_step = worse(of_step, apart(trace, sum));
                 of_step = worse(of_step, apart(determinant, product));
                 // (12) solved for both parameters: 1 − sum + product = α1 Ω², 2 − sum = α2 Ω² + 2 α1 Ω ξ.
@@ -151,15 +147,7 @@ pub(super) fn transfer(effort: Effort) -> Proof {
 fn impulse(mass: f64, omega: f64, ratio: f64, dt: f64, lambda: f64, points: usize) -> Vec<f64> {
     let natural = omega / dt;
     let (c, k) = (2.0 * ratio * natural * mass, natural * natural * mass);
-    let scalar = |value| SymMatrix::diagonal(&[value]);
-    let Ok(mut gui) = Gui::new(
-        &scalar(mass),
-        &scalar(c),
-        &scalar(k),
-        dt,
-        Lambda::new(lambda).unwrap_or(Lambda::Infinite),
-        Start::Published,
-    ) else {
+    let Some(mut gui) = oscillator((mass, c, k), dt, lambda, Start::Published) else {
         return vec![f64::NAN; points];
     };
     let mut state = State::at_rest(1);
@@ -181,10 +169,7 @@ fn amplified(mass: f64, omega: f64, ratio: f64, dt: f64, lambda: f64) -> f64 {
     let (c, k) = (2.0 * ratio * natural * mass, natural * natural * mass);
     let (x, v, force) = (0.3, -0.7 * natural, 0.4 * k);
     let wanted = a * nalgebra::Vector2::new(x, v) + b * force;
-    let scalar = |value| SymMatrix::diagonal(&[value]);
-    let lambda = Lambda::Finite(lambda);
-    let (m, damping, stiffness) = (scalar(mass), scalar(c), scalar(k));
-    let Ok(mut gui) = Gui::new(&m, &damping, &stiffness, dt, lambda, Start::Published) else {
+    let Some(mut gui) = oscillator((mass, c, k), dt, lambda, Start::Published) else {
         return f64::NAN;
     };
     let mut state = State::new(vec![x], vec![v]);
@@ -222,9 +207,10 @@ fn against_newmark(mass: f64, omega: f64, ratio: f64, dt: f64) -> f64 {
         let Ok(mut newmark) = made else {
             return f64::NAN;
         };
-        let mut forces = Pulse {
+        let mut forces = Alone {
             damping: c,
             stiffness: k,
+            force: |step| if step == 1.0 { 1.0 } else { 0.0 },
         };
         let mut state = State::at_rest(1);
         newmark.begin(&state, &[0.0]);
@@ -244,30 +230,6 @@ fn against_newmark(mass: f64, omega: f64, ratio: f64, dt: f64) -> f64 {
         }
     }
     most
-}
-
-/// An oscillator that is pushed at step 1 alone.
-struct Pulse {
-    damping: f64,
-    stiffness: f64,
-}
-
-impl Forces for Pulse {
-    fn residual_into(&mut self, at: Moment, x: &[f64], v: &[f64], _: f64, residual: &mut [f64]) {
-        let force = if at.step == 1 { 1.0 } else { 0.0 };
-        for ((r, x), v) in residual.iter_mut().zip(x).zip(v) {
-            *r = force - self.damping * v - self.stiffness * x;
-        }
-    }
-
-    fn tangents(&self) -> Tangents {
-        Tangents {
-            stiffness: SymMatrix::diagonal(&[self.stiffness]),
-            damping: SymMatrix::diagonal(&[self.damping]),
-        }
-    }
-
-    fn commit(&mut self) {}
 }
 
 /// Largest relative deviation of w = M_eff⁻¹ r from α M⁻¹ r with α as (18) prints it.

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::drive::{Method, peak};
-use super::figure::{Figure, Scale, Series};
+use super::figure::{Axes, Figure, Scale, Series};
 use super::storeys::TwoStoreys;
 use super::{Check, Proof};
 use gusset_numerics::integrate::NewmarkBeta;
@@ -201,8 +201,7 @@ pub(super) fn example() -> Proof {
         claim: "λ = 17 and ∞ leave the picture; 11.5 lies on the exact curve; 2 and 4 lag behind it.",
         across: Scale::fixed("time", "s", 0.0, SECONDS),
         up: Scale::fixed("displacement", "m", -bound, bound),
-        logarithmic: false,
-        square: false,
+        axes: Axes::Linear,
         series,
     };
     (checks, vec![figure])

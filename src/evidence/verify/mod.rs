@@ -30,7 +30,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 pub(crate) use chain::chain_of_example_4_3;
-pub use figure::{Figure, Scale, Series};
+pub use figure::{Axes, Figure, Scale, Series};
 pub use page::files;
 
 use gusset_quantity::time::Clock;

@@ -1,7 +1,7 @@
 //! Example 4.2 and Figs. 8 to 13: softening and hardening storeys, tangent k0 (1 + 1.5 θ √|Δu|).
 
 use super::drive::{Method, peak};
-use super::figure::{Figure, Scale, Series};
+use super::figure::{Axes, Figure, Scale, Series};
 use super::linear::behaves;
 use super::storeys::TwoStoreys;
 use super::{Check, Effort, Proof};
@@ -324,8 +324,7 @@ fn draw(
             claim,
             across: time,
             up,
-            logarithmic: false,
-            square: false,
+            axes: Axes::Linear,
             series,
         });
     };

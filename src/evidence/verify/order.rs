@@ -4,12 +4,11 @@
 
 use std::f64::consts::TAU;
 
-use super::drive::transition;
-use super::figure::{Figure, Scale, Series};
+use super::drive::{Alone, oscillator, transition};
+use super::figure::{Axes, Figure, Scale, Series};
 use super::{Check, Proof};
 use gusset_numerics::integrate::{
-    Forces, Gui, Integrator, Lambda, Moment, Newmark, NewmarkBeta, NewtonSettings, Offline, Start,
-    State, Tangents,
+    Forces, Integrator, Moment, Newmark, NewmarkBeta, NewtonSettings, Offline, Start, State,
 };
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::spectral::period_error;
@@ -77,8 +76,7 @@ impl Case {
 fn family(case: Case, start: Start, lambda: f64, steps: usize) -> Option<f64> {
     let dt = 1.0 / steps as f64;
     let (c, k) = (damping(), OMEGA * OMEGA);
-    let lambda = Lambda::new(lambda).ok()?;
-    let mut gui = Gui::new(&scalar(1.0), &scalar(c), &scalar(k), dt, lambda, start).ok()?;
+    let mut gui = oscillator((1.0, c, k), dt, lambda, start)?;
     let mut state = State::new(vec![case.start()], vec![0.0]);
     let mut worst = 0.0f64;
     for step in 0..(SECONDS * steps as f64) as usize {
@@ -90,35 +88,17 @@ fn family(case: Case, start: Start, lambda: f64, steps: usize) -> Option<f64> {
     Some(worst)
 }
 
-/// A linear oscillator as a structure that is computed altogether.
-struct Alone(Case, f64);
-
-impl Forces for Alone {
-    fn residual_into(&mut self, at: Moment, x: &[f64], v: &[f64], _: f64, residual: &mut [f64]) {
-        let Self(case, dt) = *self;
-        let t = (at.step as f64 - at.back) * dt;
-        for ((r, x), v) in residual.iter_mut().zip(x).zip(v) {
-            *r = case.force(t) - damping() * v - OMEGA * OMEGA * x;
-        }
-    }
-
-    fn tangents(&self) -> Tangents {
-        Tangents {
-            stiffness: scalar(OMEGA * OMEGA),
-            damping: scalar(damping()),
-        }
-    }
-
-    fn commit(&mut self) {}
-}
-
 /// Largest |x − exact| of average acceleration.
 fn average(case: Case, steps: usize) -> Option<f64> {
     let dt = 1.0 / steps as f64;
     let (m, c, k) = (scalar(1.0), scalar(damping()), scalar(OMEGA * OMEGA));
     let newton = NewtonSettings::default();
     let mut newmark = Newmark::new(&m, &c, &k, dt, NewmarkBeta::Average, newton).ok()?;
-    let mut forces = Alone(case, dt);
+    let mut forces = Alone {
+        damping: damping(),
+        stiffness: OMEGA * OMEGA,
+        force: |step| case.force(step * dt),
+    };
     let mut state = State::new(vec![case.start()], vec![0.0]);
     let mut r = [0.0];
     forces.residual_into(Moment::at(0), &state.disp, &state.vel, dt, &mut r);
@@ -144,9 +124,7 @@ fn envelope(start: Start, lambda: f64, omega: f64) -> Option<f64> {
     let stiffness = omega * omega;
     let step = transition((0.0, stiffness), (0.0, stiffness), 1.0, lambda)?;
     let cos = step.trace() / 2.0;
-    let lambda = Lambda::new(lambda).ok()?;
-    let none = scalar(0.0);
-    let mut gui = Gui::new(&scalar(1.0), &none, &scalar(stiffness), 1.0, lambda, start).ok()?;
+    let mut gui = oscillator((1.0, 0.0, stiffness), 1.0, lambda, start)?;
     let mut state = State::new(vec![1.0], vec![0.0]);
     gui.advance(&mut state, &[-stiffness], &mut [0.0]);
     let next = state.disp[0];
@@ -237,8 +215,7 @@ pub(super) fn accuracy() -> Proof {
         claim: "ξ = 0.05, λ = 11.5, three periods. Only the start as printed, with an acceleration at t = 0, is of first order.",
         across: Scale::free("Δt/T", "1"),
         up: Scale::free("largest |x − exact|", "m"),
-        logarithmic: true,
-        square: false,
+        axes: Axes::Logarithmic,
         series: vec![
             line("free vibration, as printed", printed),
             line("free vibration, second-order start", corrected),

@@ -1,6 +1,6 @@
 //! The page that shows everything side by side with the claims, and the files beside it.
 
-use super::{Check, Figure, Part, Tabulation, Verdict};
+use super::{Axes, Check, Figure, Part, Tabulation, Verdict};
 use gusset_view::report::{banner, details, escape, frame, note, section, tiles};
 
 /// index.html, and an SVG and a CSV for every figure: names and contents.
@@ -96,7 +96,7 @@ fn whole(part: &Part) -> String {
     match part.figures.as_slice() {
         [] => out += &says,
         [one] => {
-            let class = if one.square {
+            let class = if one.axes == Axes::Square {
                 "beside square"
             } else {
                 "beside"

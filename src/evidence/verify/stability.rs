@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::drive::{Random, invariants, jury, transition};
-use super::figure::{Figure, Scale, Series};
+use super::drive::{Random, jury, margin, stepped, transition};
+use super::figure::{Axes, Figure, Scale, Series};
 use super::{Check, Effort, Proof};
 use gusset_numerics::spectral::{
     coefficients, discriminant, omega_limit, poles, spectral_radius, unconditional_lambda,
@@ -20,11 +20,11 @@ pub(super) fn circle() -> Series {
     )
 }
 
-/// Invariants of one step of the program with Δt = 1, m = 1; NaN if they do not exist.
-fn stepped(omega: f64, ratio: f64, lambda: f64) -> (f64, f64) {
+/// Spectral radius of a step.
+fn radius(omega: f64, ratio: f64, lambda: f64) -> Option<f64> {
     let own = (2.0 * ratio * omega, omega * omega);
-    let found = transition(own, own, 1.0, lambda);
-    found.map_or((f64::NAN, f64::NAN), |step| invariants(&step))
+    let step = transition(own, own, 1.0, lambda)?;
+    spectral_radius(&DMatrix::from_fn(2, 2, |i, j| step[(i, j)]))
 }
 
 /// Fig. 3: what runs do whose poles lie in one region or the other.
@@ -72,8 +72,7 @@ pub(super) fn regions(effort: Effort) -> Proof {
         claim: "Each dot is a pole of a random system, two a system; its colour is what the run did: it grows as soon as one of the two lies outside.",
         across: Scale::fixed("Re z", "1", -2.0, 2.0),
         up: Scale::fixed("Im z", "1", -2.0, 2.0),
-        logarithmic: false,
-        square: true,
+        axes: Axes::Square,
         series: vec![
             circle(),
             Series::dots("run grows", outside.0, outside.1),
@@ -106,12 +105,7 @@ pub(super) fn linear_limit(effort: Effort) -> Proof {
         let left = lambda * square - 4.0 * square - 4.0 * lambda;
         sign += usize::from((quantity < 0.0) != (left < -4.0 * lambda * ratio * ratio));
         // (31), (32): real poles, inside the unit circle exactly where −4λξ² ≤ λΩ² − 4Ω² − 4λ ≤ 0.
-        let radius = |omega: f64, lambda: f64| {
-            let own = (2.0 * ratio * omega, omega * omega);
-            let step = transition(own, own, 1.0, lambda)?;
-            spectral_radius(&DMatrix::from_fn(2, 2, |i, j| step[(i, j)]))
-        };
-        let found = radius(omega, lambda);
+        let found = radius(omega, ratio, lambda);
         if quantity >= 0.0 && left.abs() > 1e-6 * lambda {
             real += usize::from(found.is_none_or(|r| (r <= 1.0) != (left <= 0.0)));
         }
@@ -187,11 +181,6 @@ pub(super) fn linear_limit(effort: Effort) -> Proof {
 /// Spectral radius of the program's step over Ω, with the limits of (33) on it.
 fn radius_figure() -> Figure {
     const RATIO: f64 = 0.05;
-    let radius = |omega: f64, lambda: f64| {
-        let own = (2.0 * RATIO * omega, omega * omega);
-        let step = transition(own, own, 1.0, lambda)?;
-        spectral_radius(&DMatrix::from_fn(2, 2, |i, j| step[(i, j)]))
-    };
     let omegas: Vec<f64> = (1..=400).map(|i| 6.0 * f64::from(i) / 400.0).collect();
     let lambdas = [2.0, 4.0, 6.0, 11.5, f64::INFINITY];
     let mut series: Vec<Series> = lambdas
@@ -199,7 +188,7 @@ fn radius_figure() -> Figure {
         .map(|&lambda| {
             let y = omegas
                 .iter()
-                .map(|&omega| radius(omega, lambda).unwrap_or(f64::NAN));
+                .map(|&omega| radius(omega, RATIO, lambda).unwrap_or(f64::NAN));
             let name = format!("λ = {}", super::number(lambda));
             Series::line(name, omegas.clone(), y.collect())
         })
@@ -217,8 +206,7 @@ fn radius_figure() -> Figure {
         claim: "ξ = 0.05, eigenvalues of the program's step. A curve passes one where (33) says; λ = 2 and 4 never do.",
         across: Scale::fixed("Ω = ω Δt", "1", 0.0, 6.0),
         up: Scale::fixed("spectral radius", "1", 0.6, 1.6),
-        logarithmic: false,
-        square: false,
+        axes: Axes::Linear,
         series,
     }
 }
@@ -231,10 +219,7 @@ pub(super) fn recommendations(effort: Effort) -> Proof {
     for _ in 0..effort.of(200, 5000) {
         let (omega, ratio) = (random.spread(1e-2, 1e3), random.between(0.0, 0.5));
         let own = (2.0 * ratio * omega, omega * omega);
-        let at = |lambda: f64, stiffer: f64| {
-            let found = transition(own, (own.0, own.1 * stiffer), 1.0, lambda);
-            found.map_or(f64::NAN, |step| jury(invariants(&step)))
-        };
+        let at = |lambda: f64, stiffer: f64| margin(own, (own.0, own.1 * stiffer), 1.0, lambda);
         four = four.min(at(4.0, 1.0));
         softer = softer.min(at(4.0, random.between(0.0, 1.0)));
         more = more.min(at(4.02, 1.0));

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::drive::{Random, invariants, jury, transition};
-use super::figure::{Figure, Scale, Series};
+use super::drive::{self, Random, margin, transition};
+use super::figure::{Axes, Figure, Scale, Series};
 use super::stability::circle;
 use super::{Check, Effort, Proof};
 use gusset_numerics::spectral::{
@@ -101,15 +101,16 @@ fn loop_figure() -> Figure {
         ));
     }
     // A line and its dots have one colour.
-    let (lines, dots): (Vec<_>, Vec<_>) = series.into_iter().partition(|s| !s.dots);
+    let (lines, dots): (Vec<_>, Vec<_>) = series
+        .into_iter()
+        .partition(|s| s.look == gusset_view::report::Look::Line);
     Figure {
         file: "fig-4",
         title: "Fig. 4: the closed loop answers an impulse",
         claim: "Lines: the series of G_cl(z) of (36) to (38); dots: the program's step with α of k_0 and forces of k_t. Ω_0 = 1, ξ = 0.05, λ = 4.",
         across: Scale::fixed("step", "1", 0.0, steps as f64),
         up: Scale::free("x m/Δt²", "1"),
-        logarithmic: false,
-        square: false,
+        axes: Axes::Linear,
         series: lines.into_iter().chain(dots).collect(),
     }
 }
@@ -128,8 +129,7 @@ pub(super) fn root_locus() -> Proof {
     // Where the program's own step becomes unstable.
     let margin = |kt: f64| {
         let own = (locus.damping, locus.stiffness);
-        let found = transition(own, (locus.damping, kt), locus.dt, locus.lambda);
-        found.map_or(f64::NAN, |step| jury(invariants(&step)))
+        margin(own, (locus.damping, kt), locus.dt, locus.lambda)
     };
     let (mut low, mut high) = (locus.stiffness, 100.0 * locus.stiffness);
     for _ in 0..80 {
@@ -195,8 +195,7 @@ pub(super) fn root_locus() -> Proof {
         claim: "ξ = 0.02, ω = 2π rad/s, Δt = 0.5 s, λ = 1. One branch leaves the unit circle through z = −1: the instability is a sawtooth of two steps.",
         across: Scale::fixed("Re z", "1", -2.0, 2.0),
         up: Scale::fixed("Im z", "1", -2.0, 2.0),
-        logarithmic: false,
-        square: true,
+        axes: Axes::Square,
         series: vec![
             circle(),
             Series::line("larger modulus", first.0, first.1),
@@ -227,8 +226,7 @@ pub(super) fn changed_tangents(effort: Effort) -> Proof {
             let limit = lambda_limit_changed(omega, omega_t, 2.0 * grown);
             let at = |lambda: f64| {
                 let now = (c0 + grown, omega_t * omega_t);
-                let found = transition((c0, omega * omega), now, 1.0, lambda);
-                found.map_or(f64::NAN, |step| jury(invariants(&step)))
+                drive::margin((c0, omega * omega), now, 1.0, lambda)
             };
             margin[0] = margin[0].min(at(limit * (1.0 - 1e-6)));
             margin[1] = margin[1].min(-at(limit * (1.0 + 1e-6)));

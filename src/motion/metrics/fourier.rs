@@ -7,6 +7,8 @@
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
+use super::response::filled;
+
 /// The one-sided transform of a record: `Σ y[n] e^{−iωn}` for 0 … half the sampling rate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
@@ -39,16 +41,8 @@ impl Spectrum {
         if length < 8 || !(dt > 0.0 && dt.is_finite()) {
             return None;
         }
-        let mut held = values.iter().copied().find(|v| v.is_finite())?;
-        let mut input: Vec<f64> = values[..length]
-            .iter()
-            .map(|&v| {
-                if v.is_finite() {
-                    held = v;
-                }
-                held
-            })
-            .collect();
+        let mut input = filled(values)?;
+        input.truncate(length);
         let mean = input.iter().sum::<f64>() / length as f64;
         input.iter_mut().for_each(|v| *v -= mean);
         let plan = RealFftPlanner::<f64>::new().plan_fft_forward(length);

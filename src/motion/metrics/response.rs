@@ -193,7 +193,7 @@ fn lagrange(later: f64) -> [f64; POINTS] {
 }
 
 /// The series with gaps held at the last value; none without two finite samples.
-fn filled(values: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn filled(values: &[f64]) -> Option<Vec<f64>> {
     let mut held = values.iter().copied().find(|v| v.is_finite())?;
     let out = values.iter().map(|&v| {
         if v.is_finite() {

@@ -170,26 +170,13 @@ fn slip(rows: &Rows<'_>, line: &HeaderLine<'_>) -> MotionError {
             wanted: rows.width,
             found,
         },
-        of_header,
-    )
-}
-
-/// The error of a line that may also belong to the header.
-fn of_header(error: MotionError) -> MotionError {
-    match error {
-        MotionError::NotANumber {
-            file,
-            line,
-            column,
-            found,
-        } => MotionError::NeitherHeaderNorRow {
-            file,
-            line,
-            column,
-            found,
+        |error| {
+            let line = line.number;
+            error.advised(format_args!(
+                "if the line belongs to a header: skip_rows = {line}"
+            ))
         },
-        other => other,
-    }
+    )
 }
 
 #[cfg(test)]
@@ -399,16 +386,18 @@ mod tests {
         // A slip in the first row is not a header.
         for text in ["0.1x,2\n1,2\n", "0.1x\n1\n"] {
             let error = read(text).unwrap_err();
-            let MotionError::NeitherHeaderNorRow {
+            let MotionError::NotANumber {
                 line: 1,
                 column: 1,
                 found,
+                advice,
                 ..
             } = error
             else {
                 panic!("{text:?}: {error}");
             };
             assert_eq!(found, "0.1x");
+            assert!(advice.ends_with("skip_rows = 1)"), "{advice}");
         }
         // Nor is a row with a gap, or with a number that did not fit its field.
         for text in [
@@ -419,7 +408,7 @@ mod tests {
             "t,a\n***,***\n0.1,2\n",
         ] {
             let error = read(text).unwrap_err();
-            let is_told = matches!(error, MotionError::NeitherHeaderNorRow { line: 2, .. });
+            let is_told = error.to_string().ends_with("skip_rows = 2)");
             assert!(is_told, "{text:?}: {error}");
         }
         assert_is!(
@@ -435,8 +424,15 @@ mod tests {
     /// Kind, line and width or word of the error of a text.
     fn refusal(text: &str) -> (&'static str, usize, String) {
         match read(text).map(|table| table.values.len()).unwrap_err() {
-            MotionError::NotANumber { line, found, .. } => ("number", line, found),
-            MotionError::NeitherHeaderNorRow { line, found, .. } => ("row", line, found),
+            MotionError::NotANumber {
+                line,
+                found,
+                advice,
+                ..
+            } => {
+                let kind = if advice.is_empty() { "number" } else { "row" };
+                (kind, line, found)
+            }
             MotionError::Ragged {
                 line,
                 wanted,

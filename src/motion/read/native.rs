@@ -55,6 +55,15 @@ struct Channel {
     values: Vec<f64>,
 }
 
+/// Second word in the name of a component that is no acceleration.
+fn kind(unit: Option<Unit>) -> &'static str {
+    match unit.map(Unit::quantity) {
+        Some(Quantity::Velocity) => " velocity",
+        Some(Quantity::Displacement) => " displacement",
+        _ => "",
+    }
+}
+
 /// A duration that the header of a component states.
 #[derive(Debug, Clone, Copy)]
 struct StatedDuration {

@@ -641,7 +641,7 @@ mod tests {
         let text = "# npts=3, dt=0.01\n# Time (s) Acc (g)\n0.00 0.1\n0.01 0.2\n0.02 0.3\n";
         let error = read_named("a.txt", text).unwrap_err();
         assert!(
-            matches!(error, MotionError::NotPeer { line: 2, .. }),
+            matches!(&error, MotionError::NotANumber { line: 2, advice, .. } if advice.contains("as peer")),
             "{error}"
         );
         let as_table = ReadOptions {

@@ -102,6 +102,7 @@ pub(super) fn finite_number(
                     line: line_number,
                     column,
                     found: word,
+                    advice: String::new(),
                 },
             })
         }

@@ -4,8 +4,7 @@
 //! iteration where damping is nonlinear. x\[−1\] = x − Δt v + ½ Δt² a. Stable for Ω ≤ 2.
 
 use super::State;
-use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
-use super::gui::check;
+use super::equilibrium::{Equilibrium, NewtonSettings};
 use super::offline::{Forces, MethodError, Offline, StepError, check_mass};
 use crate::linalg::SymMatrix;
 use gusset_quantity::state;
@@ -13,16 +12,12 @@ use gusset_quantity::state;
 /// Central differences, ready to step.
 #[derive(Debug)]
 pub struct CentralDifference {
-    dt: f64,
-    mass: SymMatrix,
     equilibrium: Equilibrium,
     accel: Vec<f64>,
     before: Vec<f64>,
 }
 
-state! {
-    CentralDifference as "central_difference" { accel, before, equilibrium } keeps { dt, mass }
-}
+state! { CentralDifference as "central_difference" { accel, before, equilibrium } }
 
 impl CentralDifference {
     /// `damping` and `stiffness` are the tangents of the start.
@@ -36,12 +31,9 @@ impl CentralDifference {
         dt: f64,
         newton: NewtonSettings,
     ) -> Result<Self, MethodError> {
-        check(mass, damping, stiffness, dt)?;
         check_mass(mass)?;
         Ok(Self {
-            dt,
-            mass: mass.clone(),
-            equilibrium: Equilibrium::new(mass, damping, stiffness, (0.0, dt / 2.0), newton)?,
+            equilibrium: Equilibrium::new(mass, damping, stiffness, dt, (0.0, dt / 2.0), newton)?,
             accel: vec![0.0; mass.n()],
             before: vec![0.0; mass.n()],
         })
@@ -50,12 +42,12 @@ impl CentralDifference {
 
 impl Offline for CentralDifference {
     fn dt(&self) -> f64 {
-        self.dt
+        self.equilibrium.dt
     }
 
     fn begin(&mut self, state: &State, residual: &[f64]) {
-        initial_accel(&self.mass, residual, &mut self.accel);
-        let dt = self.dt;
+        self.equilibrium.initial_accel(residual, &mut self.accel);
+        let dt = self.equilibrium.dt;
         let rows = state.disp.iter().zip(&state.vel).zip(&self.accel);
         for (before, ((x, v), a)) in self.before.iter_mut().zip(rows) {
             *before = x - dt * v + dt * dt / 2.0 * a;
@@ -69,7 +61,7 @@ impl Offline for CentralDifference {
         forces: &mut dyn Forces,
         inertia: &mut [f64],
     ) -> Result<(), StepError> {
-        let dt = self.dt;
+        let dt = self.equilibrium.dt;
         let rows = state.disp.iter_mut().zip(&mut state.vel);
         for (((x, v), a), before) in rows.zip(&self.accel).zip(&mut self.before) {
             let next = 2.0 * *x - *before + dt * dt * a;
@@ -79,7 +71,6 @@ impl Offline for CentralDifference {
         }
         state.begun = true;
         let accel = &mut self.accel;
-        self.equilibrium
-            .find((to, dt), state, accel, forces, inertia)
+        self.equilibrium.find(to, state, accel, forces, inertia)
     }
 }

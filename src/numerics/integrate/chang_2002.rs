@@ -8,8 +8,7 @@
 //! Explicit in the displacement alone: a⁺ comes from M + ½ Δt C_t, by Newton's iteration where damping is nonlinear.
 
 use super::State;
-use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
-use super::gui::check;
+use super::equilibrium::{Equilibrium, NewtonSettings};
 use super::offline::{Forces, MethodError, Offline, StepError, check_mass};
 use crate::linalg::{Spd, SymMatrix};
 use gusset_quantity::state;
@@ -17,8 +16,6 @@ use gusset_quantity::state;
 /// The method, ready to step.
 #[derive(Debug)]
 pub struct Chang2002 {
-    dt: f64,
-    mass: SymMatrix,
     /// M + ½ Δt C0.
     damped_mass: SymMatrix,
     /// D.
@@ -28,9 +25,7 @@ pub struct Chang2002 {
     gained: Vec<f64>,
 }
 
-state! {
-    Chang2002 as "chang_2002" { accel, equilibrium } keeps { dt, mass, damped_mass, factor, gained }
-}
+state! { Chang2002 as "chang_2002" { accel, equilibrium } keeps { damped_mass, factor, gained } }
 
 impl Chang2002 {
     /// `damping` and `stiffness` are C0 and K0.
@@ -44,8 +39,8 @@ impl Chang2002 {
         dt: f64,
         newton: NewtonSettings,
     ) -> Result<Self, MethodError> {
-        check(mass, damping, stiffness, dt)?;
         check_mass(mass)?;
+        let equilibrium = Equilibrium::new(mass, damping, stiffness, dt, (0.0, dt / 2.0), newton)?;
         let damped_mass = mass.plus(dt / 2.0, damping);
         let matrix = damped_mass.plus(dt * dt / 4.0, stiffness);
         let factor = Spd::factor(&matrix).map_err(|source| MethodError::Factor {
@@ -53,11 +48,9 @@ impl Chang2002 {
             source,
         })?;
         Ok(Self {
-            dt,
-            mass: mass.clone(),
             damped_mass,
             factor,
-            equilibrium: Equilibrium::new(mass, damping, stiffness, (0.0, dt / 2.0), newton)?,
+            equilibrium,
             accel: vec![0.0; mass.n()],
             gained: vec![0.0; mass.n()],
         })
@@ -66,11 +59,11 @@ impl Chang2002 {
 
 impl Offline for Chang2002 {
     fn dt(&self) -> f64 {
-        self.dt
+        self.equilibrium.dt
     }
 
     fn begin(&mut self, _state: &State, residual: &[f64]) {
-        initial_accel(&self.mass, residual, &mut self.accel);
+        self.equilibrium.initial_accel(residual, &mut self.accel);
     }
 
     fn step(
@@ -80,13 +73,13 @@ impl Offline for Chang2002 {
         forces: &mut dyn Forces,
         inertia: &mut [f64],
     ) -> Result<(), StepError> {
-        let dt = self.dt;
+        let dt = self.equilibrium.dt;
         // −D (x⁺ − x)/Δt: products subtract. `inertia` is free until the end of the step.
         self.gained.fill(0.0);
         self.damped_mass
             .subtract_product(&state.vel, &mut self.gained);
         inertia.fill(0.0);
-        self.mass.subtract_product(&self.accel, inertia);
+        self.equilibrium.mass.subtract_product(&self.accel, inertia);
         for (gained, minus) in self.gained.iter_mut().zip(inertia.iter()) {
             *gained += dt / 2.0 * minus;
         }
@@ -98,7 +91,6 @@ impl Offline for Chang2002 {
         }
         state.begun = true;
         let accel = &mut self.accel;
-        self.equilibrium
-            .find((to, dt), state, accel, forces, inertia)
+        self.equilibrium.find(to, state, accel, forces, inertia)
     }
 }

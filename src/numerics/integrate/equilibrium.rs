@@ -6,8 +6,10 @@
 //! branches) the second half of the iterations uses the initial ones, which approach a yielding law from one side.
 
 use super::State;
+use super::gui::check;
 use super::offline::{Forces, MethodError, Moment, StepError, Tangents};
 use crate::linalg::{Spd, SymMatrix};
+use gusset_quantity::domain::positive;
 use gusset_quantity::state;
 
 /// Bounds of Newton's iteration.
@@ -32,7 +34,9 @@ impl Default for NewtonSettings {
 /// The iteration and its workspace.
 #[derive(Debug)]
 pub(super) struct Equilibrium {
-    mass: SymMatrix,
+    /// Δt in s.
+    pub(super) dt: f64,
+    pub(super) mass: SymMatrix,
     initial: Tangents,
     /// The factor of the initial tangents, kept for when the current ones fail.
     initial_factor: Spd,
@@ -50,25 +54,25 @@ pub(super) struct Equilibrium {
 // The factor at hand follows from the tangents of the moment.
 state! {
     Equilibrium { largest }
-    keeps { mass, initial, initial_factor, current, disp_share, vel_share, settings, residual, inertia }
+    keeps { dt, mass, initial, initial_factor, current, disp_share, vel_share, settings, residual, inertia }
 }
 
 impl Equilibrium {
-    /// θ_x and θ_v, with the tangents of the start.
+    /// Checks what all methods share. θ_x and θ_v, with the tangents of the start.
     pub(super) fn new(
         mass: &SymMatrix,
         damping: &SymMatrix,
         stiffness: &SymMatrix,
+        dt: f64,
         (disp_share, vel_share): (f64, f64),
         settings: NewtonSettings,
     ) -> Result<Self, MethodError> {
+        check(mass, damping, stiffness, dt)?;
         for (name, found) in [
             ("newton_tolerance", settings.tolerance),
             ("newton_iterations", f64::from(settings.iterations)),
         ] {
-            if !(found > 0.0 && found.is_finite()) {
-                return Err(MethodError::Newton { name, found });
-            }
+            positive(name, found)?;
         }
         let initial = Tangents {
             stiffness: stiffness.clone(),
@@ -80,6 +84,7 @@ impl Equilibrium {
             source,
         })?;
         Ok(Self {
+            dt,
             mass: mass.clone(),
             initial,
             initial_factor,
@@ -93,11 +98,22 @@ impl Equilibrium {
         })
     }
 
+    /// a from M a = r; zero where there is no mass.
+    pub(super) fn initial_accel(&self, residual: &[f64], accel: &mut [f64]) {
+        match crate::model::Acceleration::new(&self.mass) {
+            Ok(mut operator) => operator.accel_into(residual, accel),
+            Err(_) => accel.fill(0.0),
+        }
+        for a in accel.iter_mut().filter(|a| a.is_nan()) {
+            *a = 0.0;
+        }
+    }
+
     /// Finds a\[`step`\]. `disp` and `vel` come in as x_p + θ_x a and v_p + θ_v a of the given `accel` and leave in
     /// equilibrium, committed; `inertia` becomes M a.
     pub(super) fn find(
         &mut self,
-        (step, dt): (u64, f64),
+        step: u64,
         state: &mut State,
         accel: &mut [f64],
         forces: &mut dyn Forces,
@@ -106,7 +122,7 @@ impl Equilibrium {
         let State { disp, vel, .. } = state;
         let mut change = f64::INFINITY;
         for iteration in 0..=self.settings.iterations {
-            forces.residual_into(Moment::at(step), disp, vel, dt, &mut self.residual);
+            forces.residual_into(Moment::at(step), disp, vel, self.dt, &mut self.residual);
             self.inertia.fill(0.0);
             self.mass.subtract_product(accel, &mut self.inertia);
             if change <= self.settings.tolerance * self.largest {
@@ -194,15 +210,4 @@ impl Equilibrium {
 fn effective(mass: &SymMatrix, tangents: &Tangents, disp_share: f64, vel_share: f64) -> SymMatrix {
     mass.plus(vel_share, &tangents.damping)
         .plus(disp_share, &tangents.stiffness)
-}
-
-/// a from M a = r; zero where there is no mass.
-pub(super) fn initial_accel(mass: &SymMatrix, residual: &[f64], accel: &mut [f64]) {
-    match crate::model::Acceleration::new(mass) {
-        Ok(mut operator) => operator.accel_into(residual, accel),
-        Err(_) => accel.fill(0.0),
-    }
-    for a in accel.iter_mut().filter(|a| a.is_nan()) {
-        *a = 0.0;
-    }
 }

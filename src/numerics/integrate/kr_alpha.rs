@@ -24,6 +24,7 @@ use super::gui::check;
 use super::offline::{Forces, MethodError, Moment, Offline, StepError};
 use super::{Integrator, State};
 use crate::linalg::{Spd, SymMatrix};
+use gusset_quantity::domain::{OutOfDomain, inside};
 use gusset_quantity::state;
 
 /// α_m, α_f, γ, β of one method.
@@ -43,9 +44,9 @@ impl AlphaWeights {
     /// KR-α with the spectral radius ρ at infinite frequency; ρ = 1 is λ = 4 for linear systems.
     ///
     /// # Errors
-    /// [`MethodError::Rho`] outside of 0 to 1.
-    pub fn kr(rho: f64) -> Result<Self, MethodError> {
-        check_rho(rho)?;
+    /// ρ outside of 0 to 1.
+    pub fn kr(rho: f64) -> Result<Self, OutOfDomain> {
+        let rho = check_rho(rho)?;
         let alpha_f = rho / (rho + 1.0);
         let alpha_m = (2.0 * rho - 1.0) / (rho + 1.0);
         let gamma = 0.5 - alpha_m + alpha_f;
@@ -61,9 +62,9 @@ impl AlphaWeights {
     /// MKR-α with ρ∞*; ρ = 1 is λ = 2 for linear systems.
     ///
     /// # Errors
-    /// [`MethodError::Rho`] outside of 0 to 1.
-    pub fn mkr(rho: f64) -> Result<Self, MethodError> {
-        check_rho(rho)?;
+    /// ρ outside of 0 to 1.
+    pub fn mkr(rho: f64) -> Result<Self, OutOfDomain> {
+        let rho = check_rho(rho)?;
         let (square, cube) = (rho * rho, rho * rho * rho);
         let alpha_f = rho / (rho + 1.0);
         let alpha_m = (2.0 * cube + square - 1.0) / (cube + square + rho + 1.0);
@@ -77,12 +78,9 @@ impl AlphaWeights {
     }
 }
 
-fn check_rho(found: f64) -> Result<(), MethodError> {
-    if (0.0..=1.0).contains(&found) {
-        Ok(())
-    } else {
-        Err(MethodError::Rho { found })
-    }
+fn check_rho(rho: f64) -> Result<f64, OutOfDomain> {
+    let is_inside = (0.0..=1.0).contains(&rho);
+    inside("rho_infinity", rho, is_inside, "from 0 to 1")
 }
 
 /// Factors and products that both weightings share.

@@ -8,8 +8,7 @@
 //! explicit and only the damping is iterated on.
 
 use super::State;
-use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
-use super::gui::check;
+use super::equilibrium::{Equilibrium, NewtonSettings};
 use super::offline::{Forces, MethodError, Offline, StepError, check_mass};
 use crate::linalg::SymMatrix;
 use gusset_quantity::state;
@@ -40,14 +39,12 @@ impl NewmarkBeta {
 /// One member, ready to step.
 #[derive(Debug)]
 pub struct Newmark {
-    dt: f64,
     beta: f64,
-    mass: SymMatrix,
     equilibrium: Equilibrium,
     accel: Vec<f64>,
 }
 
-state! { Newmark as "newmark" { accel, equilibrium } keeps { dt, beta, mass } }
+state! { Newmark as "newmark" { accel, equilibrium } keeps { beta } }
 
 impl Newmark {
     /// `damping` and `stiffness` are the tangents at the start; the method queries the current ones as it proceeds.
@@ -62,17 +59,14 @@ impl Newmark {
         member: NewmarkBeta,
         newton: NewtonSettings,
     ) -> Result<Self, MethodError> {
-        check(mass, damping, stiffness, dt)?;
         if member == NewmarkBeta::Explicit {
             check_mass(mass)?;
         }
         let beta = member.value();
         let shares = (beta * dt * dt, dt / 2.0);
         Ok(Self {
-            dt,
             beta,
-            mass: mass.clone(),
-            equilibrium: Equilibrium::new(mass, damping, stiffness, shares, newton)?,
+            equilibrium: Equilibrium::new(mass, damping, stiffness, dt, shares, newton)?,
             accel: vec![0.0; mass.n()],
         })
     }
@@ -80,11 +74,11 @@ impl Newmark {
 
 impl Offline for Newmark {
     fn dt(&self) -> f64 {
-        self.dt
+        self.equilibrium.dt
     }
 
     fn begin(&mut self, _state: &State, residual: &[f64]) {
-        initial_accel(&self.mass, residual, &mut self.accel);
+        self.equilibrium.initial_accel(residual, &mut self.accel);
     }
 
     fn step(
@@ -94,7 +88,7 @@ impl Offline for Newmark {
         forces: &mut dyn Forces,
         inertia: &mut [f64],
     ) -> Result<(), StepError> {
-        let (dt, beta) = (self.dt, self.beta);
+        let (dt, beta) = (self.equilibrium.dt, self.beta);
         let rows = state.disp.iter_mut().zip(&mut state.vel);
         for ((x, v), a) in rows.zip(&mut self.accel) {
             if beta > 0.0 {
@@ -109,7 +103,6 @@ impl Offline for Newmark {
         }
         state.begun = true;
         let accel = &mut self.accel;
-        self.equilibrium
-            .find((to, dt), state, accel, forces, inertia)
+        self.equilibrium.find(to, state, accel, forces, inertia)
     }
 }

@@ -10,6 +10,7 @@ use thiserror::Error;
 use super::{GuiError, Integrator, LambdaError, State};
 use crate::linalg::{NotPositiveDefinite, SymMatrix};
 use crate::model::{Base, Structure};
+use gusset_quantity::domain::OutOfDomain;
 use gusset_quantity::state::{Stateful, Visit};
 
 /// A place in time: step n, moved back by a share of a step. Loads and base motion between steps are weighed.
@@ -113,20 +114,9 @@ pub enum MethodError {
     /// λ is not a positive number.
     #[error(transparent)]
     Lambda(#[from] LambdaError),
-    /// The spectral radius at infinite frequency lies outside of its range.
-    #[error("rho_infinity is {found}, but must be from 0 to 1")]
-    Rho {
-        /// The value given.
-        found: f64,
-    },
-    /// A bound of Newton's iteration is not positive.
-    #[error("{name} is {found}, but must be finite and greater than 0")]
-    Newton {
-        /// The bound.
-        name: &'static str,
-        /// The value given.
-        found: f64,
-    },
+    /// The spectral radius at infinite frequency, or a bound of Newton's iteration.
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// A method that divides by the mass meets a degree of freedom without one.
     #[error("degree of freedom {} has no mass, and this method divides by it", dof + 1)]
     Massless {

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::domain::{non_negative, positive};
+use super::domain::{not_negative, positive};
 use super::{Law, LawError, Reach, Tangent};
 use gusset_quantity::state;
 
@@ -43,7 +43,7 @@ impl GapSpec {
     pub(crate) fn build(&self) -> Result<Gap, LawError> {
         Ok(Gap {
             stiffness: positive("stiffness_n_per_m", self.stiffness_n_per_m)?,
-            gap: non_negative("gap_m", self.gap_m)?,
+            gap: not_negative("gap_m", self.gap_m)?,
             side: self.side,
             closed: false,
         })

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::domain::{declared, non_negative, positive, reference, require};
+use super::domain::{declared, inside, not_negative, positive, reference};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
 use gusset_quantity::state;
 
@@ -29,7 +29,7 @@ impl BiviscousSpec {
     pub fn build(&self) -> Result<Biviscous, LawError> {
         Ok(Biviscous {
             damping: positive("damping_n_s_per_m", self.damping_n_s_per_m)?,
-            post_yield: non_negative(
+            post_yield: not_negative(
                 "post_yield_damping_n_s_per_m",
                 self.post_yield_damping_n_s_per_m,
             )?,
@@ -125,7 +125,7 @@ impl PowerDamperSpec {
     /// A parameter outside its domain, or no finite, positive tangent at rest and no reference.
     pub(crate) fn build(&self) -> Result<PowerDamper, LawError> {
         let coefficient = positive("force_at_unit_velocity_n", self.force_at_unit_velocity_n)?;
-        let exponent = require(
+        let exponent = inside(
             "exponent",
             self.exponent,
             self.exponent > 0.0 && self.exponent <= 10.0,
@@ -138,9 +138,9 @@ impl PowerDamperSpec {
         // pow(0, a − 1) is ∞, 1 or 0 for a below, at or above 1: the tangent at rest.
         let at_rest = coefficient * libm::pow(linear_below, exponent - 1.0);
         if let Some(speed) = self.linear_below_m_per_s {
-            let inside = at_rest > 0.0 && at_rest.is_finite();
+            let is_inside = at_rest > 0.0 && at_rest.is_finite();
             let allowed = "a speed whose damping around rest is finite and greater than 0";
-            require("linear_below_m_per_s", speed, inside, allowed)?;
+            inside("linear_below_m_per_s", speed, is_inside, allowed)?;
         }
         Ok(PowerDamper {
             coefficient,
@@ -249,8 +249,8 @@ impl SmoothFrictionSpec {
         )?;
         let slope = force / vel;
         let allowed = "a speed whose damping at rest is finite and greater than 0";
-        let inside = slope > 0.0 && slope.is_finite();
-        require("reference_velocity_m_per_s", vel, inside, allowed)?;
+        let is_inside = slope > 0.0 && slope.is_finite();
+        inside("reference_velocity_m_per_s", vel, is_inside, allowed)?;
         Ok(SmoothFriction {
             force,
             vel,

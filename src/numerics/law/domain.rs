@@ -3,42 +3,11 @@
 //! Checks are written as "is inside", so that NaN fails them. Not on the real-time path, except [`declared`].
 
 use super::LawError;
-
-/// `found`, if `inside` holds.
-pub(super) fn require(
-    name: &'static str,
-    found: f64,
-    inside: bool,
-    allowed: &'static str,
-) -> Result<f64, LawError> {
-    if inside {
-        Ok(found)
-    } else {
-        Err(LawError::Parameter {
-            name,
-            found,
-            allowed,
-        })
-    }
-}
-
-pub(super) fn finite(name: &'static str, found: f64) -> Result<f64, LawError> {
-    require(name, found, found.is_finite(), "finite")
-}
-
-pub(super) fn positive(name: &'static str, found: f64) -> Result<f64, LawError> {
-    let inside = found > 0.0 && found.is_finite();
-    require(name, found, inside, "finite and greater than 0")
-}
-
-pub(super) fn non_negative(name: &'static str, found: f64) -> Result<f64, LawError> {
-    let inside = found >= 0.0 && found.is_finite();
-    require(name, found, inside, "finite and not negative")
-}
+pub(super) use gusset_quantity::domain::{OutOfDomain, finite, inside, not_negative, positive};
 
 /// 0 to 1, both included.
-pub(super) fn fraction(name: &'static str, found: f64) -> Result<f64, LawError> {
-    require(name, found, (0.0..=1.0).contains(&found), "from 0 to 1")
+pub(super) fn fraction(name: &'static str, found: f64) -> Result<f64, OutOfDomain> {
+    inside(name, found, (0.0..=1.0).contains(&found), "from 0 to 1")
 }
 
 /// A value that the user gives, or the tangent at the origin where that is finite and positive.
@@ -48,7 +17,7 @@ pub(super) fn reference(
     at_origin: f64,
 ) -> Result<f64, LawError> {
     match given {
-        Some(value) => positive(name, value),
+        Some(value) => Ok(positive(name, value)?),
         None if at_origin > 0.0 && at_origin.is_finite() => Ok(at_origin),
         None => Err(LawError::ReferenceNeeded { name }),
     }
@@ -59,9 +28,9 @@ pub(super) fn yield_disp(
     force_name: &'static str,
     force: f64,
     stiffness: f64,
-) -> Result<f64, LawError> {
+) -> Result<f64, OutOfDomain> {
     let disp = force / stiffness;
-    require(
+    inside(
         force_name,
         force,
         disp.is_normal() && disp < 1e100,

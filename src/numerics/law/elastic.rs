@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::domain::{declared, finite, non_negative, positive, reference};
+use super::domain::{declared, finite, not_negative, positive, reference};
 use super::{Law, LawError, Memoryless, Reach, Tangent};
 use gusset_quantity::state;
 
@@ -26,8 +26,8 @@ impl LinearSpec {
     /// A parameter outside its domain.
     pub fn build(&self) -> Result<Linear, LawError> {
         Ok(Linear {
-            stiffness: non_negative("stiffness_n_per_m", self.stiffness_n_per_m)?,
-            damping: non_negative("damping_n_s_per_m", self.damping_n_s_per_m)?,
+            stiffness: not_negative("stiffness_n_per_m", self.stiffness_n_per_m)?,
+            damping: not_negative("damping_n_s_per_m", self.damping_n_s_per_m)?,
         })
     }
 }

@@ -20,10 +20,11 @@ mod plastic;
 mod spec;
 
 #[cfg(test)]
-mod contract;
+mod tests;
 
 use thiserror::Error;
 
+use gusset_quantity::domain::OutOfDomain;
 use gusset_quantity::state::Stateful;
 
 pub use bouc_wen::{BoucWen, BoucWenSpec, DegradationSpec, PinchingSpec};
@@ -69,15 +70,8 @@ pub struct Reach {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum LawError {
     /// A number that must lie in a range does not.
-    #[error("{name} is {found}, but must be {allowed}")]
-    Parameter {
-        /// Name of the parameter, as the configuration spells it.
-        name: &'static str,
-        /// The value given.
-        found: f64,
-        /// The domain, in words.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// A law whose tangent at the origin is zero or infinite needs a reference value from the user.
     #[error("{name} must be given: the law has no finite, positive tangent at the origin")]
     ReferenceNeeded {
@@ -155,7 +149,7 @@ impl LawError {
     #[must_use]
     pub fn key(&self) -> &'static str {
         match self {
-            Self::Parameter { name, .. }
+            Self::Parameter(OutOfDomain { name, .. })
             | Self::ReferenceNeeded { name }
             | Self::Size { name, .. }
             | Self::Asymmetric { name, .. }

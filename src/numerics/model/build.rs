@@ -9,14 +9,13 @@ use super::{
 };
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use gusset_quantity::domain::{OutOfDomain, not_negative, positive};
 
 /// Parsed matrix files by the name that the description uses.
 pub type MatrixFiles = BTreeMap<String, MatrixTable>;
 
-const NOT_NEGATIVE: &str = "finite and not negative";
 /// As for matrices from files: beyond it a typing error is more likely than a model.
 const MOST_DOFS: usize = 1_000_000;
-const POSITIVE: &str = "finite and greater than 0";
 
 /// Contribution of a test's specimens to the numerical structure, besides their forces. All n × n.
 #[derive(Debug, Clone, Copy)]
@@ -126,7 +125,7 @@ impl StructureSpec {
             _ => 0,
         };
         let chain = (0..dampers).filter_map(|dof| match self {
-            StructureSpec::Chain(spec) => spec.absolute_damper(dof).transpose(),
+            StructureSpec::Chain(spec) => spec.absolute_damper(dof),
             _ => None,
         });
         let listed = elements.iter().enumerate();
@@ -215,7 +214,6 @@ impl ShearBuildingSpec {
                         place,
                         number: i + 1,
                         found,
-                        allowed: NOT_NEGATIVE,
                     });
                 }
             }
@@ -240,59 +238,34 @@ impl ChainSpec {
         if (1..=MOST_DOFS).contains(&self.dofs) {
             return Ok(self.dofs);
         }
-        Err(BuildError::Chain {
-            key: "dofs",
+        Err(BuildError::Parameter(OutOfDomain {
+            name: "dofs",
             found: self.dofs as f64,
             allowed: "1 to 1000000",
-        })
+        }))
     }
 
     /// The damper of a mass, if there is one.
-    fn absolute_damper(&self, dof: usize) -> Result<Option<Element>, BuildError> {
-        let Some(law) = &self.absolute_damper else {
-            return Ok(None);
+    fn absolute_damper(&self, dof: usize) -> Option<Result<Element, BuildError>> {
+        let element = ElementSpec {
+            name: Some(format!("absolute damper {}", dof + 1)),
+            from: End::Fixed,
+            to: End::Dof(dof),
+            law: self.absolute_damper.clone()?,
+            reach_disp_m: None,
+            reach_vel_m_per_s: None,
+            hardening_ratio: None,
+            damping_ratio: None,
         };
-        let name = format!("absolute damper {}", dof + 1);
-        match law.build() {
-            Ok(law) => Ok(Some(Element {
-                name,
-                from: End::Fixed,
-                to: End::Dof(dof),
-                law,
-                reach: Reach::default(),
-                hardening_ratio: None,
-                damping_ratio: None,
-            })),
-            Err(source) => Err(BuildError::Law {
-                element: name,
-                source,
-            }),
-        }
+        Some(element.build(dof + 1))
     }
 
     fn linear(&self) -> Result<Linear, BuildError> {
         let damping = self.damping_n_s_per_m.unwrap_or(0.0);
-        let check = |key, found: f64, ok, allowed| {
-            if ok && found.is_finite() {
-                Ok(())
-            } else {
-                Err(BuildError::Chain {
-                    key,
-                    found,
-                    allowed,
-                })
-            }
-        };
-        let (mass, stiffness) = (self.mass_kg, self.stiffness_n_per_m);
         self.count()?;
-        check("mass_kg", mass, mass > 0.0, POSITIVE)?;
-        check(
-            "stiffness_n_per_m",
-            stiffness,
-            stiffness >= 0.0,
-            NOT_NEGATIVE,
-        )?;
-        check("damping_n_s_per_m", damping, damping >= 0.0, NOT_NEGATIVE)?;
+        let mass = positive("mass_kg", self.mass_kg)?;
+        let stiffness = not_negative("stiffness_n_per_m", self.stiffness_n_per_m)?;
+        not_negative("damping_n_s_per_m", damping)?;
         let (springs, dashpots) = (vec![stiffness; self.dofs], vec![damping; self.dofs]);
         Ok(Linear {
             mass: SymMatrix::diagonal(&vec![mass; self.dofs]),

@@ -6,20 +6,14 @@ use thiserror::Error;
 
 use super::{DampingSpec, ModalSpec, RayleighRatioSpec, RayleighSpec};
 use crate::linalg::{EigenError, LARGEST_DENSE, SymMatrix, frequencies, modes};
+use gusset_quantity::domain::{OutOfDomain, inside, not_negative};
 
 /// Why a rule gives no damping matrix.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum DampingError {
     /// A number outside its range.
-    #[error("{key} is {found}, but must be {allowed}")]
-    Number {
-        /// Key in the test file.
-        key: &'static str,
-        /// The value found.
-        found: f64,
-        /// The range, in words.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// Neither or both of two frequencies and two modes.
     #[error("give either first_hz and second_hz, or modes")]
     WhichFrequencies,
@@ -76,18 +70,8 @@ pub(super) fn damping_matrix(
             mass_coefficient_per_s,
             stiffness_coefficient_s,
         }) => {
-            for (key, found) in [
-                ("mass_coefficient_per_s", *mass_coefficient_per_s),
-                ("stiffness_coefficient_s", *stiffness_coefficient_s),
-            ] {
-                if !(found >= 0.0 && found.is_finite()) {
-                    return Err(DampingError::Number {
-                        key,
-                        found,
-                        allowed: "finite and not negative",
-                    });
-                }
-            }
+            not_negative("mass_coefficient_per_s", *mass_coefficient_per_s)?;
+            not_negative("stiffness_coefficient_s", *stiffness_coefficient_s)?;
             Ok(rayleigh(
                 *mass_coefficient_per_s,
                 *stiffness_coefficient_s,
@@ -104,16 +88,14 @@ fn rayleigh(a: f64, b: f64, mass: &SymMatrix, stiffness: &SymMatrix) -> SymMatri
     SymMatrix::zeros(mass.n()).plus(a, mass).plus(b, stiffness)
 }
 
-fn check_ratio(key: &'static str, found: f64) -> Result<(), DampingError> {
-    if (0.0..1.0).contains(&found) {
-        Ok(())
-    } else {
-        Err(DampingError::Number {
-            key,
-            found,
-            allowed: "a fraction of critical from 0 to below 1",
-        })
-    }
+fn check_ratio(key: &'static str, found: f64) -> Result<f64, OutOfDomain> {
+    let is_inside = (0.0..1.0).contains(&found);
+    inside(
+        key,
+        found,
+        is_inside,
+        "a fraction of critical from 0 to below 1",
+    )
 }
 
 /// a = 2 ξ ω₁ ω₂/(ω₁ + ω₂), b = 2 ξ/(ω₁ + ω₂): ratio ξ at both.

@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::{DampingError, End};
 use crate::law::LawError;
 use crate::linalg::{MatrixError, NotPositiveDefinite};
+use gusset_quantity::domain::OutOfDomain;
 
 /// Why matrices and elements do not make a structure.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -111,7 +112,7 @@ pub enum BuildError {
         found: usize,
     },
     /// A value of one storey or floor outside its range.
-    #[error("{key} of {place} {number} is {found}, but must be {allowed}")]
+    #[error("{key} of {place} {number} is {found}, but must be finite and not negative")]
     Value {
         /// Key in the test file.
         key: &'static str,
@@ -121,19 +122,10 @@ pub enum BuildError {
         number: usize,
         /// The value found.
         found: f64,
-        /// The range, in words.
-        allowed: &'static str,
     },
     /// A value of a chain outside its range.
-    #[error("{key} is {found}, but must be {allowed}")]
-    Chain {
-        /// Key in the test file.
-        key: &'static str,
-        /// The value found.
-        found: f64,
-        /// The range, in words.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] OutOfDomain),
     /// No mass anywhere.
     #[error("every mass is zero: nothing would move")]
     NoMass,

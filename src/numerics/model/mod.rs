@@ -13,7 +13,6 @@ mod damping;
 mod element;
 mod elements;
 mod error;
-mod npy;
 mod parse;
 mod point;
 mod rows;
@@ -30,8 +29,7 @@ pub use accel::Acceleration;
 pub use build::{MatrixFiles, SpecimenShare};
 pub use damping::DampingError;
 pub use error::{BuildError, ModelError};
-pub use npy::NpyError;
-pub use parse::{ParseError, parse_matrix};
+pub use parse::{ParseError, ParseFault, parse_matrix};
 pub use spec::{
     ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ModalSpec, RayleighRatioSpec, RayleighSpec,
     ShearBuildingSpec, StructureSpec,

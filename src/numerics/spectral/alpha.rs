@@ -9,13 +9,13 @@
 
 use nalgebra::DMatrix;
 
-use super::Weights;
+use crate::integrate::AlphaWeights;
 
 /// The system that is stepped: matrices n × n in SI units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlphaStep {
     /// α_m, α_f, γ, β.
-    pub weights: Weights,
+    pub weights: AlphaWeights,
     /// Δt in s.
     pub dt: f64,
     /// M.
@@ -34,7 +34,7 @@ impl AlphaStep {
     #[must_use]
     pub fn recursion(&self) -> Option<DMatrix<f64>> {
         let n = self.mass.nrows();
-        let Weights {
+        let AlphaWeights {
             alpha_m,
             alpha_f,
             gamma,
@@ -104,7 +104,13 @@ mod tests {
 
     #[test]
     fn initial_stiffness_gives_printed_method() {
-        for weights in [Weights::kr(0.6), Weights::mkr(0.3), Weights::kr(0.0)] {
+        for weights in [
+            AlphaWeights::kr(0.6),
+            AlphaWeights::mkr(0.3),
+            AlphaWeights::kr(0.0),
+        ]
+        .map(Result::unwrap)
+        {
             for (omega, ratio) in [(0.3, 0.05), (2.0, 0.02), (40.0, 0.1)] {
                 let own = (one(2.0 * ratio * omega), one(omega * omega));
                 let step = AlphaStep {
@@ -127,7 +133,8 @@ mod tests {
     #[test]
     fn undamped_method_grows_like_the_family() {
         // S(λ) = 4 M − 4 m + 4 Δt²/λ K0 − Δt² K of one degree of freedom, M = Δt = 1.
-        for (weights, lambda) in [(Weights::kr(1.0), 4.0), (Weights::mkr(1.0), 2.0)] {
+        for (weights, lambda) in [(AlphaWeights::kr(1.0), 4.0), (AlphaWeights::mkr(1.0), 2.0)] {
+            let weights = weights.unwrap();
             for (initial, late) in [(1.0, 0.0), (30.0, 0.0), (9.0, 0.3)] {
                 let bound = 4.0 - 4.0 * late + 4.0 / lambda * initial;
                 let step = |share: f64| AlphaStep {

@@ -40,56 +40,14 @@ pub fn chang(omega: f64, ratio: f64) -> Matrix3<f64> {
     )
 }
 
-/// Parameters of an α method.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Weights {
-    /// α_m.
-    pub alpha_m: f64,
-    /// α_f.
-    pub alpha_f: f64,
-    /// γ.
-    pub gamma: f64,
-    /// β.
-    pub beta: f64,
-}
-
-impl Weights {
-    /// KR-α (Kolay and Ricles 2014) with the spectral radius at infinity ρ, 0 to 1.
-    #[must_use]
-    pub fn kr(rho: f64) -> Self {
-        let alpha_f = rho / (rho + 1.0);
-        let alpha_m = (2.0 * rho - 1.0) / (rho + 1.0);
-        let gamma = 0.5 - alpha_m + alpha_f;
-        let beta = 0.25 * (0.5 + gamma) * (0.5 + gamma);
-        Self {
-            alpha_m,
-            alpha_f,
-            gamma,
-            beta,
-        }
-    }
-
-    /// MKR-α (Kolay and Ricles 2019) with ρ, 0 to 1.
-    #[must_use]
-    pub fn mkr(rho: f64) -> Self {
-        let alpha_f = rho / (rho + 1.0);
-        let below = rho * rho * rho + rho * rho + rho + 1.0;
-        let alpha_m = (2.0 * rho * rho * rho + rho * rho - 1.0) / below;
-        let gamma = 0.5 - alpha_m + alpha_f;
-        let beta = 0.5 * (0.5 + gamma);
-        Self {
-            alpha_m,
-            alpha_f,
-            gamma,
-            beta,
-        }
-    }
-}
-
 /// KR-α or MKR-α, with α1, α2 and α3 as printed.
 #[cfg(test)]
-pub(crate) fn alpha_method(weights: Weights, omega: f64, ratio: f64) -> Matrix3<f64> {
-    let Weights {
+pub(crate) fn alpha_method(
+    weights: crate::integrate::AlphaWeights,
+    omega: f64,
+    ratio: f64,
+) -> Matrix3<f64> {
+    let crate::integrate::AlphaWeights {
         alpha_m,
         alpha_f,
         gamma,

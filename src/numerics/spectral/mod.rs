@@ -34,7 +34,7 @@ pub use bounds::{
 };
 #[cfg(test)]
 pub(crate) use companions::alpha_method;
-pub use companions::{Weights, chang, newmark, principal};
+pub use companions::{chang, newmark, principal};
 pub use eigen::{eigenvalues, spectral_radius};
 pub use locus::Locus;
 pub use poles::{Tabulated, alpha, coefficients, discriminant, poles, quadratic, table_1};

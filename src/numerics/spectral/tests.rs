@@ -9,6 +9,7 @@ use super::delay::{
     Delayed, DiscreteLimit, continuous, critical_lag, discrete, recursion, sdof, sdof_estimate,
 };
 use super::*;
+use crate::integrate::AlphaWeights;
 
 const OMEGAS: [f64; 6] = [0.05, 0.4, 1.3, 1.95, 2.9, 6.0];
 const RATIOS: [f64; 4] = [0.0, 0.02, 0.3, 1.2];
@@ -216,8 +217,8 @@ fn companions_have_their_stated_poles() {
             let four = poles(omega, ratio, 4.0);
             let two = poles(omega, ratio, 2.0);
             let of_chang = of(chang(omega, ratio));
-            let kr = of(alpha_method(Weights::kr(1.0), omega, ratio));
-            let mkr = of(alpha_method(Weights::mkr(1.0), omega, ratio));
+            let kr = of(alpha_method(AlphaWeights::kr(1.0).unwrap(), omega, ratio));
+            let mkr = of(alpha_method(AlphaWeights::mkr(1.0).unwrap(), omega, ratio));
             for k in 0..2 {
                 // Chang's displacement has the poles of average acceleration.
                 assert!(away(four[k], &of_chang) < 1e-6, "{omega} {ratio}");
@@ -234,10 +235,10 @@ fn companions_have_their_stated_poles() {
             let unit = [1.0, 1.0, stiff * stiff];
             of(Matrix3::from_fn(|i, j| matrix[(i, j)] * unit[j] / unit[i]))
         };
-        let kr = scaled(alpha_method(Weights::kr(rho), stiff, 0.0));
+        let kr = scaled(alpha_method(AlphaWeights::kr(rho).unwrap(), stiff, 0.0));
         let radius = kr.iter().map(|z| z.norm()).fold(0.0, f64::max);
         assert!((radius - rho).abs() < 1e-3, "{rho}: {radius}");
-        let mkr = scaled(alpha_method(Weights::mkr(rho), stiff, 0.0));
+        let mkr = scaled(alpha_method(AlphaWeights::mkr(rho).unwrap(), stiff, 0.0));
         for pole in [
             Pole::new(0.0, rho),
             Pole::new(0.0, -rho),
@@ -248,9 +249,12 @@ fn companions_have_their_stated_poles() {
     }
     // ρ < 1 damps, and more so the stiffer the mode.
     let damping = |omega: f64| {
-        principal(&alpha_method(Weights::kr(0.5), omega, 0.0), omega)
-            .unwrap()
-            .ratio
+        principal(
+            &alpha_method(AlphaWeights::kr(0.5).unwrap(), omega, 0.0),
+            omega,
+        )
+        .unwrap()
+        .ratio
     };
     assert!(damping(0.1) > 0.0 && damping(1.0) > 10.0 * damping(0.1));
 }

@@ -4,8 +4,9 @@ use super::super::{Refused, Site, path};
 use gusset_actuator::compensation::{CompensationSpec, Compensator};
 use gusset_config::steps::Time;
 use gusset_config::{Finding, KeyPath, LimitsSpec, Method, SpecimenTable, TestFile};
-use gusset_numerics::integrate::{AlphaWeights, MethodError};
+use gusset_numerics::integrate::AlphaWeights;
 use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::domain::OutOfDomain;
 
 /// Commands over a target at rest that no sound actuator needs to leave.
 const USUAL_GAINS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
@@ -107,7 +108,7 @@ pub(super) fn is_tracked(file: &TestFile, table: &SpecimenTable, axes: usize) ->
 /// ∇x/Δt; of the α methods ∇x/Δt = v + (γ − ½) ∇v; a prescribed one is that of its moment.
 pub(super) fn velocity_age(file: &TestFile) -> f64 {
     let rho = file.integrator.rho_infinity.unwrap_or(f64::NAN);
-    let gamma = |weights: Result<AlphaWeights, MethodError>| weights.map_or(0.5, |w| w.gamma);
+    let gamma = |weights: Result<AlphaWeights, OutOfDomain>| weights.map_or(0.5, |w| w.gamma);
     match file.integrator.method {
         _ if file.structure.is_none() => 0.0,
         Method::KrAlpha => gamma(AlphaWeights::kr(rho)),

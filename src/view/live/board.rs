@@ -232,9 +232,7 @@ impl Board {
                 return None;
             }
             let axes = latest.axes.iter();
-            let limit = online
-                .limit(axes.map(|axis| (axis.stiffest, Some(axis.damping))))
-                .value();
+            let limit = online.limit(axes.map(|axis| (axis.stiffest, Some(axis.damping))));
             let lowest = known.map_or(limit, |margin| margin.lowest.min(limit));
             (*at, *known) = (now_ns, Some(Margin { limit, lowest }));
         }

@@ -6,9 +6,9 @@
 //! real 64 the peak. A line `End-of-data` or `/&` ends a channel. Unknown numbers are −999, or as the header states it.
 
 use super::lines::{BlockEnd, Lines, ends_channel, field_width, leading_number, number_after};
-use super::{Channel, Recording, StatedDuration};
+use super::{Channel, Recording, StatedDuration, kind};
 use crate::error::MotionError;
-use crate::unit::{Quantity, Unit};
+use crate::unit::Unit;
 
 const FORMAT: &str = "COSMOS";
 /// Text lines that a header may have.
@@ -184,11 +184,7 @@ fn series(
         }
         _ => return Err(lines.unsupported(FORMAT, "its physical units measure no translation")),
     };
-    let kind = match head.unit.map(Unit::quantity) {
-        Some(Quantity::Velocity) => " velocity",
-        Some(Quantity::Displacement) => " displacement",
-        _ => "",
-    };
+    let kind = kind(head.unit);
     head.name.push_str(kind);
     for alias in &mut head.aliases {
         alias.push_str(kind);

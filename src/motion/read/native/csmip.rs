@@ -15,9 +15,9 @@ use super::lines::{
     BlockEnd, Lines, ends_channel, field_width, is_text, leading_number, number_after,
     uniform_step, unit_and_factor,
 };
-use super::{Channel, Recording, StatedDuration};
+use super::{Channel, Recording, StatedDuration, kind};
 use crate::error::{MotionError, Short};
-use crate::unit::{Quantity, Unit};
+use crate::unit::Unit;
 
 const FORMAT: &str = "CSMIP";
 /// Lines of integers and reals of a V1 header: 100 in `16I5`, 50 in `8F10`.
@@ -172,15 +172,12 @@ impl Head {
             "" => format!("Chan {number}"),
             name => name.to_owned(),
         };
-        let kind = match unit.map(|(unit, _)| unit.quantity()) {
-            Some(Quantity::Velocity) => " velocity",
-            Some(Quantity::Displacement) => " displacement",
-            _ => "",
-        };
+        let unit = unit.map(|(unit, _)| unit);
+        let kind = kind(unit);
         Channel {
             name: format!("{name}{kind}"),
             aliases: self.aliases.iter().map(|a| format!("{a}{kind}")).collect(),
-            unit: unit.map(|(unit, _)| unit),
+            unit,
             stated_durations: self.duration.into_iter().collect(),
             ..Channel::default()
         }

@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 
-use super::super::{FORMATS, detect, parse_record};
+use super::super::tests::FORMATS;
+use super::super::{detect, parse_record};
 use super::*;
 
 /// A sample, a component of it, and what must be read.

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::domain::{fraction, positive, require, yield_disp};
+use super::domain::{fraction, inside, positive, yield_disp};
 use super::{Law, LawError, Reach, Tangent};
 use branch::Branch;
 use gusset_quantity::state;
@@ -79,7 +79,7 @@ impl BoucWenSpec {
         let stiffness = positive("stiffness_n_per_m", self.stiffness_n_per_m)?;
         let yield_force = positive("yield_force_n", self.yield_force_n)?;
         let ratio = fraction("post_yield_ratio", self.post_yield_ratio)?;
-        let exponent = require(
+        let exponent = inside(
             "exponent",
             self.exponent,
             (1.0..=100.0).contains(&self.exponent),
@@ -90,7 +90,7 @@ impl BoucWenSpec {
         let stiffest = ratio + (1.0 - ratio) * a * f64::max(1.0, 2.0 * beta / (beta + gamma));
         let worn = self.degradation.is_some() || self.pinching.is_some();
         let hardening = match self.hardening_ratio {
-            Some(given) => require(
+            Some(given) => inside(
                 "hardening_ratio",
                 given,
                 given >= 1.0 && given.is_finite(),
@@ -138,19 +138,19 @@ impl BoucWenSpec {
 
     fn shape(&self) -> Result<(f64, f64, f64), LawError> {
         let sane = |value: f64| (1e-100..=1e100).contains(&value);
-        let a = require(
+        let a = inside(
             "a",
             self.a,
             sane(self.a),
             "greater than 0 (1e-100 to 1e100)",
         )?;
-        let beta = require(
+        let beta = inside(
             "beta",
             self.beta,
             sane(self.beta),
             "greater than 0 (1e-100 to 1e100)",
         )?;
-        let gamma = require(
+        let gamma = inside(
             "gamma",
             self.gamma,
             self.gamma + beta >= SEPARATION * beta && self.gamma * SEPARATION <= beta,

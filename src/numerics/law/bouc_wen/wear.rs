@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::extrapolate::integrate;
 use super::{LawError, Parameters, power};
-use crate::law::domain::{non_negative, positive, require};
+use crate::law::domain::{fraction, inside, not_negative, positive};
 
 /// Degradation rates per unit of normalised dissipated energy ε.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -82,23 +82,23 @@ impl Wear {
     ) -> Result<Self, LawError> {
         let (strength, stiffness) = match degradation {
             Some(spec) => (
-                non_negative("strength", spec.strength)?,
-                non_negative("stiffness", spec.stiffness)?,
+                not_negative("strength", spec.strength)?,
+                not_negative("stiffness", spec.stiffness)?,
             ),
             None => (0.0, 0.0),
         };
         if let Some(spec) = pinching {
             let slip = spec.total_slip;
-            require(
+            inside(
                 "total_slip",
                 slip,
                 (0.0..1.0).contains(&slip),
                 "from 0 to below 1",
             )?;
-            non_negative("slope", spec.slope)?;
-            crate::law::domain::fraction("initiation", spec.initiation)?;
+            not_negative("slope", spec.slope)?;
+            fraction("initiation", spec.initiation)?;
             positive("magnitude", spec.magnitude)?;
-            non_negative("rate", spec.rate)?;
+            not_negative("rate", spec.rate)?;
             positive("severity", spec.severity)?;
         }
         Ok(Self {

@@ -7,7 +7,7 @@ mod continuous;
 mod discrete;
 mod late;
 #[cfg(test)]
-mod single;
+mod tests;
 
 use nalgebra::{Complex, DMatrix};
 use thiserror::Error;
@@ -16,7 +16,7 @@ pub use continuous::{Critical, continuous};
 pub use discrete::{DiscreteLimit, discrete, recursion};
 pub use late::Weights;
 #[cfg(test)]
-pub(crate) use single::{critical_lag, sdof, sdof_estimate};
+pub(crate) use tests::{critical_lag, sdof, sdof_estimate};
 
 /// Growth over the largest pole that is roundoff: the double pole of a body that moves freely carries its square root.
 const AT_REST: f64 = 1e-6;

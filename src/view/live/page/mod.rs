@@ -385,7 +385,7 @@ mod tests {
         };
         let subject = Subject::new(&prepared.experiment, about);
         let online = prepared.facts.structure.unwrap().online_limit.unwrap();
-        let limit = online.limit([(STIFF, None)]).value();
+        let limit = online.limit([(STIFF, None)]);
         let board = Board::new(subject, phase, Some(online));
         (Arc::new(board), limit)
     }

@@ -226,7 +226,7 @@ fn bad_parameters_are_refused_with_numbers() {
         iterations: 5,
     };
     let refused = CentralDifference::new(&one, &one, &one, 0.1, lax);
-    assert!(matches!(refused, Err(MethodError::Newton { .. })));
+    assert!(matches!(refused, Err(MethodError::Parameter(_))));
     let refused = KrAlpha::new(
         &one,
         &SymMatrix::zeros(2),
