@@ -162,7 +162,7 @@ impl ServedFile {
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, ConfigError> {
     let text = read_text(path)?;
-    let mut opened = open(Purpose::Run, path, text.clone(), &[])?;
+    let opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator.clone();
     let refuse = |finding: Finding| locator.refusal(finding);
     let of_a_test = is_test(&opened.root);
