@@ -342,7 +342,7 @@ fn check_shows_the_actuators_needs() {
     for words in [
         "3 in the plane hold ux, uy, rz, strokes exact",
         "law and estimates are of the platform's coordinates",
-        "actuator 2 needs",
+        "actuator 2, ",
         "ux -",
         "condition",
     ] {
