@@ -141,8 +141,7 @@ fn interval_log_returns_every_histogram() {
             assert_eq!(interval.duration(), Duration::from_secs(30));
             let tag = interval.tag().unwrap().as_str().to_owned();
             let bytes = base64(interval.encoded_histogram());
-            let read: Histogram<u64> =
-                Deserializer::new().deserialize(&mut &bytes[..]).unwrap();
+            let read: Histogram<u64> = Deserializer::new().deserialize(&mut &bytes[..]).unwrap();
             let quantity = Quantity::ALL.into_iter().find(|q| q.key() == tag).unwrap();
             assert_eq!(read, timing.histogram(quantity), "{tag}");
             tags.push(tag);
