@@ -122,7 +122,10 @@ fn simulink_signals_follow_the_named_order() {
         let (_, event) = machine.feed(&command).unwrap();
         assert_eq!(event, SimulinkEvent::Target(Course::First));
         assert_eq!(
-            (machine.followed().trial().disp, machine.followed().trial().vel),
+            (
+                machine.followed().trial().disp,
+                machine.followed().trial().vel
+            ),
             (&disp[..], &vel[..])
         );
         assert_eq!(machine.followed().signals(), [disp, vel].concat());
