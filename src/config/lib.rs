@@ -70,7 +70,7 @@ use schemars::transform::{Transform, transform_subschemas};
 use schemars::{JsonSchema, Schema};
 use thiserror::Error;
 
-pub use axis_table::{AxisTable, DispUnit, ForceUnit};
+pub use axis_table::{AxisTable, DispUnit, ForceUnit, UnitRow, axis_units};
 pub use campaign::{LoadedStudy, load_study};
 pub use campaign_table::{
     CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,

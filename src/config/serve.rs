@@ -101,8 +101,8 @@ impl ServedFile {
         let built = geometry.and_then(|spec| spec.build(1.0).ok());
         let mut coordinates = built.iter().flat_map(Geometry::coordinates);
         let turns = coordinates.any(|one| one.is_rotation());
-        let is_foreign = disp.on_the_wire().is_none() || (turns && disp != DispUnit::Metre);
-        let (key, known) = match (is_foreign, force.on_the_wire()) {
+        let is_foreign = disp.row().wire.is_none() || (turns && disp != DispUnit::Metre);
+        let (key, known) = match (is_foreign, force.row().wire) {
             (true, _) if turns => ("unit_disp", "m, beside rotations"),
             (true, _) => ("unit_disp", "m or mm"),
             (false, None) => ("unit_force", "N or kN"),
