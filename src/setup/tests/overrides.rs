@@ -212,7 +212,10 @@ fn lambda_number_is_beside_its_request() {
     let again = accepted(&text, &["time.duration_s=3"]);
     let again = accepted(&resolve_again(&again).unwrap(), &[]);
     assert_eq!(again.file.time.duration_s, 3.0);
-    shows(&again.text, "lambda = 3.987654321012345 # requested \"auto\"\n");
+    shows(
+        &again.text,
+        "lambda = 3.987654321012345 # requested \"auto\"\n",
+    );
     let asked = accepted(GOOD, &["integrator.lambda=2"]);
     let text = resolve(&asked.file, Some(2.0), &asked.inputs()).unwrap();
     shows(&text, "lambda = 2.0\n");
