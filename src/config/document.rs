@@ -183,7 +183,8 @@ impl Node {
                     return Err((path.len(), why));
                 }
                 if of_tables && deeper.is_empty() && !value.is_table() {
-                    let why = format!("`{element}` is a table, which a single value cannot replace");
+                    let why =
+                        format!("`{element}` is a table, which a single value cannot replace");
                     return Err((path.len(), why));
                 }
                 match elements.get_mut(*index) {

@@ -9,8 +9,8 @@
 use super::role::Role;
 use gusset_wire::WireError;
 use gusset_wire::openfresco::{
-    Actor, ActorEvent, Carrier, Course, Event, Followed, Inbox, Interface, Matrix, Response, Server,
-    ServerDialect, SignalOrder, Simulink, SimulinkEvent, Sizes,
+    Actor, ActorEvent, Carrier, Course, Event, Followed, Inbox, Interface, Matrix, Response,
+    Server, ServerDialect, SignalOrder, Simulink, SimulinkEvent, Sizes,
 };
 
 /// A request of the client.
