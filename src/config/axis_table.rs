@@ -125,7 +125,7 @@ pub enum DispUnit {
     Inch,
 }
 
-/// What a unit is.
+/// A unit: its symbol and its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UnitRow {
     /// As people write it.
@@ -143,7 +143,7 @@ impl UnitRow {
 }
 
 impl DispUnit {
-    /// What it is, in metres.
+    /// The unit in metres.
     #[must_use]
     pub const fn row(self) -> UnitRow {
         match self {
@@ -173,7 +173,7 @@ pub enum ForceUnit {
 }
 
 impl ForceUnit {
-    /// What it is, in newtons.
+    /// The unit in newtons.
     #[must_use]
     pub const fn row(self) -> UnitRow {
         match self {

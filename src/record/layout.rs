@@ -253,7 +253,7 @@ pub(crate) const fn stride(columns: usize) -> usize {
     HEAD + 8 * columns + TAIL
 }
 
-/// What a description must say for its rows to be read.
+/// The parts of a description that reading the rows needs.
 #[derive(Deserialize)]
 struct Described {
     format: String,

@@ -199,8 +199,8 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Starts the writer on empty stores. `sampler` brings the scheduler's counters for the classes of misses, and `onlooker`
-    /// receives each row.
+    /// Starts the writer on empty stores. `sampler` brings the scheduler's counters for the classes of misses. The last argument
+    /// receives each row, if it is given.
     ///
     /// # Errors
     /// [`WriterError`] if the system gives no thread or no second handle.

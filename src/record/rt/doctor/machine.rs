@@ -50,7 +50,7 @@ impl Tree {
 
 const CPU: &str = "sys/devices/system/cpu";
 
-/// What a topic comes to, and the advice; `None` if the machine does not say.
+/// The finding about a topic, and the advice; `None` if the machine does not say.
 type Found = Option<(String, Verdict, &'static str)>;
 
 fn good(found: impl Into<String>) -> Found {
