@@ -102,7 +102,7 @@ fn main() {
             };
             let settings = WriterSettings::default();
             let (samples, events) = (store("samples.bin"), store("events.jsonl"));
-            Writer::spawn(reader, samples, events, None, clocks, settings).unwrap()
+            Writer::spawn(reader, samples, events, None, clocks, settings, None).unwrap()
         };
         scope.spawn(spawn).join().unwrap()
     });

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender, TrySendError};
 
-use super::exit::{Exit, WithExit};
 use super::log::remark;
 use super::question::{Answered, Question};
 use gusset_control::engine::{Notice, Operator, PhaseCell};
@@ -21,9 +20,10 @@ const ROOM: Duration = Duration::from_millis(5);
 /// Refuses a test that needs a confirmation without a terminal; adds a warning if `--yes` confirms it unseen.
 pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     if facts.confirm && !yes && !std::io::stdin().is_terminal() {
-        let text = "what the sensors read must be confirmed before anything moves, and there is no terminal; `--yes` \
-                    confirms it unseen; nothing was moved";
-        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+        anyhow::bail!(
+            "what the sensors read must be confirmed before anything moves, and there is no terminal; `--yes` \
+             confirms it unseen; nothing was moved"
+        );
     }
     if facts.confirm && yes {
         let text = "`--yes`: what the sensors read before anything moves is confirmed unseen";

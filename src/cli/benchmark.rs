@@ -9,7 +9,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use serde_json::json;
 
 use self::ground::GroundArgs;
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::{answer, tell};
 use gusset_actuator::transfer::BetweenTicks;
 use gusset_evidence::benchmark::{Criteria, Job, Line, RATE_HZ, Trials, Wiring, controllers, jobs};
@@ -96,18 +96,14 @@ pub enum BetweenTicksArg {
 
 /// The virtual real-time hybrid simulation benchmark.
 pub fn vrths(args: &VrthsArgs) -> anyhow::Result<Exit> {
-    let usage = |text: String| WithExit(Exit::Usage, text);
     let cases = match args.case {
         Some(case) if (1..=4).contains(&case) => vec![case],
-        Some(case) => return Err(usage(format!("there is no case {case}, only 1 to 4")).into()),
+        Some(case) => anyhow::bail!("there is no case {case}, only 1 to 4"),
         None => vec![1, 2, 3, 4],
     };
-    let controllers = controllers(args.controller.as_deref()).map_err(usage)?;
-    let wirings = wirings(args).map_err(usage)?;
-    let ground = args
-        .ground
-        .history(args.seed)
-        .map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
+    let controllers = controllers(args.controller.as_deref()).map_err(anyhow::Error::msg)?;
+    let wirings = wirings(args).map_err(anyhow::Error::msg)?;
+    let ground = args.ground.history(args.seed).map_err(anyhow::Error::msg)?;
     let clock = MonotonicClock::new(USUAL_SPIN_NS);
     let begun = clock.now();
     let jobs = jobs(&cases, &controllers, &wirings, &ground).context("the cases are 1 to 4")?;

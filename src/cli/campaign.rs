@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use serde_json::json;
 
 use super::args::{
@@ -58,8 +58,7 @@ fn run(args: &RunCampaignArgs) -> anyhow::Result<Exit> {
     let prove = proof(&args.results)?;
     let campaign = if args.study.is_dir() {
         if args.out.is_some() {
-            let text = "--out is for a study, and this is a campaign folder";
-            return Err(WithExit(Exit::Usage, text.to_owned()).into());
+            bail!("--out is for a study, and this is a campaign folder");
         }
         Campaign::open(&args.study).map_err(told)?
     } else {
@@ -85,12 +84,11 @@ fn begun(study: &Path, out: &Path) -> anyhow::Result<Campaign> {
     }
     let campaign = Campaign::open(out).map_err(told)?;
     if study.canonicalize().ok().as_deref() != Some(&campaign.plan.study) {
-        let text = format!(
+        bail!(
             "{} has the campaign of another study, {}: choose another folder with --out",
             out.display(),
             campaign.plan.study.display()
         );
-        return Err(WithExit(Exit::Usage, text).into());
     }
     Ok(campaign)
 }
@@ -169,8 +167,9 @@ fn submit(args: &SubmitArgs) -> anyhow::Result<Exit> {
         EngineArg::Hyperqueue => Engine::HyperQueue,
     };
     if engine == Engine::Lines && !args.arguments.is_empty() {
-        let text = "arguments behind -- are for slurm and hyperqueue: with --engine lines, nothing is started";
-        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+        bail!(
+            "arguments behind -- are for slurm and hyperqueue: with --engine lines, nothing is started"
+        );
     }
     let campaign = Campaign::open(&args.folder).map_err(told)?;
     let prepared = campaign::prepare(&campaign, engine, args.tasks_per_job).map_err(told)?;
@@ -207,10 +206,8 @@ fn collect(args: &CollectArgs) -> anyhow::Result<Exit> {
 
 fn proof(args: &ResultArgs) -> anyhow::Result<Prove> {
     let text = &args.prove;
-    Prove::parse(text, args.prove_seed).ok_or_else(|| {
-        let text =
-            format!("--prove {text:?}: expected a number of tasks, or a share from 0% to 100%");
-        WithExit(Exit::Usage, text).into()
+    Prove::parse(text, args.prove_seed).with_context(|| {
+        format!("--prove {text:?}: expected a number of tasks, or a share from 0% to 100%")
     })
 }
 
@@ -369,6 +366,6 @@ fn told(error: CampaignError) -> anyhow::Error {
         CampaignError::Conflict { .. } | CampaignError::Refuted { .. } => {
             WithExit(Exit::Stopped, error.to_string()).into()
         }
-        error => WithExit(Exit::Usage, error.to_string()).into(),
+        error => anyhow::Error::msg(error),
     }
 }

@@ -9,8 +9,7 @@ mod verbose;
 
 use super::args::CheckArgs;
 use super::certificate;
-use super::exit::{Exit, WithExit};
-use super::rehearsed;
+use super::exit::Exit;
 use super::spectrum;
 use super::table::Table;
 use super::test_file::{load, refused};
@@ -29,9 +28,9 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         return served::check(args);
     }
     if args.specimen.is_some() {
-        let text =
-            "--specimen is for a file for `gusset serve`; a test is checked with all its specimens";
-        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+        anyhow::bail!(
+            "--specimen is for a file for `gusset serve`; a test is checked with all its specimens"
+        );
     }
     let loaded = load(&args.test, &args.sets)?;
     let test = setup::build(&loaded).map_err(refused)?;
@@ -131,9 +130,7 @@ impl Checked<'_> {
             table.row(&format!("command, {name}"), what);
         }
         verbose::of_errors(table, self.judged.verdict.errors.as_ref());
-        if let Some(full) = &self.judged.rehearsed {
-            rehearsed::tabulate(full, table);
-        }
+        brief::of_rehearsal(self, table);
     }
 }
 

@@ -36,14 +36,13 @@ pub(super) fn obey_verdict(verdict: &Verdict, locator: &Locator, what: &str) -> 
     }
     tell(found.render(in_colour()));
     let keys = verdict.open_keys();
-    let text = format!(
+    anyhow::bail!(
         "the verdict forbids this {what}, because it moves a specimen behind a link; nothing was moved\n\
          mend it, or give a reason in [safety]: {}",
         keys.map(|key| format!("{key} = \"…\""))
             .collect::<Vec<_>>()
             .join(", ")
-    );
-    Err(WithExit(Exit::Usage, text).into())
+    )
 }
 
 /// The requested folder, or a new default one.

@@ -4,6 +4,8 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use anyhow::{anyhow, bail};
+
 use super::args::{ResetArgs, ServeArgs};
 use super::exit::{Exit, WithExit};
 use super::question::{Answered, Question};
@@ -81,13 +83,12 @@ fn reset_server(
 
 /// Clears the records of the specimens of a file whose server does not run.
 fn reset_file(args: &ResetArgs, file: &Path) -> anyhow::Result<Exit> {
-    let refuse = |text: String| WithExit(Exit::Usage, text);
     let tables = specimens_of(file).map_err(refused)?;
-    let folder = state_folder().map_err(|error| refuse(error.to_string()))?;
+    let folder = state_folder().map_err(anyhow::Error::msg)?;
     let mut recorded = Vec::new();
     for table in tables {
         let name = &table.name;
-        let wrong = |error: &dyn std::fmt::Display| refuse(format!("specimen \"{name}\": {error}"));
+        let wrong = |error: &dyn std::fmt::Display| anyhow!("specimen \"{name}\": {error}");
         let key = key_of(&table, file).map_err(|error| wrong(&error))?;
         let record = LastingRecord::hold(&folder, &key).map_err(|error| wrong(&error))?;
         let kept = record.read().map_err(|error| wrong(&error))?;
@@ -122,11 +123,8 @@ fn confirm(args: &ResetArgs) -> anyhow::Result<()> {
     if args.yes {
         return Ok(());
     }
-    let refuse = |text: &str| Err(WithExit(Exit::Usage, text.to_owned()).into());
     if !io::stdin().is_terminal() {
-        return refuse(
-            "nothing was cleared: look at the specimen, then confirm its position with --yes",
-        );
+        bail!("nothing was cleared: look at the specimen, then confirm its position with --yes");
     }
     let question = Question {
         here: "May the next test begin where the specimen stands? Enter clears the record, Ctrl-C keeps it.",
@@ -134,7 +132,7 @@ fn confirm(args: &ResetArgs) -> anyhow::Result<()> {
     };
     match question.ask(|| true) {
         Answered::Yes => Ok(()),
-        Answered::Over | Answered::Nobody => refuse("nothing was cleared"),
+        Answered::Over | Answered::Nobody => bail!("nothing was cleared"),
     }
 }
 
@@ -199,16 +197,14 @@ pub fn latched(
         return Ok((host, None));
     }
     let place = ControlPlace::at(&place_of(args));
-    let refuse = |text: String| WithExit(Exit::Usage, text);
     let mut reader = None;
     let latch = match table.filter(|_| physical) {
         Some(table) => {
             let among = among_others.then_some(table.name.as_str());
             refuse_old_latch(&[place.old_latch_file(), old_latch_beside(&args.file, among)])?;
-            let key = key_of(table, &args.file).map_err(|error| refuse(error.to_string()))?;
-            let folder = state_folder().map_err(|error| refuse(error.to_string()))?;
-            let record = LastingRecord::hold(&folder, &key);
-            let record = record.map_err(|error| refuse(error.to_string()))?;
+            let key = key_of(table, &args.file).map_err(anyhow::Error::msg)?;
+            let folder = state_folder().map_err(anyhow::Error::msg)?;
+            let record = LastingRecord::hold(&folder, &key).map_err(anyhow::Error::msg)?;
             let file = record.file().to_owned();
             if !args.quiet {
                 tell(format_args!(
@@ -217,9 +213,9 @@ pub fn latched(
                 ));
             }
             reader = position_reader(table, &args.file)
-                .map_err(|finding| refuse(finding.headline.clone()))?;
+                .map_err(|finding| anyhow::Error::msg(finding.headline))?;
             Latch::in_record(record, place.path())
-                .map_err(|error| refuse(format!("{}: {error}", file.display())))?
+                .map_err(|error| anyhow!("{}: {error}", file.display()))?
         }
         None => Latch::in_memory(place.path()),
     };
@@ -251,11 +247,11 @@ pub fn latched(
             tell(format_args!("warning: {error}"));
             None
         }
-        Err(error) => return Err(refuse(error.to_string()).into()),
+        Err(error) => bail!("{error}"),
     };
     if args.reset {
         let cleared = latch.clear();
-        let cleared = cleared.map_err(|error| refuse(format!("--reset: {error}")))?;
+        let cleared = cleared.map_err(|error| anyhow!("--reset: {error}"))?;
         if cleared.is_empty() {
             tell("note: no trip is latched");
         }
@@ -275,13 +271,13 @@ pub fn latched(
 /// Refuses a start beside a trip that an earlier version has kept.
 fn refuse_old_latch(files: &[PathBuf]) -> anyhow::Result<()> {
     let old = files.iter().find(|file| file.symlink_metadata().is_ok());
-    old.map_or(Ok(()), |file| {
-        let text = format!(
+    if let Some(file) = old {
+        bail!(
             "{}: an earlier version of this program has latched a trip here: look at the specimen, then delete this file",
             file.display()
         );
-        Err(WithExit(Exit::Usage, text).into())
-    })
+    }
+    Ok(())
 }
 
 /// Where an earlier version kept a trip without --control.

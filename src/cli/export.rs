@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow, bail};
 
 use super::args::{DerivedArg, ExportArgs, FormatArg, RateArg};
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::tell;
 use gusset_record::Run;
 use gusset_record::export::{self, Choice, Extra, Format, Rows};
@@ -75,14 +75,11 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
 
 /// The columns and lines that were asked for beside those of every export.
 fn extra(args: &ExportArgs, format: Format, run: &Run, rows: Rows) -> anyhow::Result<Extra> {
-    let usage = |text: &str| Err(WithExit(Exit::Usage, text.to_owned()).into());
     if format == Format::Trace && !args.with.is_empty() {
-        return usage(
-            "--with adds columns to a table, and a trace has no columns: use another --format",
-        );
+        bail!("--with adds columns to a table, and a trace has no columns: use another --format");
     }
     if args.no_units_line && !matches!(format, Format::Csv | Format::DesignSafe) {
-        return usage(
+        bail!(
             "--no-units-line is for --format csv and designsafe: other formats have units beside the values",
         );
     }
@@ -97,8 +94,7 @@ fn extra(args: &ExportArgs, format: Format, run: &Run, rows: Rows) -> anyhow::Re
             wanted.push(one);
         }
     }
-    let sums = session::derived(run, &wanted, rows)
-        .map_err(|error| WithExit(Exit::Usage, format!("--with: {error}")))?;
+    let sums = session::derived(run, &wanted, rows).map_err(|error| anyhow!("--with: {error}"))?;
     Ok(Extra {
         sums,
         units_line: !args.no_units_line,

@@ -6,7 +6,7 @@ use anyhow::Context;
 use serde_json::json;
 
 use super::args::{JitterArgs, ModelArg};
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::table::Table;
 use super::{answer, tell};
 use gusset_config::TimingSpec;
@@ -88,8 +88,7 @@ fn rates(args: &JitterArgs) -> anyhow::Result<Vec<Ratio>> {
     for text in given {
         let rate = Ratio::parse(text).with_context(|| format!("--rates {text:?}"))?;
         if rate.value() > HIGHEST_HZ {
-            let text = format!("--rates {text:?}: wanted at most {HIGHEST_HZ} Hz");
-            return Err(WithExit(Exit::Usage, text).into());
+            anyhow::bail!("--rates {text:?}: wanted at most {HIGHEST_HZ} Hz");
         }
         rates.push(rate);
     }

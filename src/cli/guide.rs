@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use anyhow::Context;
 
 use super::args::GuideArgs;
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::{answer, tell};
 use crate::guide::{self, CONTENTS, Entry, MANUAL_LIST, PAGES, plain_text};
 use gusset_config::nearest;
@@ -56,7 +56,7 @@ fn text_of(topic: &str) -> anyhow::Result<String> {
     match entries.as_slice() {
         [] => explained(topic)
             .or_else(|| found(topic))
-            .ok_or_else(|| WithExit(Exit::Usage, no_such_topic(topic)).into()),
+            .ok_or_else(|| anyhow::Error::msg(no_such_topic(topic))),
         several if several.len() > MOST_ENTRIES => {
             let mut text = format!("Several entries end with `{topic}`:\n\n");
             for entry in several {
@@ -179,11 +179,10 @@ fn write_manual(folder: &Path) -> anyhow::Result<Exit> {
     let files = guide::manual();
     let old = files_of_a_manual(folder);
     if let Some(name) = other_file(folder, &old)? {
-        let text = format!(
+        anyhow::bail!(
             "--html {}: the folder has another file, `{name}`: choose a new folder, or one with an earlier manual",
             folder.display()
         );
-        return Err(WithExit(Exit::Usage, text).into());
     }
     let place = || format!("--html {}: the manual cannot be written", folder.display());
     fs::create_dir_all(folder).with_context(place)?;

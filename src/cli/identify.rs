@@ -130,7 +130,7 @@ fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &RunFolder) -> 
     folder.make(PICTURES)?;
     let files = files(outcome, plan, driven, folder.path()).map_err(told)?;
     for (name, text) in files {
-        folder.write_extra(&name, text.as_bytes())?;
+        folder.write(&name, text.as_bytes())?;
     }
     Ok(())
 }

@@ -153,7 +153,7 @@ fn draw(title: &str, folder: &RunFolder, timing: &Timings, period_us: f64) -> an
     let histogram: Vec<(f64, u64)> = bins.map(|(_, to, count)| (*to, *count)).collect();
     let percentiles = timing.percentiles(Quantity::WakeupLateness);
     let picture = jitter_svg(title, &histogram, &percentiles, Some(period_us));
-    Ok(folder.write_extra("jitter.svg", picture.as_bytes())?)
+    Ok(folder.write("jitter.svg", picture.as_bytes())?)
 }
 
 fn conclude(title: &str, args: &JitterArgs, finished: &Finished, measured: &Measured<'_>) {

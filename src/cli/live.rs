@@ -3,34 +3,26 @@
 use std::path::Path;
 use std::sync::Arc;
 
-#[cfg(feature = "monitor")]
-use crossbeam_channel::Sender;
 use crossbeam_channel::bounded;
 
 use super::args::RunArgs;
-#[cfg(feature = "monitor")]
-use super::exit::{Exit, WithExit};
-#[cfg(feature = "monitor")]
-use super::tell;
-#[cfg(feature = "monitor")]
-use gusset_config::Carrier;
 use gusset_config::ClockChoice;
-#[cfg(feature = "monitor")]
-use gusset_control::engine::Operator;
 use gusset_control::engine::PhaseCell;
-#[cfg(feature = "monitor")]
-use gusset_record::Note;
 use gusset_record::Onlooker;
-#[cfg(feature = "monitor")]
-use gusset_session::Attendance;
-#[cfg(feature = "monitor")]
-use gusset_session::Finished;
 use gusset_setup::{Facts, Prepared};
-#[cfg(feature = "monitor")]
-use gusset_view::live::Ended;
-#[cfg(feature = "monitor")]
-use gusset_view::live::page::{LivePage, Serving, Token};
 use gusset_view::live::{About, ActuatorEnds, Board, GoesOn, LambdaUse, Subject, Tap};
+
+#[cfg(feature = "monitor")]
+use {
+    super::tell,
+    crossbeam_channel::Sender,
+    gusset_config::Carrier,
+    gusset_control::engine::Operator,
+    gusset_record::Note,
+    gusset_session::{Attendance, Finished},
+    gusset_view::live::Ended,
+    gusset_view::live::page::{LivePage, Serving, Token},
+};
 
 /// A port that no server of this program uses by default.
 #[cfg(feature = "monitor")]
@@ -44,6 +36,12 @@ pub struct Asked {
     page: Option<LivePage>,
 }
 
+/// A refusal before anything is made or moved.
+#[cfg(feature = "monitor")]
+fn unmoved(error: impl std::fmt::Display) -> anyhow::Error {
+    anyhow::anyhow!("{error}\nnothing was moved")
+}
+
 impl Asked {
     /// Takes the port, and refuses one that is not free before anything is made or moved.
     #[cfg(feature = "monitor")]
@@ -51,22 +49,21 @@ impl Asked {
         let Some(address) = &args.live.live else {
             return Ok(Self { page: None });
         };
-        let usage = |text: String| WithExit(Exit::Usage, format!("{text}\nnothing was moved"));
         let file = test.loaded.as_ref().map(|loaded| &loaded.file);
         for specimen in file.iter().flat_map(|file| &file.specimen) {
             let link = specimen.link.as_ref();
             if let Some(link) = link.filter(|link| link.needs_port(address, Carrier::Tcp)) {
-                let text = format!(
+                anyhow::bail!(
                     "--live {address} is also the address of specimen `{}` ([specimen.link] address = \"{}\")\n\
-                     choose another port for the live page, for example --live {}",
-                    specimen.name, link.address, OTHER_PORT
+                     choose another port for the live page, for example --live {OTHER_PORT}\nnothing was moved",
+                    specimen.name,
+                    link.address
                 );
-                return Err(usage(text).into());
             }
         }
         let view = args.live.live_token.as_deref().map(Token::read);
-        let view = view.transpose().map_err(|error| usage(error.to_string()))?;
-        let page = LivePage::bind(address, view).map_err(|error| usage(error.to_string()))?;
+        let view = view.transpose().map_err(unmoved)?;
+        let page = LivePage::bind(address, view).map_err(unmoved)?;
         Ok(Self { page: Some(page) })
     }
 

@@ -118,13 +118,10 @@ const WANTED_FILES: u64 = 4096;
 /// Refuses to begin what would fail in the middle for want of files.
 fn enough_files() -> anyhow::Result<()> {
     match os::raise_open_files(WANTED_FILES) {
-        Some(most) if most < FEWEST_FILES => {
-            let text = format!(
-                "this process may open {most} files, and gusset needs {FEWEST_FILES} at least: raise the limit with \
-                 `ulimit -n {WANTED_FILES}`; nothing was moved"
-            );
-            Err(exit::WithExit(Exit::Usage, text).into())
-        }
+        Some(most) if most < FEWEST_FILES => anyhow::bail!(
+            "this process may open {most} files, and gusset needs {FEWEST_FILES} at least: raise the limit with \
+             `ulimit -n {WANTED_FILES}`; nothing was moved"
+        ),
         _ => Ok(()),
     }
 }

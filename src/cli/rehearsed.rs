@@ -1,68 +1,12 @@
-//! A rehearsal as `gusset check` prints it: the needs of each axis beside its limits.
+//! A rehearsal as `gusset check --json` prints it, and the specimens that move at another velocity.
 
 use serde_json::{Value, json};
 
 use super::table::Table;
 use gusset_control::engine::{Ending, Stop};
 use gusset_control::port::Poses;
-use gusset_quantity::units::{duration, number, quantity};
-use gusset_session::rehearsal::{FullRehearsal, Held, Need, Rehearsal, Speeds, StandIn, Used};
-
-/// The needs of each axis beside its limits: one line per quantity.
-pub fn tabulate(full: &FullRehearsal, table: &mut Table) {
-    let Rehearsal {
-        time,
-        ending,
-        wall_s,
-        tick_s,
-        specimens,
-        ..
-    } = &full.rehearsal;
-    let each = tick_s.map(|tick| format!(", {} a tick", duration(tick)));
-    let how = match ending {
-        Ending::Completed => "",
-        Ending::Stopped(Stop::Operator) => "; the rest exceeds the rehearsal budget",
-        Ending::Stopped(_) => ", then the test would stop",
-    };
-    let text = format!(
-        "{} of test time on the simulated clock in {}{}{how}",
-        duration(*time),
-        duration(*wall_s),
-        each.unwrap_or_default()
-    );
-    table.row("rehearsal", &text);
-    for needs in specimens {
-        table.row(
-            &needs.name,
-            &format!("rehearsed with {}", needs.stand_in.words()),
-        );
-        let word = match &needs.poses {
-            Some(poses) => {
-                table.row("  platform", &platform(poses));
-                "actuator"
-            }
-            None => "axis",
-        };
-        for (axis, all) in needs.axes.iter().enumerate() {
-            let lines: Vec<String> = all.iter().map(line).collect();
-            let mut text = lines.join("\n");
-            if let Some(found) = needs.found.get(axis)
-                && needs.stand_in != StandIn::Nothing
-            {
-                let power = quantity(found.power.high, "W");
-                text.push_str(&format!("\npower up to {power}"));
-            }
-            for used in needs.used(axis) {
-                text.push_str(&format!("\n{}", of_rig(&used)));
-            }
-            table.row(&format!("  {word} {} needs", axis + 1), &text);
-        }
-    }
-    tabulate_speeds(full, table);
-    if let Some(text) = full.held.as_ref().and_then(held) {
-        table.row("a hold", &text);
-    }
-}
+use gusset_quantity::units::{number, quantity};
+use gusset_session::rehearsal::{FullRehearsal, Need, Rehearsal, Speeds, Used};
 
 /// A row for each specimen that does not move at the velocities of the test.
 pub fn tabulate_speeds(full: &FullRehearsal, table: &mut Table) {
@@ -172,38 +116,6 @@ pub fn as_json(full: &FullRehearsal) -> Value {
     })
 }
 
-/// The needs of the fastest axis in a hold at its fastest moment.
-fn held(held: &Held) -> Option<String> {
-    let (specimen, axis) = held.fastest;
-    let name = &held.specimens.get(specimen)?.name;
-    let lines: Vec<String> = held.needs().map(line).collect();
-    Some(format!(
-        "requested at {}, where axis {} of `{name}` is fastest, needs\n{}",
-        duration(held.at),
-        axis + 1,
-        lines.join("\n")
-    ))
-}
-
-/// The range of the platform of a loading unit.
-fn platform(poses: &Poses) -> String {
-    let each = poses.range.iter().map(|(coordinate, low, high)| {
-        let value = |value: f64| quantity(value, coordinate.unit());
-        format!("{} {} to {}", coordinate.key(), value(*low), value(*high))
-    });
-    let each: Vec<String> = each.collect();
-    let [at_rest, worst] = poses.condition;
-    let worst = if worst > at_rest {
-        format!("; at worst {worst:.3} at {}", poses.worst)
-    } else {
-        String::new()
-    };
-    format!(
-        "{}\ncondition {at_rest:.3} at the reference pose{worst}",
-        each.join(", ")
-    )
-}
-
 fn platform_json(poses: &Poses) -> Value {
     let range = poses.range.iter().map(|(coordinate, low, high)| {
         json!({ "coordinate": coordinate.key(), "unit": coordinate.unit(), "low": low, "high": high })
@@ -214,22 +126,6 @@ fn platform_json(poses: &Poses) -> Value {
         "worst_condition": poses.condition[1],
         "worst_pose": poses.worst,
     })
-}
-
-/// A capacity of the rig and the used share.
-fn of_rig(used: &Used) -> String {
-    let verdict = if used.is_within() {
-        ""
-    } else {
-        " — MORE THAN THE RIG CAN GIVE"
-    };
-    format!(
-        "{} of the rig: {} of {} used ({:.0} %){verdict}",
-        used.key.split('_').next().unwrap_or(used.key),
-        quantity(used.needed, used.unit),
-        quantity(used.capacity, used.unit),
-        100.0 * used.share()
-    )
 }
 
 fn capacity_json(used: &[Used]) -> Value {
@@ -243,35 +139,4 @@ fn capacity_json(used: &[Used]) -> Value {
         })
     });
     Value::Array(each.collect())
-}
-
-fn line(need: &Need) -> String {
-    let unit = need.quantity.shown_unit();
-    let value = |value: f64| quantity(value, unit);
-    let needed = if need.quantity.is_range() {
-        format!("{} to {}", value(need.needed.low), value(need.needed.high))
-    } else {
-        format!("up to {}", value(need.needed.high))
-    };
-    let [low, high] = need.trip;
-    let limit = match (low.is_finite(), high.is_finite()) {
-        (false, false) => "no trip level".to_owned(),
-        (true, true) => format!("trips outside {} to {}", value(low), value(high)),
-        (true, false) => format!("trips below {}", value(low)),
-        (false, true) => format!("trips above {}", value(high)),
-    };
-    let margin = need.margin().map_or_else(String::new, |margin| {
-        format!(", margin {:.0} %", 100.0 * margin)
-    });
-    let verdict = if need.trips() {
-        " — WOULD TRIP"
-    } else if need.warns() {
-        " — would warn"
-    } else {
-        ""
-    };
-    format!(
-        "{}: {needed}; {limit}{margin}{verdict}",
-        need.quantity.words()
-    )
 }

@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::answer;
 use super::args::ReplayArgs;
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::tell;
 use gusset_record::Run;
 use gusset_record::export::Notice;
@@ -15,14 +15,13 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
     let found = session::replay(&args.run).map_err(|error| match error {
         session::ReplayError::Config(error) => super::test_file::refused(error),
         columns @ session::ReplayError::Columns { .. } => {
-            let text = format!(
+            anyhow::anyhow!(
                 "{}: {columns}: resolved.toml and samples.json are not of one test, or of another version of this program",
                 args.run.display()
-            );
-            WithExit(Exit::Usage, text).into()
+            )
         }
         // All others name the file that they are about.
-        other => WithExit(Exit::Usage, other.to_string()).into(),
+        other => anyhow::Error::msg(other),
     })?;
     // A run without a summary needs no warning: it is proven as far as its rows.
     if Run::open(&args.run)?.summary_fault().is_some() {

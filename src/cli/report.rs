@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use super::args::ReportArgs;
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::tell;
 use gusset_record::export::Notice;
 use gusset_record::{Run, Summary};
@@ -77,8 +77,7 @@ fn replaceable(out: &Path) -> anyhow::Result<()> {
     if is_page {
         return Ok(());
     }
-    let text = format!("--out {}: it exists and is no page", out.display());
-    Err(WithExit(Exit::Usage, text).into())
+    anyhow::bail!("--out {}: it exists and is no page", out.display())
 }
 
 /// Warns if a run did not end cleanly, or its summary cannot be read.

@@ -6,7 +6,7 @@ use super::args::RunArgs;
 use super::attend;
 use super::closing::closing;
 use super::conduct;
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::live;
 use super::status::Status;
 use super::test_file::refused;
@@ -102,15 +102,16 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
                 (None, []) => None,
                 (Some(reason), sets) => Some((sets, reason.as_str())),
                 (None, _) => {
-                    let text = "`--set` with `--resume` widens limits, and needs a reason: add `--reason \"...\"`";
-                    return Err(WithExit(Exit::Usage, format!("{text}\nnothing was moved")).into());
+                    anyhow::bail!(
+                        "`--set` with `--resume` widens limits, and needs a reason: add `--reason \"...\"`\nnothing was moved"
+                    );
                 }
             },
         };
         let next = session::resume_allowed(folder, args.test.as_deref(), allowed);
         return next.map_err(|error| match error {
             ResumeError::Replay(ReplayError::Config(error)) => refused(error),
-            other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
+            other => anyhow::anyhow!("{other}\nnothing was moved"),
         });
     }
     let of_resumed = [

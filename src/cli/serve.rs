@@ -5,7 +5,7 @@ use std::path::Path;
 use super::args::{ProtocolArg, ServeArgs, SignalOrderArg, TransportArg};
 use super::conduct;
 use super::control::latched;
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::serve_reports::Reports;
 use super::serve_start::{misasked, run_until_signal, unbound};
 use super::test_file::refused;
@@ -44,8 +44,9 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     };
     served.source.check_protocol(protocol).map_err(refused)?;
     if protocol == Offer::Gusset && args.client.is_some() {
-        let text = "--client is for OpenFresco's protocols; our own knows a key (--key) and certificates (--transport tls)";
-        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+        anyhow::bail!(
+            "--client is for OpenFresco's protocols; our own knows a key (--key) and certificates (--transport tls)"
+        );
     }
     take_signal_order(args, &mut served, protocol)?;
     let carrier = match args.transport {
@@ -90,8 +91,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             ended: Some(reports.sender()),
         });
         // An unavailable folder is reported now, and not when a controller comes.
-        std::fs::create_dir_all(root)
-            .map_err(|error| WithExit(Exit::Usage, format!("{}: {error}", root.display())))?;
+        std::fs::create_dir_all(root).with_context(|| root.display().to_string())?;
     }
     let openfresco = openfresco_role(protocol);
     let physical = served.host.is_gateway()
@@ -179,25 +179,20 @@ fn take_signal_order(args: &ServeArgs, served: &mut Served, protocol: Offer) -> 
 /// The host with the faults of the script at `path`, whose text this is.
 fn play(path: &Path, text: String, host: Host, protocol: Offer) -> anyhow::Result<Host> {
     let script = config::parse_script(path, text).map_err(refused)?;
-    let wrong = |text: String| WithExit(Exit::Usage, format!("{}: {text}", path.display()));
+    let file = path.display();
     if protocol != Offer::Gusset {
-        let text = "faults are played over our own protocol only (--protocol gusset)";
-        return Err(wrong(text.to_owned()).into());
+        anyhow::bail!("{file}: faults are played over our own protocol only (--protocol gusset)");
     }
     if let Some(number) = script.at_the_controller() {
-        let text = format!(
-            "fault {} happens at the controller, where a server cannot play it",
+        anyhow::bail!(
+            "{file}: fault {} happens at the controller, where a server cannot play it",
             number + 1
         );
-        return Err(wrong(text).into());
     }
     let title = script.title.clone();
-    let host = host.faulty(script).map_err(|error| {
-        let text = match error.fault {
-            Some(number) => format!("fault {}: {error}", number + 1),
-            None => error.to_string(),
-        };
-        wrong(text)
+    let host = host.faulty(script).map_err(|error| match error.fault {
+        Some(number) => anyhow::anyhow!("{file}: fault {}: {error}", number + 1),
+        None => anyhow::anyhow!("{file}: {error}"),
     })?;
     tell(format_args!("FAULTS are played in every test: {title}"));
     Ok(host)

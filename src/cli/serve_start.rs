@@ -26,14 +26,13 @@ pub(super) fn misasked(
 ) -> anyhow::Error {
     let serve = KeyPath::root().key("serve");
     let at = key.iter().fold(serve, |at, key| at.key(key));
-    let text = match flag {
-        Some(flag) => format!("{flag}: {error}"),
+    match flag {
+        Some(flag) => anyhow::anyhow!("{flag}: {error}"),
         None if locator.holds(&at) => {
-            return refused(locator.refusal(Finding::error(at, error.to_string())));
+            refused(locator.refusal(Finding::error(at, error.to_string())))
         }
-        None => error.to_string(),
-    };
-    WithExit(Exit::Usage, text).into()
+        None => anyhow::anyhow!("{error}"),
+    }
 }
 
 /// A server that cannot bind its port, or has no right to.

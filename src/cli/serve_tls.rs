@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use super::args::{ServeArgs, TlsArgs};
-use super::exit::{Exit, WithExit};
 use super::serve_start::misasked;
 use super::tell;
 use gusset_config::{Carrier, ClientCertificate};
@@ -30,8 +29,7 @@ pub(super) fn tls(
     ];
     if carrier != Carrier::Tls {
         if let Some((name, _)) = given.iter().find(|(_, path)| path.is_some()) {
-            let text = format!("{name} is for --transport tls only");
-            return Err(WithExit(Exit::Usage, text).into());
+            anyhow::bail!("{name} is for --transport tls only");
         }
         return Ok(None);
     }

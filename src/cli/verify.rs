@@ -7,7 +7,7 @@ use anyhow::Context;
 use serde_json::json;
 
 use super::args::VerifyArgs;
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::{answer, screen, tell};
 use gusset_evidence::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 use gusset_quantity::work::Work;
@@ -30,8 +30,7 @@ pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
         }
         return Ok(Exit::Done);
     }
-    let topics =
-        verify::select(&args.names).map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
+    let topics = verify::select(&args.names).map_err(anyhow::Error::msg)?;
     if let Some(out) = &args.out {
         make_free(out).context("--out")?;
     }

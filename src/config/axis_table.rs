@@ -57,19 +57,14 @@ impl AxisTable {
     /// The units of the axis.
     #[must_use]
     pub(crate) const fn units(&self) -> AxisUnits {
-        AxisUnits {
-            metres: self.unit_disp.metres(),
-            newtons: self.unit_force.newtons(),
-            disp: self.unit_disp.symbol(),
-            force: self.unit_force.symbol(),
-        }
+        axis_units(self.unit_disp, self.unit_force)
     }
 
     /// Each unit that the protocol of Gusset has no word for, by its key, with the units that it has.
     pub(super) fn foreign_units(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
         [
-            ("unit_disp", "m or mm", self.unit_disp.on_the_wire()),
-            ("unit_force", "N or kN", self.unit_force.on_the_wire()),
+            ("unit_disp", "m or mm", self.unit_disp.row().wire),
+            ("unit_force", "N or kN", self.unit_force.row().wire),
         ]
         .into_iter()
         .filter_map(|(key, known, unit)| unit.is_none().then_some((key, known)))
@@ -103,6 +98,18 @@ impl Default for AxisTable {
     }
 }
 
+/// The units of an axis.
+#[must_use]
+pub const fn axis_units(disp: DispUnit, force: ForceUnit) -> AxisUnits {
+    let (disp, force) = (disp.row(), force.row());
+    AxisUnits {
+        metres: disp.si,
+        newtons: force.si,
+        disp: disp.symbol,
+        force: force.symbol,
+    }
+}
+
 /// Unit of displacement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub enum DispUnit {
@@ -118,32 +125,32 @@ pub enum DispUnit {
     Inch,
 }
 
-impl DispUnit {
-    /// As people write it, metres in one unit, and the unit in the protocol of Gusset; `None` if it has none.
-    const fn row(self) -> (&'static str, f64, Option<Unit>) {
-        match self {
-            Self::Metre => ("m", 1.0, Some(Unit::Metre)),
-            Self::Millimetre => ("mm", 1e-3, Some(Unit::Millimetre)),
-            Self::Inch => ("in", 0.0254, None),
-        }
-    }
-
-    /// The unit in the protocol of Gusset; `None` if it has none.
-    #[must_use]
-    pub const fn on_the_wire(self) -> Option<Unit> {
-        self.row().2
-    }
-
+/// A unit: its symbol and its size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnitRow {
     /// As people write it.
-    #[must_use]
-    pub const fn symbol(self) -> &'static str {
-        self.row().0
-    }
+    pub symbol: &'static str,
+    /// SI units in one of it.
+    pub si: f64,
+    /// The unit in the protocol of Gusset; `None` if it has none.
+    pub wire: Option<Unit>,
+}
 
-    /// Metres in one unit.
+impl UnitRow {
+    const fn new(symbol: &'static str, si: f64, wire: Option<Unit>) -> Self {
+        Self { symbol, si, wire }
+    }
+}
+
+impl DispUnit {
+    /// The unit in metres.
     #[must_use]
-    pub const fn metres(self) -> f64 {
-        self.row().1
+    pub const fn row(self) -> UnitRow {
+        match self {
+            Self::Metre => UnitRow::new("m", 1.0, Some(Unit::Metre)),
+            Self::Millimetre => UnitRow::new("mm", 1e-3, Some(Unit::Millimetre)),
+            Self::Inch => UnitRow::new("in", 0.0254, None),
+        }
     }
 }
 
@@ -166,31 +173,14 @@ pub enum ForceUnit {
 }
 
 impl ForceUnit {
-    /// As people write it, newtons in one unit, and the unit in the protocol of Gusset; `None` if it has none.
-    const fn row(self) -> (&'static str, f64, Option<Unit>) {
+    /// The unit in newtons.
+    #[must_use]
+    pub const fn row(self) -> UnitRow {
         match self {
-            Self::Newton => ("N", 1.0, Some(Unit::Newton)),
-            Self::Kilonewton => ("kN", 1e3, Some(Unit::Kilonewton)),
-            Self::PoundForce => ("lbf", 4.448_221_615_260_5, None),
-            Self::Kip => ("kip", 4_448.221_615_260_5, None),
+            Self::Newton => UnitRow::new("N", 1.0, Some(Unit::Newton)),
+            Self::Kilonewton => UnitRow::new("kN", 1e3, Some(Unit::Kilonewton)),
+            Self::PoundForce => UnitRow::new("lbf", 4.448_221_615_260_5, None),
+            Self::Kip => UnitRow::new("kip", 4_448.221_615_260_5, None),
         }
-    }
-
-    /// The unit in the protocol of Gusset; `None` if it has none.
-    #[must_use]
-    pub const fn on_the_wire(self) -> Option<Unit> {
-        self.row().2
-    }
-
-    /// As people write it.
-    #[must_use]
-    pub const fn symbol(self) -> &'static str {
-        self.row().0
-    }
-
-    /// Newtons in one unit.
-    #[must_use]
-    pub const fn newtons(self) -> f64 {
-        self.row().1
     }
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::document::{KeyPath, Segment};
-use super::{ConfigError, Loaded, parse, renamed};
+use super::{ConfigError, Loaded, Opened, Purpose, renamed, test_of};
 use gusset_actuator::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
 
 /// Measured properties of a specimen with its actuator and sensors, written by `gusset identify`. A
@@ -274,12 +274,19 @@ impl Loaded {
     /// Reads and checks the test again with further overrides, written as for `--set`.
     ///
     /// # Errors
-    /// As [`parse`].
+    /// As [`load`](super::load).
     pub fn varied(&self, sets: &[String]) -> Result<Self, ConfigError> {
         if sets.is_empty() {
             return Ok(self.clone());
         }
-        let varied = parse(&self.path, self.effective.clone(), sets)?;
+        let mut opened = Opened {
+            text: self.text.clone(),
+            root: self.root.clone(),
+            locator: self.locator.clone(),
+            moves: Vec::new(),
+        };
+        opened.set(Purpose::Run, &self.path, sets)?;
+        let varied = test_of(Purpose::Run, &self.path, opened)?;
         Ok(Self {
             store: self.store.clone(),
             ..varied

@@ -311,15 +311,6 @@ fn with_comma(source: &Arc<Source>, span: Range<usize>) -> Diagnostic {
     }
 }
 
-/// The error of the editing parser, in case it refuses a text that the reading one accepts.
-pub(crate) fn second_parser(source: &Arc<Source>, error: &toml_edit::TomlError) -> Diagnostic {
-    broken(
-        source,
-        error.message().to_owned(),
-        error.span().unwrap_or(0..0),
-    )
-}
-
 fn broken(source: &Arc<Source>, message: String, span: Range<usize>) -> Diagnostic {
     let place = Place {
         source: Arc::clone(source),

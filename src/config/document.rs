@@ -35,6 +35,21 @@ pub(crate) enum Datum {
     Table(Vec<(String, Node)>),
 }
 
+impl Datum {
+    const fn in_words(&self) -> &'static str {
+        match self {
+            Self::Text(_) => "a string",
+            Self::Integer(_) => "an integer",
+            Self::TooLarge(_) => "a number",
+            Self::Float(_) => "a float",
+            Self::Boolean(_) => "a boolean",
+            Self::Date(_) => "a date",
+            Self::Array(_) => "an array",
+            Self::Table(_) => "a table",
+        }
+    }
+}
+
 /// A mistake in the grammar of the text.
 #[derive(Debug, Clone)]
 pub(crate) struct SyntaxError {
@@ -71,7 +86,7 @@ impl Node {
         path: &KeyPath,
         visit: &mut impl FnMut(&KeyPath, &mut Self),
     ) {
-        if matches!(self.datum, Datum::Table(_)) {
+        if self.is_table() {
             visit(path, self);
         }
         match &mut self.datum {
@@ -81,9 +96,7 @@ impl Node {
                 }
             }
             // An array of numbers holds no table.
-            Datum::Array(elements)
-                if elements.iter().any(|e| matches!(e.datum, Datum::Table(_))) =>
-            {
+            Datum::Array(elements) if elements.iter().any(Self::is_table) => {
                 for (index, element) in elements.iter_mut().enumerate() {
                     element.each_table(&path.index(index), visit);
                 }
@@ -129,6 +142,90 @@ impl Node {
         if let Some((_, table)) = entries.iter_mut().find(|(key, _)| key == first) {
             table.put(rest, node);
         }
+    }
+
+    /// Puts `value` at `path` below this node, which messages call `name`. Missing tables are created, and an element just
+    /// behind the end of an array.
+    ///
+    /// # Errors
+    /// The number of remaining segments where the path could not be followed, and why not.
+    pub(crate) fn set(
+        &mut self,
+        name: &str,
+        path: &[(Segment, Range<usize>)],
+        value: &Self,
+    ) -> Result<(), (usize, String)> {
+        let Some(((segment, _), deeper)) = path.split_first() else {
+            // It keeps its place in the order of the file.
+            let key = self.key.clone();
+            *self = Self {
+                key,
+                ..value.clone()
+            };
+            return Ok(());
+        };
+        match (&mut self.datum, segment) {
+            (Datum::Table(entries), Segment::Key(key)) => {
+                if let Some((_, entry)) = entries.iter_mut().find(|(own, _)| own == key) {
+                    return entry.set(key, deeper, value);
+                }
+                entries.push((key.clone(), value.beneath(deeper)?));
+                Ok(())
+            }
+            (Datum::Array(elements), Segment::Index(index)) => {
+                let length = elements.len();
+                let of_tables = elements.first().is_some_and(Self::is_table);
+                let element = format!("{name}[{index}]");
+                if *index > length {
+                    let why = format!(
+                        "`{name}` has {length} elements; {index} is beyond the end (indices count from 0)"
+                    );
+                    return Err((path.len(), why));
+                }
+                if of_tables && deeper.is_empty() && !value.is_table() {
+                    let why =
+                        format!("`{element}` is a table, which a single value cannot replace");
+                    return Err((path.len(), why));
+                }
+                match elements.get_mut(*index) {
+                    Some(old) => return old.set(&element, deeper, value),
+                    None => elements.push(value.beneath(deeper)?),
+                }
+                Ok(())
+            }
+            (datum, segment) => {
+                let found = datum.in_words();
+                let why = match segment {
+                    Segment::Key(key) => format!("`{name}` is {found}; it has no key `{key}`"),
+                    Segment::Index(index) => {
+                        format!("`{name}` is {found}; it has no element {index}")
+                    }
+                };
+                Err((path.len(), why))
+            }
+        }
+    }
+
+    /// The tables and arrays along `path` with this value at its end.
+    fn beneath(&self, path: &[(Segment, Range<usize>)]) -> Result<Self, (usize, String)> {
+        let Some(((segment, _), deeper)) = path.split_first() else {
+            return Ok(self.clone());
+        };
+        let datum = match segment {
+            Segment::Key(key) => Datum::Table(vec![(key.clone(), self.beneath(deeper)?)]),
+            Segment::Index(0) => Datum::Array(vec![self.beneath(deeper)?]),
+            Segment::Index(index) => {
+                let why =
+                    format!("there is no array here yet; its first element is 0, not {index}");
+                return Err((path.len(), why));
+            }
+        };
+        let (key, span) = (self.key.clone(), self.span.clone());
+        Ok(Self { key, span, datum })
+    }
+
+    const fn is_table(&self) -> bool {
+        matches!(self.datum, Datum::Table(_))
     }
 
     /// True if a value is at `keys` of this table, or a value in place of one of its tables.

@@ -30,7 +30,6 @@ mod diagnose;
 mod document;
 mod driven;
 pub mod echo;
-mod edit;
 mod excitation;
 mod fault_rules;
 pub mod fault_script;
@@ -70,9 +69,8 @@ use std::sync::Arc;
 use schemars::transform::{Transform, transform_subschemas};
 use schemars::{JsonSchema, Schema};
 use thiserror::Error;
-use toml_edit::DocumentMut;
 
-pub use axis_table::{AxisTable, DispUnit, ForceUnit};
+pub use axis_table::{AxisTable, DispUnit, ForceUnit, UnitRow, axis_units};
 pub use campaign::{LoadedStudy, load_study};
 pub use campaign_table::{
     CampaignTable, CollapseTable, Design, Intensity, MeasureTable, RecordsTable, Sampling, Scalar,
@@ -104,7 +102,7 @@ pub use locator::Locator;
 pub use openfresco_table::{OpenFrescoServeSpec, OpenFrescoSpec, ServerKind, SignalOrderSpec};
 pub use overrides::Override;
 pub use recorded::{RecordedFile, word};
-pub use resolve::{ResolveError, resolve};
+pub use resolve::{ResolveError, resolve, resolve_again};
 pub use safety::{DIVERGENCE_M, ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
@@ -153,8 +151,6 @@ pub struct Loaded {
     pub path: PathBuf,
     /// The file as given, byte for byte.
     pub text: String,
-    /// The file with the overrides in it; comments and order are the user's.
-    pub effective: String,
     /// The test file.
     pub file: TestFile,
     /// Its step and length, exact.
@@ -165,6 +161,8 @@ pub struct Loaded {
     pub locator: Locator,
     /// Bytes of the files of a study, whose tests do not read them again.
     pub store: Option<Arc<InputStore>>,
+    /// The file as a tree, with the overrides in it.
+    root: document::Node,
 }
 
 impl Loaded {
@@ -243,21 +241,45 @@ pub fn read_text(path: &Path) -> Result<String, ConfigError> {
 /// A file whose grammar is right, with the overrides in it.
 struct Opened {
     text: String,
-    effective: String,
     root: document::Node,
     locator: Locator,
-    /// Warnings about old names of keys.
-    notes: Vec<Finding>,
+    /// Entries with an old name.
+    moves: Vec<renamed::Move>,
 }
 
 impl Opened {
+    /// Puts the `--set` arguments into the tree.
+    fn set(&mut self, purpose: Purpose, path: &Path, sets: &[String]) -> Result<(), ConfigError> {
+        let (mut overrides, mut refused) = parse_overrides(sets);
+        for one in &mut overrides {
+            let holds = |path: &KeyPath| self.root.find(path).is_some();
+            if let Some((path, moved)) = renamed::current(&one.path(), &holds) {
+                one.moved_to(&path);
+                self.moves.push(moved);
+            }
+        }
+        refused.append(&mut overrides::apply_all(&mut self.root, &overrides));
+        if !refused.is_empty() {
+            return Err(ConfigError::Invalid(Diagnostics(refused)));
+        }
+        self.locator.add(overrides, renamed::written(&self.moves));
+        // The value of an override may have old names inside.
+        self.moves.append(&mut renamed::rename(&mut self.root));
+        removed::pass_over(purpose, path, &mut self.root);
+        if removed::is_resolved(path) {
+            // Gusset wrote this file, and the user does not change it.
+            self.moves.clear();
+        }
+        Ok(())
+    }
+
     /// The file of this kind and the warnings about it, or everything that is wrong with it.
     fn accept<T: serde::de::DeserializeOwned + JsonSchema>(
-        &mut self,
+        &self,
         check: impl Fn(&T) -> Vec<Finding>,
     ) -> Result<(T, Vec<Finding>), ConfigError> {
         let (file, findings) = judge(&self.root, check);
-        let all = self.notes.drain(..).chain(findings);
+        let all = renamed::notes(&self.moves).into_iter().chain(findings);
         let (errors, warnings): (Vec<_>, Vec<_>) =
             all.partition(|finding| finding.severity == Severity::Error);
         match file {
@@ -277,51 +299,18 @@ fn open(
         name: plain(&path.display().to_string()),
         text: text.clone(),
     });
-    let mut original = document::Node::parse(&text)
+    let mut root = document::Node::parse(&text)
         .map_err(|errors| ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors))))?;
-    let mut moves = renamed::rename(&mut original);
-    let (mut overrides, refused) = parse_overrides(sets);
-    for one in &mut overrides {
-        if let Some((path, moved)) =
-            renamed::current(&one.path(), &|path| original.find(path).is_some())
-        {
-            one.moved_to(&path);
-            moves.push(moved);
-        }
-    }
-    let mut document: DocumentMut = text.parse().map_err(|error| {
-        ConfigError::Invalid(Diagnostics(vec![diagnose::second_parser(&source, &error)]))
-    })?;
-    renamed::rename_text(document.as_table_mut(), &moves);
-    let refused = [refused, overrides::apply_all(&mut document, &overrides)].concat();
-    if !refused.is_empty() {
-        return Err(ConfigError::Invalid(Diagnostics(refused)));
-    }
-    let locator = Locator::new(source, original, overrides).with_written(renamed::written(&moves));
-    let effective = document.to_string();
-    // The overridden text is ours. If it did not parse, the fault would not be the user's, but the user must see it.
-    let mut root = document::Node::parse(&effective).map_err(|errors| {
-        let source = Arc::new(Source {
-            name: "the test file with its overrides".to_owned(),
-            text: effective.clone(),
-        });
-        ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors)))
-    })?;
-    // The value of an override may have old names inside.
-    moves.append(&mut renamed::rename(&mut root));
-    removed::pass_over(purpose, path, &mut root);
-    let notes = match removed::is_resolved(path) {
-        // Gusset wrote this file, and the user does not change it.
-        true => Vec::new(),
-        false => renamed::notes(&moves),
-    };
-    Ok(Opened {
+    let moves = renamed::rename(&mut root);
+    let locator = Locator::new(source, root.clone());
+    let mut opened = Opened {
         text,
-        effective,
         root,
         locator,
-        notes,
-    })
+        moves,
+    };
+    opened.set(purpose, path, sets)?;
+    Ok(opened)
 }
 
 /// [`load`] for a text that is already in memory; `path` names it and is the origin of relative paths.
@@ -338,10 +327,14 @@ fn parse_for(
     text: String,
     sets: &[String],
 ) -> Result<Loaded, ConfigError> {
-    let mut opened = open(purpose, path, text, sets)?;
+    let opened = open(purpose, path, text, sets)?;
     if let Some(finding) = serve::not_a_test(&opened.root) {
         return Err(opened.locator.refusal(finding));
     }
+    test_of(purpose, path, opened)
+}
+
+fn test_of(purpose: Purpose, path: &Path, opened: Opened) -> Result<Loaded, ConfigError> {
     let clock = KeyPath::root().under("time.clock");
     let clock_is_chosen = opened.locator.overrides(&clock);
     let (mut file, warnings) = opened.accept(|file: &TestFile| match purpose {
@@ -350,7 +343,7 @@ fn parse_for(
     })?;
     let Opened {
         text,
-        effective,
+        root,
         locator,
         ..
     } = opened;
@@ -366,12 +359,12 @@ fn parse_for(
     Ok(Loaded {
         path: path.to_owned(),
         text,
-        effective,
         file,
         time,
         warnings: locator.diagnose_all(warnings).0,
         locator,
         store: None,
+        root,
     })
 }
 

@@ -84,7 +84,7 @@ pub struct LinkSpec {
     /// If true, the specimen is a computation without a machine. The simulated clock then commands
     /// it at full speed. Without this key, the simulated clock refuses a specimen unless its server
     /// declares itself as computed. Default: false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     #[schemars(example = true)]
     pub computed: bool,
     /// Initial position of each axis before the test, in m. The specimen holds there and then moves
@@ -285,11 +285,6 @@ pub enum StaleChoice {
     Extrapolate,
     /// The test stops.
     Stop,
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-const fn is_false(given: &bool) -> bool {
-    !*given
 }
 
 const fn five() -> f64 {

@@ -20,20 +20,20 @@ pub struct Locator {
 }
 
 impl Locator {
-    pub(crate) fn new(file: Arc<Source>, root: Node, overrides: Vec<Override>) -> Self {
+    pub(crate) const fn new(file: Arc<Source>, root: Node) -> Self {
         Self {
             file,
             root,
-            overrides,
+            overrides: Vec::new(),
             written: Vec::new(),
         }
     }
 
-    /// Messages name these entries as the user wrote them: today's path, and the written one.
-    #[must_use]
-    pub(crate) fn with_written(mut self, written: Vec<(String, String)>) -> Self {
-        self.written = written;
-        self
+    /// Places of these overrides. Messages name the entries in `written` as the user wrote them: today's path, and the
+    /// written one.
+    pub(crate) fn add(&mut self, overrides: Vec<Override>, written: Vec<(String, String)>) {
+        self.overrides.extend(overrides);
+        self.written.extend(written);
     }
 
     /// A text with the paths that the user wrote.

@@ -1,18 +1,15 @@
 //! `--set KEY=VALUE`: one key of the test file, replaced or added from the command line.
 //!
 //! The key is a dotted path whose indices count from 0 (`specimen[0].storey` or `specimen.0.storey`). The value is TOML;
-//! any other value is a bare text, so that `--set time.clock=simulated` needs no quotes. The document's comments and
-//! order survive. An error in an overridden value points into the argument. No override may undo another.
+//! any other value is a bare text, so that `--set time.clock=simulated` needs no quotes. An error in an overridden value
+//! points into the argument. No override may undo another.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use toml_edit::{DocumentMut, Value};
-
 use super::diagnose::{Diagnostic, Part, Place, Severity, Source, decimal_comma};
-use super::document::{KeyPath, Node, Segment, parse_segments};
+use super::document::{Datum, KeyPath, Node, Segment, SyntaxError, parse_segments};
 use super::echo::plain;
-use super::edit::put_in_table;
 use super::words::{NO_COMMA, comma_readings};
 
 /// Text before the argument in messages.
@@ -24,9 +21,8 @@ pub struct Override {
     source: Arc<Source>,
     segments: Vec<(Segment, Range<usize>)>,
     value_span: Range<usize>,
-    value: Value,
-    /// The value as a tree in the argument's text, where it is written as TOML.
-    tree: Option<Node>,
+    /// The value as a tree in the argument's text.
+    value: Node,
 }
 
 impl Override {
@@ -74,19 +70,11 @@ impl Override {
                 "an empty text is written KEY='\"\"'",
             ));
         }
-        let (value, tree) = match text.parse::<Value>() {
-            Ok(value) => {
-                // Parsed as the value of a one-letter key, then moved to its place in the argument.
-                let tree = Node::parse(&format!("v={text}"))
-                    .ok()
-                    .and_then(|root| root.find(&KeyPath::root().key("v")).cloned())
-                    .map(|node| node.shifted("v=".len(), start));
-                (value, tree)
-            }
+        let value = match value_of(text) {
+            Ok(value) => value.shifted(0, start),
             Err(error) if text.starts_with(['{', '[', '"', '\'']) => {
-                let message = error.message().lines().next().unwrap_or_default();
-                let at = error.span().map_or(0, |span| span.start);
-                if let Some(number) = decimal_comma(text, at) {
+                let message = error.message.lines().next().unwrap_or_default();
+                if let Some(number) = decimal_comma(text, error.span.start) {
                     let span = start + number.start..start + number.end;
                     let readings = comma_readings(&text[number]).join(" or ");
                     return Err(refuse(
@@ -103,14 +91,17 @@ impl Override {
                     "text with brackets or quotes inside is itself quoted",
                 ));
             }
-            Err(_) => (Value::from(text), None),
+            Err(_) => Node {
+                key: value_span.clone(),
+                span: value_span.clone(),
+                datum: Datum::Text(text.to_owned()),
+            },
         };
         Ok(Self {
             source,
             segments,
             value_span,
             value,
-            tree,
         })
     }
 
@@ -132,19 +123,20 @@ impl Override {
         self.segments = segments.map(|s| (s.clone(), place(s))).collect();
     }
 
-    /// Puts the value into `document`.
+    /// Puts the value into the tree of the file.
     ///
     /// # Errors
     /// A diagnostic if the path leads through something that is no table or array, or beyond an array's end.
-    pub(crate) fn apply(&self, document: &mut DocumentMut) -> Result<(), Box<Diagnostic>> {
-        let Some(((Segment::Key(first), _), rest)) = self.segments.split_first() else {
+    pub(crate) fn apply(&self, root: &mut Node) -> Result<(), Box<Diagnostic>> {
+        if let Some((Segment::Index(_), _)) = self.segments.first() {
             let headline = "the test file is a table, not an array";
             return Err(self.refuse(0, headline, "a key, not an index"));
-        };
-        put_in_table(document.as_table_mut(), first, rest, &self.value).map_err(|(left, why)| {
-            // `left` segments remained when it failed.
-            self.refuse(self.segments.len() - left, &why, "no such entry")
-        })
+        }
+        root.set("", &self.segments, &self.value)
+            .map_err(|(left, why)| {
+                // `left` segments remained when it failed.
+                self.refuse(self.segments.len() - left, &why, "no such entry")
+            })
     }
 
     /// Complains of an override `before` this one that this one leaves without an effect: of its path, or below it.
@@ -182,7 +174,7 @@ impl Override {
                 Part::Value => self.value_span.clone(),
             }
         } else {
-            match (self.tree.as_ref().and_then(|t| t.find(&deeper)), part) {
+            match (self.value.find(&deeper), part) {
                 (Some(node), Part::Key) => node.key.clone(),
                 (Some(node), Part::Value) => node.span.clone(),
                 (None, _) => self.value_span.clone(),
@@ -237,12 +229,34 @@ fn refusal(
     })
 }
 
-/// The document with every override applied, in order, or the errors of the overrides.
-pub(crate) fn apply_all(document: &mut DocumentMut, overrides: &[Override]) -> Vec<Diagnostic> {
+/// A value of TOML as a tree, with its places in `text`.
+fn value_of(text: &str) -> Result<Node, SyntaxError> {
+    const KEY: &str = "v=";
+    let failed = |message: &str, at: usize| SyntaxError {
+        message: message.to_owned(),
+        span: at..at,
+    };
+    let root = Node::parse(&format!("{KEY}{text}")).map_err(|errors| {
+        let first = errors.first();
+        first.map_or_else(
+            || failed("", 0),
+            |e| failed(&e.message, e.span.start.saturating_sub(KEY.len())),
+        )
+    })?;
+    let value = root.find(&KeyPath::root().key("v"));
+    let value = value.map(|value| value.clone().shifted(KEY.len(), 0));
+    // Anything behind the value would be another line of a file.
+    value
+        .filter(|value| value.span.end == text.len())
+        .ok_or_else(|| failed("more than one value", 0))
+}
+
+/// Applies every override to the tree, in order. Returns the errors of the overrides.
+pub(crate) fn apply_all(root: &mut Node, overrides: &[Override]) -> Vec<Diagnostic> {
     let each = overrides.iter().enumerate();
     each.filter_map(|(index, one)| {
         let twice = overrides[..index].iter().find_map(|o| one.undoes(o));
-        twice.or_else(|| one.apply(document).err()).map(|d| *d)
+        twice.or_else(|| one.apply(root).err()).map(|d| *d)
     })
     .collect()
 }
@@ -251,54 +265,69 @@ pub(crate) fn apply_all(document: &mut DocumentMut, overrides: &[Override]) -> V
 mod tests {
     use super::*;
 
-    const FILE: &str = "# a comment\ntitle = 'x' # behind\n\n[time] # head\nstep_s = 0.01 # fine\n\n[[specimen]]\nname = 'a'\nrows = [[1, 0], [0, 1]] # B\nlaw = { linear = { k = 1 } }\n";
+    const FILE: &str = "title = 'x'\n\n[time]\nstep_s = 0.01\n\n[[specimen]]\nname = 'a'\nrows = [[1, 0], [0, 1]]\nlaw = { linear = { k = 1 } }\n";
 
-    fn with(arguments: &[&str]) -> Result<String, String> {
-        let mut document: DocumentMut = FILE.parse().unwrap();
+    fn with(arguments: &[&str]) -> Result<Node, String> {
+        let mut root = Node::parse(FILE).unwrap();
         for argument in arguments {
             Override::parse(argument)
-                .and_then(|o| o.apply(&mut document))
+                .and_then(|o| o.apply(&mut root))
                 .map_err(|d| d.render(false))?;
         }
-        Ok(document.to_string())
+        Ok(root)
+    }
+
+    /// The value at `path` of `FILE` with these arguments.
+    fn at(arguments: &[&str], path: &str) -> String {
+        let root = with(arguments).unwrap();
+        let node = root.find(&KeyPath::parse(path).unwrap()).unwrap();
+        format!("{:?}", node.datum)
     }
 
     #[test]
-    fn comments_and_order_survive() {
-        let text = with(&["time.step_s=0.02", "title=new name"]).unwrap();
-        let expected = FILE.replace("0.01", "0.02").replace("'x'", "\"new name\"");
-        assert_eq!(text, expected);
+    fn value_is_toml_or_bare_text() {
+        assert_eq!(at(&["time.step_s=0.02"], "time.step_s"), "Float(0.02)");
+        for (given, text) in [
+            ("title=new name", "new name"),
+            ("title='1'", "1"),
+            ("title=1 # one", "1 # one"),
+            ("title=1\nduration_s=3", "1\nduration_s=3"),
+        ] {
+            assert_eq!(at(&[given], "title"), format!("Text({text:?})"));
+        }
     }
 
     #[test]
     fn path_crosses_tables_and_arrays() {
-        let text = with(&["specimen[0].rows.1[0]=7", "specimen.0.law.linear.k=5"]).unwrap();
-        assert!(text.contains("[[1, 0], [7, 1]] # B"), "{text}");
-        assert!(text.contains("k = 5"), "{text}");
+        let sets = ["specimen[0].rows.1[0]=7", "specimen.0.law.linear.k=5"];
+        assert_eq!(at(&sets, "specimen[0].rows[1][0]"), "Integer(7)");
+        assert_eq!(at(&sets, "specimen[0].rows[0][0]"), "Integer(1)");
+        assert_eq!(at(&sets, "specimen[0].law.linear.k"), "Integer(5)");
     }
 
     #[test]
     fn missing_parts_are_created() {
-        let text = with(&[
+        let sets = [
             "timing.priority=80",
             "specimen[1].name=b",
             "specimen[1].storey=2",
             "excitation.a.b=1",
-        ])
-        .unwrap();
-        assert!(text.contains("[timing]\npriority = 80"), "{text}");
-        assert!(
-            text.contains("[[specimen]]\nname = \"b\"\nstorey = 2"),
-            "{text}"
-        );
-        assert!(text.contains("[excitation.a]\nb = 1"), "{text}");
-        let text = with(&[
             "specimen[0].law={bilinear={k=2}}",
             "specimen[0].more[0].x=1",
-        ])
-        .unwrap();
-        assert!(text.contains("law = {bilinear={k=2}}"), "{text}");
-        toml::from_str::<toml::Table>(&text).unwrap();
+        ];
+        for (path, value) in [
+            ("timing.priority", "Integer(80)"),
+            ("specimen[1].name", "Text(\"b\")"),
+            ("specimen[1].storey", "Integer(2)"),
+            ("excitation.a.b", "Integer(1)"),
+            ("specimen[0].law.bilinear.k", "Integer(2)"),
+            ("specimen[0].more[0].x", "Integer(1)"),
+        ] {
+            assert_eq!(at(&sets, path), value, "{path}");
+        }
+        let root = with(&sets).unwrap();
+        let replaced = KeyPath::parse("specimen[0].law.linear").unwrap();
+        assert!(root.find(&replaced).is_none());
     }
 
     #[test]
@@ -311,6 +340,8 @@ mod tests {
             "{text}"
         );
         assert!(complaint("title.x=1").contains("`x`"));
+        assert!(complaint("specimen[1]=1").contains("a single value cannot replace"));
+        assert!(complaint("excitation.a[1]=1").contains("its first element is 0, not 1"));
         assert!(complaint("time").contains("expected KEY=VALUE"));
         assert!(complaint("time.=1").contains("missing"));
         assert!(complaint("time.step_s=").contains("missing"));

@@ -5,12 +5,7 @@
 //! `[[uncertainty]]` accept the old names as well. An old name beside the new one is not moved, and the file is
 //! refused. A law that is a special case of another is a renamed key that adds parameters.
 
-use std::ops::Range;
-
-use toml_edit::{Item, TableLike, Value};
-
 use super::document::{Datum, KeyPath, Node, Segment};
-use super::edit::put_in_table;
 use gusset_quantity::finding::Finding;
 
 /// A key with a new name.
@@ -124,33 +119,6 @@ impl RenamedKey {
         true
     }
 
-    /// [`RenamedKey::move_in`] in the text of a file.
-    fn move_in_text(&self, table: &mut dyn TableLike) {
-        let Some(mut value) = take(table, &keys(self.from)) else {
-            return;
-        };
-        if let Some(entry) = value.as_inline_table_mut() {
-            for (old, new) in self.inside {
-                if let Some(parameter) = entry.remove(old) {
-                    entry.insert(*new, parameter);
-                }
-            }
-            if let Some((key, implied)) = self.implied {
-                entry.entry(key).or_insert(implied.into());
-            }
-        }
-        let to = keys(self.to);
-        let rest: Vec<(Segment, Range<usize>)> = to
-            .iter()
-            .skip(1)
-            .map(|key| (Segment::Key((*key).to_owned()), 0..0))
-            .collect();
-        if let Some(first) = to.first() {
-            // The tree has a place for it, and so has the text.
-            let _placed = put_in_table(table, first, &rest, &value);
-        }
-    }
-
     fn note(&self, table: &KeyPath) -> Finding {
         let (old, new) = (table.under(self.from), table.under(self.to));
         let headline = format!("`{old}` is now called `{new}`");
@@ -181,15 +149,6 @@ pub(super) fn rename(root: &mut Node) -> Vec<Move> {
         }
     });
     moves
-}
-
-/// Makes these moves in the text of the file.
-pub(super) fn rename_text(document: &mut dyn TableLike, moves: &[Move]) {
-    for Move { key, table } in moves {
-        if let Some(table) = table_at(document, table.segments()) {
-            key.move_in_text(table);
-        }
-    }
 }
 
 /// Today's path of each moved entry, and the path that the user wrote.
@@ -258,38 +217,4 @@ pub(super) fn finding(path: &KeyPath) -> Option<Finding> {
             .beside(new, "the new name is given too")
             .help("remove the old key"),
     )
-}
-
-/// Takes the entry at `keys` out of `table`, and each table that this empties.
-fn take(table: &mut dyn TableLike, keys: &[&str]) -> Option<Value> {
-    let (first, rest) = keys.split_first()?;
-    if rest.is_empty() {
-        return table.remove(first)?.into_value().ok();
-    }
-    let inner = table.get_mut(first)?.as_table_like_mut()?;
-    let taken = take(inner, rest)?;
-    if inner.is_empty() {
-        table.remove(first);
-    }
-    Some(taken)
-}
-
-fn table_at<'a>(table: &'a mut dyn TableLike, path: &[Segment]) -> Option<&'a mut dyn TableLike> {
-    let Some((first, rest)) = path.split_first() else {
-        return Some(table);
-    };
-    let Segment::Key(key) = first else {
-        return None;
-    };
-    let item = table.get_mut(key)?;
-    match rest.split_first() {
-        Some((Segment::Index(index), rest)) => match item {
-            Item::ArrayOfTables(tables) => table_at(tables.get_mut(*index)?, rest),
-            Item::Value(Value::Array(array)) => {
-                table_at(array.get_mut(*index)?.as_inline_table_mut()?, rest)
-            }
-            _ => None,
-        },
-        _ => table_at(item.as_table_like_mut()?, rest),
-    }
 }

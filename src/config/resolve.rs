@@ -7,6 +7,7 @@ use thiserror::Error;
 use toml_edit::visit_mut::{VisitMut, visit_table_like_kv_mut};
 use toml_edit::{DocumentMut, Item, KeyMut, Value};
 
+use super::Loaded;
 use super::inputs::Inputs;
 use super::safety::DIVERGENCE_M;
 use super::schema::TestFile;
@@ -74,6 +75,21 @@ pub fn resolve(
         }),
         None => Ok(document.to_string()),
     }
+}
+
+/// The text of a `resolved.toml` after overrides. The request for an automatic λ stays beside its number.
+///
+/// # Errors
+/// [`ResolveError`].
+pub fn resolve_again(loaded: &Loaded) -> Result<String, ResolveError> {
+    let before: DocumentMut = loaded.text.parse()?;
+    let mut document: DocumentMut = toml::to_string(&loaded.file)?.parse()?;
+    let lambda = before.get("integrator").and_then(|t| t.get("lambda"));
+    let table = document.get_mut("integrator");
+    if let (Some(lambda), Some(table)) = (lambda, table.and_then(Item::as_table_like_mut)) {
+        table.insert("lambda", lambda.clone());
+    }
+    Ok(document.to_string())
 }
 
 /// Points every key that holds the path of an input into the run folder.

@@ -12,7 +12,7 @@ use gusset_quantity::catalog::phase::Phase;
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that is wrong.
 pub fn parse_script(path: &Path, text: String) -> Result<Script, ConfigError> {
-    let mut opened = open(Purpose::Run, path, text, &[])?;
+    let opened = open(Purpose::Run, path, text, &[])?;
     opened.accept(check).map(|(script, _)| script)
 }
 

@@ -101,8 +101,8 @@ impl ServedFile {
         let built = geometry.and_then(|spec| spec.build(1.0).ok());
         let mut coordinates = built.iter().flat_map(Geometry::coordinates);
         let turns = coordinates.any(|one| one.is_rotation());
-        let is_foreign = disp.on_the_wire().is_none() || (turns && disp != DispUnit::Metre);
-        let (key, known) = match (is_foreign, force.on_the_wire()) {
+        let is_foreign = disp.row().wire.is_none() || (turns && disp != DispUnit::Metre);
+        let (key, known) = match (is_foreign, force.row().wire) {
             (true, _) if turns => ("unit_disp", "m, beside rotations"),
             (true, _) => ("unit_disp", "m or mm"),
             (false, None) => ("unit_force", "N or kN"),
@@ -162,7 +162,7 @@ impl ServedFile {
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, ConfigError> {
     let text = read_text(path)?;
-    let mut opened = open(Purpose::Run, path, text.clone(), &[])?;
+    let opened = open(Purpose::Run, path, text.clone(), &[])?;
     let locator = opened.locator.clone();
     let refuse = |finding: Finding| locator.refusal(finding);
     let of_a_test = is_test(&opened.root);

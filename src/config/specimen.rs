@@ -175,7 +175,8 @@ impl SpecimenTable {
     /// Symbols of the units of displacement and force of each axis.
     #[must_use]
     pub fn units(&self) -> Vec<[&'static str; 2]> {
-        let symbols = |axis: &AxisTable| [axis.unit_disp.symbol(), axis.unit_force.symbol()];
+        let symbols =
+            |axis: &AxisTable| [axis.unit_disp.row().symbol, axis.unit_force.row().symbol];
         let default = AxisTable::default();
         let table = |index: usize| self.axis.get(index).unwrap_or(&default);
         (0..self.axes())

@@ -114,10 +114,10 @@ pub(crate) enum Flushed {
 /// Appends whole units to a store.
 #[derive(Debug)]
 pub(crate) struct Appender<S> {
-    store: S,
+    pub store: S,
     unit: Unit,
     /// Bytes of whole units in the store.
-    length: u64,
+    pub length: u64,
     /// The store may hold bytes beyond `length`.
     torn: bool,
     /// Whole units that wait.
@@ -167,12 +167,6 @@ impl<S: Store> Appender<S> {
         }
     }
 
-    /// Bytes of whole units in the store.
-    #[must_use]
-    pub(crate) const fn length(&self) -> u64 {
-        self.length
-    }
-
     /// True while the store holds a torn tail that it did not let go of.
     #[must_use]
     #[cfg(test)]
@@ -186,13 +180,6 @@ impl<S: Store> Appender<S> {
     pub(crate) fn extent(&self) -> Option<Extent> {
         let whole = (!self.torn).then_some(&self.store);
         whole.and_then(|store| store.extent(self.length))
-    }
-
-    /// The store.
-    #[cfg(any(test, feature = "test-doubles"))]
-    #[must_use]
-    pub(crate) const fn store(&self) -> &S {
-        &self.store
     }
 
     /// Writes what waits. A store that has failed is left alone for 100 ms after each attempt.
@@ -330,7 +317,7 @@ pub(super) mod tests {
             let first = appender.flush(0);
             assert_eq!(matches!(first, Flushed::Failed(_)), room < 12, "{room}");
             assert_eq!(disk.bytes(), b"aaaabbbbcccc"[..(room / 4 * 4).min(12)]);
-            assert_eq!(appender.length() as usize, disk.bytes().len());
+            assert_eq!(appender.length as usize, disk.bytes().len());
             disk.set_room(100);
             if room < 12 {
                 let before = disk.0.lock().unwrap().attempts;

@@ -401,7 +401,7 @@ mod tests {
             utc_ns: || 0,
         };
         let settings = WriterSettings::default();
-        let writer = Writer::spawn(reader, samples, events, None, clocks, settings).unwrap();
+        let writer = Writer::spawn(reader, samples, events, None, clocks, settings, None).unwrap();
         assert!((0..rows).all(|row| recorder.row(&[row as f64])));
         writer.finish().unwrap();
         let mut lines = String::new();

@@ -10,7 +10,6 @@ use crossbeam_channel::Receiver;
 use super::TimedEvent;
 use super::append::{Appender, Flushed, Store, Unit};
 use super::events::{Event, EventLine};
-use super::intact::Extent;
 use super::miss::{MissClasses, SampleWindow, classify};
 use super::note::{Note, Position};
 use super::warned::Warned;
@@ -50,7 +49,7 @@ struct Held {
 
 /// The events on their way into the file.
 pub(super) struct EventLog<S> {
-    lines: Appender<S>,
+    pub lines: Appender<S>,
     queue: VecDeque<Held>,
     window: SampleWindow,
     sampler: Option<Receiver<SchedSample>>,
@@ -95,17 +94,6 @@ impl<S: Store> EventLog<S> {
             lost: 0,
             scratch: Vec::with_capacity(512),
         }
-    }
-
-    /// The store.
-    #[cfg(any(test, feature = "test-doubles"))]
-    pub(crate) const fn store(&self) -> &S {
-        self.lines.store()
-    }
-
-    /// The present and the written extent of the file: see [`Appender::extent`].
-    pub(crate) fn extent(&self) -> Option<Extent> {
-        self.lines.extent()
     }
 
     /// Takes an event of the loop.
@@ -278,16 +266,6 @@ impl<S: Store> EventLog<S> {
     pub(crate) fn warned(&self) -> Vec<String> {
         self.warned.sentences(&self.specimens)
     }
-
-    /// Bytes written to the file.
-    pub(crate) const fn length(&self) -> u64 {
-        self.lines.length()
-    }
-
-    /// Lines that still wait for the file.
-    pub(crate) fn waiting(&self) -> u64 {
-        self.lines.waiting_units()
-    }
 }
 
 #[cfg(test)]
@@ -332,7 +310,7 @@ mod tests {
     }
 
     fn lines(log: &EventLog<Vec<u8>>) -> Vec<Value> {
-        let text = std::str::from_utf8(log.store()).unwrap();
+        let text = std::str::from_utf8(&log.lines.store).unwrap();
         text.lines()
             .map(|line| serde_json::from_str(line).unwrap())
             .collect()

@@ -350,14 +350,6 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes a file of this name for the program that runs the test.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn write_extra(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
-        self.write(name, bytes)
-    }
-
     /// Makes a folder of this name in it for the program that runs the test.
     ///
     /// # Errors
@@ -474,7 +466,11 @@ impl RunFolder {
         self.write(name, text.as_bytes())
     }
 
-    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+    /// Writes a file of this name.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
         let path = self.place(name)?;
         atomic::write(&path, bytes).map_err(at(&path))
     }
@@ -664,7 +660,7 @@ pub(super) mod tests {
         assert_eq!(folder.find_again(), Whereabouts::Gone);
         for refused in [
             folder.write_summary(&example()),
-            folder.write_extra("report.html", b""),
+            folder.write("report.html", b""),
             folder.make("identification"),
             folder.add_input(Path::new("a.csv"), b"1").map(|_| ()),
         ] {

@@ -58,7 +58,7 @@ impl FolderImage {
     /// Writes the events that wait; the bytes of `events.jsonl`.
     pub fn events(&mut self) -> &[u8] {
         self.events.finish(Moment::default());
-        self.events.store()
+        &self.events.lines.store
     }
 }
 

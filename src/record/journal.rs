@@ -7,8 +7,7 @@
 
 use std::io::{self, Read};
 
-use super::append::{Appender, Flushed, Store, Unit};
-use super::intact::Extent;
+use super::append::{Appender, Store, Unit};
 use super::layout::{HEAD, MARKER, TAIL, stride};
 use super::strides::{Next, Strides};
 use gusset_quantity::work::Work;
@@ -37,7 +36,7 @@ pub fn encode(sequence: u64, values: &[f64], out: &mut Vec<u8>) {
 /// Appends rows to a store, whole rows only, whatever the store does (see [`super::append`]).
 #[derive(Debug)]
 pub(crate) struct JournalWriter<S> {
-    appender: Appender<S>,
+    pub file: Appender<S>,
     stride: usize,
 }
 
@@ -48,7 +47,7 @@ impl<S: Store> JournalWriter<S> {
         let stride = stride(columns);
         let bound = bound.max(stride);
         Self {
-            appender: Appender::new(store, Unit::Stride(stride), bound),
+            file: Appender::new(store, Unit::Stride(stride), bound),
             stride,
         }
     }
@@ -57,48 +56,14 @@ impl<S: Store> JournalWriter<S> {
     pub(crate) fn row(&mut self, sequence: u64, values: &[f64]) -> bool {
         stride(values.len()) == self.stride
             && self
-                .appender
+                .file
                 .offer(self.stride, |out| encode(sequence, values, out))
-    }
-
-    /// Writes the rows that wait, unless the store failed less than 100 ms ago.
-    pub(crate) fn flush(&mut self, now_ns: u64) -> Flushed {
-        self.appender.flush(now_ns)
-    }
-
-    /// Writes the rows that wait: the last attempt of a run.
-    pub(crate) fn flush_at_once(&mut self, now_ns: u64) -> Flushed {
-        self.appender.flush_at_once(now_ns)
     }
 
     /// Rows in the store.
     #[must_use]
     pub(crate) fn rows(&self) -> u64 {
-        self.appender.length() / self.stride as u64
-    }
-
-    /// Bytes in the store.
-    #[must_use]
-    pub(crate) const fn bytes(&self) -> u64 {
-        self.appender.length()
-    }
-
-    /// Identity and length of the file, and the bytes written: see [`Appender::extent`].
-    #[must_use]
-    pub(crate) fn extent(&self) -> Option<Extent> {
-        self.appender.extent()
-    }
-
-    /// Rows that wait for the store.
-    #[must_use]
-    pub(crate) fn waiting(&self) -> u64 {
-        self.appender.waiting_units()
-    }
-
-    /// Bytes that wait for the store.
-    #[must_use]
-    pub(crate) fn waiting_bytes(&self) -> usize {
-        self.appender.waiting()
+        self.file.length / self.stride as u64
     }
 }
 
@@ -461,14 +426,14 @@ mod tests {
                 disk.set_room(1 << 20);
             }
             lost += u64::from(!writer.row(k, &[k as f64, 0.0]));
-            writer.flush(k * 60_000_000);
+            writer.file.flush(k * 60_000_000);
             assert_eq!(disk.bytes().len() % size, 0, "torn after row {k}");
         }
         let (numbers, gaps, end) = read(&disk.bytes(), columns);
         assert!(lost > 0);
         assert_eq!((gaps, end), (lost, End::Clean));
         assert_eq!(numbers.len() as u64, 20 - lost);
-        assert_eq!((writer.rows(), writer.waiting()), (20 - lost, 0));
+        assert_eq!((writer.rows(), writer.file.waiting_units()), (20 - lost, 0));
         assert_eq!(numbers[..3], [0, 1, 2]);
         assert_eq!(numbers.last(), Some(&19));
     }

@@ -15,6 +15,7 @@ use std::collections::HashSet;
 
 use gusset_quantity::catalog::column;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use thiserror::Error;
 
 use super::Column;
@@ -158,11 +159,54 @@ impl Layout {
     /// The text of `samples.json`, with the lines that open the file in NumPy and MATLAB.
     #[must_use]
     pub fn to_json(&self) -> String {
-        let described = Described::from(self);
-        // Strings and integers only, so serialising cannot fail; an empty text would be refused when read.
-        let mut text = serde_json::to_string_pretty(&described).unwrap_or_default();
-        text.push('\n');
-        text
+        let count = self.columns.len();
+        let stride = self.stride();
+        let names = self.columns.iter().map(|column| column.name.as_str());
+        let names = ["sequence"]
+            .into_iter()
+            .chain(names)
+            .chain(["crc32", "marker"]);
+        let formats = ["<u8"].into_iter().chain((0..count).map(|_| "<f8"));
+        let offsets = (0..=count + 1).map(|k| 8 * k).chain([12 + 8 * count]);
+        let columns = self.columns.iter().enumerate();
+        let columns = columns.map(|(index, column)| Placed {
+            column: column.clone(),
+            offset: HEAD + 8 * index,
+        });
+        let field = |name: &str, offset: usize, kind: &str, count: usize, meaning: &str| json!({ "name": name, "offset": offset, "type": kind, "count": count, "meaning": meaning });
+        let crc32 = HEAD + 8 * count;
+        let described = json!({
+            "format": FORMAT,
+            "version": VERSION,
+            "file": "samples.bin",
+            "byte_order": "little",
+            "stride": stride,
+            "record": [
+                field("sequence", 0, "u64", 1, "number of the row, counted from 0; a gap is rows that were lost"),
+                field("columns", HEAD, "f64", count, "the columns below, in their order"),
+                field("crc32", crc32, "u32", 1, "CRC-32 (IEEE 802.3, zlib) of all bytes of the record before it"),
+                field("marker", crc32 + 4, "u32", 1, "0x0A574F52, the bytes ROW and a line feed"),
+            ],
+            "columns": columns.collect::<Vec<_>>(),
+            "numpy_dtype": {
+                "names": names.collect::<Vec<_>>(),
+                "formats": formats.chain(["<u4", "<u4"]).collect::<Vec<_>>(),
+                "offsets": offsets.collect::<Vec<_>>(),
+                "itemsize": stride,
+            },
+            "numpy": format!(
+                "import json, os, numpy as np; d = json.load(open('samples.json')); \
+                 s = np.memmap('samples.bin', np.dtype(d['numpy_dtype']), 'r', \
+                 shape=(os.path.getsize('samples.bin') // {stride},)); s['time']"
+            ),
+            "matlab": format!(
+                "f = dir('samples.bin'); m = memmapfile('samples.bin', 'Format', \
+                 {{'uint64', [1 1], 'sequence'; 'double', [{count} 1], 'columns'; \
+                 'uint32', [1 1], 'crc32'; 'uint32', [1 1], 'marker'}}, \
+                 'Repeat', floor(f.bytes / {stride})); s = [m.Data.columns]'; % one row per record, columns as in samples.json"
+            ),
+        });
+        format!("{described:#}\n")
     }
 
     /// Reads the text of a `samples.json`.
@@ -192,13 +236,14 @@ impl Layout {
             let expected = HEAD + 8 * index;
             if placed.offset != expected {
                 return Err(LayoutError::Offset {
-                    name: placed.name.clone(),
+                    name: placed.column.name.clone(),
                     expected,
                     found: placed.offset,
                 });
             }
         }
-        Self::new(described.columns.into_iter().map(Column::from).collect())
+        let columns = described.columns.into_iter();
+        Self::new(columns.map(|placed| placed.column).collect())
     }
 }
 
@@ -208,139 +253,21 @@ pub(crate) const fn stride(columns: usize) -> usize {
     HEAD + 8 * columns + TAIL
 }
 
-#[derive(Serialize, Deserialize)]
+/// The parts of a description that reading the rows needs.
+#[derive(Deserialize)]
 struct Described {
     format: String,
     version: u32,
-    file: String,
     byte_order: String,
     stride: usize,
-    #[serde(default)]
-    record: Vec<Field>,
     columns: Vec<Placed>,
-    #[serde(default)]
-    numpy_dtype: serde_json::Value,
-    #[serde(default)]
-    numpy: String,
-    #[serde(default)]
-    matlab: String,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Field {
-    name: String,
-    offset: usize,
-    #[serde(rename = "type")]
-    kind: String,
-    count: usize,
-    meaning: String,
 }
 
 #[derive(Serialize, Deserialize)]
 struct Placed {
-    name: String,
-    unit: String,
-    meaning: String,
-    timing: bool,
+    #[serde(flatten)]
+    column: Column,
     offset: usize,
-}
-
-impl From<Placed> for Column {
-    fn from(placed: Placed) -> Self {
-        Self {
-            name: placed.name,
-            unit: placed.unit,
-            meaning: placed.meaning,
-            timing: placed.timing,
-        }
-    }
-}
-
-impl From<&Layout> for Described {
-    fn from(layout: &Layout) -> Self {
-        let count = layout.columns.len();
-        let stride = layout.stride();
-        let field = |name: &str, offset, kind: &str, count, meaning: &str| Field {
-            name: name.to_owned(),
-            offset,
-            kind: kind.to_owned(),
-            count,
-            meaning: meaning.to_owned(),
-        };
-        let names = layout.columns.iter().map(|column| column.name.as_str());
-        let names = ["sequence"]
-            .into_iter()
-            .chain(names)
-            .chain(["crc32", "marker"]);
-        let formats = ["<u8"].into_iter().chain((0..count).map(|_| "<f8"));
-        let offsets = (0..=count + 1).map(|k| 8 * k).chain([12 + 8 * count]);
-        Self {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            file: "samples.bin".to_owned(),
-            byte_order: "little".to_owned(),
-            stride,
-            record: vec![
-                field(
-                    "sequence",
-                    0,
-                    "u64",
-                    1,
-                    "number of the row, counted from 0; a gap is rows that were lost",
-                ),
-                field(
-                    "columns",
-                    HEAD,
-                    "f64",
-                    count,
-                    "the columns below, in their order",
-                ),
-                field(
-                    "crc32",
-                    HEAD + 8 * count,
-                    "u32",
-                    1,
-                    "CRC-32 (IEEE 802.3, zlib) of all bytes of the record before it",
-                ),
-                field(
-                    "marker",
-                    HEAD + 8 * count + 4,
-                    "u32",
-                    1,
-                    "0x0A574F52, the bytes ROW and a line feed",
-                ),
-            ],
-            columns: layout
-                .columns
-                .iter()
-                .enumerate()
-                .map(|(index, column)| Placed {
-                    name: column.name.clone(),
-                    unit: column.unit.clone(),
-                    meaning: column.meaning.clone(),
-                    timing: column.timing,
-                    offset: HEAD + 8 * index,
-                })
-                .collect(),
-            numpy_dtype: serde_json::json!({
-                "names": names.collect::<Vec<_>>(),
-                "formats": formats.chain(["<u4", "<u4"]).collect::<Vec<_>>(),
-                "offsets": offsets.collect::<Vec<_>>(),
-                "itemsize": stride,
-            }),
-            numpy: format!(
-                "import json, os, numpy as np; d = json.load(open('samples.json')); \
-                 s = np.memmap('samples.bin', np.dtype(d['numpy_dtype']), 'r', \
-                 shape=(os.path.getsize('samples.bin') // {stride},)); s['time']"
-            ),
-            matlab: format!(
-                "f = dir('samples.bin'); m = memmapfile('samples.bin', 'Format', \
-                 {{'uint64', [1 1], 'sequence'; 'double', [{count} 1], 'columns'; \
-                 'uint32', [1 1], 'crc32'; 'uint32', [1 1], 'marker'}}, \
-                 'Repeat', floor(f.bytes / {stride})); s = [m.Data.columns]'; % one row per record, columns as in samples.json"
-            ),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ use super::event_log::Moment;
 use super::intact::Extent;
 use super::miss::MissClasses;
 use super::note::Note;
-use super::onlooker::Onlooker;
+use super::onlooker::{Onlooker, Watched};
 use super::ring::RingReader;
 use crate::rt::pin_away;
 use crate::rt::sampler::SchedSample;
@@ -199,30 +199,12 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Starts the writer on empty stores. `sampler` brings the scheduler's counters for the classes of misses.
+    /// Starts the writer on empty stores. `sampler` brings the scheduler's counters for the classes of misses. The last argument
+    /// receives each row, if it is given.
     ///
     /// # Errors
     /// [`WriterError`] if the system gives no thread or no second handle.
     pub fn spawn<S, E>(
-        ring: RingReader,
-        samples: S,
-        events: E,
-        sampler: Option<Receiver<SchedSample>>,
-        clocks: Clocks,
-        settings: WriterSettings,
-    ) -> Result<Self, WriterError>
-    where
-        S: Store + 'static,
-        E: Store + 'static,
-    {
-        Self::spawn_watched(ring, samples, events, sampler, clocks, settings, None)
-    }
-
-    /// Starts a writer whose observer receives each row.
-    ///
-    /// # Errors
-    /// As [`Writer::spawn`].
-    pub fn spawn_watched<S, E>(
         ring: RingReader,
         samples: S,
         events: E,
@@ -250,9 +232,9 @@ impl Writer {
         let (period, away_from) = (settings.period, settings.away_from);
         let stop_seen = Arc::clone(&stop);
         let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
-        drain.serve(sync, Arc::clone(&progress));
-        drain.watch(onlooker);
-        drain.keep(snapshots);
+        drain.progress = Arc::clone(&progress);
+        (drain.sync, drain.snapshots) = (Some(sync), snapshots);
+        drain.onlooker = Watched::by(onlooker);
         let work = move || {
             leave(away_from);
             loop {

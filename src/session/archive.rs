@@ -10,7 +10,7 @@ pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderEr
     folder.keep(&files.test, &files.resolved, &files.inputs)?;
     if let Some((interrupted, origin)) = &files.origin {
         folder.keep_before(interrupted)?;
-        folder.write_extra(ORIGIN, origin.as_bytes())?;
+        folder.write(ORIGIN, origin.as_bytes())?;
     }
     Ok(())
 }

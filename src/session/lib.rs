@@ -293,9 +293,7 @@ fn carry_out(
         }
     };
     let _ = thread.join();
-    if let Some(sampler) = sampler {
-        let _ = sampler.stop();
-    }
+    drop(sampler);
     if let Some(fault) = &ended.fault {
         writer.note(Event::said(Remark::InternalError, fault.as_str()));
     }

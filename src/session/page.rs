@@ -85,7 +85,7 @@ pub fn conclude(folder: &RunFolder, summary: &mut Summary) -> Result<Page, PageE
     folder.write_summary(summary)?;
     // As a later report reads it.
     run.summary = Some(summary.clone());
-    folder.write_extra(PAGE, render(&run).as_bytes())?;
+    folder.write(PAGE, render(&run).as_bytes())?;
     Ok(page(folder.path().join(PAGE), &run))
 }
 

@@ -111,7 +111,7 @@ pub fn prepare(
         ..WriterSettings::default()
     };
     let sampler_out = real.then_some(sample_out);
-    let writer = Writer::spawn_watched(
+    let writer = Writer::spawn(
         reader,
         samples,
         events,

@@ -14,7 +14,7 @@ mod widened;
 
 use std::path::{Path, PathBuf};
 
-use super::checksum::{check_files as check_files_of, read, rows_sha256, sha256};
+use super::checksum::{check_files as check_files_of, read, rows_sha256, sha256, unreadable};
 use super::continued;
 use super::origin::{Kept, Origin};
 use super::recorded::Replaced;
@@ -26,6 +26,7 @@ use super::row_peaks::peak_of;
 pub use error::ResumeError;
 #[cfg(any(test, feature = "test-doubles"))]
 use gusset_config::Loaded;
+use gusset_config::resolve_again;
 use gusset_control::port::Port;
 use gusset_quantity::units::duration;
 use gusset_record::summary::Status;
@@ -199,7 +200,9 @@ fn widened_limits(
     if let Some(((_, reason), loaded)) = allowed.wider.zip(next.loaded.as_deref()) {
         let limits = widened::widened(&recorded_file(run.path(), &[])?, loaded)?;
         if !limits.is_empty() {
-            next.files.resolved.clone_from(&loaded.effective);
+            let path = run.path().join("resolved.toml");
+            next.files.resolved = resolve_again(loaded)
+                .map_err(|error| unreadable(&path, std::io::Error::other(error)))?;
             told.push(format!(
                 "LIMITS WERE WIDENED for this part of the test: {}; reason: {reason}",
                 limits.join(", ")

@@ -53,10 +53,8 @@ pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
         return site.refuse(finding);
     }
     let steps = usize::try_from(time.steps).unwrap_or(usize::MAX);
-    match Grid::new(time.step.value(), steps) {
-        Ok(grid) => Ok(grid),
-        Err(error) => site.refuse(Finding::error(path("time"), error.to_string())),
-    }
+    Grid::new(time.step.value(), steps)
+        .or_else(|error| site.refuse(Finding::error(path("time"), error.to_string())))
 }
 
 /// Runs `evaluate` on a motion whose table is at `at`, with its file read.
@@ -76,20 +74,17 @@ pub(super) fn with_files<T>(
             .clone()
             .ok_or_else(|| std::io::Error::other("this file is not named in the test file"))
     };
-    match evaluate(&files) {
-        Ok(value) => Ok(value),
-        Err(error) => {
-            let place = match error.key() {
-                Some(key) => site.loaded.locator.beneath(at, key),
-                None => place,
-            };
-            let mut finding = Finding::error(place, error.to_string());
-            if let Some(help) = error.help() {
-                finding = finding.help(help);
-            }
-            site.refuse(finding)
+    evaluate(&files).or_else(|error| {
+        let place = match error.key() {
+            Some(key) => site.loaded.locator.beneath(at, key),
+            None => place,
+        };
+        let mut finding = Finding::error(place, error.to_string());
+        if let Some(help) = error.help() {
+            finding = finding.help(help);
         }
-    }
+        site.refuse(finding)
+    })
 }
 
 /// Source of a motion: the key that names its file, or the whole signal.
@@ -243,10 +238,9 @@ fn nodal_table(
     let file = &nodal.file;
     let bytes = site.read(at.key("file"), file)?;
     let at = at.key("file");
-    let parsed = match parse_table(file, &bytes) {
-        Ok(parsed) => parsed,
-        Err(error) => return site.refuse(Finding::error(at, error.to_string())),
-    };
+    let parsed = parse_table(file, &bytes);
+    let parsed =
+        parsed.or_else(|error| site.refuse(Finding::error(at.clone(), error.to_string())))?;
     if let Some(name) = parsed
         .column_of_times()
         .and_then(|time| parsed.names.get(time))
@@ -332,10 +326,7 @@ fn added(
     at: &KeyPath,
     add: impl FnOnce() -> Result<Excitation, MotionError>,
 ) -> Result<Excitation, Refused> {
-    match add() {
-        Ok(excitation) => Ok(excitation),
-        Err(error) => site.refuse(Finding::error(at.clone(), error.to_string())),
-    }
+    add().or_else(|error| site.refuse(Finding::error(at.clone(), error.to_string())))
 }
 
 /// −M ι with the mass of the specimens whose inertia is inside the measured force: they load the structure although they

@@ -12,7 +12,7 @@ pub(super) fn axis(
     gear: &AxisTable,
     row: Vec<(usize, f64)>,
 ) -> (Axis, (f64, f64)) {
-    let (metres, newtons) = (gear.unit_disp.metres(), gear.unit_force.newtons());
+    let (metres, newtons) = (gear.unit_disp.row().si, gear.unit_force.row().si);
     let ratio = f64::from(gear.sign) * gear.scale;
     let scale = &table.similitude;
     let axis = Axis {

@@ -138,9 +138,10 @@ pub struct Estimate {
     pub damping: Vec<Vec<f64>>,
     /// Part of ĉ that acts around rest only, in N s/m.
     pub rest_damping: Vec<Vec<f64>>,
-    /// Stiffness before anything moves, in N/m.
+    /// Stiffness before anything moves, in N/m: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
     pub stiffness_at_rest: Vec<Vec<f64>>,
-    /// Damping before anything moves, in N s/m.
+    /// Damping before anything moves, in N s/m, or the reference of the law where that is less: 0 for a damper of a power
+    /// beyond 1.
     pub damping_at_rest: Vec<Vec<f64>>,
 }
 
@@ -250,10 +251,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     if let Some(share) = facts.structure.as_ref().and_then(|s| s.rest_damping_share) {
         named.integrator.rest_damping_share = Some(share);
     }
-    let resolved = match gusset_config::resolve(&named, facts.lambda(), &site.inputs) {
-        Ok(resolved) => resolved,
-        Err(error) => return site.refuse(Finding::error(KeyPath::root(), error.to_string())),
-    };
+    let resolved = gusset_config::resolve(&named, facts.lambda(), &site.inputs)
+        .or_else(|error| site.refuse(Finding::error(KeyPath::root(), error.to_string())))?;
     let inputs = site.inputs.files().iter();
     let inputs = inputs
         .map(|input| (PathBuf::from(&input.name), input.bytes.clone()))
@@ -421,14 +420,11 @@ fn numerical(
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
     plausible::units(site, specimens, &facts);
-    let accel = match gusset_numerics::model::Acceleration::new(structure.mass()) {
-        Ok(accel) => accel,
-        Err(error) => {
-            let at = structure::mass_of(site, error.dof);
-            let finding = Finding::error(at, format!("the mass matrix is {error}"));
-            return site.refuse(finding);
-        }
-    };
+    let accel = gusset_numerics::model::Acceleration::new(structure.mass());
+    let accel = accel.or_else(|error| {
+        let at = structure::mass_of(site, error.dof);
+        site.refuse(Finding::error(at, format!("the mass matrix is {error}")))
+    })?;
     let numerical = Numerical::new(structure, accel, excitation, stepper, state);
     let numerical = match audit {
         Some(audit) => numerical.audited(audit),

@@ -192,10 +192,9 @@ pub(super) fn openfresco(
 ) -> Result<(Remote, WaitRules), Refused> {
     let settings = openfresco_client(link, at, &site.loaded.path, axes);
     let settings = settings.or_else(|found| site.refuse(*found))?;
-    match Remote::new(settings) {
-        Ok(remote) => Ok((remote, rules(link, site.loaded.time.period.value()))),
-        Err(error) => site.refuse_key(&at.key("link"), error.key(), &error),
-    }
+    let remote = Remote::new(settings)
+        .or_else(|error| site.refuse_key(&at.key("link"), error.key(), &error))?;
+    Ok((remote, rules(link, site.loaded.time.period.value())))
 }
 
 /// The client of a link to OpenFresco or OpenSees. `at` is the specimen of the file `test`.
@@ -241,8 +240,8 @@ pub(super) fn wire_axes(table: &SpecimenTable, axes: usize, tick_s: Option<f64>)
                 .and_then(|names| names.get(index).cloned())
                 .unwrap_or_else(|| format!("axis {}", index + 1));
             // Units that this protocol lacks are refused before anything is sent over it.
-            let disp = gear.unit_disp.on_the_wire().unwrap_or(Unit::Metre);
-            let force = gear.unit_force.on_the_wire().unwrap_or(Unit::Newton);
+            let disp = gear.unit_disp.row().wire.unwrap_or(Unit::Metre);
+            let force = gear.unit_force.row().wire.unwrap_or(Unit::Newton);
             let limits = match (limits.get(index), units.get(index)) {
                 (Some(spec), Some(units)) => announce(&AxisLimits::of(spec), units, tick_s),
                 _ => Limits::NONE,

@@ -47,17 +47,13 @@ pub(super) fn family(
         lambda,
         start,
     );
-    match made {
-        Ok(gui) => {
-            let (storage, condition) = (gui.storage().to_string(), gui.reciprocal_condition());
-            let method: Box<dyn Integrator> = Box::new(gui);
-            Ok((method.into(), storage, condition))
-        }
-        Err(error) => {
-            let finding = super::structure::not_definite(site, structure.mass(), &error);
-            site.refuse(finding)
-        }
-    }
+    let gui = made.or_else(|error| {
+        let finding = super::structure::not_definite(site, structure.mass(), &error);
+        site.refuse(finding)
+    })?;
+    let (storage, condition) = (gui.storage().to_string(), gui.reciprocal_condition());
+    let method: Box<dyn Integrator> = Box::new(gui);
+    Ok((method.into(), storage, condition))
 }
 
 /// Any other method, and 1/κ of the matrix that it factors for α, if any; `None` for the family.

@@ -79,7 +79,7 @@ fn refuse_lengths(site: &mut Site<'_>, rotations: &[usize]) -> Result<(), Refuse
         let mut axes = table.axis.iter().zip(table.rows.as_ref()?).enumerate();
         let (axis, (gear, _)) =
             axes.find(|(_, (gear, row))| gear.unit_disp != DispUnit::Metre && turns(row))?;
-        Some((specimen, axis, gear.unit_disp.symbol()))
+        Some((specimen, axis, gear.unit_disp.row().symbol))
     });
     let Some((specimen, axis, unit)) = found else {
         return Ok(());

@@ -63,13 +63,8 @@ impl Site<'_> {
 
     /// The bytes of an input, or a finding at the key that names it.
     pub(crate) fn read(&mut self, at: KeyPath, requested: &str) -> Result<Vec<u8>, Refused> {
-        match self.inputs.read(requested) {
-            Ok(bytes) => Ok(bytes.to_vec()),
-            Err(error) => {
-                let finding = error.finding(at);
-                self.refuse(finding)
-            }
-        }
+        let bytes = self.inputs.read(requested).map(<[u8]>::to_vec);
+        bytes.or_else(|error| self.refuse(error.finding(at)))
     }
 }
 

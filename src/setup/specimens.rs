@@ -38,16 +38,7 @@ struct Entry {
     /// The loading unit whose actuators the axes are.
     loading: Option<LoadingUnitSpec>,
     units: Vec<(f64, f64)>,
-    /// k̂ and ĉ, by rows.
-    stiffness: Rows,
-    damping: Rows,
-    /// Part of ĉ that acts around rest only.
-    rest_damping: Rows,
-    /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
-    stiffness_at_rest: Rows,
-    /// Damping before anything moves, or the reference of the law where that is less: 0 for a damper of a power
-    /// beyond 1.
-    damping_at_rest: Rows,
+    estimate: Estimate,
     /// Mass that the structure carries for the specimen.
     mass: Rows,
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
@@ -148,7 +139,7 @@ impl Entry {
         };
         let axes = 0..self.axes.len();
         axes.map(|axis| Declared {
-            damping: self.damping[axis][axis],
+            damping: self.estimate.damping[axis][axis],
             stiffness_bound: bound(|bounds| &bounds.0, axis),
             damping_bound: bound(|bounds| &bounds.1, axis),
             gain: gains
@@ -169,7 +160,7 @@ impl Entry {
         settles: bool,
         accepted: Option<String>,
     ) -> WiringCheck {
-        let stiffness: Vec<f64> = self.stiffness.iter().flatten().copied().collect();
+        let stiffness: Vec<f64> = self.estimate.stiffness.iter().flatten().copied().collect();
         let gears = self.axes.iter().zip(&self.units);
         let gears = gears.map(|(axis, (unit, _))| axis.disp_gain * unit);
         let estimate = (stiffness.clone(), accepted);
@@ -213,10 +204,10 @@ impl Specimens {
         let each = self.0.iter().map(|entry| Attached {
             name: entry.name.clone(),
             rows: entry.axes.iter().map(|axis| axis.row.clone()).collect(),
-            stiffness: entry.stiffness.clone(),
-            stiffness_at_rest: entry.stiffness_at_rest.clone(),
-            damping: entry.damping.clone(),
-            damping_at_rest: entry.damping_at_rest.clone(),
+            stiffness: entry.estimate.stiffness.clone(),
+            stiffness_at_rest: entry.estimate.stiffness_at_rest.clone(),
+            damping: entry.estimate.damping.clone(),
+            damping_at_rest: entry.estimate.damping_at_rest.clone(),
             mass_in_force: entry.mass_in_force,
             ticks: entry.ticks.clone(),
         });
@@ -225,14 +216,7 @@ impl Specimens {
 
     /// Estimates that the controller has of each specimen, in order.
     pub(super) fn estimates(self) -> Vec<Estimate> {
-        let each = self.0.into_iter().map(|entry| Estimate {
-            stiffness: entry.stiffness,
-            damping: entry.damping,
-            rest_damping: entry.rest_damping,
-            stiffness_at_rest: entry.stiffness_at_rest,
-            damping_at_rest: entry.damping_at_rest,
-        });
-        each.collect()
+        self.0.into_iter().map(|entry| entry.estimate).collect()
     }
 
     /// Every DOF (from 0) that a specimen sees.
@@ -280,8 +264,8 @@ impl Specimens {
                     Stand::Law(law) => IdealLaw::Law(law),
                     // A rehearsal has no links.
                     _ => IdealLaw::Linear {
-                        stiffness: entry.stiffness,
-                        damping: entry.damping,
+                        stiffness: entry.estimate.stiffness,
+                        damping: entry.estimate.damping,
                     },
                 },
                 axes: entry.axes,
@@ -359,7 +343,9 @@ impl Entry {
         declared: Vec<Declared>,
     ) -> Result<PortSpec, Refused> {
         let n = self.axes.len();
-        let diagonal: Vec<f64> = (0..n).map(|axis| self.stiffness[axis][axis]).collect();
+        let diagonal: Vec<f64> = (0..n)
+            .map(|axis| self.estimate.stiffness[axis][axis])
+            .collect();
         let metres: Vec<f64> = self.units.iter().map(|unit| unit.0).collect();
         let (substructure, wait): (Box<dyn Substructure>, _) = match self.stand {
             Stand::Law(law) => {
@@ -372,15 +358,21 @@ impl Entry {
             Stand::Native(native, rules) => (native, Some(rules)),
             Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
             Stand::LinearStandIn => {
-                let (axes, stiffness) = (self.axes.clone(), self.stiffness.clone());
+                let (axes, stiffness) = (self.axes.clone(), self.estimate.stiffness.clone());
                 (
-                    Box::new(LinearStandIn::new(axes, stiffness, self.damping)),
+                    Box::new(LinearStandIn::new(axes, stiffness, self.estimate.damping)),
                     None,
                 )
             }
         };
         let exits = safety::exits(site, index, &metres, &diagonal)?;
-        safety::warn_of_force(site, index, &self.axes, &self.units, &self.stiffness);
+        safety::warn_of_force(
+            site,
+            index,
+            &self.axes,
+            &self.units,
+            &self.estimate.stiffness,
+        );
         let table = &site.loaded.file.specimen[index];
         let limits = table.limits_of(n);
         unwatched::unwatched(site, index, &limits, &declared);
@@ -408,7 +400,7 @@ impl Entry {
         let needs = needing_measured_disp(table, &at).into_iter();
         let of_the_test = site.loaded.file.safety.needing_measured_disp();
         Ok(PortSpec {
-            coupling: self.stiffness,
+            coupling: self.estimate.stiffness,
             loading_unit: self.loading,
             dt: time.step.value(),
             tick: time.period.value(),
@@ -474,13 +466,9 @@ fn follow(
 pub(super) fn build(site: &mut Site<'_>, specs: Vec<PortSpec>) -> Result<Vec<Port>, Refused> {
     let mut ports = Vec::with_capacity(specs.len());
     for (index, spec) in specs.into_iter().enumerate() {
-        let mut port = match spec.build() {
-            Ok(port) => port,
-            Err(error) => {
-                let at = path("specimen").index(index);
-                return site.refuse(Finding::error(at, error.to_string()));
-            }
-        };
+        let at = path("specimen").index(index);
+        let port = spec.build();
+        let mut port = port.or_else(|error| site.refuse(Finding::error(at, error.to_string())))?;
         let link = site.loaded.file.specimen[index].link.as_ref();
         let stands = link.is_some_and(|link| is_known_to_stand(link, port.axes()));
         // The stand-in of a specimen without a measured position starts like the specimen itself, from zero

@@ -33,14 +33,9 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
         return site.refuse(Finding::error(at, "the structure has no masses"));
     };
     let files = matrix_files(site, &at.key(kind), &spec)?;
-    let dofs = match spec.dofs(&files) {
-        Ok(dofs) => dofs,
-        // Without masses the specimens' rows cannot be judged.
-        Err(error) => {
-            let finding = build_finding(site, &at, kind, &error);
-            return site.refuse(finding);
-        }
-    };
+    // Without masses the specimens' rows cannot be judged.
+    let dofs = spec.dofs(&files);
+    let dofs = dofs.or_else(|error| site.refuse(build_finding(site, &at, kind, &error)))?;
     specimens.check_rows(site, dofs)?;
     let (at_rest, mass) = (specimens.stiffness_at_rest(dofs), specimens.mass(dofs));
     let mass_in_force = specimens.mass_in_force(dofs);
@@ -49,13 +44,8 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
         mass: &mass,
         mass_in_force: &mass_in_force,
     };
-    match spec.build(table.damping.as_ref(), &table.element, Some(share), &files) {
-        Ok(structure) => Ok(structure),
-        Err(error) => {
-            let finding = build_finding(site, &at, kind, &error);
-            site.refuse(finding)
-        }
-    }
+    let built = spec.build(table.damping.as_ref(), &table.element, Some(share), &files);
+    built.or_else(|error| site.refuse(build_finding(site, &at, kind, &error)))
 }
 
 fn matrix_files(
@@ -69,10 +59,9 @@ fn matrix_files(
         let key = keys.into_iter().find(|key| names(spec, key) == Some(name));
         let place = at.key(key.unwrap_or("mass_file"));
         let bytes = site.read(place.clone(), name)?;
-        match parse_matrix(name, &bytes) {
-            Ok(table) => files.insert(name.to_owned(), table),
-            Err(error) => return site.refuse(Finding::error(place, error.to_string())),
-        };
+        let table = parse_matrix(name, &bytes);
+        let table = table.or_else(|error| site.refuse(Finding::error(place, error.to_string())))?;
+        files.insert(name.to_owned(), table);
     }
     Ok(files)
 }

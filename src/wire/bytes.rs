@@ -113,6 +113,24 @@ pub(crate) fn put_doubles(out: &mut [u8], at: usize, values: &[f64]) -> Result<(
     Ok(())
 }
 
+/// A number that must be from `lowest` to `highest`.
+pub(crate) fn bounded(
+    field: &'static str,
+    lowest: usize,
+    highest: usize,
+    found: i128,
+) -> Result<(), WireError> {
+    if (lowest as i128..=highest as i128).contains(&found) {
+        return Ok(());
+    }
+    Err(WireError::Bounds {
+        field,
+        lowest: lowest as i64,
+        highest: highest as i64,
+        found,
+    })
+}
+
 /// Two lengths that must agree.
 pub(crate) fn same_length(
     field: &'static str,

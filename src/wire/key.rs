@@ -6,6 +6,7 @@
 //! authentication, not secrecy: an eavesdropper can read the displacements.
 
 use super::WireError;
+use super::bytes::bounded;
 
 /// Bytes of a MAC: BLAKE3's 32, cut to the first 16.
 pub(crate) const MAC_LEN: usize = 16;
@@ -37,16 +38,9 @@ impl PreSharedKey {
     /// # Errors
     /// [`WireError::Bounds`] if the key is too short or too long.
     pub fn new(secret: &[u8]) -> Result<Self, WireError> {
-        if (SHORTEST_KEY..=LONGEST_KEY).contains(&secret.len()) {
-            Ok(Self(blake3::derive_key(PRE_SHARED_CONTEXT, secret)))
-        } else {
-            Err(WireError::Bounds {
-                field: "length of the pre-shared key",
-                lowest: SHORTEST_KEY as i64,
-                highest: LONGEST_KEY as i64,
-                found: secret.len() as i128,
-            })
-        }
+        let (field, found) = ("length of the pre-shared key", secret.len() as i128);
+        bounded(field, SHORTEST_KEY, LONGEST_KEY, found)?;
+        Ok(Self(blake3::derive_key(PRE_SHARED_CONTEXT, secret)))
     }
 
     /// The key of one session. Both nonces and the session number enter, so neither end alone can bring an

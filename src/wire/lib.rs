@@ -344,30 +344,7 @@ impl WireError {
             WireError::Version { .. } | WireError::SiteVersion { .. } => LinkFault::Version,
             WireError::Mac | WireError::Keyed { .. } | WireError::Proof { .. } => LinkFault::Auth,
             WireError::NotFinite { .. } => LinkFault::NotFinite,
-            WireError::Truncated { .. }
-            | WireError::Room { .. }
-            | WireError::Magic { .. }
-            | WireError::Foreign { .. }
-            | WireError::Code { .. }
-            | WireError::Reserved { .. }
-            | WireError::Count { .. }
-            | WireError::UnequalForces { .. }
-            | WireError::Bounds { .. }
-            | WireError::Checksum { .. }
-            | WireError::Session { .. }
-            | WireError::Direction { .. }
-            | WireError::Replayed { .. }
-            | WireError::TooOld { .. }
-            | WireError::Range { .. }
-            | WireError::Text { .. }
-            | WireError::Control(_)
-            | WireError::Order { .. }
-            | WireError::Action { .. }
-            | WireError::CommandedForces { .. }
-            | WireError::SignalOrder { .. }
-            | WireError::TimePlace { .. }
-            | WireError::OldSimulink
-            | WireError::Failed => LinkFault::Malformed,
+            _ => LinkFault::Malformed,
         }
     }
 }

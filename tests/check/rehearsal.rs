@@ -399,7 +399,7 @@ fn demand_beyond_the_rig_is_refused() {
         }
         let table = &scarce.stdout;
         assert!(
-            table.contains("NOT POSSIBLE") && table.contains("THE RIG"),
+            table.contains("NOT POSSIBLE") && table.contains("TOO MUCH"),
             "{table}"
         );
         short_page_shows(folder.path(), &["NOT POSSIBLE", key, "TOO MUCH"]);

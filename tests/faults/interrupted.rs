@@ -154,7 +154,7 @@ fn keep(recorded: &Recorded, path: &Path) -> Result<(), String> {
         .map_err(|error| wrong(&error))?;
     if let Some((before, origin)) = &files.origin {
         let kept = folder.keep_before(before);
-        kept.and_then(|()| folder.write_extra("resumed.json", origin.as_bytes()))
+        kept.and_then(|()| folder.write("resumed.json", origin.as_bytes()))
             .map_err(|error| wrong(&error))?;
     }
     folder

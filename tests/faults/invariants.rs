@@ -200,7 +200,7 @@ fn limits(loaded: &Loaded, port: usize, axes: usize) -> Vec<(AxisLimits, f64)> {
         table
             .axis
             .get(axis)
-            .map_or(1.0, |gear| gear.unit_disp.metres())
+            .map_or(1.0, |gear| gear.unit_disp.row().si)
     };
     let each = specs.iter().map(AxisLimits::of).enumerate();
     each.map(|(axis, limits)| (limits, metres(axis))).collect()

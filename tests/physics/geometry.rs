@@ -338,7 +338,7 @@ fn check_shows_the_actuators_needs() {
     for words in [
         "ux, uy, rz",
         "platform's coordinates",
-        "actuator 2 needs",
+        "actuator 2, ",
         "ux -",
         "condition",
     ] {

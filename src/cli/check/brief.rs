@@ -9,7 +9,7 @@ use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
 use gusset_quantity::units::{duration, number, quantity, rate};
 use gusset_session::integration;
-use gusset_session::rehearsal::{FullRehearsal, Need};
+use gusset_session::rehearsal::{FullRehearsal, Need, Rehearsal};
 use gusset_setup::{Facts, StructureFacts};
 
 /// Specimens, and records, that have a separate line. The page gives the number of the others.
@@ -47,14 +47,25 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     }
     of_delays(checked, table);
     of_errors(checked, table);
-    match &checked.judged.rehearsed {
-        Some(full) => {
-            table.row("rehearsal", &of_rehearsal(full));
-            tabulate_speeds(full, table);
-            needs::tabulate(&full.rehearsal, table);
-        }
-        None => table.row("rehearsal", "none: needs and limits are not compared"),
+    of_rehearsal(checked, table);
+}
+
+/// The rehearsal and its needs. With `--verbose` all of them, and the time that it took.
+pub(super) fn of_rehearsal(checked: &Checked<'_>, table: &mut Table) {
+    let Some(full) = &checked.judged.rehearsed else {
+        table.row("rehearsal", "none: needs and limits are not compared");
+        return;
+    };
+    let mut text = extent(full);
+    if checked.args.verbose {
+        let Rehearsal { wall_s, tick_s, .. } = full.rehearsal;
+        let each = tick_s.map(|tick| format!(", {} a tick", duration(tick)));
+        let each = each.unwrap_or_default();
+        text.push_str(&format!("; it took {}{each}", duration(wall_s)));
     }
+    table.row("rehearsal", &text);
+    tabulate_speeds(full, table);
+    needs::tabulate(full, table, checked.args.verbose);
 }
 
 pub(super) fn of_test(facts: &Facts) -> String {
@@ -240,7 +251,7 @@ fn of_errors(checked: &Checked<'_>, table: &mut Table) {
 }
 
 /// Whether the whole test was rehearsed, and the limits that it met.
-fn of_rehearsal(full: &FullRehearsal) -> String {
+fn extent(full: &FullRehearsal) -> String {
     let rehearsal = &full.rehearsal;
     let time = duration(rehearsal.time);
     let extent = match rehearsal.ending {

@@ -1,10 +1,10 @@
-//! The needs of every axis beside its limits, as the short page of `gusset check` shows them.
+//! The needs of every axis beside its limits, as `gusset check` shows them.
 
 use super::super::table::Table;
 use gusset_control::port::Poses;
 use gusset_quantity::catalog::limit::Limit;
-use gusset_quantity::units::{number, quantity, quantity_range};
-use gusset_session::rehearsal::{Need, Needs, Rehearsal, StandIn, Used};
+use gusset_quantity::units::{duration, number, quantity, quantity_range};
+use gusset_session::rehearsal::{FullRehearsal, Held, Need, Needs, StandIn, Used};
 
 /// Lines that the needs of a usual test may take. Where every quantity would take more, motion and force of an axis take a line each.
 const MOST_LINES: usize = 12;
@@ -23,19 +23,43 @@ struct Line {
     share: f64,
 }
 
-/// Adds the table of a rehearsal.
-pub(super) fn tabulate(rehearsal: &Rehearsal, table: &mut Table) {
-    let all = &rehearsal.specimens;
+impl Line {
+    fn of(need: &Need, axis: (usize, usize), prefix: &str) -> Self {
+        Self {
+            axis,
+            what: format!("{prefix}{}", name(need.quantity)),
+            needed: needed(need),
+            limit: limit(need),
+            used: used(need),
+            share: need.share(),
+        }
+    }
+
+    fn cells(&self) -> [&str; 4] {
+        [&self.what, &self.needed, &self.limit, &self.used]
+    }
+}
+
+/// Adds the table of a rehearsal, or `all_of_it`: also every quantity of a long table, and those that a hold decides.
+pub(super) fn tabulate(full: &FullRehearsal, table: &mut Table, all_of_it: bool) {
+    let all = &full.rehearsal.specimens;
     let each = |of: fn(&Needs, usize) -> Vec<Line>| -> Vec<Line> {
         let lines = all.iter().enumerate();
         lines.flat_map(|(place, needs)| of(needs, place)).collect()
     };
     let mut lines = each(each_quantity);
-    let is_grouped = lines.len() + all.len() > MOST_LINES;
+    let is_grouped = !all_of_it && lines.len() + all.len() > MOST_LINES;
     if is_grouped {
         lines = each(grouped);
     }
-    let left_out = keep_the_nearest(&mut lines);
+    let left_out = if all_of_it {
+        0
+    } else {
+        keep_the_nearest(&mut lines)
+    };
+    let held = full.held.as_ref().filter(|_| all_of_it);
+    let of_hold = held.into_iter().flat_map(Held::needs);
+    let of_hold: Vec<Line> = of_hold.map(|need| Line::of(need, (0, 0), "  ")).collect();
     let first = all.first().map(|needs| needs.stand_in);
     let is_uniform = |needs: &Needs| is_flat(needs) && Some(needs.stand_in) == first;
     let is_flat = is_grouped && all.iter().all(is_uniform);
@@ -45,10 +69,13 @@ pub(super) fn tabulate(rehearsal: &Rehearsal, table: &mut Table) {
         line.what = format!("  {name}{}", line.what);
     }
     table.verbatim("");
-    let columns = Columns::of(&lines);
+    let columns = Columns::of(lines.iter().chain(&of_hold));
     columns.show(table, ["needs", "needed", "limit", "used"]);
     if let (true, Some(stand_in)) = (is_flat, first) {
-        table.line(&format!("all specimens: {}", in_words(stand_in)));
+        table.line(&format!(
+            "all specimens: rehearsed with {}",
+            stand_in.words()
+        ));
     }
     for (place, needs) in all.iter().enumerate() {
         let own = lines.iter().filter(|line| line.axis.0 == place);
@@ -56,17 +83,37 @@ pub(super) fn tabulate(rehearsal: &Rehearsal, table: &mut Table) {
             continue;
         }
         if !is_flat {
-            table.line(&format!("{}: {}", needs.name, in_words(needs.stand_in)));
+            let powers = if all_of_it {
+                powers(needs)
+            } else {
+                String::new()
+            };
+            let stand_in = needs.stand_in.words();
+            table.line(&format!(
+                "{}: rehearsed with {stand_in}{powers}",
+                needs.name
+            ));
         }
         if let Some(poses) = &needs.poses {
             table.line(&format!("  platform {}", platform(poses)));
         }
-        for line in own {
-            columns.show(table, [&line.what, &line.needed, &line.limit, &line.used]);
-        }
+        own.for_each(|line| columns.show(table, line.cells()));
     }
     if left_out > 0 {
         table.line(&format!("{left_out} more axes: --verbose shows them"));
+    }
+    if let Some(held) = held.filter(|_| !of_hold.is_empty()) {
+        let (specimen, axis) = held.fastest;
+        let name = held.specimens.get(specimen);
+        let name = name.map_or("", |needs| needs.name.as_str());
+        table.line(&format!(
+            "a hold at {}, where axis {} of `{name}` is fastest",
+            duration(held.at),
+            axis + 1
+        ));
+    }
+    for line in &of_hold {
+        columns.show(table, line.cells());
     }
 }
 
@@ -74,9 +121,9 @@ pub(super) fn tabulate(rehearsal: &Rehearsal, table: &mut Table) {
 struct Columns([usize; 3]);
 
 impl Columns {
-    fn of(lines: &[Line]) -> Self {
+    fn of<'a>(lines: impl Iterator<Item = &'a Line> + Clone) -> Self {
         let width = |of: fn(&Line) -> &String, heading: &str| {
-            let widths = lines.iter().map(|line| of(line).chars().count());
+            let widths = lines.clone().map(|line| of(line).chars().count());
             widths.chain([heading.len()]).max().unwrap_or(0)
         };
         Self([
@@ -124,16 +171,7 @@ fn each_quantity(needs: &Needs, place: usize) -> Vec<Line> {
     for (axis, all) in needs.axes.iter().enumerate() {
         let prefix = prefix(needs, axis);
         let axis_of = (place, axis);
-        for need in all {
-            lines.push(Line {
-                axis: axis_of,
-                what: format!("{prefix}{}", name(need.quantity)),
-                needed: needed(need),
-                limit: limit(need),
-                used: used(need),
-                share: need.share(),
-            });
-        }
+        lines.extend(all.iter().map(|need| Line::of(need, axis_of, &prefix)));
         for used in needs.used(axis) {
             let word = used.key.split('_').next().unwrap_or(used.key);
             lines.push(Line {
@@ -187,20 +225,6 @@ fn grouped(needs: &Needs, place: usize) -> Vec<Line> {
     lines
 }
 
-/// The stand-in of a specimen in the rehearsal.
-const fn in_words(stand_in: StandIn) -> &'static str {
-    match stand_in {
-        StandIn::Itself => "computed by its own law",
-        StandIn::Law => "behind a link; rehearsed with its stand-in",
-        StandIn::Linear => {
-            "behind a link; rehearsed as a linear spring of its declared stiffness and damping"
-        }
-        StandIn::Nothing => {
-            "behind a link; its force is unknown: set its stiffness or a stand-in `law`"
-        }
-    }
-}
-
 fn platform(poses: &Poses) -> String {
     let each = poses.range.iter().map(|(coordinate, low, high)| {
         let range = quantity_range(*low, *high, coordinate.unit());
@@ -208,11 +232,26 @@ fn platform(poses: &Poses) -> String {
     });
     let each: Vec<String> = each.collect();
     let [at_rest, worst] = poses.condition;
+    let worst = if worst > at_rest {
+        format!(", {} at {}", number(worst), poses.worst)
+    } else {
+        String::new()
+    };
     format!(
-        "{}; condition {} at worst",
+        "{}; condition {} at the reference pose{worst}",
         each.join(", "),
-        number(worst.max(at_rest))
+        number(at_rest)
     )
+}
+
+/// The power that each axis needs, if its force is known.
+fn powers(needs: &Needs) -> String {
+    if needs.stand_in == StandIn::Nothing {
+        return String::new();
+    }
+    let each = needs.found.iter();
+    let each: Vec<String> = each.map(|found| quantity(found.power.high, "W")).collect();
+    format!("; power up to {}", each.join(", "))
 }
 
 /// Which axis a line is of, where there are several.

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::super::args::CheckArgs;
-use super::super::exit::{Exit, WithExit};
+use super::super::exit::Exit;
 use super::super::table::Table;
 use super::super::test_file::refused;
 use super::super::{answer, tell, warn};
@@ -97,11 +97,10 @@ fn refuse_options_of_a_test(args: &CheckArgs) -> anyhow::Result<()> {
     let Some((option, _, instead)) = options.into_iter().find(|(_, given, _)| *given) else {
         return Ok(());
     };
-    let text = format!(
+    anyhow::bail!(
         "{option} is for a test, but {} is a file for `gusset serve`: {instead}",
         args.test.display()
-    );
-    Err(WithExit(Exit::Usage, text).into())
+    )
 }
 
 fn of_json(limit: &ServedLimit) -> serde_json::Value {

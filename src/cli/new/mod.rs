@@ -10,7 +10,7 @@ use clap::ValueEnum;
 
 use self::template::{PYTHON_PROTOCOL, SERVE_SCHEMA, Template};
 use super::args::{NewArgs, TemplateArg};
-use super::exit::{Exit, WithExit};
+use super::exit::Exit;
 use super::{answer, tell};
 use gusset_config as config;
 
@@ -27,7 +27,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     }
     let template = Template::of(args.template);
     let name = match &args.name {
-        Some(name) => valid(name).map_err(usage)?,
+        Some(name) => valid(name).map_err(anyhow::Error::msg)?,
         None => template.name,
     };
     let folder = Path::new("");
@@ -40,7 +40,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
             files.push(((*shared).to_owned(), text_of(shared)));
         }
     }
-    write_all(folder, &files).map_err(usage)?;
+    write_all(folder, &files).map_err(anyhow::Error::msg)?;
     for shared in kept {
         let same = fs::read_to_string(folder.join(shared)).is_ok_and(|old| old == text_of(shared));
         if !same {
@@ -61,10 +61,6 @@ fn text_of(shared: &str) -> String {
         PYTHON_PROTOCOL => include_str!("../../../tools/specimen.py").to_owned(),
         _ => config::json_schema() + "\n",
     }
-}
-
-fn usage(text: String) -> anyhow::Error {
-    WithExit(Exit::Usage, text).into()
 }
 
 /// The name of a test, without the ending of its file.

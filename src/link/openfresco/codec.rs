@@ -9,8 +9,8 @@
 use super::role::Role;
 use gusset_wire::WireError;
 use gusset_wire::openfresco::{
-    Actor, ActorEvent, Carrier, Course, Event, Interface, Matrix, Response, Server, ServerDialect,
-    SignalOrder, Simulink, SimulinkEvent, Sizes,
+    Actor, ActorEvent, Carrier, Course, Event, Followed, Inbox, Interface, Matrix, Response,
+    Server, ServerDialect, SignalOrder, Simulink, SimulinkEvent, Sizes,
 };
 
 /// A request of the client.
@@ -103,30 +103,12 @@ impl Codec {
         self.commits_implicitly
     }
 
-    /// Largest datagram of an answer, bytes: answers are cut as the client cuts its vectors.
-    pub(crate) fn piece(&self) -> usize {
+    /// The messages of the client. Real-time: yes.
+    pub(crate) const fn inbox(&self) -> &Inbox {
         match &self.dialect {
-            Dialect::Vectors(machine) => machine.piece(),
-            Dialect::Actor(machine) => machine.piece(),
-            Dialect::Simulink { machine, .. } => machine.piece(),
-        }
-    }
-
-    /// Bytes of an incomplete message.
-    pub(crate) const fn partial(&self) -> usize {
-        match &self.dialect {
-            Dialect::Vectors(machine) => machine.partial(),
-            Dialect::Actor(machine) => machine.partial(),
-            Dialect::Simulink { machine, .. } => machine.partial(),
-        }
-    }
-
-    /// Length of a message in bytes, after the sizes. Real-time: yes.
-    pub(crate) const fn message_len(&self) -> usize {
-        match &self.dialect {
-            Dialect::Vectors(machine) => machine.message_len(),
-            Dialect::Actor(machine) => machine.message_len(),
-            Dialect::Simulink { machine, .. } => machine.message_len(),
+            Dialect::Vectors(machine) => machine.inbox(),
+            Dialect::Actor(machine) => machine.inbox(),
+            Dialect::Simulink { machine, .. } => machine.inbox(),
         }
     }
 
@@ -174,23 +156,26 @@ impl Codec {
         }
     }
 
+    fn followed(&self) -> Option<&Followed> {
+        match &self.dialect {
+            Dialect::Vectors(machine) => machine.followed(),
+            Dialect::Actor(machine) => machine.followed(),
+            Dialect::Simulink { machine, .. } => Some(machine.followed()),
+        }
+    }
+
     /// The target of the last command. Real-time: yes.
     pub(crate) fn target(&self) -> Option<Target<'_>> {
-        let (response, dt) = match &self.dialect {
-            Dialect::Vectors(machine) => (machine.trial()?, machine.dt()),
-            Dialect::Actor(machine) => (machine.trial()?, machine.dt()),
-            Dialect::Simulink { machine, .. } => (machine.trial(), machine.dt()),
-        };
-        Some(Target { response, dt })
+        let followed = self.followed()?;
+        Some(Target {
+            response: followed.trial(),
+            dt: followed.dt(),
+        })
     }
 
     /// True if the last command returned to the start of the client's analysis after a commit. Real-time: yes.
     pub(crate) fn is_reset(&self) -> bool {
-        match &self.dialect {
-            Dialect::Vectors(machine) => machine.is_reset(),
-            Dialect::Actor(machine) => machine.is_reset(),
-            Dialect::Simulink { machine, .. } => machine.is_reset(),
-        }
+        self.followed().is_some_and(Followed::is_reset)
     }
 
     /// The answer to [`Request::Read`]. Real-time: yes.

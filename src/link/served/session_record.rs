@@ -155,7 +155,7 @@ impl SessionRecord {
             away_from,
             ..WriterSettings::default()
         };
-        let writer = Writer::spawn(reader, samples, events, None, clocks, writer);
+        let writer = Writer::spawn(reader, samples, events, None, clocks, writer, None);
         let writer = writer.map_err(|error| error.to_string())?;
         Ok((writer, recorder, width))
     }

@@ -58,7 +58,7 @@ impl OpenFrescoHandshake {
     }
 
     pub(crate) fn link_lost(&self, link: &dyn Transport, fault: LinkFault) -> Failure {
-        Failure::Ended(lost(link, fault).within(self.codec.partial()))
+        Failure::Ended(lost(link, fault).within(self.codec.inbox().partial()))
     }
 
     /// True if a datagram opens a test: a new handshake answers it, or finds the sizes in it.
@@ -97,7 +97,7 @@ impl OpenFrescoHandshake {
                     let reply = self.codec.reply();
                     let piece = match self.carrier {
                         Carrier::Stream => usize::MAX,
-                        Carrier::Datagrams => self.codec.piece(),
+                        Carrier::Datagrams => self.codec.inbox().piece(),
                     };
                     replies.extend(datagrams(reply, reply.len(), piece).map(<[u8]>::to_vec));
                 }

@@ -226,11 +226,11 @@ impl OpenFrescoConversation<'_> {
             let piece = if self.is_stream {
                 usize::MAX
             } else {
-                self.codec.piece()
+                self.codec.inbox().piece()
             };
             rest = rest.get(used..).unwrap_or_default();
             let mut interruption = None;
-            let length = self.codec.message_len();
+            let length = self.codec.inbox().message().len();
             // Nothing shows that a client of datagrams is lost.
             let looks = self.is_stream && self.host.is_paced();
             let moves = self.is_stream && self.host.nature() == Nature::Physical;
@@ -349,7 +349,7 @@ impl Conversation for OpenFrescoConversation<'_> {
                 self.received = count.unwrap_or(0);
                 Ok(())
             }
-            Err(fault) => Err(lost(&channel.link, fault).within(self.codec.partial())),
+            Err(fault) => Err(lost(&channel.link, fault).within(self.codec.inbox().partial())),
         }
     }
 

@@ -20,10 +20,10 @@ const BLOCK: usize = 1 << 20;
 
 /// The chosen rows of a run as columns.
 pub(super) struct Columns {
-    run: Run,
-    plan: Plan,
+    pub run: Run,
+    pub plan: Plan,
     choice: Choice,
-    rows: u64,
+    pub rows: u64,
     memory: u64,
     /// Columns whose values are held.
     held: Range<usize>,
@@ -64,20 +64,6 @@ impl Columns {
             values: Vec::new(),
         };
         Ok((columns, exported))
-    }
-
-    pub(crate) const fn plan(&self) -> &Plan {
-        &self.plan
-    }
-
-    #[cfg(feature = "hdf5")]
-    pub(crate) const fn run(&self) -> &Run {
-        &self.run
-    }
-
-    /// Rows of every column.
-    pub(crate) const fn rows(&self) -> u64 {
-        self.rows
     }
 
     /// A text file of the run folder; empty if it does not exist or is not text.

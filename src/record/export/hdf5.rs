@@ -41,9 +41,9 @@ pub(super) fn export(
         .with_sync_policy(SyncPolicy::OnClose);
     let opened = File::open_rw_with_options(file.path(), access).map_err(refused)?;
     let root = opened.root();
-    for index in 0..columns.plan().columns.len() {
+    for index in 0..columns.plan.columns.len() {
         let values = columns.take(index)?;
-        let Some(exposed) = columns.plan().columns.get(index) else {
+        let Some(exposed) = columns.plan.columns.get(index) else {
             break;
         };
         let kind = match exposed.source {
@@ -52,7 +52,7 @@ pub(super) fn export(
         };
         let column = &exposed.column;
         let group = if column.timing { "timing" } else { "samples" };
-        let rows = columns.rows();
+        let rows = columns.rows;
         root.create_dataset(&format!("{group}/{}", column.name), |dataset| {
             dataset
                 .with_raw_data(kind, values, rows)
@@ -85,7 +85,7 @@ fn groups(columns: &Columns) -> FileBuilder {
         ("test", "test.toml"),
         ("resolved", "resolved.toml"),
     ] {
-        if columns.run().path().join(of).is_file() {
+        if columns.run.path().join(of).is_file() {
             file.set_attr(name, text(&columns.text(of)));
         }
     }

@@ -36,10 +36,10 @@ pub(super) fn export(
     };
     let (columns, exported) = Columns::new(run, choice, &extra.sums)?;
     let summary = columns.text("summary.json");
-    let names = columns.plan().names(&TEXTS);
-    let described: Vec<_> = columns.plan().columns.to_vec();
+    let names = columns.plan.names(&TEXTS);
+    let described: Vec<_> = columns.plan.columns.to_vec();
     // A column beyond the address range does not fit into memory either; reading it reports that.
-    let rows = usize::try_from(columns.rows()).unwrap_or(usize::MAX);
+    let rows = usize::try_from(columns.rows).unwrap_or(usize::MAX);
     let feed = Arc::new(Mutex::new(ColumnFeed {
         columns,
         values: Vec::new(),

@@ -28,10 +28,10 @@ pub(super) fn export(
     let failed = ExportError::write(out);
     let (mut columns, exported) = Columns::new(run, choice, &extra.sums)?;
     let mut archive = ZipWriter::new(AtomicFile::create(out).map_err(failed)?);
-    let names = columns.plan().names(&TEXTS);
-    let shape = format!("({},)", columns.rows());
+    let names = columns.plan.names(&TEXTS);
+    let shape = format!("({},)", columns.rows);
     for (index, name) in names.iter().enumerate() {
-        let source = columns.plan().columns.get(index).map(|c| &c.source);
+        let source = columns.plan.columns.get(index).map(|c| &c.source);
         let kind = match source {
             Some(Source::Sequence) => "<i8",
             _ => "<f8",
@@ -39,7 +39,7 @@ pub(super) fn export(
         let values = columns.take(index)?;
         entry(&mut archive, name, &header(kind, &shape), &values).map_err(failed)?;
     }
-    let described = columns.plan().columns.iter().map(|c| &c.column);
+    let described = columns.plan.columns.iter().map(|c| &c.column);
     let units: Vec<&str> = described.clone().map(|c| c.unit.as_str()).collect();
     let meanings: Vec<&str> = described.map(|c| c.meaning.as_str()).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();

@@ -168,7 +168,7 @@ fn ground_and_sums_are_exported_with_units() {
     // The other formats have the same columns in the same order.
     let (mut columns, _) = Columns::within(&run, &choice, &extra.sums, 1 << 20).unwrap();
     let names: Vec<_> = columns
-        .plan()
+        .plan
         .columns
         .iter()
         .map(|c| c.column.name.clone())
@@ -292,8 +292,8 @@ fn columns_do_not_depend_on_memory() {
     };
     for memory in [0, 700_000, 1 << 30] {
         let (mut columns, exported) = Columns::within(&run, &choice, &[], memory).unwrap();
-        assert_eq!((columns.rows(), exported.rows), (39_000, 39_000));
-        let exposed: Vec<_> = columns.plan().columns.to_vec();
+        assert_eq!((columns.rows, exported.rows), (39_000, 39_000));
+        let exposed: Vec<_> = columns.plan.columns.to_vec();
         assert_eq!(exposed.len(), 16);
         for (index, exposed) in exposed.iter().enumerate() {
             let values = columns.take(index).unwrap();

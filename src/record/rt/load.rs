@@ -55,17 +55,11 @@ impl Load {
         })
     }
 
-    /// Bytes read and written so far.
-    #[must_use]
-    pub(crate) fn streamed(&self) -> u64 {
-        self.streamed.load(Ordering::Relaxed)
-    }
-
     /// Ends the load; returns the bytes it streamed.
     #[must_use]
     pub fn stop(mut self) -> u64 {
         self.end();
-        self.streamed()
+        self.streamed.load(Ordering::Relaxed)
     }
 
     fn end(&mut self) {
@@ -113,7 +107,7 @@ mod tests {
         let own = os::process_cpus().last().copied().unwrap();
         let load = Load::start(own, 1 << 20).unwrap();
         assert!(!load.cpus.contains(&own));
-        while load.streamed() == 0 {
+        while load.streamed.load(Ordering::Relaxed) == 0 {
             os::yield_now();
         }
         assert!(load.stop() > 0);

@@ -35,10 +35,10 @@ pub(super) struct Drain<S, E> {
     events: EventLog<E>,
     notes: Receiver<Note>,
     settings: WriterSettings,
-    sync: Option<SyncThread>,
-    snapshots: Option<Snapshots>,
+    pub(super) sync: Option<SyncThread>,
+    pub(super) snapshots: Option<Snapshots>,
     pub(super) progress: Arc<Mutex<Progress>>,
-    onlooker: Watched,
+    pub(super) onlooker: Watched,
     last_row: Vec<f64>,
     position: Position,
     lost_file: u64,
@@ -88,21 +88,6 @@ impl<S: Store, E: Store> Drain<S, E> {
         }
     }
 
-    /// Gives it the thread that syncs and the place where others look for progress.
-    pub(super) fn serve(&mut self, sync: SyncThread, progress: Arc<Mutex<Progress>>) {
-        (self.sync, self.progress) = (Some(sync), progress);
-    }
-
-    /// Sets the observer of the rows.
-    pub(super) fn watch(&mut self, onlooker: Option<Box<dyn Onlooker>>) {
-        self.onlooker = Watched::by(onlooker);
-    }
-
-    /// Sets the thread that writes states to the disk.
-    pub(super) fn keep(&mut self, snapshots: Option<Snapshots>) {
-        self.snapshots = snapshots;
-    }
-
     /// The event of a checkpoint gets the SHA-256 of its state.
     fn with_checksum(&mut self, mut event: TimedEvent) -> TimedEvent {
         if let (Event::Checkpoint { sha256, .. }, Some(snapshots)) =
@@ -137,7 +122,7 @@ impl<S: Store, E: Store> Drain<S, E> {
         let since = now.monotonic_ns.saturating_sub(self.flushed_ns);
         // An event reaches its file only after the rows that precede it. An event without them shows that they are
         // lost.
-        let is_behind = self.events.is_waiting() && self.journal.waiting() > 0;
+        let is_behind = self.events.is_waiting() && self.journal.file.waiting_units() > 0;
         if since >= nanos(self.settings.flush_every) || is_behind {
             self.flush_rows(now);
         }
@@ -155,9 +140,9 @@ impl<S: Store, E: Store> Drain<S, E> {
     /// The last turn: nothing waits for anything any more.
     pub(super) fn finish(mut self, now: Moment) -> Recorded {
         self.turn(now);
-        let flushed = self.journal.flush_at_once(now.monotonic_ns);
+        let flushed = self.journal.file.flush_at_once(now.monotonic_ns);
         self.heed("samples.bin", flushed, now);
-        self.lost_file += self.journal.waiting();
+        self.lost_file += self.journal.file.waiting_units();
         self.shout_losses(now, true);
         self.publish();
         self.show(now, |onlooker, progress| {
@@ -171,7 +156,7 @@ impl<S: Store, E: Store> Drain<S, E> {
         let sync = self.sync.take();
         let sync_failures = sync.map_or(0, |sync| sync.finish());
         self.publish();
-        let unwritten = self.events.waiting();
+        let unwritten = self.events.lines.waiting_units();
         let extents = FILES.into_iter().zip(self.extents());
         let extents = extents.filter_map(|(file, extent)| Some((file, extent?)));
         Recorded {
@@ -209,7 +194,7 @@ impl<S: Store, E: Store> Drain<S, E> {
                     .map(|step| step as u64),
                 time: at(self.settings.time_column),
             };
-            if self.journal.waiting_bytes() >= CHUNK {
+            if self.journal.file.waiting() >= CHUNK {
                 self.flush_rows(now);
             }
         }
@@ -217,7 +202,7 @@ impl<S: Store, E: Store> Drain<S, E> {
 
     fn flush_rows(&mut self, now: Moment) {
         self.flushed_ns = now.monotonic_ns;
-        let flushed = self.journal.flush(now.monotonic_ns);
+        let flushed = self.journal.file.flush(now.monotonic_ns);
         self.heed("samples.bin", flushed, now);
     }
 
@@ -266,7 +251,7 @@ impl<S: Store, E: Store> Drain<S, E> {
     }
 
     fn extents(&self) -> [Option<Extent>; FILES.len()] {
-        [self.journal.extent(), self.events.extent()]
+        [self.journal.file.extent(), self.events.lines.extent()]
     }
 
     /// Says what others did to the files, once of each.
@@ -286,7 +271,7 @@ impl<S: Store, E: Store> Drain<S, E> {
     }
 
     fn ask_for_sync(&mut self, now: Moment) {
-        let bytes = self.journal.bytes() + self.events.length();
+        let bytes = self.journal.file.length + self.events.lines.length;
         let since = now.monotonic_ns.saturating_sub(self.synced_ns);
         if bytes != self.synced_bytes && since >= nanos(self.settings.sync_every) {
             self.look_over(now);

@@ -357,7 +357,7 @@ fn every_row_and_event_is_in_the_files() {
         ..WriterSettings::default()
     };
     let (samples, events) = (open("samples.bin"), open("events.jsonl"));
-    let writer = Writer::spawn(reader, samples, events, None, TICKING, settings).unwrap();
+    let writer = Writer::spawn(reader, samples, events, None, TICKING, settings, None).unwrap();
     let mut fields = Map::new();
     fields.insert("policy".to_owned(), "fifo".into());
     writer.note(Event::Other {
@@ -408,7 +408,16 @@ fn dropped_writer_finishes_its_files() {
     let (mut recorder, reader) = small(64);
     let disk = SmallDisk::with_room(1 << 20);
     let settings = WriterSettings::default();
-    let writer = Writer::spawn(reader, disk.clone(), Vec::new(), None, TICKING, settings).unwrap();
+    let writer = Writer::spawn(
+        reader,
+        disk.clone(),
+        Vec::new(),
+        None,
+        TICKING,
+        settings,
+        None,
+    )
+    .unwrap();
     push(&mut recorder, 0..5);
     drop(writer);
     assert_eq!(numbers(&disk.bytes()).0.len(), 5);
@@ -481,7 +490,7 @@ fn panicking_observer_costs_no_rows() {
             panics_at,
             notes: 2,
         };
-        drain.watch(Some(Box::new(keeper)));
+        drain.onlooker = Watched::by(Some(Box::new(keeper)));
         assert_eq!(push(&mut recorder, 0..50), 50);
         drain.turn(at(MS));
         let recorded = drain.finish(at(2 * MS));
@@ -584,7 +593,15 @@ fn state_and_event_share_a_checksum() {
         monotonic_ns: || 0,
         utc_ns: || 0,
     };
-    let writer = Writer::spawn(reader, Vec::new(), events.clone(), None, clocks, settings);
+    let writer = Writer::spawn(
+        reader,
+        Vec::new(),
+        events.clone(),
+        None,
+        clocks,
+        settings,
+        None,
+    );
     let writer = writer.unwrap();
     for step in 0..3 {
         assert!(checkpoint(&mut recorder, step));
@@ -617,7 +634,7 @@ fn checkpoint_without_a_buffer_has_no_state() {
     );
     let events = SmallDisk::with_room(1 << 20);
     let (mut drain, _notes) = drain(reader, Vec::new(), events.clone(), settings);
-    drain.keep(Some(snapshots.unwrap()));
+    drain.snapshots = Some(snapshots.unwrap());
     let kept: Vec<bool> = (0..5).map(|step| checkpoint(&mut recorder, step)).collect();
     assert_eq!(kept, [true, true, true, false, false]);
     let recorded = drain.finish(at(MS));
@@ -637,7 +654,7 @@ fn refused_states_do_not_end_the_test() {
     let states = settings.states.clone().unwrap();
     let snapshots = Snapshots::spawn(reader.take_states().unwrap(), states).unwrap();
     let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), settings);
-    drain.keep(Some(snapshots));
+    drain.snapshots = Some(snapshots);
     folder.close().unwrap();
     assert!(checkpoint(&mut recorder, 0));
     let recorded = drain.finish(at(MS));

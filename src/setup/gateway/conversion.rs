@@ -11,7 +11,7 @@ use super::super::specimens::loading::{at_actuators, loading_of};
 use super::following::Following;
 use super::{PROBE_PERIOD_S, check_estimate, counted, reply_limit_ns};
 use gusset_actuator::geometry::{Coordinate, LawPlace};
-use gusset_config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable};
+use gusset_config::{DispUnit, Finding, ForceUnit, KeyPath, LinkSpec, SpecimenTable, axis_units};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{Axis, AxisSpec, LoadingUnitSpec, PortSpec, WiringCheck};
 use gusset_link::announce::announce;
@@ -163,8 +163,8 @@ impl<'a> Converted<'a> {
 
     /// Signals for the handshake of the protocol of Gusset. Units that it lacks were refused before.
     fn wire_axes(&self, (disp, force): (DispUnit, ForceUnit)) -> Vec<WireAxis> {
-        let disp_unit = disp.on_the_wire().unwrap_or(Unit::Metre);
-        let force_unit = force.on_the_wire().unwrap_or(Unit::Newton);
+        let disp_unit = disp.row().wire.unwrap_or(Unit::Metre);
+        let force_unit = force.row().wire.unwrap_or(Unit::Newton);
         if self.loading.is_some() {
             let coordinates = self.coordinates().iter();
             let axes = coordinates.map(|coordinate| {
@@ -195,7 +195,7 @@ impl<'a> Converted<'a> {
                 name: name.unwrap_or_else(|| format!("axis {}", index + 1)),
                 disp_unit,
                 force_unit,
-                limits: at_client(&own, axis, (disp.metres(), force.newtons())),
+                limits: at_client(&own, axis, (disp.row().si, force.row().si)),
             }
         });
         axes.collect()
@@ -249,17 +249,12 @@ pub(crate) fn signal_units(
     if coordinate.is_some_and(|coordinate| coordinate.is_rotation()) {
         return AxisUnits {
             metres: 1.0,
-            newtons: force.newtons() * disp.metres(),
+            newtons: force.row().si * disp.row().si,
             disp: "rad",
             force: moment(disp, force),
         };
     }
-    AxisUnits {
-        metres: disp.metres(),
-        newtons: force.newtons(),
-        disp: disp.symbol(),
-        force: force.symbol(),
-    }
+    axis_units(disp, force)
 }
 
 /// The unit of a moment.

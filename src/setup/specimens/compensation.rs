@@ -50,10 +50,7 @@ pub(super) fn compensators(
         return site.refuse(finding);
     }
     let built: Result<Vec<_>, _> = (0..axes).map(|_| spec.build(tick)).collect();
-    let built = match built {
-        Ok(built) => built,
-        Err(error) => return site.refuse_key(&at, error.key(), &error),
-    };
+    let built = built.or_else(|error| site.refuse_key(&at, error.key(), &error))?;
     if let Some(first) = built.first() {
         judge_gain(site, &at, &spec, first.as_ref())?;
     }

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::super::gear::{Rows, axis, scaled};
-use super::super::{Refused, Site, links, path, speed};
+use super::super::{Estimate, Refused, Site, links, path, speed};
 use super::loading::{at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
@@ -108,17 +108,6 @@ pub(super) fn entry(
         }
         None => scaled(&c, |axis| axis.vel_gain),
     };
-    let mut rest_damping = vec![vec![0.0; n]; n];
-    if let (Some(law), None) = (&law, &table.damping_n_s_per_m) {
-        law.rest_damping(&mut c);
-        rest_damping = scaled(&c, |axis| axis.vel_gain);
-    }
-    // The drawn values are the truth, which the controller does not know.
-    let believed = site.trial.and_then(|trial| trial.believed.get(number));
-    let (stiffness, damping) = match believed {
-        Some(known) => (known.stiffness.clone(), known.damping.clone()),
-        None => (said_stiffness.clone(), said_damping.clone()),
-    };
     let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
     let mut mass_in_force = table.mass_in_force_kg;
     if site.trial.is_some_and(|trial| trial.ideal) {
@@ -127,12 +116,21 @@ pub(super) fn entry(
         }
         mass_in_force = 0.0;
     }
-    let (mut stiffness_at_rest, mut damping_at_rest) = (stiffness.clone(), damping.clone());
-    if let Some(known) = believed {
-        rest_damping.clone_from(&known.rest_damping);
-        stiffness_at_rest.clone_from(&known.stiffness_at_rest);
-        damping_at_rest.clone_from(&known.damping_at_rest);
+    let mut estimate = Estimate {
+        stiffness: said_stiffness.clone(),
+        damping: said_damping.clone(),
+        rest_damping: vec![vec![0.0; n]; n],
+        stiffness_at_rest: said_stiffness.clone(),
+        damping_at_rest: said_damping.clone(),
+    };
+    if let Some(known) = site.trial.and_then(|trial| trial.believed.get(number)) {
+        // The drawn values are the truth, which the controller does not know.
+        estimate.clone_from(known);
     } else if let Some(law) = &mut law {
+        if table.damping_n_s_per_m.is_none() {
+            law.rest_damping(&mut c);
+            estimate.rest_damping = scaled(&c, |axis| axis.vel_gain);
+        }
         let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
         let stands: Vec<f64> = offsets(table, n).iter().map(|(disp, _)| *disp).collect();
         law.trial(&stands, &still, 0.0, &mut force);
@@ -140,10 +138,10 @@ pub(super) fn entry(
         law.tangent_damping(&mut c);
         law.revert();
         if table.stiffness_n_per_m.is_none() {
-            stiffness_at_rest = scaled(&k, |axis| axis.disp_gain);
+            estimate.stiffness_at_rest = scaled(&k, |axis| axis.disp_gain);
         }
         if table.damping_n_s_per_m.is_none() {
-            damping_at_rest = scaled(&c, |axis| axis.vel_gain);
+            estimate.damping_at_rest = scaled(&c, |axis| axis.vel_gain);
         }
     }
     let bounds = match &law {
@@ -156,7 +154,8 @@ pub(super) fn entry(
         None => {
             let ratio = table.hardening_bound.unwrap_or(1.0);
             let times = |row: &Vec<f64>| row.iter().map(|value| ratio * value).collect();
-            Ok((stiffness.iter().map(times).collect(), damping.clone()))
+            let stiffness = estimate.stiffness.iter().map(times).collect();
+            Ok((stiffness, estimate.damping.clone()))
         }
     };
     if let Ok((largest, _)) = &bounds {
@@ -187,7 +186,8 @@ pub(super) fn entry(
                 units: &units,
                 stiffness: &said_stiffness,
                 damping: &said_damping,
-                is_believed: (&said_stiffness, &said_damping) == (&stiffness, &damping),
+                is_believed: (&said_stiffness, &said_damping)
+                    == (&estimate.stiffness, &estimate.damping),
             };
             stand_in::stand_in(site, at, &known, stand_in, &drawn)?
         }
@@ -209,11 +209,7 @@ pub(super) fn entry(
         axes,
         loading,
         units,
-        stiffness,
-        damping,
-        rest_damping,
-        stiffness_at_rest,
-        damping_at_rest,
+        estimate,
         mass,
         bounds,
         sawtooth: sawtooth(&ticks),
@@ -324,14 +320,10 @@ fn built(
     (key, source): (&str, &SpecimenLaw),
     laws: usize,
 ) -> Result<Box<dyn Specimen>, Refused> {
-    let law = match source.build(laws) {
-        Ok(law) => law,
-        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
-    };
-    match behind_actuators(table, law) {
-        Ok(law) => Ok(law),
-        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
-    }
+    let law = source.build(laws);
+    let law = law.or_else(|error| site.refuse_key(&at.key(key), error.key(), &error))?;
+    behind_actuators(table, law)
+        .or_else(|error| site.refuse_key(&at.key("geometry"), error.key(), &error))
 }
 
 /// An estimate as the axes see it.
@@ -390,8 +382,7 @@ fn estimate(
         return site.refuse(Finding::error(at.clone(), text));
     }
     let matrix = DMatrix::from_fn(n, n, |i, j| rows[i][j]);
-    match SymMatrix::from_dense(&matrix) {
-        Ok(_) => Ok(rows),
-        Err(error) => site.refuse(Finding::error(at.clone(), error.to_string())),
-    }
+    SymMatrix::from_dense(&matrix)
+        .map(|_| rows)
+        .or_else(|error| site.refuse(Finding::error(at.clone(), error.to_string())))
 }

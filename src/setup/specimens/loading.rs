@@ -22,10 +22,8 @@ pub(super) fn loading(
     table: &SpecimenTable,
     rows: Vec<Sparse>,
 ) -> Result<(Vec<Sparse>, Option<LoadingUnitSpec>), Refused> {
-    match loading_of(table, rows) {
-        Ok(found) => Ok(found),
-        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
-    }
+    loading_of(table, rows)
+        .or_else(|error| site.refuse_key(&at.key("geometry"), error.key(), &error))
 }
 
 /// Rows and loading unit from the table alone.

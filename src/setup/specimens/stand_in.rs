@@ -33,13 +33,10 @@ pub(super) fn behind_transfer(
         return site.refuse(finding);
     }
     let spec = drawn_transfer(spec, drawn);
-    match Transfer::new(&spec, law, Some(compensation::test_time(time))) {
-        Ok(mut transfer) => {
-            transfer.commanded_every(time.period.value());
-            Ok(Box::new(transfer))
-        }
-        Err(error) => site.refuse_key(at, error.key(), &error),
-    }
+    let transfer = Transfer::new(&spec, law, Some(compensation::test_time(time)));
+    let mut transfer = transfer.or_else(|error| site.refuse_key(at, error.key(), &error))?;
+    transfer.commanded_every(time.period.value());
+    Ok(Box::new(transfer))
 }
 
 fn drawn_transfer(spec: &TransferSpec, drawn: &Drawn) -> TransferSpec {
@@ -99,10 +96,9 @@ pub(super) fn stand_in(
                 damping_n_s_per_m: Some(unscaled(known, known.damping, |axis| axis.vel_gain)),
                 mass_kg: None,
             };
-            match linear.build(n) {
-                Ok(linear) => Box::new(linear) as Box<dyn Specimen>,
-                Err(error) => return site.refuse_key(at, error.key(), &error),
-            }
+            let linear = linear.build(n);
+            let linear = linear.or_else(|error| site.refuse_key(at, error.key(), &error))?;
+            Box::new(linear) as Box<dyn Specimen>
         }
     };
     let key = if known.table.transfer.is_some() {

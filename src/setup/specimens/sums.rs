@@ -8,12 +8,12 @@ use gusset_proof::{Advice, SpecimenShare};
 impl Specimens {
     /// Σ Bᵀ k̂ B.
     pub(crate) fn stiffness(&self, dofs: usize) -> SymMatrix {
-        self.gathered(dofs, |entry| Some(&entry.stiffness))
+        self.gathered(dofs, |entry| Some(&entry.estimate.stiffness))
     }
 
     /// Σ Bᵀ k B before anything moves.
     pub(crate) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
-        self.gathered(dofs, |entry| Some(&entry.stiffness_at_rest))
+        self.gathered(dofs, |entry| Some(&entry.estimate.stiffness_at_rest))
     }
 
     /// Σ Bᵀ m B of the masses that the structure carries for the specimens.
@@ -26,22 +26,31 @@ impl Specimens {
 
     /// Σ Bᵀ ĉ B.
     pub(crate) fn damping(&self, dofs: usize) -> SymMatrix {
-        self.gathered(dofs, |entry| Some(&entry.damping))
+        self.gathered(dofs, |entry| Some(&entry.estimate.damping))
     }
 
     /// Σ Bᵀ c B of the damping that acts around rest only.
     pub(crate) fn rest_damping(&self, dofs: usize) -> SymMatrix {
-        let acts = |entry: &&Entry| entry.rest_damping.iter().flatten().any(|c| *c != 0.0);
+        let acts = |entry: &&Entry| {
+            entry
+                .estimate
+                .rest_damping
+                .iter()
+                .flatten()
+                .any(|c| *c != 0.0)
+        };
         self.gathered(dofs, |entry| {
-            Some(entry).filter(acts).map(|entry| &entry.rest_damping)
+            Some(entry)
+                .filter(acts)
+                .map(|entry| &entry.estimate.rest_damping)
         })
     }
 
     /// Keeps only `share` of the damping that acts around rest in ĉ.
     pub(crate) fn keep_rest_damping(&mut self, share: f64) {
         for entry in &mut self.0 {
-            let rest = entry.rest_damping.iter().flatten();
-            for (value, rest) in entry.damping.iter_mut().flatten().zip(rest) {
+            let rest = entry.estimate.rest_damping.iter().flatten();
+            for (value, rest) in entry.estimate.damping.iter_mut().flatten().zip(rest) {
                 *value += (share - 1.0) * rest;
             }
         }
@@ -49,7 +58,7 @@ impl Specimens {
 
     /// Σ Bᵀ c B before anything moves.
     pub(crate) fn damping_at_rest(&self, dofs: usize) -> SymMatrix {
-        self.gathered(dofs, |entry| Some(&entry.damping_at_rest))
+        self.gathered(dofs, |entry| Some(&entry.estimate.damping_at_rest))
     }
 
     /// Upper bounds of the tangents, the damping as it counts in a sawtooth; or the specimen (from 0) whose law needs a
@@ -96,7 +105,7 @@ impl Specimens {
                     name,
                     row: axis.row.clone(),
                     stiffness_bound: stiffness[j][j],
-                    damping: entry.damping[j][j],
+                    damping: entry.estimate.damping[j][j],
                     damping_bound: entry.sawtooth * damping[j][j],
                 });
             }
@@ -108,7 +117,11 @@ impl Specimens {
     pub(crate) fn sizes(&self) -> impl Iterator<Item = f64> {
         self.0.iter().map(|entry| {
             let bounds = entry.bounds.iter().flat_map(|(k, c)| [k, c]);
-            let all = [&entry.stiffness, &entry.damping, &entry.mass];
+            let all = [
+                &entry.estimate.stiffness,
+                &entry.estimate.damping,
+                &entry.mass,
+            ];
             let all = all.into_iter().chain(bounds).flatten().flatten();
             all.fold(entry.mass_in_force.abs(), |size, value| {
                 size.max(value.abs())

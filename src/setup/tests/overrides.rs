@@ -3,15 +3,34 @@
 use super::*;
 
 #[test]
-fn override_keeps_comments() {
+fn override_replaces_a_value() {
     let loaded = accepted(GOOD, &["time.rate_hz=512", "specimen[0].storey=2"]);
     assert_eq!(loaded.time.steps, 20 * 512);
     assert_eq!(loaded.file.specimen[0].storey, Some(2));
-    let expected = GOOD
+    let written = GOOD
         .replace("1024", "512")
         .replace("storey = 1", "storey = 2");
-    assert_eq!(loaded.effective, expected);
+    assert_eq!(loaded.file, accepted(&written, &[]).file);
     assert_eq!(loaded.text, GOOD);
+}
+
+#[test]
+fn later_overrides_join_earlier_ones() {
+    let loaded = accepted(GOOD, &["time.duration_s=4", "specimen[0].storey=2"]);
+    let set = |arguments: &[&str]| {
+        let sets: Vec<String> = arguments.iter().map(|s| (*s).to_owned()).collect();
+        loaded.varied(&sets).unwrap()
+    };
+    let varied = set(&["specimen[0].storey=3", "title=varied"]);
+    assert_eq!(varied.file.specimen[0].storey, Some(3));
+    assert_eq!(varied.file.time.duration_s, 4.0);
+    assert_eq!(varied.file.title, "varied");
+    assert_eq!(set(&[]).file, loaded.file);
+    let refused = loaded.varied(&["specimen[0].storey=x".to_owned()]);
+    shows(
+        &refused.unwrap_err().to_string(),
+        "--set specimen[0].storey=x\n",
+    );
 }
 
 #[test]
@@ -186,6 +205,13 @@ fn lambda_number_is_beside_its_request() {
     assert_eq!(
         accepted(&text, &[]).file.integrator.lambda,
         LambdaValue::Number(lambda)
+    );
+    let again = accepted(&text, &["time.duration_s=3"]);
+    let again = accepted(&resolve_again(&again).unwrap(), &[]);
+    assert_eq!(again.file.time.duration_s, 3.0);
+    shows(
+        &again.text,
+        "lambda = 3.987654321012345 # requested \"auto\"\n",
     );
     let asked = accepted(GOOD, &["integrator.lambda=2"]);
     let text = resolve(&asked.file, Some(2.0), &asked.inputs()).unwrap();

@@ -40,8 +40,8 @@ pub(super) fn own_unit<'a>(
     }
     let entry = entry(test, axis);
     match kind {
-        "raw_force" => entry.map_or("N", |axis| axis.unit_force.symbol()),
-        _ => entry.map_or("m", |axis| axis.unit_disp.symbol()),
+        "raw_force" => entry.map_or("N", |axis| axis.unit_force.row().symbol),
+        _ => entry.map_or("m", |axis| axis.unit_disp.row().symbol),
     }
 }
 

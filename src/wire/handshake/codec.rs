@@ -1,14 +1,15 @@
 //! Messages to bytes and back, bounded and checked; proofs.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use bincode::error::{DecodeError, EncodeError};
 
 use super::{
-    Arm, Axis, Bye, Control, Hello, Limits, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
+    Arm, Axis, Bye, Control, Hello, Limits, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit,
+    Versions, Welcome,
 };
-use crate::bytes::{finite, same_length};
+use crate::bytes::{array, bounded, finite, put, same_length};
 use crate::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
 use crate::native::{CONTROL_LIMIT, Cause, MAX_AXES};
 use crate::{ControlFault, Side, WireError};
@@ -84,7 +85,7 @@ pub fn decode(bytes: &[u8]) -> Result<Control, WireError> {
 /// [`WireError::Truncated`] if the bytes are too short for one.
 pub fn prove_hello(hello: &mut [u8], key: &PreSharedKey) -> Result<(), WireError> {
     let proof = hello_proof(hello, key)?;
-    write_proof(hello, proof)
+    put(hello, PROOF_AT.start, proof)
 }
 
 /// Checks the controller's proof in an encoded Hello.
@@ -92,7 +93,7 @@ pub fn prove_hello(hello: &mut [u8], key: &PreSharedKey) -> Result<(), WireError
 /// # Errors
 /// [`WireError::Proof`].
 pub fn verify_hello(hello: &[u8], key: &PreSharedKey) -> Result<(), WireError> {
-    if same(&hello_proof(hello, key)?, &read_proof(hello)?) {
+    if same(&hello_proof(hello, key)?, &array(hello, PROOF_AT.start)?) {
         Ok(())
     } else {
         Err(WireError::Proof {
@@ -107,7 +108,7 @@ pub fn verify_hello(hello: &[u8], key: &PreSharedKey) -> Result<(), WireError> {
 /// [`WireError::Truncated`] if the bytes are too short for one.
 pub fn prove_welcome(hello: &[u8], welcome: &mut [u8], key: &SessionKey) -> Result<(), WireError> {
     let proof = welcome_proof(hello, welcome, key)?;
-    write_proof(welcome, proof)
+    put(welcome, PROOF_AT.start, proof)
 }
 
 /// Checks the server's proof in an encoded Welcome, against the Hello that was sent.
@@ -115,7 +116,10 @@ pub fn prove_welcome(hello: &[u8], welcome: &mut [u8], key: &SessionKey) -> Resu
 /// # Errors
 /// [`WireError::Proof`].
 pub fn verify_welcome(hello: &[u8], welcome: &[u8], key: &SessionKey) -> Result<(), WireError> {
-    if same(&welcome_proof(hello, welcome, key)?, &read_proof(welcome)?) {
+    if same(
+        &welcome_proof(hello, welcome, key)?,
+        &array(welcome, PROOF_AT.start)?,
+    ) {
         Ok(())
     } else {
         Err(WireError::Proof {
@@ -140,56 +144,38 @@ fn signed(message: &[u8]) -> Result<&[u8], WireError> {
     })
 }
 
-fn read_proof(message: &[u8]) -> Result<Proof, WireError> {
-    crate::bytes::array(message, PROOF_AT.start)
-}
-
-fn write_proof(message: &mut [u8], proof: Proof) -> Result<(), WireError> {
-    crate::bytes::put(message, PROOF_AT.start, proof)
-}
-
 fn check(message: &Control) -> Result<(), WireError> {
     match message {
         Control::Hello(hello) => check_hello(hello),
         Control::Welcome(welcome) => check_welcome_content(welcome),
-        Control::Refuse(Refuse { text, .. }) => may_be_empty("text of the refusal", text),
+        Control::Refuse(Refuse { text: said, .. }) => {
+            text("text of the refusal", said, 0..=TEXT_LIMIT)
+        }
         Control::Arm(Arm { disp, .. }) => {
             count("axes of the arm message", disp.len())?;
             finite("first displacement", disp)
         }
-        Control::Bye(Bye { cause, text }) => {
+        Control::Bye(Bye { cause, text: said }) => {
             Cause::from_code(*cause)?;
-            may_be_empty("text of the goodbye", text)
+            text("text of the goodbye", said, 0..=TEXT_LIMIT)
         }
     }
 }
 
 fn check_hello(hello: &Hello) -> Result<(), WireError> {
-    if hello.versions.lowest > hello.versions.highest {
-        return Err(WireError::Bounds {
-            field: "highest version",
-            lowest: i64::from(hello.versions.lowest),
-            highest: i64::from(u16::MAX),
-            found: hello.versions.highest.into(),
-        });
-    }
+    let Versions { lowest, highest } = hello.versions;
+    let most = u16::MAX.into();
+    bounded("highest version", lowest.into(), most, highest.into())?;
     for (field, term) in [
         ("numerator of the rate", hello.rate_numerator),
         ("denominator of the rate", hello.rate_denominator),
     ] {
-        if !(1..=1_000_000_000_000).contains(&term) {
-            return Err(WireError::Bounds {
-                field,
-                lowest: 1,
-                highest: 1_000_000_000_000,
-                found: term.into(),
-            });
-        }
+        bounded(field, 1, 1_000_000_000_000, term.into())?;
     }
     positive("watchdog time", hello.watchdog_s)?;
     check_sampling(hello.sampling)?;
-    text("software", &hello.software, TEXT_LIMIT)?;
-    text("name of the test", &hello.name, TEXT_LIMIT)?;
+    text("software", &hello.software, 1..=TEXT_LIMIT)?;
+    text("name of the test", &hello.name, 1..=TEXT_LIMIT)?;
     check_axes(&hello.axes)
 }
 
@@ -204,8 +190,8 @@ fn check_welcome_content(welcome: &Welcome) -> Result<(), WireError> {
     }
     positive("watchdog time", welcome.watchdog_s)?;
     check_sampling(welcome.sampling)?;
-    text("software", &welcome.software, TEXT_LIMIT)?;
-    text("name of the specimen", &welcome.name, TEXT_LIMIT)?;
+    text("software", &welcome.software, 1..=TEXT_LIMIT)?;
+    text("name of the specimen", &welcome.name, 1..=TEXT_LIMIT)?;
     check_axes(&welcome.axes)?;
     if !welcome.stiffness.is_empty() {
         let n = welcome.axes.len();
@@ -222,7 +208,7 @@ fn check_welcome_content(welcome: &Welcome) -> Result<(), WireError> {
 fn check_axes(axes: &[Axis]) -> Result<(), WireError> {
     count("axes", axes.len())?;
     for (index, axis) in axes.iter().enumerate() {
-        text("name of an axis", &axis.name, NAME_LIMIT)?;
+        text("name of an axis", &axis.name, 1..=NAME_LIMIT)?;
         if axes.iter().take(index).any(|other| other.name == axis.name) {
             return Err(WireError::Count {
                 field: "axes of the same name",
@@ -294,33 +280,14 @@ fn positive(field: &'static str, value: f64) -> Result<(), WireError> {
 }
 
 fn count(field: &'static str, found: usize) -> Result<(), WireError> {
-    if (1..=MAX_AXES).contains(&found) {
+    bounded(field, 1, MAX_AXES, found as i128)
+}
+
+fn text(field: &'static str, text: &str, lengths: RangeInclusive<usize>) -> Result<(), WireError> {
+    if lengths.contains(&text.len()) && !text.chars().any(is_hidden) {
         Ok(())
     } else {
-        Err(WireError::Bounds {
-            field,
-            lowest: 1,
-            highest: MAX_AXES as i64,
-            found: found as i128,
-        })
-    }
-}
-
-fn text(field: &'static str, text: &str, limit: usize) -> Result<(), WireError> {
-    if text.is_empty() {
-        return Err(WireError::Text { field, limit });
-    }
-    bounded(field, text, limit)
-}
-
-fn may_be_empty(field: &'static str, text: &str) -> Result<(), WireError> {
-    bounded(field, text, TEXT_LIMIT)
-}
-
-fn bounded(field: &'static str, text: &str, limit: usize) -> Result<(), WireError> {
-    if text.len() <= limit && !text.chars().any(is_hidden) {
-        Ok(())
-    } else {
+        let limit = *lengths.end();
         Err(WireError::Text { field, limit })
     }
 }

@@ -1,13 +1,13 @@
 //! Frames to values.
 
-use super::encode::{a_sequence, axes_inside, may_write};
+use super::encode::{a_sequence, may_write};
 use super::header::{Header, begins_right, reserved};
 use super::kind::Kind;
 use super::layout::{
-    CRC_LEN, HEADER_LEN, HISTORY, MEASURED_WORDS, WORD, earlier_words, trailer_len,
+    CRC_LEN, HEADER_LEN, HISTORY, MAX_AXES, MEASURED_WORDS, WORD, earlier_words, trailer_len,
 };
 use super::view::{Cause, CommandFrame, Frame, Heartbeat, MeasurementFrame, Notice};
-use crate::bytes::{Word, array, finite, finite_words, halves};
+use crate::bytes::{Word, array, bounded, finite, finite_words, halves};
 use crate::key::{MAC_LEN, SessionKey};
 use crate::window::{Arrival, SequenceWindow};
 use crate::{Progress, Side, WireError};
@@ -64,7 +64,7 @@ impl Decoder {
         session: u64,
         key: Option<SessionKey>,
     ) -> Result<Self, WireError> {
-        axes_inside(axes)?;
+        bounded("axes", 1, MAX_AXES, axes as i128)?;
         Ok(Self {
             from,
             axes,

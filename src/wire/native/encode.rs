@@ -6,7 +6,7 @@ use super::layout::{
     MAX_AXES, NO_SEQUENCE, VERSION, WORD, body_end, earlier_words, trailer_len,
 };
 use super::view::{Heartbeat, Notice};
-use crate::bytes::{Word, finite, joined, put, same_length};
+use crate::bytes::{Word, bounded, finite, joined, put, same_length};
 use crate::key::{MAC_LEN, SessionKey};
 use crate::{Side, WireError};
 use gusset_quantity::substructure::{Command, Measurement};
@@ -45,7 +45,7 @@ impl Encoder {
         session: u64,
         key: Option<SessionKey>,
     ) -> Result<Self, WireError> {
-        axes_inside(axes)?;
+        bounded("axes", 1, MAX_AXES, axes as i128)?;
         Ok(Self {
             side,
             axes,
@@ -176,14 +176,8 @@ impl Encoder {
     /// # Errors
     /// A message beyond [`CONTROL_LIMIT`], a buffer too small.
     pub fn control(&mut self, message: &[u8], out: &mut [u8]) -> Result<usize, WireError> {
-        if message.len() > CONTROL_LIMIT {
-            return Err(WireError::Bounds {
-                field: "length of the control message",
-                lowest: 0,
-                highest: CONTROL_LIMIT as i64,
-                found: message.len() as i128,
-            });
-        }
+        let (field, found) = ("length of the control message", message.len() as i128);
+        bounded(field, 0, CONTROL_LIMIT, found)?;
         let body = self.begin(Kind::Control, message.len(), out)?;
         if let Some(place) = body.get_mut(..message.len()) {
             place.copy_from_slice(message);
@@ -282,19 +276,6 @@ pub(super) fn a_sequence(sequence: u64) -> Result<(), WireError> {
         })
     } else {
         Ok(())
-    }
-}
-
-pub(super) fn axes_inside(axes: usize) -> Result<(), WireError> {
-    if (1..=MAX_AXES).contains(&axes) {
-        Ok(())
-    } else {
-        Err(WireError::Bounds {
-            field: "axes",
-            lowest: 1,
-            highest: MAX_AXES as i64,
-            found: axes as i128,
-        })
     }
 }
 

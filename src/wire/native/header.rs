@@ -1,12 +1,11 @@
 //! The header that all frames have in common, taken apart and checked.
 
-use super::encode::axes_inside;
 use super::kind::Kind;
 use super::layout::{
-    CONTROL_LIMIT, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, MAGIC, VERSION, WORD,
-    body_end, trailer_len,
+    CONTROL_LIMIT, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, MAGIC, MAX_AXES, VERSION,
+    WORD, body_end, trailer_len,
 };
-use crate::bytes::halves;
+use crate::bytes::{bounded, halves};
 use crate::{Side, WireError};
 
 /// As much of a header as is here.
@@ -78,14 +77,9 @@ impl Header {
         let (length, reserve) = (length as usize, axes >> 16);
         let axes = (axes & 0xFFFF) as usize;
         if kind.has_axes() {
-            axes_inside(axes)?;
-        } else if axes != 0 {
-            return Err(WireError::Bounds {
-                field: "axes of a frame without vectors",
-                lowest: 0,
-                highest: 0,
-                found: axes as i128,
-            });
+            bounded("axes", 1, MAX_AXES, axes as i128)?;
+        } else {
+            bounded("axes of a frame without vectors", 0, 0, axes as i128)?;
         }
         reserved("header reserve", 0, reserve)?;
         let shortest = body_end(kind, axes, 0) + trailer_len(keyed);
@@ -94,14 +88,7 @@ impl Header {
         } else {
             shortest
         };
-        if !(shortest..=longest).contains(&length) {
-            return Err(WireError::Bounds {
-                field: "length of the frame",
-                lowest: shortest as i64,
-                highest: longest as i64,
-                found: length as i128,
-            });
-        }
+        bounded("length of the frame", shortest, longest, length as i128)?;
         Ok(Self {
             kind,
             keyed,

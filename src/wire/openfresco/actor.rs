@@ -7,6 +7,7 @@
 use super::action::{Action, Reading};
 use super::course::Course;
 use super::exchange::Served;
+use super::followed::Followed;
 use super::hello::{ENDIAN, HELLO, HELLO_ANSWER};
 use super::inbox::{Carrier, Inbox};
 use super::opening::NOT_READY;
@@ -119,22 +120,10 @@ impl Actor {
         self.outbox.get(..self.reply_len).unwrap_or_default()
     }
 
-    /// The last command; zeros before the first. `None` before the sizes.
+    /// The last command and its course. `None` before the sizes.
     #[must_use]
-    pub fn trial(&self) -> Option<Response<'_>> {
-        self.served.as_ref().map(Served::trial)
-    }
-
-    /// See [`super::Server::is_reset`].
-    #[must_use]
-    pub fn is_reset(&self) -> bool {
-        self.served.as_ref().is_some_and(Served::is_reset)
-    }
-
-    /// Test time from the last commit to the last command; see [`super::Server::dt`].
-    #[must_use]
-    pub fn dt(&self) -> Option<f64> {
-        self.served.as_ref().and_then(Served::dt)
+    pub fn followed(&self) -> Option<&Followed> {
+        self.served.as_ref().map(|served| &served.followed)
     }
 
     /// Encodes the answer to the last request. Kinds that the shadow does not want may be empty. Real-time: yes.
@@ -145,22 +134,10 @@ impl Actor {
         self.served.as_mut().ok_or(NOT_READY)?.answer(response)
     }
 
-    /// Length of a message in bytes, after the sizes.
+    /// The messages of the client.
     #[must_use]
-    pub const fn message_len(&self) -> usize {
-        self.inbox.message().len()
-    }
-
-    /// Bytes of a message that has not come whole.
-    #[must_use]
-    pub const fn partial(&self) -> usize {
-        self.inbox.partial()
-    }
-
-    /// Over UDP: cut answers into pieces of this many bytes, as the shadow cuts its vectors.
-    #[must_use]
-    pub fn piece(&self) -> usize {
-        self.inbox.piece()
+    pub const fn inbox(&self) -> &Inbox {
+        &self.inbox
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, ActorEvent), WireError> {
@@ -230,51 +207,26 @@ impl Actor {
     fn vector(&mut self) -> Result<ActorEvent, WireError> {
         let vector = self.inbox.message();
         let code = read_lead(vector)?;
-        let Some(action) = Action::whole(code)? else {
-            return Ok(ActorEvent::Ignored(code));
-        };
-        let Some(served) = self.served.as_mut() else {
-            return self.before_sizes(action, code);
-        };
-        Ok(match action {
-            Action::Trial => ActorEvent::Trial(served.command(vector)?),
-            Action::Commit => ActorEvent::Commit {
+        Ok(match (Action::whole(code)?, &mut self.served) {
+            (Some(Action::Open), _) => self.open()?,
+            (Some(Action::Setup), _) => self.setup()?,
+            (Some(Action::Die), _) => self.die()?,
+            (Some(Action::Trial), Some(served)) => ActorEvent::Trial(served.command(vector)?),
+            (Some(Action::Commit), Some(served)) => ActorEvent::Commit {
                 trials: served.commit(vector)?,
             },
-            Action::Read(Reading::All) => {
+            (Some(Action::Read(Reading::All)), Some(served)) => {
                 served.owe_signals();
                 ActorEvent::Read
             }
-            Action::Open => self.open()?,
-            Action::Setup => self.setup()?,
-            Action::Die => self.die()?,
-            Action::Read(_)
-            | Action::Give(_)
-            | Action::Execute
-            | Action::TargetTaken
-            | Action::TargetDone
-            | Action::SwitchedBack
-            | Action::Shutdown => ActorEvent::Ignored(code),
+            (Some(Action::Trial | Action::Commit | Action::Read(Reading::All)), None) => {
+                return Err(WireError::Order {
+                    expected: "open or setup",
+                    found: "an action that needs the sizes",
+                });
+            }
+            _ => ActorEvent::Ignored(code),
         })
-    }
-
-    fn before_sizes(&mut self, action: Action, code: f64) -> Result<ActorEvent, WireError> {
-        match action {
-            Action::Open => self.open(),
-            Action::Setup => self.setup(),
-            Action::Die => self.die(),
-            Action::Trial | Action::Commit | Action::Read(Reading::All) => Err(WireError::Order {
-                expected: "open or setup",
-                found: "an action that needs the sizes",
-            }),
-            Action::Read(_)
-            | Action::Give(_)
-            | Action::Execute
-            | Action::TargetTaken
-            | Action::TargetDone
-            | Action::SwitchedBack
-            | Action::Shutdown => Ok(ActorEvent::Ignored(code)),
-        }
     }
 
     fn open(&mut self) -> Result<ActorEvent, WireError> {

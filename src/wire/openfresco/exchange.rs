@@ -12,16 +12,39 @@ use gusset_quantity::substructure::{Command, Measurement};
 
 /// Answer that a server owes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Debt {
+pub(super) enum Debt {
     Signals,
     Matrix,
+    Switch,
+}
+
+impl Debt {
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Signals => "an answer with signals",
+            Self::Matrix => "an answer with a matrix",
+            Self::Switch => "an answer with a switch",
+        }
+    }
+
+    /// Pays this debt out of what is `owed`. Real-time: yes.
+    pub(super) fn settle(self, owed: &mut Option<Self>) -> Result<(), WireError> {
+        if *owed == Some(self) {
+            *owed = None;
+            return Ok(());
+        }
+        Err(WireError::Order {
+            expected: owed.map_or("no answer", Self::words),
+            found: self.words(),
+        })
+    }
 }
 
 /// The serving half: the last command, its meaning, and the answers.
 #[derive(Debug)]
 pub(super) struct Served {
     daq: Counts,
-    followed: Followed,
+    pub followed: Followed,
     outbox: Vec<u8>,
     debt: Option<Debt>,
 }
@@ -72,48 +95,18 @@ impl Served {
         Ok(())
     }
 
-    pub(super) fn trial(&self) -> Response<'_> {
-        self.followed.trial()
-    }
-
-    pub(super) fn dt(&self) -> Option<f64> {
-        self.followed.dt()
-    }
-
-    pub(super) const fn is_reset(&self) -> bool {
-        self.followed.is_reset()
-    }
-
     /// Encodes the answer that is owed. Real-time: yes.
     pub(super) fn answer(&mut self, response: &Response<'_>) -> Result<&[u8], WireError> {
-        self.settle(Debt::Signals)?;
+        Debt::Signals.settle(&mut self.debt)?;
         write_vector(&mut self.outbox, None, &self.daq, response)?;
         Ok(&self.outbox)
     }
 
     /// Encodes the matrix that is owed. Real-time: yes.
     pub(super) fn answer_matrix(&mut self, rows: &[f64]) -> Result<&[u8], WireError> {
-        self.settle(Debt::Matrix)?;
+        Debt::Matrix.settle(&mut self.debt)?;
         write_matrix(&mut self.outbox, self.followed.counts().disp, rows)?;
         Ok(&self.outbox)
-    }
-
-    fn settle(&mut self, debt: Debt) -> Result<(), WireError> {
-        if self.debt == Some(debt) {
-            self.debt = None;
-            return Ok(());
-        }
-        Err(WireError::Order {
-            expected: match self.debt {
-                None => "no answer",
-                Some(Debt::Signals) => "an answer with signals",
-                Some(Debt::Matrix) => "an answer with a matrix",
-            },
-            found: match debt {
-                Debt::Signals => "an answer with signals",
-                Debt::Matrix => "an answer with a matrix",
-            },
-        })
     }
 }
 

@@ -5,9 +5,9 @@ use super::sizes::Counts;
 use super::vector::{Response, Signals};
 use crate::WireError;
 
-/// The last command and its course.
+/// The last command of the client and its course.
 #[derive(Debug)]
-pub(super) struct Followed {
+pub struct Followed {
     trial: Signals,
     incoming: Signals,
     tracker: Tracker,
@@ -43,8 +43,9 @@ impl Followed {
         self.tracker.commit(&self.trial, time)
     }
 
-    /// True if the last command went back to the start of the client's analysis after a commit.
-    pub(super) const fn is_reset(&self) -> bool {
+    /// True if the last command went back to displacement 0 at time 0 after a commit, as OpenSees does on `reset`.
+    #[must_use]
+    pub const fn is_reset(&self) -> bool {
         self.is_reset
     }
 
@@ -52,11 +53,15 @@ impl Followed {
         self.trial.counts()
     }
 
-    pub(super) fn trial(&self) -> Response<'_> {
+    /// The last command; zeros before the first.
+    #[must_use]
+    pub fn trial(&self) -> Response<'_> {
         self.trial.response()
     }
 
-    pub(super) fn signals(&self) -> &[f64] {
+    /// The signals of the last command, by quantity.
+    #[must_use]
+    pub fn signals(&self) -> &[f64] {
         self.trial.values()
     }
 
@@ -65,8 +70,11 @@ impl Followed {
         self.trial.time()
     }
 
-    /// Test time from the last commit to the last command; see [`super::Server::dt`].
-    pub(super) fn dt(&self) -> Option<f64> {
+    /// Test time from the last commit to the last command: what a rate-dependent specimen integrates over. May be
+    /// zero or negative (then nothing is to be integrated); `None` if the client sends no time or has begun a
+    /// new one.
+    #[must_use]
+    pub fn dt(&self) -> Option<f64> {
         self.tracker.dt(&self.trial)
     }
 }

@@ -25,7 +25,7 @@ pub fn datagrams(bytes: &[u8], message: usize, piece: usize) -> impl Iterator<It
 
 /// Gathers one message at a time. Its memory is fixed when the length is.
 #[derive(Debug)]
-pub(super) struct Inbox {
+pub struct Inbox {
     carrier: Carrier,
     buffer: Vec<u8>,
     filled: usize,
@@ -82,7 +82,8 @@ impl Inbox {
     }
 
     /// Bytes of a message that has not come whole.
-    pub(super) const fn partial(&self) -> usize {
+    #[must_use]
+    pub const fn partial(&self) -> usize {
         self.filled
     }
 
@@ -91,13 +92,15 @@ impl Inbox {
         self.carrier == Carrier::Datagrams && self.is_empty() && bytes.len() == 1
     }
 
-    /// The last whole message.
-    pub(super) const fn message(&self) -> &[u8] {
+    /// The last whole message. All have its length after the sizes.
+    #[must_use]
+    pub const fn message(&self) -> &[u8] {
         self.buffer.as_slice()
     }
 
-    /// Length of the pieces in which the peer cuts its messages: cut the answers alike.
-    pub(super) fn piece(&self) -> usize {
+    /// Over UDP: cut answers into pieces of this many bytes, as the peer cuts its messages.
+    #[must_use]
+    pub fn piece(&self) -> usize {
         self.piece.unwrap_or(DATAGRAM_LIMIT).min(DATAGRAM_LIMIT)
     }
 }

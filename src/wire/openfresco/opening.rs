@@ -40,8 +40,8 @@ pub(super) enum Came {
 pub(super) struct Opening {
     interface: Interface,
     state: State,
-    inbox: Inbox,
-    reply: &'static [u8],
+    pub inbox: Inbox,
+    pub reply: &'static [u8],
 }
 
 impl Opening {
@@ -113,17 +113,5 @@ impl Opening {
     /// Nothing is understood any more.
     pub(super) const fn fail(&mut self) {
         self.state = State::Failed;
-    }
-
-    pub(super) const fn reply(&self) -> &[u8] {
-        self.reply
-    }
-
-    pub(super) const fn partial(&self) -> usize {
-        self.inbox.partial()
-    }
-
-    pub(super) fn piece(&self) -> usize {
-        self.inbox.piece()
     }
 }

@@ -6,7 +6,8 @@
 use super::action::{Action, Matrix, Reading};
 use super::course::Course;
 use super::exchange::Served;
-use super::inbox::Carrier;
+use super::followed::Followed;
+use super::inbox::{Carrier, Inbox};
 use super::opening::{Came, NOT_READY, Opening};
 use super::sizes::{Interface, Sizes};
 use super::vector::{Response, read_lead};
@@ -94,27 +95,13 @@ impl Server {
     /// Bytes to send after the last event; empty for most. Requests are answered by `answer`.
     #[must_use]
     pub const fn reply(&self) -> &[u8] {
-        self.opening.reply()
+        self.opening.reply
     }
 
-    /// The last command; zeros before the first. `None` before the sizes.
+    /// The last command and its course. `None` before the sizes.
     #[must_use]
-    pub fn trial(&self) -> Option<Response<'_>> {
-        self.served.as_ref().map(Served::trial)
-    }
-
-    /// Test time from the last commit to the last command: what a rate-dependent specimen integrates over. May be
-    /// zero or negative (then nothing is to be integrated); `None` if the client sends no time or has begun a
-    /// new one.
-    #[must_use]
-    pub fn dt(&self) -> Option<f64> {
-        self.served.as_ref().and_then(Served::dt)
-    }
-
-    /// True if the last command went back to displacement 0 at time 0 after a commit, as OpenSees does on `reset`.
-    #[must_use]
-    pub fn is_reset(&self) -> bool {
-        self.served.as_ref().is_some_and(Served::is_reset)
+    pub fn followed(&self) -> Option<&Followed> {
+        self.served.as_ref().map(|served| &served.followed)
     }
 
     /// Encodes the answer to the last request 6 to 11. Kinds that the client does not want may be empty.
@@ -134,22 +121,10 @@ impl Server {
         self.served.as_mut().ok_or(NOT_READY)?.answer_matrix(rows)
     }
 
-    /// Length of a message in bytes, after the sizes.
+    /// The messages of the client.
     #[must_use]
-    pub const fn message_len(&self) -> usize {
-        self.opening.vector().len()
-    }
-
-    /// Bytes of a message that has not come whole.
-    #[must_use]
-    pub const fn partial(&self) -> usize {
-        self.opening.partial()
-    }
-
-    /// Over UDP: cut answers into pieces of this many bytes, as the client cuts its vectors.
-    #[must_use]
-    pub fn piece(&self) -> usize {
-        self.opening.piece()
+    pub const fn inbox(&self) -> &Inbox {
+        &self.opening.inbox
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, Event), WireError> {
@@ -222,16 +197,7 @@ impl Server {
                 self.opening.finish();
                 Event::Finished
             }
-            Some(
-                Action::Open
-                | Action::Setup
-                | Action::Execute
-                | Action::TargetTaken
-                | Action::TargetDone
-                | Action::SwitchedBack
-                | Action::Shutdown,
-            )
-            | None => Event::Ignored(code),
+            _ => Event::Ignored(code),
         })
     }
 }

@@ -6,12 +6,13 @@
 
 use super::action::{Action, Reading};
 use super::course::Course;
+use super::exchange::Debt;
 use super::followed::Followed;
-use super::inbox::Carrier;
+use super::inbox::{Carrier, Inbox};
 use super::opening::{Came, NOT_READY, Opening};
 use super::order::SignalOrder;
 use super::sizes::{Counts, Interface, Sizes};
-use super::vector::{Response, read_lead};
+use super::vector::read_lead;
 use crate::WireError;
 use crate::bytes::{array, finite, put, put_doubles, same_length};
 
@@ -42,12 +43,6 @@ pub enum SimulinkEvent {
     Ignored(f64),
     /// The end; a second one is ignored.
     Finished,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Debt {
-    Signals,
-    Switch,
 }
 
 /// A laboratory controller, as `SimSimulink` sees it.
@@ -108,31 +103,13 @@ impl Simulink {
     /// Bytes to send after the last event; empty for most.
     #[must_use]
     pub const fn reply(&self) -> &[u8] {
-        self.opening.reply()
+        self.opening.reply
     }
 
-    /// The target's signals, by quantity; zeros before the first.
+    /// The target and its course.
     #[must_use]
-    pub fn signals(&self) -> &[f64] {
-        self.followed.signals()
-    }
-
-    /// The target, signal by signal.
-    #[must_use]
-    pub fn trial(&self) -> Response<'_> {
-        self.followed.trial()
-    }
-
-    /// See [`super::Server::is_reset`].
-    #[must_use]
-    pub const fn is_reset(&self) -> bool {
-        self.followed.is_reset()
-    }
-
-    /// Test time from the last commit to the target; see [`super::Server::dt`].
-    #[must_use]
-    pub fn dt(&self) -> Option<f64> {
-        self.followed.dt()
+    pub const fn followed(&self) -> &Followed {
+        &self.followed
     }
 
     /// Encodes the answer to 6: the flag `atTarget` and the measured `signals`, which are given by quantity. Real-time:
@@ -161,43 +138,17 @@ impl Simulink {
         Ok(&self.outbox)
     }
 
-    /// Length of a message in bytes, after the sizes.
+    /// The messages of the client.
     #[must_use]
-    pub const fn message_len(&self) -> usize {
-        self.opening.vector().len()
-    }
-
-    /// Bytes of a message that has not come whole.
-    #[must_use]
-    pub const fn partial(&self) -> usize {
-        self.opening.partial()
-    }
-
-    /// Over UDP: cut answers into pieces of this many bytes, as the client cuts its vectors.
-    #[must_use]
-    pub fn piece(&self) -> usize {
-        self.opening.piece()
+    pub const fn inbox(&self) -> &Inbox {
+        &self.opening.inbox
     }
 
     fn settle(&mut self, debt: Debt) -> Result<(), WireError> {
         if self.outbox.is_empty() {
             return Err(NOT_READY);
         }
-        if self.debt == Some(debt) {
-            self.debt = None;
-            return Ok(());
-        }
-        Err(WireError::Order {
-            expected: match self.debt {
-                None => "no answer",
-                Some(Debt::Signals) => "an answer with signals",
-                Some(Debt::Switch) => "an answer with a switch",
-            },
-            found: match debt {
-                Debt::Signals => "an answer with signals",
-                Debt::Switch => "an answer with a switch",
-            },
-        })
+        debt.settle(&mut self.debt)
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
@@ -270,10 +221,7 @@ impl Simulink {
                 self.opening.finish();
                 SimulinkEvent::Finished
             }
-            Some(
-                Action::Open | Action::Setup | Action::Shutdown | Action::Read(_) | Action::Give(_),
-            )
-            | None => SimulinkEvent::Ignored(code),
+            _ => SimulinkEvent::Ignored(code),
         })
     }
 }

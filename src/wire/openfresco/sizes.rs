@@ -4,7 +4,7 @@
 //! must and is at most [`MAX_DATA_SIZE`]. The real programs check none of this and write past their buffers.
 
 use crate::WireError;
-use crate::bytes::{get_i32, put};
+use crate::bytes::{bounded, get_i32, put};
 
 /// Length of the first message in dialects A, C and D.
 pub(crate) const SIZES_LEN: usize = 44;
@@ -295,15 +295,8 @@ pub(super) fn inside(
     highest: usize,
     found: i64,
 ) -> Result<usize, WireError> {
-    match usize::try_from(found) {
-        Ok(value) if (lowest..=highest).contains(&value) => Ok(value),
-        _ => Err(WireError::Bounds {
-            field,
-            lowest: lowest as i64,
-            highest: highest as i64,
-            found: found.into(),
-        }),
-    }
+    bounded(field, lowest, highest, found.into())?;
+    Ok(found as usize)
 }
 
 fn exactly(field: &'static str, expected: usize, found: usize) -> Result<(), WireError> {

@@ -254,7 +254,9 @@ impl Machine {
                 match event {
                     Event::NeedMore => return Ok(used),
                     Event::Greeted => log.note(server.reply()),
-                    Event::Trial(_) => log.event(&(server.trial(), server.dt())),
+                    Event::Trial(_) => {
+                        log.event(&server.followed().map(|of| (of.trial(), of.dt())))
+                    }
                     Event::Read(_) => log.note(server.answer(&everything(*n)).unwrap()),
                     Event::Matrix(_) => {
                         log.note(server.answer_matrix(&MATRIX[..*n * *n]).unwrap());
@@ -268,7 +270,9 @@ impl Machine {
                 let (used, event) = actor.feed(bytes)?;
                 match event {
                     ActorEvent::NeedMore => return Ok(used),
-                    ActorEvent::Trial(_) => log.event(&(actor.trial(), actor.dt())),
+                    ActorEvent::Trial(_) => {
+                        log.event(&actor.followed().map(|of| (of.trial(), of.dt())))
+                    }
                     ActorEvent::Read => log.note(actor.answer(&everything(*n)).unwrap()),
                     _ => log.note(actor.reply()),
                 }

@@ -36,7 +36,7 @@ fn serve(capture: &Capture, dialect: ServerDialect, piece: usize) -> (Vec<Course
             match event {
                 Event::Trial(course) => {
                     let expected = response(&values[1..], sizes.ctrl());
-                    assert_eq!(server.trial(), Some(expected), "{context}");
+                    assert_eq!(server.followed().unwrap().trial(), expected, "{context}");
                     courses.push(course);
                 }
                 Event::Commit { .. } => commits += 1,

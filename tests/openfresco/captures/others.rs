@@ -30,7 +30,7 @@ fn simulink_polls_are_served_as_recorded() {
                 let name = match event {
                     SimulinkEvent::Ready(_) => "sizes",
                     SimulinkEvent::Target(course) => {
-                        assert_eq!(machine.signals(), &values[1..2], "{context}");
+                        assert_eq!(machine.followed().signals(), &values[1..2], "{context}");
                         courses.push(course);
                         "setTrialResponse"
                     }
@@ -103,7 +103,7 @@ fn a_shadow_is_served_as_recorded() {
                         }
                         Some(ActorEvent::Ready(_)) => &["sizeOut"],
                         Some(ActorEvent::Trial(course)) => {
-                            assert_eq!(actor.trial().unwrap().disp, &values[1..2]);
+                            assert_eq!(actor.followed().unwrap().trial().disp, &values[1..2]);
                             courses.push(course);
                             &["setTrialResponse"]
                         }

@@ -50,43 +50,60 @@ impl Tree {
 
 const CPU: &str = "sys/devices/system/cpu";
 
+/// The finding about a topic, and the advice; `None` if the machine does not say.
+type Found = Option<(String, Verdict, &'static str)>;
+
+fn good(found: impl Into<String>) -> Found {
+    Some((found.into(), Verdict::Good, ""))
+}
+
+fn fair(found: impl Into<String>, advice: &'static str) -> Found {
+    Some((found.into(), Verdict::Fair, advice))
+}
+
+fn poor(found: impl Into<String>, advice: &'static str) -> Found {
+    Some((found.into(), Verdict::Poor, advice))
+}
+
 /// All findings of this file, in the order of a report; `allowed`: the processors that the process may run on, if they are to
 /// be assessed.
 #[must_use]
 pub(crate) fn findings(tree: &Tree, allowed: Option<&[usize]>) -> Vec<Finding> {
-    vec![
-        kernel(tree),
-        throttling(tree),
-        processors(tree, allowed),
-        isolation(tree),
-        tickless(tree),
-        threads_per_core(tree),
-        governor(tree),
-        idle(tree),
-        clock_source(tree),
-        hypervisor(tree),
-        steal(tree),
-        swap(tree),
-        huge_pages(tree),
-    ]
+    let each = [
+        ("kernel", kernel(tree)),
+        ("real-time throttling", throttling(tree)),
+        ("processors", processors(tree, allowed)),
+        ("isolated processors", isolation(tree)),
+        ("tickless processors", tickless(tree)),
+        ("simultaneous multithreading", threads_per_core(tree)),
+        ("frequency governor", governor(tree)),
+        ("idle states", idle(tree)),
+        ("clock source", clock_source(tree)),
+        ("hypervisor", hypervisor(tree)),
+        ("steal", steal(tree)),
+        ("swap", swap(tree)),
+        ("transparent huge pages", huge_pages(tree)),
+    ];
+    let unknown = || ("the machine does not say".to_owned(), Verdict::Unknown, "");
+    let findings = each.into_iter().map(|(topic, found)| {
+        let (found, verdict, advice) = found.unwrap_or_else(unknown);
+        Finding::new(topic, found, verdict, advice)
+    });
+    findings.collect()
 }
 
-fn kernel(tree: &Tree) -> Finding {
-    const TOPIC: &str = "kernel";
+fn kernel(tree: &Tree) -> Found {
     const ADVICE: &str =
         "for bounded latency install a PREEMPT_RT kernel (Debian: linux-image-rt-amd64)";
-    let Some(version) = tree.text("proc/version") else {
-        return Finding::unknown(TOPIC);
-    };
+    let version = tree.text("proc/version")?;
     let release = version
         .split_whitespace()
         .nth(2)
         .unwrap_or("of unknown release");
     if version.contains("PREEMPT_RT") || tree.text("sys/kernel/realtime").as_deref() == Some("1") {
-        return Finding::new(TOPIC, format!("{release}, PREEMPT_RT"), Verdict::Good, "");
+        return good(format!("{release}, PREEMPT_RT"));
     }
     if version.contains("PREEMPT_DYNAMIC") {
-        // "none voluntary (full) lazy": the mode in use is in brackets; debugfs may be unreadable.
         let mode = tree
             .text("sys/kernel/debug/sched/preempt")
             .and_then(|modes| Some(modes.split_once('(')?.1.split_once(')')?.0.to_owned()));
@@ -94,68 +111,35 @@ fn kernel(tree: &Tree) -> Finding {
             || "mode not readable".to_owned(),
             |mode| format!("mode {mode}"),
         );
-        return Finding::new(
-            TOPIC,
-            format!("{release}, PREEMPT_DYNAMIC ({mode}), no PREEMPT_RT"),
-            Verdict::Fair,
-            ADVICE,
-        );
+        let found = format!("{release}, PREEMPT_DYNAMIC ({mode}), no PREEMPT_RT");
+        return fair(found, ADVICE);
     }
     if version.contains("PREEMPT") {
-        return Finding::new(
-            TOPIC,
-            format!("{release}, PREEMPT, no PREEMPT_RT"),
-            Verdict::Fair,
-            ADVICE,
-        );
+        return fair(format!("{release}, PREEMPT, no PREEMPT_RT"), ADVICE);
     }
-    Finding::new(
-        TOPIC,
-        format!("{release}, kernel code is not preempted"),
-        Verdict::Poor,
-        ADVICE,
-    )
+    poor(format!("{release}, kernel code is not preempted"), ADVICE)
 }
 
-fn throttling(tree: &Tree) -> Finding {
-    const TOPIC: &str = "real-time throttling";
+fn throttling(tree: &Tree) -> Found {
     let file = |name| tree.text(&format!("proc/sys/kernel/{name}"));
-    let read = file("sched_rt_runtime_us").zip(file("sched_rt_period_us"));
-    match read.and_then(|(runtime, period)| Throttle::parse(&runtime, &period)) {
-        None => Finding::unknown(TOPIC),
-        Some(throttle) => match throttle.runtime_us {
-            None => Finding::new(
-                TOPIC,
-                "off: real-time threads may run without end",
-                Verdict::Good,
-                "",
-            ),
-            Some(runtime) if throttle.permille() >= 500 => {
-                let found = format!(
-                    "real-time threads may run {runtime} of {} µs ({:.1} %); the loop sleeps in every tick and stays below",
-                    throttle.period_us,
-                    throttle.permille() as f64 / 10.0
-                );
-                Finding::new(TOPIC, found, Verdict::Good, "")
-            }
-            Some(runtime) => Finding::new(
-                TOPIC,
-                format!(
-                    "real-time threads may run only {runtime} of {} µs",
-                    throttle.period_us
-                ),
-                Verdict::Poor,
-                "sysctl kernel.sched_rt_runtime_us=950000",
-            ),
-        },
+    let (runtime, period) = file("sched_rt_runtime_us").zip(file("sched_rt_period_us"))?;
+    let throttle = Throttle::parse(&runtime, &period)?;
+    let period = throttle.period_us;
+    match throttle.runtime_us {
+        None => good("off: real-time threads may run without end"),
+        Some(runtime) if throttle.permille() >= 500 => good(format!(
+            "real-time threads may run {runtime} of {period} µs ({:.1} %); the loop sleeps in every tick and stays below",
+            throttle.permille() as f64 / 10.0
+        )),
+        Some(runtime) => poor(
+            format!("real-time threads may run only {runtime} of {period} µs"),
+            "sysctl kernel.sched_rt_runtime_us=950000",
+        ),
     }
 }
 
-fn processors(tree: &Tree, allowed: Option<&[usize]>) -> Finding {
-    const TOPIC: &str = "processors";
-    let Some(mut cpus) = tree.cpus(&format!("{CPU}/online")) else {
-        return Finding::unknown(TOPIC);
-    };
+fn processors(tree: &Tree, allowed: Option<&[usize]>) -> Found {
+    let mut cpus = tree.cpus(&format!("{CPU}/online"))?;
     let online = cpus.len();
     cpus.retain(|cpu| allowed.is_none_or(|allowed| allowed.contains(cpu)));
     let mut found = format!("{online} online");
@@ -163,7 +147,7 @@ fn processors(tree: &Tree, allowed: Option<&[usize]>) -> Finding {
         found += &format!(", {} may be used", cpus.len());
     }
     match cpus.as_slice() {
-        [] => Finding::unknown(TOPIC),
+        [] => None,
         [_] => {
             let advice = if online > 1 {
                 "let this program have two processors or more (taskset, cpuset, container)"
@@ -171,68 +155,51 @@ fn processors(tree: &Tree, allowed: Option<&[usize]>) -> Finding {
                 "use a machine with two processors or more"
             };
             found += ": the loop shares it with everything else";
-            Finding::new(TOPIC, found, Verdict::Poor, advice)
+            poor(found, advice)
         }
         [.., last] => {
             found += &format!("; the loop takes {last} unless told otherwise");
-            Finding::new(TOPIC, found, Verdict::Good, "")
+            good(found)
         }
     }
 }
 
-fn isolation(tree: &Tree) -> Finding {
-    const TOPIC: &str = "isolated processors";
-    match tree.cpus(&format!("{CPU}/isolated")).as_deref() {
-        None => Finding::unknown(TOPIC),
-        Some([]) => Finding::new(
-            TOPIC,
+fn isolation(tree: &Tree) -> Found {
+    match tree.cpus(&format!("{CPU}/isolated"))?.as_slice() {
+        [] => fair(
             "none: ordinary threads and interrupts may run on the loop's processor",
-            Verdict::Fair,
             "boot with isolcpus=managed_irq,domain,N and irqaffinity=0, and set [timing] cpu = N",
         ),
-        Some(cpus) => {
-            let found = format!("{cpus:?}");
-            Finding::new(
-                TOPIC,
-                found,
-                Verdict::Good,
-                "set [timing] cpu to one of them",
-            )
-        }
+        cpus => Some((
+            format!("{cpus:?}"),
+            Verdict::Good,
+            "set [timing] cpu to one of them",
+        )),
     }
 }
 
-fn tickless(tree: &Tree) -> Finding {
-    const TOPIC: &str = "tickless processors";
-    let advice = "for rates above 10 kHz boot a kernel with NO_HZ_FULL and nohz_full=N rcu_nocbs=N";
+fn tickless(tree: &Tree) -> Found {
     match tree.cpus(&format!("{CPU}/nohz_full")).as_deref() {
-        // "(null)" where the kernel supports it but has no list.
-        None | Some([]) => Finding::new(
-            TOPIC,
+        None | Some([]) => fair(
             "none: the kernel's tick interrupts the loop",
-            Verdict::Fair,
-            advice,
+            "for rates above 10 kHz boot a kernel with NO_HZ_FULL and nohz_full=N rcu_nocbs=N",
         ),
-        Some(cpus) => Finding::new(TOPIC, format!("{cpus:?}"), Verdict::Good, ""),
+        Some(cpus) => good(format!("{cpus:?}")),
     }
 }
 
-fn threads_per_core(tree: &Tree) -> Finding {
-    const TOPIC: &str = "simultaneous multithreading";
-    match tree.text(&format!("{CPU}/smt/active")).as_deref() {
-        Some("0") => Finding::new(TOPIC, "off", Verdict::Good, ""),
-        Some("1") => Finding::new(
-            TOPIC,
+fn threads_per_core(tree: &Tree) -> Found {
+    match tree.text(&format!("{CPU}/smt/active"))?.as_str() {
+        "0" => good("off"),
+        "1" => fair(
             "on: the loop may share its core with another thread",
-            Verdict::Fair,
             "keep the sibling of the loop's processor idle, or echo off > /sys/devices/system/cpu/smt/control",
         ),
-        _ => Finding::unknown(TOPIC),
+        _ => None,
     }
 }
 
-fn governor(tree: &Tree) -> Finding {
-    const TOPIC: &str = "frequency governor";
+fn governor(tree: &Tree) -> Found {
     let mut governors: Vec<String> = tree
         .cpus(&format!("{CPU}/online"))
         .unwrap_or_default()
@@ -242,167 +209,100 @@ fn governor(tree: &Tree) -> Finding {
     governors.sort();
     governors.dedup();
     match governors.as_slice() {
-        [] => Finding::new(
-            TOPIC,
-            "none visible: this machine does not let programs choose the frequency",
+        [] => Some((
+            "none visible: this machine does not let programs choose the frequency".to_owned(),
             Verdict::Unknown,
             "",
-        ),
-        [one] if one == "performance" => Finding::new(TOPIC, one.as_str(), Verdict::Good, ""),
-        some => Finding::new(
-            TOPIC,
-            some.join(", "),
-            Verdict::Fair,
-            "cpupower frequency-set -g performance",
-        ),
+        )),
+        [one] if one == "performance" => good(one),
+        some => fair(some.join(", "), "cpupower frequency-set -g performance"),
     }
 }
 
-fn idle(tree: &Tree) -> Finding {
-    const TOPIC: &str = "idle states";
+fn idle(tree: &Tree) -> Found {
     let driver = tree.text(&format!("{CPU}/cpuidle/current_driver"));
     let deepest = tree
         .names(&format!("{CPU}/cpu0/cpuidle"))
         .iter()
-        .filter(|state| {
-            tree.text(&format!("{CPU}/cpu0/cpuidle/{state}/disable"))
-                .as_deref()
-                != Some("1")
-        })
+        .map(|state| format!("{CPU}/cpu0/cpuidle/{state}"))
+        .filter(|state| tree.text(&format!("{state}/disable")).as_deref() != Some("1"))
         .filter_map(|state| {
-            let state = format!("{CPU}/cpu0/cpuidle/{state}");
             let latency: u64 = tree.text(&format!("{state}/latency"))?.parse().ok()?;
             Some((latency, tree.text(&format!("{state}/name"))?))
         })
         .max();
-    match (driver, deepest) {
-        (Some(driver), Some((latency, name))) => {
-            let found =
-                format!("{driver}; the deepest state in use is {name}, {latency} µs to leave");
-            let advice = "let the run write /dev/cpu_dma_latency ([timing] hold_cpu_awake), or boot with \
-                          processor.max_cstate=1 intel_idle.max_cstate=0";
-            if latency <= 10 {
-                Finding::new(TOPIC, found, Verdict::Good, "")
-            } else {
-                Finding::new(TOPIC, found, Verdict::Fair, advice)
-            }
-        }
-        _ => Finding::new(TOPIC, "none visible", Verdict::Unknown, ""),
+    let Some((driver, (latency, name))) = driver.zip(deepest) else {
+        return Some(("none visible".to_owned(), Verdict::Unknown, ""));
+    };
+    let found = format!("{driver}; the deepest state in use is {name}, {latency} µs to leave");
+    if latency <= 10 {
+        return good(found);
     }
+    let advice = "let the run write /dev/cpu_dma_latency ([timing] hold_cpu_awake), or boot with \
+                  processor.max_cstate=1 intel_idle.max_cstate=0";
+    fair(found, advice)
 }
 
-fn clock_source(tree: &Tree) -> Finding {
-    const TOPIC: &str = "clock source";
-    let advice = "boot with clocksource=tsc tsc=reliable if the processor's counter is constant and synchronised";
-    match tree
-        .text("sys/devices/system/clocksource/clocksource0/current_clocksource")
-        .as_deref()
-    {
-        None => Finding::unknown(TOPIC),
-        Some(name @ ("tsc" | "arch_sys_counter")) => Finding::new(
-            TOPIC,
-            format!("{name}: read without a system call"),
-            Verdict::Good,
-            "",
-        ),
-        Some(name @ ("kvm-clock" | "hyperv_clocksource_tsc_page")) => Finding::new(
-            TOPIC,
-            format!("{name}: the hypervisor's, read without a system call"),
-            Verdict::Good,
-            "",
-        ),
-        Some(name) => Finding::new(
-            TOPIC,
+fn clock_source(tree: &Tree) -> Found {
+    let name = tree.text("sys/devices/system/clocksource/clocksource0/current_clocksource")?;
+    match name.as_str() {
+        "tsc" | "arch_sys_counter" => good(format!("{name}: read without a system call")),
+        "kvm-clock" | "hyperv_clocksource_tsc_page" => good(format!(
+            "{name}: the hypervisor's, read without a system call"
+        )),
+        _ => poor(
             format!("{name}: slow, every reading is a system call"),
-            Verdict::Poor,
-            advice,
+            "boot with clocksource=tsc tsc=reliable if the processor's counter is constant and synchronised",
         ),
     }
 }
 
-fn hypervisor(tree: &Tree) -> Finding {
-    const TOPIC: &str = "hypervisor";
-    let Some(info) = tree.text("proc/cpuinfo") else {
-        return Finding::unknown(TOPIC);
-    };
-    let flags = info.lines().find(|line| line.starts_with("flags"));
-    match flags.map(|line| line.split_whitespace().any(|flag| flag == "hypervisor")) {
-        Some(true) => Finding::new(
-            TOPIC,
+fn hypervisor(tree: &Tree) -> Found {
+    let info = tree.text("proc/cpuinfo")?;
+    let flags = info.lines().find(|line| line.starts_with("flags"))?;
+    if flags.split_whitespace().any(|flag| flag == "hypervisor") {
+        return poor(
             "this is a virtual machine: the hypervisor can stop a core for milliseconds, and no program can prevent it",
-            Verdict::Poor,
             "run tests with a real specimen on a physical machine, or have the host pin and isolate this machine's cores",
-        ),
-        Some(false) => Finding::new(TOPIC, "none: a physical machine", Verdict::Good, ""),
-        None => Finding::unknown(TOPIC),
+        );
     }
+    good("none: a physical machine")
 }
 
-fn steal(tree: &Tree) -> Finding {
-    const TOPIC: &str = "steal";
-    let share = tree
-        .text("proc/stat")
-        .and_then(|stat| proc::steal_share(stat.as_bytes()));
-    match share {
-        None => Finding::unknown(TOPIC),
-        Some(share) => {
-            let found = format!(
-                "the hypervisor took {:.3} % of all time since boot",
-                share * 100.0
-            );
-            if share == 0.0 {
-                Finding::new(TOPIC, "none since boot", Verdict::Good, "")
-            } else if share < 1e-3 {
-                Finding::new(
-                    TOPIC,
-                    found,
-                    Verdict::Fair,
-                    "misses of that origin are counted under \"hypervisor or interrupt\"",
-                )
-            } else {
-                Finding::new(
-                    TOPIC,
-                    found,
-                    Verdict::Poor,
-                    "use a machine, or a host, with less competition",
-                )
-            }
-        }
+fn steal(tree: &Tree) -> Found {
+    let share = proc::steal_share(tree.text("proc/stat")?.as_bytes())?;
+    if share == 0.0 {
+        return good("none since boot");
     }
+    let found = format!(
+        "the hypervisor took {:.3} % of all time since boot",
+        share * 100.0
+    );
+    if share < 1e-3 {
+        let advice = "misses of that origin are counted under \"hypervisor or interrupt\"";
+        return fair(found, advice);
+    }
+    poor(found, "use a machine, or a host, with less competition")
 }
 
-fn swap(tree: &Tree) -> Finding {
-    const TOPIC: &str = "swap";
-    let Some(swaps) = tree.text("proc/swaps") else {
-        return Finding::unknown(TOPIC);
-    };
-    // The first line is a heading.
-    match swaps.lines().skip(1).count() {
-        0 => Finding::new(TOPIC, "none", Verdict::Good, ""),
-        areas => Finding::new(
-            TOPIC,
+fn swap(tree: &Tree) -> Found {
+    match tree.text("proc/swaps")?.lines().skip(1).count() {
+        0 => good("none"),
+        areas => fair(
             format!("{areas} in use: memory that is not locked can be a disk access away"),
-            Verdict::Fair,
             "see that memory can be locked (below), or swapoff -a during tests",
         ),
     }
 }
 
-fn huge_pages(tree: &Tree) -> Finding {
-    const TOPIC: &str = "transparent huge pages";
-    let modes = tree.text("sys/kernel/mm/transparent_hugepage/enabled");
-    match modes
-        .as_deref()
-        .and_then(|modes| Some(modes.split_once('[')?.1.split_once(']')?.0))
-    {
-        None => Finding::unknown(TOPIC),
-        Some("always") => Finding::new(
-            TOPIC,
+fn huge_pages(tree: &Tree) -> Found {
+    let modes = tree.text("sys/kernel/mm/transparent_hugepage/enabled")?;
+    match modes.split_once('[')?.1.split_once(']')?.0 {
+        "always" => fair(
             "always: the kernel may stop the process to merge pages",
-            Verdict::Fair,
             "echo madvise > /sys/kernel/mm/transparent_hugepage/enabled",
         ),
-        Some(mode) => Finding::new(TOPIC, mode, Verdict::Good, ""),
+        mode => good(mode),
     }
 }
 
@@ -483,8 +383,8 @@ mod tests {
     fn forbidden_processor_does_not_count() {
         let (_dir, tree) = machine(&[("sys/devices/system/cpu/online", "0-3\n")]);
         let told = |allowed: &[usize]| {
-            let finding = processors(&tree, Some(allowed));
-            (finding.found, finding.verdict)
+            let (found, verdict, _) = processors(&tree, Some(allowed)).unwrap();
+            (found, verdict)
         };
         let (found, verdict) = told(&[0]);
         assert_eq!(verdict, Verdict::Poor);
@@ -548,8 +448,8 @@ mod tests {
             );
             assert!(finding.advice.is_some(), "{finding:?}");
         }
-        assert!(kernel(&tree).found.contains("mode voluntary"));
-        assert!(idle(&tree).found.contains("C3, 350 µs"));
+        assert!(kernel(&tree).unwrap().0.contains("mode voluntary"));
+        assert!(idle(&tree).unwrap().0.contains("C3, 350 µs"));
     }
 
     #[test]

@@ -51,10 +51,6 @@ impl Finding {
             advice: (!advice.is_empty()).then(|| advice.to_owned()),
         }
     }
-
-    fn unknown(topic: &'static str) -> Self {
-        Self::new(topic, "the machine does not say", Verdict::Unknown, "")
-    }
 }
 
 /// Examines this machine for a run with `plan`. Takes a few milliseconds; memory is locked and released again meanwhile, so

@@ -54,7 +54,7 @@ fn client_and_server_agree_at_smallest_n() {
                     events[..],
                     [Event::Trial(_), Event::Read(Reading::Force)]
                 ));
-                let got = server.trial().unwrap();
+                let got = server.followed().unwrap().trial();
                 assert_eq!(
                     (got.disp, got.vel, got.accel),
                     (&disp[..], &[1.0, 2.0][..], &[0.0; 2][..])
@@ -311,7 +311,7 @@ fn actor_takes_a_later_setup() {
         actor.feed(&vector(16, &[3.0, 0.75])),
         Ok((128, ActorEvent::Trial(_)))
     ));
-    assert_eq!(actor.trial().unwrap().disp, [0.75]);
+    assert_eq!(actor.followed().unwrap().trial().disp, [0.75]);
 }
 
 #[test]

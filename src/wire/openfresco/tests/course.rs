@@ -27,10 +27,10 @@ fn scheme_between_steps_takes_back_to_later() {
         assert_eq!(moving(&mut server, 0.0073, -0.16, ahead), Course::Step);
         assert_eq!(moving(&mut server, 0.0091, 0.21, ahead), Course::Iteration);
         assert_eq!(moving(&mut server, 0.0073, 0.20, 0.5), Course::TakenBack);
-        assert_eq!(server.dt(), Some(0.0));
+        assert_eq!(server.followed().unwrap().dt(), Some(0.0));
         let next = ahead - 0.0075;
         assert_eq!(moving(&mut server, 0.0073, -0.16, next), Course::Step);
-        assert_eq!(server.dt(), Some(next - 0.5));
+        assert_eq!(server.followed().unwrap().dt(), Some(next - 0.5));
         assert_eq!(moving(&mut server, 0.0077, 0.20, next), Course::Iteration);
     }
 }
@@ -43,7 +43,7 @@ fn scheme_past_a_step_takes_back_to_earlier() {
     assert_eq!(moving(&mut server, 0.0082, 0.20, 0.5042), Course::Iteration);
     assert_eq!(moving(&mut server, 0.0055, 0.19, 0.49), Course::TakenBack);
     assert_eq!(moving(&mut server, 0.0055, -0.38, 0.4936), Course::Step);
-    assert_eq!(server.dt(), Some(0.4936 - 0.49));
+    assert_eq!(server.followed().unwrap().dt(), Some(0.4936 - 0.49));
     assert_eq!(moving(&mut server, 0.0061, 0.19, 0.4936), Course::Iteration);
     assert_eq!(moving(&mut server, 0.0055, 0.19, 0.49), Course::TakenBack);
 }
@@ -55,7 +55,7 @@ fn look_ahead_is_not_a_step_back() {
     assert_ne!(moving(&mut server, 0.0055, 0.19, 0.49), Course::TakenBack);
     // But the true time of the last step is known now.
     assert_eq!(moving(&mut server, 0.0061, 0.19, 0.4936), Course::Step);
-    assert_eq!(server.dt(), Some(0.4936 - 0.49));
+    assert_eq!(server.followed().unwrap().dt(), Some(0.4936 - 0.49));
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn load_factor_may_fall() {
     assert_eq!(trial(&mut server, 0.008, 48.4), Course::Iteration);
     commit(&mut server, 48.4);
     assert_eq!(trial(&mut server, 0.009, 47.8), Course::NewOrigin);
-    assert_eq!(server.dt(), None);
+    assert_eq!(server.followed().unwrap().dt(), None);
     assert_eq!(trial(&mut server, 0.009, 47.7), Course::Iteration);
     // Given up, although the load factor rises by it.
     assert_eq!(trial(&mut server, 0.008, 48.4), Course::TakenBack);
@@ -106,7 +106,7 @@ fn reversal_past_a_commit_is_recognised() {
     commit(&mut server, 0.03);
     assert_eq!(moving(&mut server, 0.15, 0.3, 0.04), Course::Step);
     assert_eq!(moving(&mut server, 0.1, 0.2, 0.02), Course::Reversed);
-    assert_eq!(server.dt(), Some(0.0));
+    assert_eq!(server.followed().unwrap().dt(), Some(0.0));
     // To its time, but not to its displacement.
     let mut server = committed(0.1, 0.2, 0.02);
     assert_eq!(moving(&mut server, 0.15, 0.3, 0.04), Course::Step);

@@ -68,7 +68,7 @@ fn simulink_polls_differ_by_exact_doubles() {
         send(&mut machine, &[3.0, 0.25]),
         SimulinkEvent::Target(Course::First)
     );
-    assert_eq!(machine.signals(), [0.25]);
+    assert_eq!(machine.followed().signals(), [0.25]);
     assert_eq!(send(&mut machine, &[4.0]), SimulinkEvent::Execute);
     assert_eq!(send(&mut machine, &[4.1]), SimulinkEvent::TargetTaken);
     assert_eq!(
@@ -122,10 +122,13 @@ fn simulink_signals_follow_the_named_order() {
         let (_, event) = machine.feed(&command).unwrap();
         assert_eq!(event, SimulinkEvent::Target(Course::First));
         assert_eq!(
-            (machine.trial().disp, machine.trial().vel),
+            (
+                machine.followed().trial().disp,
+                machine.followed().trial().vel
+            ),
             (&disp[..], &vel[..])
         );
-        assert_eq!(machine.signals(), [disp, vel].concat());
+        assert_eq!(machine.followed().signals(), [disp, vel].concat());
         machine.feed(&vector(8, &[6.0])).unwrap();
         // d1 d2 f1 f2.
         let signals = [10.0, 20.0, 30.0, 40.0];
@@ -160,7 +163,7 @@ fn simulink_signals_need_an_order() {
         server
             .feed(&vector(8, &[3.0, 0.001, 0.002, 0.5, 0.7]))
             .unwrap();
-        assert_eq!(server.trial().unwrap().disp, [0.001, 0.002]);
+        assert_eq!(server.followed().unwrap().trial().disp, [0.001, 0.002]);
     }
 }
 
@@ -185,8 +188,8 @@ fn time_is_placed_by_quantity_or_refused() {
     machine
         .feed(&vector(8, &[3.0, 0.001, 0.0005, 0.01]))
         .unwrap();
-    assert_eq!(machine.trial().disp, [0.001, 0.0005]);
-    assert_eq!(machine.trial().time, 0.01);
+    assert_eq!(machine.followed().trial().disp, [0.001, 0.0005]);
+    assert_eq!(machine.followed().trial().time, 0.01);
 }
 
 #[test]
@@ -238,7 +241,7 @@ fn pieces_are_joined_and_answered_alike() {
     server
         .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 256]))
         .unwrap();
-    assert_eq!(server.piece(), DATAGRAM_LIMIT);
+    assert_eq!(server.inbox().piece(), DATAGRAM_LIMIT);
     let command = vector(256, &[3.0, 0.5]);
     let mut events = Vec::new();
     for piece in datagrams(&command, 2048, 512) {
@@ -247,7 +250,7 @@ fn pieces_are_joined_and_answered_alike() {
     assert_eq!(events.len(), 4);
     assert_eq!(events[2], (512, Event::NeedMore));
     assert_eq!(events[3], (512, Event::Trial(Course::First)));
-    assert_eq!(server.piece(), 512);
+    assert_eq!(server.inbox().piece(), 512);
     // A datagram that holds more than the message misses is not of this protocol.
     assert!(matches!(
         server.feed(&vector(257, &[3.0])),

@@ -8,13 +8,13 @@ fn trials_between_commits_are_iterations() {
     assert_eq!(trial(&mut server, 0.0, 0.0), Course::First);
     assert_eq!(message(&mut server, &[15.0]), Event::Matrix(Matrix::Mass));
     assert_eq!(trial(&mut server, 0.0, 0.02), Course::Step);
-    assert_eq!(server.dt(), Some(0.02));
+    assert_eq!(server.followed().unwrap().dt(), Some(0.02));
     assert_eq!(trial(&mut server, 0.1, 0.02), Course::Iteration);
     assert_eq!(trial(&mut server, 0.11, 0.02), Course::Iteration);
     assert_eq!(trial(&mut server, 0.11, 0.02), Course::Repeat);
     assert_eq!(commit(&mut server, 0.02), 5);
     assert_eq!(trial(&mut server, 0.11, 0.04), Course::Step);
-    assert_eq!(server.dt(), Some(0.04 - 0.02));
+    assert_eq!(server.followed().unwrap().dt(), Some(0.04 - 0.02));
     assert_eq!(commit(&mut server, 0.04), 1);
     assert_eq!(message(&mut server, &[99.0]), Event::Finished);
 }
@@ -26,7 +26,7 @@ fn requests_may_come_at_any_time() {
         message(&mut server, &[10.0, 9.9]),
         Event::Read(Reading::Force)
     );
-    assert_eq!(server.trial().unwrap().disp, [0.0]);
+    assert_eq!(server.followed().unwrap().trial().disp, [0.0]);
     let response = Response {
         force: &[2.5],
         ..Response::default()
@@ -39,12 +39,12 @@ fn requests_may_come_at_any_time() {
             Event::Read(Reading::Force)
         );
         // The stale doubles of a request are ignored.
-        assert_eq!(server.trial().unwrap().disp, [0.5]);
+        assert_eq!(server.followed().unwrap().trial().disp, [0.5]);
         server.answer(&response).unwrap();
     }
     commit(&mut server, 0.01);
     assert_eq!(message(&mut server, &[10.0]), Event::Read(Reading::Force));
-    assert_eq!(server.trial().unwrap().disp, [0.5]);
+    assert_eq!(server.followed().unwrap().trial().disp, [0.5]);
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn commit_alone_moves_time_on() {
     assert_eq!(commit(&mut server, 0.01), 1);
     assert_eq!(commit(&mut server, 0.02), 0);
     assert_eq!(trial(&mut server, 0.2, 0.03), Course::Step);
-    assert!((server.dt().unwrap() - 0.01).abs() < 1e-15);
+    assert!((server.followed().unwrap().dt().unwrap() - 0.01).abs() < 1e-15);
     // A command and its commit without a request in between.
     assert_eq!(commit(&mut server, 0.03), 1);
 }
@@ -69,9 +69,9 @@ fn step_taken_back_is_recognised() {
     assert_eq!(trial(&mut server, 9.0, 0.04), Course::Iteration);
     // Old displacement and old time, no commit: then on with another step length.
     assert_eq!(trial(&mut server, 0.1, 0.02), Course::TakenBack);
-    assert_eq!(server.dt(), Some(0.0));
+    assert_eq!(server.followed().unwrap().dt(), Some(0.0));
     assert_eq!(trial(&mut server, 0.15, 0.025), Course::Step);
-    assert!((server.dt().unwrap() - 0.005).abs() < 1e-15);
+    assert!((server.followed().unwrap().dt().unwrap() - 0.005).abs() < 1e-15);
     assert_eq!(trial(&mut server, 0.16, 0.025), Course::Iteration);
     assert_eq!(trial(&mut server, 0.1, 0.02), Course::TakenBack);
     assert_eq!(trial(&mut server, 0.11, 0.021), Course::Step);
@@ -90,13 +90,13 @@ fn time_restart_is_no_step_back() {
     commit(&mut server, 1.0);
     // loadConst -time 0.0, then a transient analysis.
     assert_eq!(trial(&mut server, 0.1, 0.01), Course::NewOrigin);
-    assert_eq!(server.dt(), None);
+    assert_eq!(server.followed().unwrap().dt(), None);
     assert_eq!(trial(&mut server, 0.12, 0.01), Course::Iteration);
     assert_eq!(trial(&mut server, 0.1, 0.0), Course::TakenBack);
     assert_eq!(trial(&mut server, 0.12, 0.01), Course::Step);
     commit(&mut server, 0.01);
     assert_eq!(trial(&mut server, 0.2, 0.02), Course::Step);
-    assert_eq!(server.dt(), Some(0.01));
+    assert_eq!(server.followed().unwrap().dt(), Some(0.01));
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn untimed_step_back_shows_in_displacement() {
     assert_eq!(trial(0.0), Course::Iteration);
     assert_eq!(trial(0.05), Course::Iteration);
     server.feed(&vector(2, &[5.0])).unwrap();
-    assert_eq!(server.dt(), None);
+    assert_eq!(server.followed().unwrap().dt(), None);
     let mut trial = |disp: f64| match server.feed(&vector(2, &[3.0, disp])).unwrap().1 {
         Event::Trial(course) => course,
         other => panic!("{other:?}"),
@@ -151,7 +151,7 @@ fn commit_time_before_command_is_ignored() {
     for k in 1..5 {
         let time = 0.01 * f64::from(k);
         assert_eq!(trial(&mut server, time, time), Course::Step);
-        let dt = server.dt().unwrap();
+        let dt = server.followed().unwrap().dt().unwrap();
         assert!((dt - 0.01).abs() < 1e-15, "{k}: {dt}");
         commit(&mut server, 0.0);
     }
@@ -159,7 +159,7 @@ fn commit_time_before_command_is_ignored() {
     commit(&mut server, 0.05);
     commit(&mut server, 0.0);
     trial(&mut server, 0.2, 0.06);
-    assert!((server.dt().unwrap() - 0.01).abs() < 1e-15);
+    assert!((server.followed().unwrap().dt().unwrap() - 0.01).abs() < 1e-15);
 }
 
 #[test]
@@ -168,26 +168,26 @@ fn return_to_start_after_commit_is_a_reset() {
     assert_eq!(trial(&mut server, 0.0, 0.0), Course::First);
     assert_eq!(trial(&mut server, 0.1, 0.02), Course::Step);
     assert_eq!(trial(&mut server, 0.0, 0.0), Course::TakenBack);
-    assert!(!server.is_reset());
+    assert!(!server.followed().unwrap().is_reset());
     trial(&mut server, 0.1, 0.02);
     commit(&mut server, 0.02);
-    assert!(!server.is_reset());
+    assert!(!server.followed().unwrap().is_reset());
     trial(&mut server, 0.0, 0.0);
-    assert!(server.is_reset());
+    assert!(server.followed().unwrap().is_reset());
     trial(&mut server, 0.1, 0.02);
-    assert!(!server.is_reset());
+    assert!(!server.followed().unwrap().is_reset());
     // In the middle of a step, too.
     commit(&mut server, 0.02);
     trial(&mut server, 0.15, 0.04);
     trial(&mut server, 0.0, 0.0);
-    assert!(server.is_reset());
+    assert!(server.followed().unwrap().is_reset());
     // `loadConst -time 0` sets the time back and leaves the structure where it is.
     let mut server = generic();
     trial(&mut server, 0.1, 1.0);
     commit(&mut server, 1.0);
     for (disp, time) in [(0.1, 0.01), (0.12, 0.01), (0.1, 0.0)] {
         trial(&mut server, disp, time);
-        assert!(!server.is_reset());
+        assert!(!server.followed().unwrap().is_reset());
     }
 }
 
@@ -197,7 +197,7 @@ fn zeros_before_any_motion_are_no_reset() {
     let mut server = generic();
     for disp in [0.0, 0.005, 0.01, 0.005, 0.0] {
         trial(&mut server, disp, 0.0);
-        assert!(!server.is_reset(), "{disp}");
+        assert!(!server.followed().unwrap().is_reset(), "{disp}");
         commit(&mut server, 0.0);
     }
     // Only the time changes.
@@ -207,7 +207,7 @@ fn zeros_before_any_motion_are_no_reset() {
         commit(&mut server, time);
     }
     trial(&mut server, 0.0, 0.0);
-    assert!(!server.is_reset());
+    assert!(!server.followed().unwrap().is_reset());
     // A client that was elsewhere and came home can begin again.
     let mut server = generic();
     for (disp, time) in [(0.1, 0.02), (0.0, 0.04)] {
@@ -215,7 +215,7 @@ fn zeros_before_any_motion_are_no_reset() {
         commit(&mut server, time);
     }
     trial(&mut server, 0.0, 0.0);
-    assert!(server.is_reset());
+    assert!(server.followed().unwrap().is_reset());
 }
 
 #[test]
@@ -311,7 +311,7 @@ fn nan_command_never_reaches_the_specimen() {
             index: 0
         })
     );
-    assert_eq!(server.trial().unwrap().disp, [0.25]);
+    assert_eq!(server.followed().unwrap().trial().disp, [0.25]);
 }
 
 #[test]
