@@ -411,6 +411,7 @@ fn synthetic(values: Vec<f64>, dt: f64, start: f64, duration: f64, top_hz: f64) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::OutOfDomain;
     use crate::{Grid, Motion, Processing, Signal};
     use gusset_quantity::assert_is;
 
@@ -683,7 +684,7 @@ mod tests {
         let refuse = |noise: BandLimitedNoise| noise.sampled(Quantity::Force).err().unwrap();
         assert_is!(
             refuse(BandLimitedNoise { to_hz: 1.0, ..noise() })
-            => MotionError::Parameter { name: "to_hz", found: 1.0, .. }
+            => MotionError::Parameter(OutOfDomain { name: "to_hz", found: 1.0, .. })
         );
         assert_is!(
             refuse(BandLimitedNoise { from_hz: 1.01, to_hz: 1.04, ..noise() })
@@ -691,15 +692,15 @@ mod tests {
         );
         assert_is!(
             refuse(BandLimitedNoise { rms: f64::NAN, ..noise() })
-            => MotionError::Parameter { name: "rms", .. }
+            => MotionError::Parameter(OutOfDomain { name: "rms", .. })
         );
         assert_is!(
             refuse(BandLimitedNoise { taper_s: 11.0, ..noise() })
-            => MotionError::Parameter { name: "taper_s", found: 11.0, .. }
+            => MotionError::Parameter(OutOfDomain { name: "taper_s", found: 11.0, .. })
         );
         assert_is!(
             refuse(BandLimitedNoise { duration_s: 1e12, ..noise() })
-            => MotionError::Parameter { name: "to_hz · duration_s", .. }
+            => MotionError::Parameter(OutOfDomain { name: "to_hz · duration_s", .. })
         );
         let refuse = |quake: KanaiTajimi| quake.sampled(Quantity::Acceleration).err().unwrap();
         assert_is!(
@@ -712,11 +713,11 @@ mod tests {
         );
         assert_is!(
             refuse(KanaiTajimi { ground_damping_ratio: 0.0, ..quake() })
-            => MotionError::Parameter { name: "ground_damping_ratio", found: 0.0, .. }
+            => MotionError::Parameter(OutOfDomain { name: "ground_damping_ratio", found: 0.0, .. })
         );
         assert_is!(
             refuse(KanaiTajimi { duration_s: 1e9, ..quake() })
-            => MotionError::Parameter { .. }
+            => MotionError::Parameter(_)
         );
         assert!(quake().sampled(Quantity::Displacement).is_err());
     }

@@ -213,7 +213,7 @@ mod tests {
         );
         assert_is!(
             refused(&spec([[1.0, 0.0], [0.0, f64::NAN]]), 2)
-            => LawError::Parameter { name: "stiffness_n_per_m", .. }
+            => LawError::Parameter(gusset_quantity::domain::OutOfDomain { name: "stiffness_n_per_m", .. })
         );
         assert_is!(
             refused(&spec([[1.0, 0.0], [0.0, 1.0]]), 3)

@@ -99,6 +99,7 @@ impl LawSpec {
 #[cfg(test)]
 mod tests {
     use gusset_quantity::assert_is;
+    use gusset_quantity::domain::OutOfDomain;
 
     use super::*;
 
@@ -113,7 +114,7 @@ mod tests {
         assert_eq!(error.key(), "gap_m");
         assert_is!(
             error
-            => LawError::Entry { list: "parallel", index: 2, reason } if matches!(**reason, LawError::Parameter { found: -0.1, .. })
+            => LawError::Entry { list: "parallel", index: 2, reason } if matches!(**reason, LawError::Parameter(OutOfDomain { found: -0.1, .. }))
         );
         let empty = toml::from_str::<LawSpec>("parallel = []").unwrap();
         assert_is!(

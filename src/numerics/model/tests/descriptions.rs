@@ -1,6 +1,7 @@
 //! Descriptions: the structures that they give, and the errors of bad ones.
 
 use super::*;
+use gusset_quantity::domain::OutOfDomain;
 
 #[test]
 fn bad_descriptions_name_key_and_file() {
@@ -32,14 +33,14 @@ fn bad_descriptions_name_key_and_file() {
             absolute_damper: None,
         })
     };
-    assert_is!(refused(&chain(0, 1.0, 1.0)) => BuildError::Chain { key: "dofs", found: 0.0, .. });
+    assert_is!(refused(&chain(0, 1.0, 1.0)) => BuildError::Parameter(OutOfDomain { name: "dofs", found: 0.0, .. }));
     assert_is!(
         refused(&chain(2, 0.0, 1.0))
-        => BuildError::Chain { key: "mass_kg", found: 0.0, .. }
+        => BuildError::Parameter(OutOfDomain { name: "mass_kg", found: 0.0, .. })
     );
     assert_is!(
         refused(&chain(2, 1.0, f64::INFINITY))
-        => BuildError::Chain { key: "stiffness_n_per_m", found: f64::INFINITY, .. }
+        => BuildError::Parameter(OutOfDomain { name: "stiffness_n_per_m", found: f64::INFINITY, .. })
     );
 
     let rows = |rows: &[&[f64]]| Some(rows.iter().map(|r| r.to_vec()).collect::<Vec<_>>());
@@ -106,7 +107,7 @@ fn bad_damping_rules_are_explained() {
     };
     assert_is!(
         refused(ratio(5.0, Some(1.0), Some(2.0), None))
-        => DampingError::Number { key: "ratio", found: 5.0, .. }
+        => DampingError::Parameter(OutOfDomain { name: "ratio", found: 5.0, .. })
     );
     assert_is!(refused(ratio(0.02, Some(1.0), None, None)) => DampingError::WhichFrequencies);
     assert_is!(
