@@ -182,9 +182,9 @@ fn numbers_are_finite(text: &str) {
 /// critical delay is shown.
 #[test]
 fn unstable_without_delay_is_a_finding() {
-    let text = TEST.with(
-        "time.rate_hz = 2\nintegrator.lambda = 8\nspecimen.transfer.actuator.first_order.time_constant_s = 0.05",
-    );
+    let actuator = "[specimen.transfer]\nactuator = { first_order = { time_constant_s = 0.05 } }\n";
+    let coarse = "time.rate_hz = 2\nintegrator.lambda = 8\n";
+    let text = TEST.with(&format!("{coarse}{actuator}"));
     let (_, table, complaint) = check(&text, &["--no-rehearsal"]);
     for words in ["without delay", "UNSTABLE", "recursion"] {
         assert!(table.contains(words), "no {words:?} in {table}{complaint}");

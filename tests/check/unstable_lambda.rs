@@ -127,13 +127,13 @@ fn unstable_lambda_behind_a_link_is_refused() {
         assert_eq!(gusset("run", &allowed).0, 3);
     }
     // Such a long step has a large error.
-    let stable = format!(
-        "{real}[safety]\naccept_error = \"a study\"\n[integrator]\nlambda = {}\n{LINK}",
-        0.99 * limit()
-    );
+    let lambda = 0.99 * limit();
+    let stable = text.with(&format!(
+        "integrator.lambda = {lambda}\nsafety.accept_error = 'a study'"
+    ));
     assert_eq!(gusset("check", &stable).0, 0);
     // Infinity is a λ as any other.
-    let infinite = format!("{real}[integrator]\nlambda = inf\n{LINK}");
+    let infinite = text.with("integrator.lambda = inf");
     assert_eq!(gusset("check", &infinite).0, 1);
     assert_eq!(gusset("run", &infinite).0, 2);
 }
