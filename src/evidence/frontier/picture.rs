@@ -72,7 +72,8 @@ pub fn svg(words: &str, points: &[Point]) -> String {
         square: false,
         series,
     }
-    .svg(false)
+    .chart()
+    .svg()
 }
 
 /// One line per rate, SI units but for the times in µs that the names say.

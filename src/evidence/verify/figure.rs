@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use gusset_view::report::{self, Curve, Curves, Look};
+use gusset_view::report::{self, Chart, Look};
 
 /// One curve of a figure.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,44 +106,25 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// The picture: part of a page, or a separate file.
+    /// The figure as a chart.
     #[must_use]
-    pub fn svg(&self, inline: bool) -> String {
-        let curves: Vec<Curve<'_>> = self
-            .series
-            .iter()
-            .map(|series| Curve {
-                name: &series.name,
-                x: &series.x,
-                y: &series.y,
-                look: match series {
-                    Series { dots: true, .. } => Look::Dots,
-                    Series {
-                        reference: true, ..
-                    } => Look::Reference,
-                    _ => Look::Line,
-                },
-            })
-            .collect();
-        let scale = |scale: Scale| report::Scale {
-            words: scale.words,
-            unit: scale.unit,
-            range: scale.range,
+    pub fn chart(&self) -> Chart<'_> {
+        let scale = |scale: Scale| {
+            let axis = report::Scale::new(scale.words, scale.unit);
+            let axis = if self.logarithmic { axis.log() } else { axis };
+            axis.within(scale.range)
         };
-        let chart = Curves {
-            title: self.title,
-            across: scale(self.across),
-            up: scale(self.up),
-            curves: &curves,
-            logarithmic: self.logarithmic,
-            square: self.square,
-        };
-        let (width, height) = if self.square {
-            (460.0, 520.0)
-        } else {
-            (640.0, 420.0)
-        };
-        chart.svg(width, height, inline)
+        let (width, height) = if self.square { (460.0, 520.0) } else { (640.0, 420.0) };
+        let chart = Chart::new(self.title, scale(self.across), scale(self.up));
+        let chart = chart.sized(width, height).square(self.square);
+        self.series.iter().fold(chart, |chart, series| {
+            let look = match series {
+                Series { dots: true, .. } => Look::Dots,
+                Series { reference: true, .. } => Look::Reference,
+                _ => Look::Line,
+            };
+            chart.with(series.name.as_str(), &series.x, &series.y, look)
+        })
     }
 
     /// The data: curve, abscissa, ordinate; nothing where there is no value.

@@ -1,126 +1,47 @@
 //! Fewer points, the same picture.
 //!
-//! A history is reduced to first, lowest, highest and last per column of the picture: as a line it is equal, pixel for
-//! pixel, to that of all points, so no peak is ever lost. A loop is reduced by Ramer–Douglas–Peucker with the distance
-//! to the *segment* (a loop that turns back on itself keeps its turning point): no dropped point lies further from the
-//! drawn line than the tolerance.
-//!
-//! A NaN is a gap: the line is broken there, never bridged, unless the gap is narrower than a column.
+//! A history passes every row within a thousandth of its peak, and a very long one keeps the extremes of every few rows: no peak
+//! is lost. A loop is reduced by Ramer–Douglas–Peucker with the distance to the *segment*: a loop that turns back on itself keeps
+//! its turning point. A NaN is a gap: the line is broken there.
 
 use super::axis::is_drawable;
 
 /// A stretch of line without gaps.
 pub(super) type Run = Vec<(f64, f64)>;
 
-/// First, lowest, highest and last of `y` in each of `columns` columns of `lo..hi`. `x` is in rising order.
-pub(super) fn extremes(x: &[f64], y: &[f64], (lo, hi): (f64, f64), columns: usize) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
-    let mut open: Option<Bucket> = None;
-    let mut gap = true;
-    for (&x, &y) in x.iter().zip(y) {
-        if !(is_drawable(x) && is_drawable(y)) {
-            gap = true;
-            continue;
-        }
-        if !(x >= lo && x <= hi) {
-            continue;
-        }
-        let column = column_of(x, lo, hi, columns);
-        match &mut open {
-            Some(bucket) if bucket.column == column => bucket.take(x, y),
-            other => {
-                if let Some(bucket) = other.take() {
-                    bucket.close(&mut runs);
-                }
-                if gap {
-                    runs.push(Run::new());
-                }
-                *other = Some(Bucket::new(column, x, y));
+/// Largest share of a line's peak by which its history may miss a row, at its time.
+const EXACT: f64 = 1e-3;
+/// Points of a history at most, give or take its gaps.
+pub(super) const MOST: usize = 4000;
+
+/// The points of a history for a page: exact to a thousandth of its peak; of very many, the extremes of every few.
+pub(super) fn history(x: &[f64], y: &[f64]) -> Run {
+    let drawable = y.iter().filter(|y| is_drawable(**y));
+    let peak = drawable.fold(0.0, |peak, y| y.abs().max(peak));
+    let kept = followed(x, y, EXACT * peak);
+    if kept.len() <= MOST {
+        return kept;
+    }
+    extremes(x, y, MOST / 2)
+}
+
+/// Lowest and highest of `y` in each of `parts` parts, in the order in which they came. A gap is a NaN point.
+fn extremes(x: &[f64], y: &[f64], parts: usize) -> Run {
+    let points: Run = x.iter().copied().zip(y.iter().copied()).collect();
+    let mut out = Run::new();
+    for part in points.chunks(points.len().div_ceil(parts).max(1)) {
+        for stretch in part.split(|(x, y)| !(is_drawable(*x) && is_drawable(*y))) {
+            let by_height = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+            let ends = stretch.iter().min_by(by_height).zip(stretch.iter().max_by(by_height));
+            if let Some((lo, hi)) = ends {
+                let (first, last) = if lo.0 <= hi.0 { (lo, hi) } else { (hi, lo) };
+                out.extend([*first, *last]);
+            } else if out.last().is_some_and(|last| !last.1.is_nan()) {
+                out.push((f64::NAN, f64::NAN));
             }
         }
-        gap = false;
     }
-    if let Some(bucket) = open {
-        bucket.close(&mut runs);
-    }
-    runs
-}
-
-/// The highest `y` in each column, at its own place.
-pub(super) fn highest(x: &[f64], y: &[f64], (lo, hi): (f64, f64), columns: usize) -> Vec<Run> {
-    let mut best: Vec<Option<(f64, f64)>> = vec![None; columns.max(1)];
-    for (&x, &y) in x.iter().zip(y) {
-        if !(is_drawable(y) && x >= lo && x <= hi) {
-            continue;
-        }
-        if let Some(cell) = best.get_mut(column_of(x, lo, hi, columns))
-            && cell.is_none_or(|(_, top)| y > top)
-        {
-            *cell = Some((x, y));
-        }
-    }
-    let run: Run = best.into_iter().flatten().collect();
-    if run.is_empty() {
-        Vec::new()
-    } else {
-        vec![run]
-    }
-}
-
-fn column_of(x: f64, lo: f64, hi: f64, columns: usize) -> usize {
-    let last = columns.max(1) - 1;
-    (((x - lo) / (hi - lo) * columns.max(1) as f64) as usize).min(last)
-}
-
-struct Bucket {
-    column: usize,
-    taken: usize,
-    first: (f64, f64),
-    lowest: (usize, f64, f64),
-    highest: (usize, f64, f64),
-    last: (f64, f64),
-}
-
-impl Bucket {
-    const fn new(column: usize, x: f64, y: f64) -> Self {
-        Self {
-            column,
-            taken: 1,
-            first: (x, y),
-            lowest: (0, x, y),
-            highest: (0, x, y),
-            last: (x, y),
-        }
-    }
-
-    fn take(&mut self, x: f64, y: f64) {
-        if y < self.lowest.2 {
-            self.lowest = (self.taken, x, y);
-        }
-        if y > self.highest.2 {
-            self.highest = (self.taken, x, y);
-        }
-        self.last = (x, y);
-        self.taken += 1;
-    }
-
-    fn close(self, runs: &mut [Run]) {
-        let Some(run) = runs.last_mut() else { return };
-        let (a, b) = if self.lowest.0 <= self.highest.0 {
-            (self.lowest, self.highest)
-        } else {
-            (self.highest, self.lowest)
-        };
-        run.push(self.first);
-        for (index, x, y) in [a, b] {
-            if index > 0 && index + 1 < self.taken && run.last() != Some(&(x, y)) {
-                run.push((x, y));
-            }
-        }
-        if self.taken > 1 {
-            run.push(self.last);
-        }
-    }
+    out
 }
 
 /// The points of a history that a line needs to pass each of `x`, `y` within `tolerance` at its own `x`. Every kept point is one
