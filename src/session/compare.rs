@@ -23,12 +23,19 @@ pub struct Compared {
 /// # Errors
 /// [`PageError`]; `out` is then unchanged.
 pub fn compare(first: &Path, others: &[PathBuf], out: &Path) -> Result<Compared, PageError> {
-    let folders: Vec<&Path> = std::iter::once(first).chain(others.iter().map(PathBuf::as_path)).collect();
-    let runs = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
+    let folders: Vec<&Path> = std::iter::once(first)
+        .chain(others.iter().map(PathBuf::as_path))
+        .collect();
+    let runs = folders
+        .iter()
+        .map(|folder| read(folder))
+        .collect::<Result<Vec<_>, _>>()?;
     let further = folders.iter().zip(&runs).skip(1);
     let against = further.map(|(folder, run)| matched((first, &runs[0]), (folder, run)));
     let against = against.collect::<Result<Vec<_>, _>>()?;
-    let names = (1..).zip(&folders).map(|(number, folder)| name(folder).unwrap_or_else(|| format!("run {number}")));
+    let names = (1..)
+        .zip(&folders)
+        .map(|(number, folder)| name(folder).unwrap_or_else(|| format!("run {number}")));
     let names: Vec<String> = names.collect();
     let named: Vec<(&str, &RunView)> = names.iter().map(String::as_str).zip(&runs).collect();
     let page = report::compare(&named, &against);

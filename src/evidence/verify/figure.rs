@@ -114,13 +114,19 @@ impl Figure {
             let axis = if self.logarithmic { axis.log() } else { axis };
             axis.within(scale.range)
         };
-        let (width, height) = if self.square { (460.0, 520.0) } else { (640.0, 420.0) };
+        let (width, height) = if self.square {
+            (460.0, 520.0)
+        } else {
+            (640.0, 420.0)
+        };
         let chart = Chart::new(self.title, scale(self.across), scale(self.up));
         let chart = chart.sized(width, height).square(self.square);
         self.series.iter().fold(chart, |chart, series| {
             let look = match series {
                 Series { dots: true, .. } => Look::Dots,
-                Series { reference: true, .. } => Look::Reference,
+                Series {
+                    reference: true, ..
+                } => Look::Reference,
                 _ => Look::Line,
             };
             chart.with(series.name.as_str(), &series.x, &series.y, look)

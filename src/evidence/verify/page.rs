@@ -61,8 +61,11 @@ fn index(parts: &[Part]) -> String {
 /// Contents of the page, with the verdict on each part.
 fn contents(parts: &[Part]) -> Markup {
     let judged = |part: &Part| {
-        let (pass, fail, notes) =
-            (part.count(Verdict::Pass), part.count(Verdict::Fail), part.count(Verdict::Note));
+        let (pass, fail, notes) = (
+            part.count(Verdict::Pass),
+            part.count(Verdict::Fail),
+            part.count(Verdict::Note),
+        );
         let (class, mut words) = match fail {
             0 => ("good", format!("{pass} hold")),
             _ => ("bad", format!("{fail} FAIL, {pass} hold")),
@@ -120,8 +123,9 @@ fn tabulated(one: &Tabulation) -> Markup {
 
 /// Failed checks, and a folded table of the others.
 fn checks(checks: &[Check]) -> Markup {
-    let (failed, others): (Vec<&Check>, Vec<&Check>) =
-        checks.iter().partition(|check| check.verdict == Verdict::Fail);
+    let (failed, others): (Vec<&Check>, Vec<&Check>) = checks
+        .iter()
+        .partition(|check| check.verdict == Verdict::Fail);
     let hold = others.iter().filter(|c| c.verdict == Verdict::Pass).count();
     let mut summary = match hold {
         1 => "1 check holds".to_owned(),

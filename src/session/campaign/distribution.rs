@@ -29,8 +29,14 @@ pub(super) fn distribution(measure: &Measure, values: &[f64]) -> Markup {
     let name = &measure.name;
     let counted = Scale::new("share of the tests", "1").within(Some((0.0, 1.08 * tallest)));
     let exceeded = Scale::new("share of the tests above this value", "1").within(Some((0.0, 1.0)));
-    let bars = chart(format!("Histogram: {name}"), of(measure), counted).with("", edges, shares, Look::Bars);
-    let above = chart(format!("Exceedance: {name}"), of(measure), exceeded).with("", x, y, Look::Strong);
+    let bars = chart(format!("Histogram: {name}"), of(measure), counted).with(
+        "",
+        edges,
+        shares,
+        Look::Bars,
+    );
+    let above =
+        chart(format!("Exceedance: {name}"), of(measure), exceeded).with("", x, y, Look::Strong);
     html! { (beside("grid", html! { (bars.figure()) (above.figure()) })) (below) }
 }
 

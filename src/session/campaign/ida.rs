@@ -45,13 +45,23 @@ pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown
     let unit = first.map(|one| one.unit()).unwrap_or_default();
     let across = of(measure).within((edge > low).then_some((low, edge)));
     let up = scale(&words, &unit).within((most > 0.0).then_some((0.0, most)));
-    let mut chart = chart(format!("IDA curves: {}", measure.name), across, up).with("single motions", x, y, Look::Faint);
+    let mut chart = chart(format!("IDA curves: {}", measure.name), across, up).with(
+        "single motions",
+        x,
+        y,
+        Look::Faint,
+    );
     let looks = [Look::Dashed, Look::Strong, Look::Dashed];
     for ((share, (x, y)), look) in SHARES.iter().zip(lines).zip(looks) {
         chart = chart.with(format!("{:.0} % fractile", 100.0 * share), x, y, look);
     }
     if let Some(one) = criterion {
-        chart = chart.with("criterion of collapse", vec![one.above; 2], vec![0.0, most], Look::Reference);
+        chart = chart.with(
+            "criterion of collapse",
+            vec![one.above; 2],
+            vec![0.0, most],
+            Look::Reference,
+        );
     }
     html! { (chart.figure()) (explained(&rows)) (listed(measure, &unit, &rows)) }
 }

@@ -14,7 +14,9 @@ use super::plan::Campaign;
 use super::sensitivity::sensitivity;
 use super::study::Study;
 use gusset_config::Design;
-use gusset_view::report::{Look, banner, count, definitions, details, frame, header, note, section};
+use gusset_view::report::{
+    Look, banner, count, definitions, details, frame, header, note, section,
+};
 
 /// Most points of the design with separate charts.
 const MOST_POINTS: usize = 6;
@@ -53,7 +55,11 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
         collected.collapsed, collected.censored, collected.invalid
     );
     let valid = collected.done - collected.invalid;
-    let measures: Vec<&Measure> = study.reported().iter().map(|i| &study.measures[*i]).collect();
+    let measures: Vec<&Measure> = study
+        .reported()
+        .iter()
+        .map(|i| &study.measures[*i])
+        .collect();
     let brand = format!("{} · campaign", campaign.plan.gusset);
     let body = html! {
         (header(&brand, &title, banner(class, &headline, &[counted])))
@@ -90,7 +96,9 @@ fn by_points(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) ->
         return ida(study, measure, place, shown);
     }
     let of_point = |point: u64| {
-        let own = shown.iter().filter(|one| study.point_of(one.index) == point);
+        let own = shown
+            .iter()
+            .filter(|one| study.point_of(one.index) == point);
         (point, own.cloned().collect::<Vec<Shown>>())
     };
     let points = (0..study.points().min(MOST_POINTS as u64)).map(of_point);
@@ -106,7 +114,13 @@ fn by_points(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) ->
 }
 
 /// Charts of one measure.
-fn of_measure(study: &Study, measure: &Measure, place: usize, shown: &[Shown], largest: &Markup) -> Markup {
+fn of_measure(
+    study: &Study,
+    measure: &Measure,
+    place: usize,
+    shown: &[Shown],
+    largest: &Markup,
+) -> Markup {
     let has_levels = shown.iter().any(|one| one.level.is_some());
     let alone = study.loaded.study.campaign.design == Design::OneAtATime && !study.axes.is_empty();
     let values: Vec<f64> = shown.iter().map(|one| one.values[place]).collect();
@@ -133,14 +147,24 @@ fn fragility(study: &Study, found: &Collapses) -> Markup {
     let most = 1.05 * x.iter().copied().fold(0.0, f64::max);
     let across = scale(&words, &unit).within((most > 0.0).then_some((0.0, most)));
     let up = scale("probability of collapse", "1").within(Some((0.0, 1.02)));
-    let mut chart = chart("Fragility".to_owned(), across, up).with("share of collapsed tests", x, y, Look::Dots);
+    let mut chart = chart("Fragility".to_owned(), across, up).with(
+        "share of collapsed tests",
+        x,
+        y,
+        Look::Dots,
+    );
     if let Some(fit) = fit {
         let fine: Vec<f64> = (1..=200).map(|i| most * f64::from(i) / 200.0).collect();
         let fitted: Vec<f64> = fine.iter().map(|level| fit.probability(*level)).collect();
         chart = chart.with("lognormal fit", fine, fitted, Look::Strong);
         let median = fit.median;
         if median <= most {
-            chart = chart.with("median θ", vec![0.0, median, median], vec![0.5, 0.5, 0.0], Look::Reference);
+            chart = chart.with(
+                "median θ",
+                vec![0.0, median, median],
+                vec![0.5, 0.5, 0.0],
+                Look::Reference,
+            );
         }
     }
     let mut text = match fit {

@@ -70,7 +70,10 @@ pub(super) fn pairs(study: &Study, measures: &[&Measure], shown: &[Shown]) -> Ma
     columns.truncate(MOST_VARIABLES - results.len());
     let kept = columns.len();
     columns.extend(results);
-    let collapsed: Vec<bool> = chosen.iter().map(|one| one.collapsed != Some(false)).collect();
+    let collapsed: Vec<bool> = chosen
+        .iter()
+        .map(|one| one.collapsed != Some(false))
+        .collect();
     let mut text = "Rank correlation (Spearman) of each pair; the charts show the strongest pairs of a drawn number and a measure. ".to_owned();
     if kept < all {
         text += &format!(
@@ -111,12 +114,18 @@ fn correlations(columns: &[Column]) -> Markup {
     let row = |(one, name): (&Column, &String)| {
         let others = columns.iter().map(|other| {
             let found = rank_correlation(&one.values, &other.values);
-            if found.is_finite() { format!("{found:.2}") } else { "–".to_owned() }
+            if found.is_finite() {
+                format!("{found:.2}")
+            } else {
+                "–".to_owned()
+            }
         });
         std::iter::once(name.clone()).chain(others).collect()
     };
     let rows: Vec<Vec<String>> = columns.iter().zip(&names).map(row).collect();
-    let heads: Vec<&str> = std::iter::once("All pairs").chain(names.iter().map(String::as_str)).collect();
+    let heads: Vec<&str> = std::iter::once("All pairs")
+        .chain(names.iter().map(String::as_str))
+        .collect();
     table(&heads, &rows)
 }
 
@@ -133,17 +142,36 @@ fn strongest(columns: &[Column], drawn: usize, collapsed: &[bool]) -> Markup {
     let figure = |(across, up): (usize, usize)| {
         let (x, y) = (&columns[across], &columns[up]);
         let title = format!("{} over {}", names[up], names[across]);
-        let chart = chart(title, scale(&names[across], &x.unit), scale(&names[up], &y.unit));
-        let kinds = [("test to its end", false), ("collapsed, or stopped before its end", true)];
+        let chart = chart(
+            title,
+            scale(&names[across], &x.unit),
+            scale(&names[up], &y.unit),
+        );
+        let kinds = [
+            ("test to its end", false),
+            ("collapsed, or stopped before its end", true),
+        ];
         let chart = kinds.into_iter().fold(chart, |chart, (name, kind)| {
-            let tests = x.values.iter().zip(&y.values).zip(collapsed).take(MOST_DOTS);
+            let tests = x
+                .values
+                .iter()
+                .zip(&y.values)
+                .zip(collapsed)
+                .take(MOST_DOTS);
             let own = tests.filter(|(_, is_marked)| **is_marked == kind);
             let (x, y): (Vec<f64>, Vec<f64>) = own.map(|((x, y), _)| (*x, *y)).unzip();
-            if x.is_empty() { chart } else { chart.with(name, x, y, Look::Dots) }
+            if x.is_empty() {
+                chart
+            } else {
+                chart.with(name, x, y, Look::Dots)
+            }
         });
         chart.figure()
     };
-    beside("grid", html! { @for pair in pairs.into_iter().take(MOST_DRAWN) { (figure(pair)) } })
+    beside(
+        "grid",
+        html! { @for pair in pairs.into_iter().take(MOST_DRAWN) { (figure(pair)) } },
+    )
 }
 
 /// Names for the axes: the shortest unique end of a key.

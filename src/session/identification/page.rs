@@ -50,7 +50,11 @@ pub(super) fn files(outcome: &Outcome, driven: &Loaded) -> Vec<(String, String)>
 }
 
 fn named(axis: &Axis) -> String {
-    format!("{}, {}", axis.driven.name, axis.driven.place_words(axis.driven.axis))
+    format!(
+        "{}, {}",
+        axis.driven.name,
+        axis.driven.place_words(axis.driven.axis)
+    )
 }
 
 /// Whether the axes were identified, and how well the best model fits each.
@@ -132,7 +136,11 @@ type Picture<'a> = (&'static str, String, Chart<'a>);
 fn grid(files: &mut Vec<(String, String)>, axis: &Axis, pictures: Vec<Picture<'_>>) -> Markup {
     let mut figures = Vec::new();
     for (name, says, chart) in pictures {
-        let name = format!("{name}-{}-{}.svg", axis.driven.place + 1, axis.driven.axis + 1);
+        let name = format!(
+            "{name}-{}-{}.svg",
+            axis.driven.place + 1,
+            axis.driven.axis + 1
+        );
         figures.push(html! { figure { (chart.inline()) figcaption { (says) " " a href=(name) { "Picture" } "." } } });
         files.push((name, chart.svg()));
     }
@@ -140,12 +148,22 @@ fn grid(files: &mut Vec<(String, String)>, axis: &Axis, pictures: Vec<Picture<'_
 }
 
 fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification) -> Markup {
-    let pictures = vec![gain(axis, found), delay(axis, found), coherence(found), walk(axis, Some(found))];
+    let pictures = vec![
+        gain(axis, found),
+        delay(axis, found),
+        coherence(found),
+        walk(axis, Some(found)),
+    ];
     let model = |(place, fit): (usize, &Fit)| {
         let best = if place == 0 { " (best)" } else { "" };
         let residual = format!("{:.3} %", 100.0 * fit.residual);
         let delay = format!("{:.4} ms", 1e3 * fit.slow_delay_s);
-        vec![format!("{}{best}", fit.model.words()), parameters(fit), residual, delay]
+        vec![
+            format!("{}{best}", fit.model.words()),
+            parameters(fit),
+            residual,
+            delay,
+        ]
     };
     let models: Vec<_> = found.models.iter().enumerate().map(model).collect();
     let pair = |what: &str, text: String| (what.to_owned(), text);
@@ -155,14 +173,22 @@ fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification)
         pair("mean coherence", format!("{:.4}", found.coherence)),
     ];
     if let Some(specimen) = &found.specimen {
-        facts.extend(of_specimen(specimen, axis.to_structure).into_iter().map(|(what, text)| pair(&what, text)));
+        facts.extend(
+            of_specimen(specimen, axis.to_structure)
+                .into_iter()
+                .map(|(what, text)| pair(&what, text)),
+        );
     }
     facts.extend(felt(axis).into_iter().map(|(what, text)| pair(&what, text)));
     let shown = |noise: f64, unit| match noise < LEAST_NOISE {
         true => format!("0 {unit}"),
         false => quantity(noise, unit),
     };
-    let noise = format!("{}, {}", shown(found.noise.disp_m, "m"), shown(found.noise.force_n, "N"));
+    let noise = format!(
+        "{}, {}",
+        shown(found.noise.disp_m, "m"),
+        shown(found.noise.force_n, "N")
+    );
     facts.push(pair("noise at rest", noise));
     html! {
         (grid(files, axis, pictures))
@@ -189,25 +215,44 @@ fn compared(
     let at = frequencies(found);
     let models = found.models.iter().enumerate().map(|(place, fit)| {
         let values: Vec<f64> = at.iter().map(|hz| of_model(fit, *hz)).collect();
-        let look = if place == 0 { Look::Reference } else { Look::Line };
+        let look = if place == 0 {
+            Look::Reference
+        } else {
+            Look::Line
+        };
         (fit.model.words(), values, look)
     });
     // A meaningless curve would hide the others.
     let models = models.filter(|(_, values, _)| values.iter().all(|value| value.is_finite()));
     let chart = Chart::new(title, FREQUENCY, up);
-    let chart = models.take(MOST_MODELS).fold(chart, |chart, (name, values, look)| {
-        chart.with(name.to_owned(), at.clone(), values, look)
-    });
+    let chart = models
+        .take(MOST_MODELS)
+        .fold(chart, |chart, (name, values, look)| {
+            chart.with(name.to_owned(), at.clone(), values, look)
+        });
     let best = found.best().map_or("none", |fit| fit.model.words());
     let says = format!("{title}: measured, and the best models; the best one, {best}, is dashed.");
-    (name, says, chart.with("measured", measured.0, measured.1, Look::Dots).sized(560.0, 330.0))
+    (
+        name,
+        says,
+        chart
+            .with("measured", measured.0, measured.1, Look::Dots)
+            .sized(560.0, 330.0),
+    )
 }
 
 fn gain(axis: &Axis, found: &Identification) -> Picture<'static> {
     let points = found.response.iter().filter(|point| point.trusted);
     let measured = points.map(|point| (point.hz, point.gain)).unzip();
     let of_model = |fit: &Fit, hz: f64| fit.response(hz, axis.tick).norm();
-    compared("gain", "Gain over frequency", Scale::new("gain", "1"), found, measured, &of_model)
+    compared(
+        "gain",
+        "Gain over frequency",
+        Scale::new("gain", "1"),
+        found,
+        measured,
+        &of_model,
+    )
 }
 
 fn delay(axis: &Axis, found: &Identification) -> Picture<'static> {
@@ -224,16 +269,27 @@ fn delay(axis: &Axis, found: &Identification) -> Picture<'static> {
         let turns = ((expected - raw) / TAU).round();
         1e3 * (raw + TAU * turns) / (TAU * hz)
     };
-    compared("delay", "Delay over frequency", Scale::new("delay", "ms"), found, measured, &of_model)
+    compared(
+        "delay",
+        "Delay over frequency",
+        Scale::new("delay", "ms"),
+        found,
+        measured,
+        &of_model,
+    )
 }
 
 fn coherence(found: &Identification) -> Picture<'static> {
-    let points = found.response.iter().map(|point| (point.hz, point.coherence));
+    let points = found
+        .response
+        .iter()
+        .map(|point| (point.hz, point.coherence));
     let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
     let up = Scale::new("coherence", "1").within(Some((0.0, 1.05)));
     let title = "Coherence of command and measured displacement";
     let chart = Chart::new(title, FREQUENCY, up).with("", x, y, Look::Dots);
-    let says = "Share of the measured power that the command explains; below 0.8 a point is not trusted.";
+    let says =
+        "Share of the measured power that the command explains; below 0.8 a point is not trusted.";
     ("coherence", says.to_owned(), chart.sized(560.0, 330.0))
 }
 
@@ -241,11 +297,16 @@ fn walk<'a>(axis: &'a Axis, found: Option<&Identification>) -> Picture<'a> {
     let (disp, force) = &axis.walk;
     let middle = |values: &[f64]| values.first().copied().unwrap_or(0.0);
     let (x0, f0) = (middle(disp), middle(force));
-    let (across, up) = (Scale::new("measured displacement", "m"), Scale::new("force", "N"));
+    let (across, up) = (
+        Scale::new("measured displacement", "m"),
+        Scale::new("force", "N"),
+    );
     let chart = Chart::new("Force over measured displacement", across, up);
     let mut chart = chart.with("measured", disp, force, Look::Line);
     if let Some(specimen) = found.and_then(|found| found.specimen) {
-        let ends = disp.iter().fold((x0, x0), |(low, high), d| (d.min(low), d.max(high)));
+        let ends = disp
+            .iter()
+            .fold((x0, x0), |(low, high), d| (d.min(low), d.max(high)));
         let force = |x: f64| f0 + specimen.stiffness.value * (x - x0);
         let line = vec![force(ends.0), force(ends.1)];
         chart = chart.with("stiffness", vec![ends.0, ends.1], line, Look::Reference);

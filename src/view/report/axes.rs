@@ -230,8 +230,13 @@ impl AxisDigest {
     pub(crate) fn gain(&self) -> Vec<(f64, f64)> {
         let [target, measured, _] = &self.spectra;
         let most = target.iter().map(|point| point.1).fold(0.0, f64::max);
-        let both = target.iter().zip(measured).filter(|(c, _)| c.1 > 0.01 * most);
-        both.map(|(c, m)| (c.0, m.1 / c.1)).filter(|(hz, gain)| *hz > 0.0 && gain.is_finite()).collect()
+        let both = target
+            .iter()
+            .zip(measured)
+            .filter(|(c, _)| c.1 > 0.01 * most);
+        both.map(|(c, m)| (c.0, m.1 / c.1))
+            .filter(|(hz, gain)| *hz > 0.0 && gain.is_finite())
+            .collect()
     }
 
     /// True if there is a loop to be drawn.

@@ -12,17 +12,37 @@ use super::{RunView, metrics};
 
 /// Column, name, meaning and colour of each energy.
 const PARTS: [(&str, &str, &str, Ink); 6] = [
-    ("input", "input", "work of the loads and of the ground, with the kinetic energy at the beginning", Ink::Text),
+    (
+        "input",
+        "input",
+        "work of the loads and of the ground, with the kinetic energy at the beginning",
+        Ink::Text,
+    ),
     ("kinetic", "kinetic", "½ vᵀM v", Ink::Series(0)),
-    ("damping", "damping", "dissipated by the linear damping of the numerical side", Ink::Series(3)),
+    (
+        "damping",
+        "damping",
+        "dissipated by the linear damping of the numerical side",
+        Ink::Series(3),
+    ),
     (
         "springs",
         "numerical springs",
         "stored in stiffness, stored and dissipated by nonlinear elements of the numerical side",
         Ink::Series(2),
     ),
-    ("specimens", "specimens", "∫ f d(B·x): stored and dissipated by the specimens", Ink::Series(1)),
-    ("remainder", "residual", "input less all others: the trapezoidal rule's own error, of order Δt²", Ink::Series(5)),
+    (
+        "specimens",
+        "specimens",
+        "∫ f d(B·x): stored and dissipated by the specimens",
+        Ink::Series(1),
+    ),
+    (
+        "remainder",
+        "residual",
+        "input less all others: the trapezoidal rule's own error, of order Δt²",
+        Ink::Series(5),
+    ),
 ];
 
 fn column<'a>(digest: &'a Digest, name: &str) -> Option<&'a [f64]> {
@@ -42,7 +62,9 @@ pub(super) fn balance(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
             passed if passed.steps < 3 => "it takes three steps",
             _ => {
                 let why = run.no_balance.as_deref();
-                why.unwrap_or("not every DOF and axis is recorded, or the structure is too large for it")
+                why.unwrap_or(
+                    "not every DOF and axis is recorded, or the structure is too large for it",
+                )
             }
         };
         let says = paragraph(&format!("No energy balance is drawn: {why}."));
@@ -53,9 +75,14 @@ pub(super) fn balance(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
         Some((*name, digest.energy.time_of(key)?, y, *ink))
     });
     let chart = Chart::history("Energy balance", Scale::new("energy", "J")).marks(trips(run));
-    let chart = drawn.fold(chart, |chart, (name, x, y, ink)| chart.with(name, x, y, Look::Line).inked(ink));
+    let chart = drawn.fold(chart, |chart, (name, x, y, ink)| {
+        chart.with(name, x, y, Look::Line).inked(ink)
+    });
     let marks = |key: &str| digest.energy.marks(key);
-    let input = marks("input").peak.map(|peak| peak.value.abs()).filter(|input| *input > 0.0);
+    let input = marks("input")
+        .peak
+        .map(|peak| peak.value.abs())
+        .filter(|input| *input > 0.0);
     let share = |value: f64| {
         let input = input.filter(|_| value.is_finite());
         input.map(|input| format!("{} %", number(100.0 * value / input, 3)))
@@ -63,7 +90,12 @@ pub(super) fn balance(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
     let listed = PARTS.iter().filter_map(|(key, name, meaning, _)| {
         let (end, peak) = (marks(key).last?, marks(key).peak?);
         let name = format!("{name}: {meaning}");
-        Some(vec![name, quantity(end, "J"), or_dash(share(end)), quantity(peak.value, "J")])
+        Some(vec![
+            name,
+            quantity(end, "J"),
+            or_dash(share(end)),
+            quantity(peak.value, "J"),
+        ])
     });
     let more = html! {
         (table(&["", "at the end", "of the largest input", "largest"], &listed.collect::<Vec<_>>()))

@@ -27,8 +27,9 @@ pub(super) const LABEL: f64 = 12.0;
 const HEAD: f64 = 30.0;
 const FOOT: f64 = 40.0;
 const ROW: f64 = 17.0;
-/// Whole units of a line per display unit.
-const FINE: f64 = 50.0;
+/// Whole units of a line per display unit, across and up: a page keeps times exact, a picture scales alike both ways.
+const OF_PAGE: (f64, f64) = (1000.0, 100.0);
+const OF_PICTURE: (f64, f64) = (50.0, 50.0);
 /// Further outside than this many times the range nothing is drawn: a diverging curve must not hide the others.
 const FAR: f64 = 2.0;
 /// A level is drawn up to this many times the largest value.
@@ -204,7 +205,15 @@ impl<'a> Scale<'a> {
     /// What the script needs of the axis.
     fn told(&self, axis: &Axis, labels: &Labels) -> String {
         let is_log = self.spacing != Spacing::Linear;
-        json!([axis.lo(), axis.hi(), is_log, self.words, labels.unit, labels.factor]).to_string()
+        json!([
+            axis.lo(),
+            axis.hi(),
+            is_log,
+            self.words,
+            labels.unit,
+            labels.factor
+        ])
+        .to_string()
     }
 }
 
@@ -229,9 +238,13 @@ struct Layer<'a> {
 }
 
 impl Layer<'_> {
+    fn all(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.x.iter().copied().zip(self.y.iter().copied())
+    }
+
     fn points(&self) -> impl Iterator<Item = (f64, f64)> {
-        let both = self.x.iter().copied().zip(self.y.iter().copied());
-        both.filter(|(x, y)| is_drawable(*x) && is_drawable(*y))
+        self.all()
+            .filter(|(x, y)| is_drawable(*x) && is_drawable(*y))
     }
 
     fn peak(&self) -> f64 {
@@ -327,7 +340,10 @@ impl<'a> Chart<'a> {
             Look::Reference => (Ink::Text, true),
             Look::Faint => (Ink::Frame, false),
             // Six colours, then the same dashed.
-            _ => (Ink::Series(self.coloured), self.coloured % 12 >= 6 || look == Look::Dashed),
+            _ => (
+                Ink::Series(self.coloured),
+                self.coloured % 12 >= 6 || look == Look::Dashed,
+            ),
         };
         self.coloured += usize::from(!matches!(look, Look::Reference | Look::Faint));
         self.layers.push(Layer {
@@ -373,7 +389,9 @@ impl<'a> Chart<'a> {
 
     /// True if no layer has a point.
     pub(super) fn is_empty(&self) -> bool {
-        self.layers.iter().all(|layer| layer.points().next().is_none())
+        self.layers
+            .iter()
+            .all(|layer| layer.points().next().is_none())
     }
 
     /// The chart in its frame, as a part of a page.
@@ -410,19 +428,28 @@ impl<'a> Chart<'a> {
         let levels: Vec<_> = (self.levels.iter())
             .filter(|(_, at)| at.abs() <= REACH * peak)
             .collect();
-        let heights = points().map(|p| p.1).chain(levels.iter().map(|level| level.1));
+        let heights = points()
+            .map(|p| p.1)
+            .chain(levels.iter().map(|level| level.1));
         let bars = self.layers.iter().filter(|layer| layer.look == Look::Bars);
         let edges = bars.filter_map(|layer| layer.x.last().copied());
         let widths = points().map(|p| p.0).chain(edges);
         let widths = widths.chain(self.marks.iter().filter(|_| !self.is_history).map(|m| m.1));
-        let (x, y) = (self.across.axis(widths, self.is_history), self.up.axis(heights, false));
+        let (x, y) = (
+            self.across.axis(widths, self.is_history),
+            self.up.axis(heights, false),
+        );
         let (Some(x), Some(y)) = (x, y) else {
             return canvas.sentence(area, &self.title);
         };
         let area = self.headed(canvas, area, &levels);
         let columns = if self.is_history { 90.0 } else { 75.0 };
-        let across = self.across.labelled(&x, (area.w / columns).clamp(3.0, 12.0), !self.is_history);
-        let up = self.up.labelled(&y, ((area.h - 70.0) / 40.0).clamp(3.0, 8.0), true);
+        let across =
+            self.across
+                .labelled(&x, (area.w / columns).clamp(3.0, 12.0), !self.is_history);
+        let up = self
+            .up
+            .labelled(&y, ((area.h - 70.0) / 40.0).clamp(3.0, 8.0), true);
         let plot = Plot::frame(canvas, area, (x, &across), (y, &up), self.is_square);
         let (w, h) = (plot.inner.w, plot.inner.h);
         let told = [self.across.told(&x, &across), self.up.told(&y, &up)];
@@ -431,22 +458,35 @@ impl<'a> Chart<'a> {
             // The largest lies at the bottom, so that the smaller ones are seen.
             layers.sort_by(|a, b| b.peak().total_cmp(&a.peak()));
         }
-        let size = canvas.unit();
+        let fine = canvas.fine();
+        let (wide, high) = (whole(w * fine.0), whole(h * fine.1));
+        // The strokes of a page do not scale.
+        let size = if canvas.is_page { 1.0 } else { fine.1 };
         canvas.add(html! {
             svg.lines x=(r(plot.inner.x)) y=(r(plot.inner.y)) width=(r(w)) height=(r(h)) preserveAspectRatio="none"
-                viewBox={ "0 0 " (unit(w)) " " (unit(h)) } data-x=(told[0]) data-y=(told[1]) {
+                viewBox={ "0 0 " (wide) " " (high) } data-x=(told[0]) data-y=(told[1]) {
                 @for (name, at) in &levels {
-                    path.l-alarm d={ "m0 " (unit(h * (1.0 - y.place(*at)))) "h" (unit(w)) } data-level=(name) fill="none"
+                    path.l-alarm d={ "m0 " (whole(h * fine.1 * (1.0 - y.place(*at)))) "h" (wide) } data-level=(name) fill="none"
                         stroke-width=(size) stroke-dasharray={ (8.0 * size) " " (4.0 * size) } {}
                 }
-                @for layer in layers { (self.layer(layer, &plot, size)) }
+                @for layer in layers { (self.layer(layer, &plot, fine, size)) }
             }
         });
         let mut last = f64::NEG_INFINITY;
-        for at in self.strokes.iter().filter(|at| x.holds(**at)).map(|at| plot.across(*at)) {
+        for at in self
+            .strokes
+            .iter()
+            .filter(|at| x.holds(**at))
+            .map(|at| plot.across(*at))
+        {
             // Strokes closer than half a display unit would be one stroke.
             if at - last >= 0.5 {
-                canvas.line((at, plot.inner.y), (at, plot.inner.y + 9.0), Ink::Alarm, 1.5);
+                canvas.line(
+                    (at, plot.inner.y),
+                    (at, plot.inner.y + 9.0),
+                    Ink::Alarm,
+                    1.5,
+                );
                 last = at;
             }
         }
@@ -456,63 +496,75 @@ impl<'a> Chart<'a> {
             canvas.line((at, top - 7.0), (at, plot.inner.y + h), *ink, 1.0);
             let fits = at + text_width(words, LABEL) + 8.0 < plot.inner.x + w;
             let ink = if *ink == Ink::Frame { Ink::Text } else { *ink };
-            let (to, anchor) = if fits { (4.0, Anchor::Left) } else { (-4.0, Anchor::Right) };
+            let (to, anchor) = if fits {
+                (4.0, Anchor::Left)
+            } else {
+                (-4.0, Anchor::Right)
+            };
             canvas.text(words, (at + to, top), Lettering::new(ink).anchored(anchor));
         }
     }
 
-    /// One layer as a path in whole units.
-    fn layer(&self, layer: &Layer<'_>, plot: &Plot, size: f64) -> Markup {
+    /// One layer as a path in whole units, `fine` of them per display unit.
+    fn layer(&self, layer: &Layer<'_>, plot: &Plot, fine: (f64, f64), size: f64) -> Markup {
         let room = FAR * (plot.y.hi() - plot.y.lo());
         let is_near = |y: f64| y >= plot.y.lo() - room && y <= plot.y.hi() + room;
         let is_log = self.up.spacing != Spacing::Linear;
+        let (wide, high) = (plot.inner.w * fine.0, plot.inner.h * fine.1);
         let place = |(x, y): (f64, f64)| {
             let is_there = is_drawable(x) && is_drawable(y) && is_near(y) && !(is_log && y <= 0.0);
-            let at = (unit(plot.inner.w * plot.x.share(x)), unit(plot.inner.h * (1.0 - plot.y.share(y))));
-            is_there.then_some(at)
+            let at = (wide * plot.x.share(x), high * (1.0 - plot.y.share(y)));
+            is_there.then(|| (whole(at.0), whole(at.1)))
         };
-        let points: Vec<(f64, f64)> = if self.is_history && layer.look == Look::Line {
-            thin::history(&layer.x, &layer.y)
-        } else {
-            layer.x.iter().copied().zip(layer.y.iter().copied()).collect()
+        let points = match self.is_history && layer.look == Look::Line {
+            true => thin::history(&layer.x, &layer.y),
+            false => layer.all().collect(),
         };
-        let is_one_place = |mut all: std::slice::Iter<'_, (f64, f64)>| {
-            let first = all.find_map(|p| place(*p));
-            first.is_some() && all.filter_map(|p| place(*p)).all(|p| Some(p) == first)
-        };
+        let places: Vec<Option<(i64, i64)>> = points.into_iter().map(place).collect();
+        let first = places.iter().flatten().next();
         // A line of no length is not seen.
-        let is_dots = layer.look == Look::Dots || is_one_place(points.iter());
+        let is_dots =
+            layer.look == Look::Dots || places.iter().flatten().all(|at| Some(at) == first);
+        let name = if layer.name.is_empty() {
+            self.up.words
+        } else {
+            &*layer.name
+        };
         let mut path = Path::default();
         if layer.look == Look::Bars {
-            let bottom = unit(plot.inner.h * (1.0 - plot.y.place(0.0)));
-            for (ends, y) in layer.x.windows(2).zip(layer.y.iter()).filter(|(_, y)| **y > 0.0) {
-                let [Some((from, top)), Some((to, _))] = [ends[0], ends[1]].map(|x| place((x, *y))) else {
+            let bottom = whole(high * (1.0 - plot.y.place(0.0)));
+            let gap = whole(0.6 * fine.0);
+            let bars = layer.x.windows(2).zip(layer.y.iter());
+            for (ends, y) in bars.filter(|(_, y)| **y > 0.0) {
+                let ends = [ends[0], ends[1]].map(|x| place((x, *y)));
+                let [Some((from, top)), Some((to, _))] = ends else {
                     continue;
                 };
-                let to = (to - 30).max(from + 25);
-                for at in [(from, bottom), (from, top), (to, top), (to, bottom)] {
-                    path.to(Some(at));
-                }
+                let to = (to - gap).max(from + gap);
+                let corners = [(from, bottom), (from, top), (to, top), (to, bottom)];
+                corners.into_iter().for_each(|at| path.to(Some(at)));
                 path.to(None);
             }
-        } else {
-            for point in points {
-                path.to(place(point));
-                if is_dots {
-                    path.dot();
-                }
+            let ink = format!("f-{}", layer.ink.name());
+            return html! { path class=(ink) data-name=(name) data-bars="" fill-opacity=".75" d=(path.text) {} };
+        }
+        for at in places {
+            path.to(at);
+            if is_dots {
+                path.dot();
             }
         }
-        let name = if layer.name.is_empty() { self.up.words } else { &*layer.name };
-        if layer.look == Look::Bars {
-            return html! { path class={ "f-" (layer.ink.name()) } data-name=(name) data-bars="" fill-opacity=".75" d=(path.text) {} };
-        }
-        let look = if is_dots { Look::Dots } else { layer.look };
-        // Many dots are a cloud, few are marks.
-        let width = if is_dots && layer.x.len() > 200 { 3.4 } else { look.width() } * size;
-        let dashes = (layer.is_dashed && !is_dots).then(|| format!("{} {}", 6.0 * size, 4.0 * size));
+        let width = match is_dots {
+            // Many dots are a cloud, few are marks.
+            true if layer.x.len() > 200 => 3.4,
+            true => Look::Dots.width(),
+            false => layer.look.width(),
+        };
+        let dashes =
+            (layer.is_dashed && !is_dots).then(|| format!("{} {}", 6.0 * size, 4.0 * size));
+        let ink = format!("l-{}", layer.ink.name());
         html! {
-            path class={ "l-" (layer.ink.name()) } data-name=(name) fill="none" stroke-width=(width) stroke-dasharray=[dashes] d=(path.text) {}
+            path class=(ink) data-name=(name) fill="none" stroke-width=(width * size) stroke-dasharray=[dashes] d=(path.text) {}
         }
     }
 
@@ -520,19 +572,36 @@ impl<'a> Chart<'a> {
     fn headed(&self, canvas: &mut Canvas, area: Area, levels: &[&(String, f64)]) -> Area {
         let named = self.layers.iter().filter(|layer| !layer.name.is_empty());
         let named = named.map(|layer| (&*layer.name, layer.look, layer.ink, layer.is_dashed));
-        let levels = levels.iter().map(|(name, _)| (name.as_str(), Look::Line, Ink::Alarm, true));
+        let levels = levels
+            .iter()
+            .map(|(name, _)| (name.as_str(), Look::Line, Ink::Alarm, true));
         let mut entries: Vec<(String, Look, Ink, bool)> = Vec::new();
         for (name, look, ink, is_dashed) in named.chain(levels) {
-            let name = fitted(name, LABEL, (area.w - 40.0) / if self.is_history { 4.0 } else { 1.0 });
-            if !entries.iter().any(|known| known.0 == name && known.2 == ink) {
+            let name = fitted(
+                name,
+                LABEL,
+                (area.w - 40.0) / if self.is_history { 4.0 } else { 1.0 },
+            );
+            if !entries
+                .iter()
+                .any(|known| known.0 == name && known.2 == ink)
+            {
                 entries.push((name, look, ink, is_dashed));
             }
         }
         let wide = |name: &str| text_width(name, LABEL) + 42.0;
         let whole: f64 = entries.iter().map(|(name, ..)| wide(name)).sum();
         let is_beside = text_width(&self.title, TITLE) * 1.1 + whole + 32.0 <= area.w;
-        canvas.title(area, &self.title, area.w - if is_beside { whole } else { 0.0 });
-        let left = if is_beside { area.x + area.w - whole } else { area.x };
+        canvas.title(
+            area,
+            &self.title,
+            area.w - if is_beside { whole } else { 0.0 },
+        );
+        let left = if is_beside {
+            area.x + area.w - whole
+        } else {
+            area.x
+        };
         let (mut x, mut y) = (left, area.y + 12.0);
         if !is_beside && !entries.is_empty() {
             y += ROW + 1.0;
@@ -602,8 +671,8 @@ impl Path {
 }
 
 /// A length in whole units.
-fn unit(length: f64) -> i64 {
-    (length * FINE).round() as i64
+fn whole(length: f64) -> i64 {
+    length.round() as i64
 }
 
 /// A length with one decimal.
@@ -623,7 +692,12 @@ pub(super) struct Area {
 impl Area {
     /// All of a picture.
     pub(super) const fn whole(w: f64, h: f64) -> Self {
-        Self { x: 0.0, y: 0.0, w, h }
+        Self {
+            x: 0.0,
+            y: 0.0,
+            w,
+            h,
+        }
     }
 }
 
@@ -647,7 +721,11 @@ impl Plot {
         let widest = up.ticks.iter().map(|tick| text_width(&tick.label, LABEL));
         // Room for numbers at the left, so that charts above each other mostly share their time axis.
         let left = widest.fold(30.0, f64::max) + if up.name.is_empty() { 10.0 } else { 30.0 };
-        let foot = if across.name.is_empty() { FOOT - 18.0 } else { FOOT };
+        let foot = if across.name.is_empty() {
+            FOOT - 18.0
+        } else {
+            FOOT
+        };
         let wide = area.w - left;
         // Half of the last number may extend beyond the end of the axis.
         let beyond = across.ticks.iter().map(|tick| {
@@ -669,8 +747,21 @@ impl Plot {
         canvas.open("ticks up");
         for tick in up.ticks.iter().filter(|tick| !tick.label.is_empty()) {
             let at = plot.up(tick.at);
-            canvas.line((inner.x, at), (right, at), if tick.at == 0.0 { Ink::Frame } else { Ink::Grid }, 1.0);
-            canvas.text(&tick.label, (inner.x - 7.0, at), small.anchored(Anchor::Right));
+            canvas.line(
+                (inner.x, at),
+                (right, at),
+                if tick.at == 0.0 {
+                    Ink::Frame
+                } else {
+                    Ink::Grid
+                },
+                1.0,
+            );
+            canvas.text(
+                &tick.label,
+                (inner.x - 7.0, at),
+                small.anchored(Anchor::Right),
+            );
         }
         canvas.close();
         canvas.open("ticks across");
@@ -678,11 +769,19 @@ impl Plot {
         for tick in &across.ticks {
             let at = plot.across(tick.at);
             let is_named = !tick.label.is_empty();
-            let (to, from) = if is_named { (bottom + 5.0, inner.y) } else { (bottom + 3.0, bottom) };
+            let (to, from) = if is_named {
+                (bottom + 5.0, inner.y)
+            } else {
+                (bottom + 3.0, bottom)
+            };
             canvas.line((at, from), (at, to), Ink::Grid, 1.0);
             let half = text_width(&tick.label, LABEL) / 2.0;
             if is_named && at - half > free_from {
-                canvas.text(&tick.label, (at, bottom + 14.0), small.anchored(Anchor::Middle));
+                canvas.text(
+                    &tick.label,
+                    (at, bottom + 14.0),
+                    small.anchored(Anchor::Middle),
+                );
                 free_from = at + half + 6.0;
             }
         }
@@ -694,10 +793,18 @@ impl Plot {
             let words = fitted(&up.name, LABEL, room);
             let half = text_width(&words, LABEL) / 2.0;
             let middle = (inner.y + inner.h / 2.0).max(inner.y + half.min(room / 2.0));
-            canvas.text(&words, (area.x + 7.0, middle), small.anchored(Anchor::Middle).upright());
+            canvas.text(
+                &words,
+                (area.x + 7.0, middle),
+                small.anchored(Anchor::Middle).upright(),
+            );
         }
         let words = fitted(&across.name, LABEL, area.w);
-        canvas.text(&words, (inner.x + inner.w / 2.0, bottom + 32.0), small.anchored(Anchor::Middle));
+        canvas.text(
+            &words,
+            (inner.x + inner.w / 2.0, bottom + 32.0),
+            small.anchored(Anchor::Middle),
+        );
         plot
     }
 
@@ -761,9 +868,9 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// Width of one display unit in a nested `svg`: the strokes of a page do not scale.
-    const fn unit(&self) -> f64 {
-        if self.is_page { 1.0 } else { FINE }
+    /// Whole units of a line per display unit.
+    const fn fine(&self) -> (f64, f64) {
+        if self.is_page { OF_PAGE } else { OF_PICTURE }
     }
 
     pub(super) fn add(&mut self, markup: Markup) {
@@ -804,7 +911,9 @@ impl Canvas {
             Anchor::Right => Some("end"),
         };
         let weight = how.is_bold.then_some("bold");
-        let turn = how.is_upright.then(|| format!("rotate(-90 {} {})", r(x), r(y)));
+        let turn = how
+            .is_upright
+            .then(|| format!("rotate(-90 {} {})", r(x), r(y)));
         self.add(html! {
             text class={ "f-" (how.ink.name()) } x=(r(x)) y=(r(y)) dy=".35em" font-size=(size) text-anchor=[anchor] font-weight=[weight]
                 transform=[turn] { (words) }
@@ -814,7 +923,12 @@ impl Canvas {
     /// Title at the upper left of `area`.
     pub(super) fn title(&mut self, area: Area, words: &str, room: f64) {
         let words = fitted(words, TITLE * 1.06, room);
-        self.letters(&words, (area.x, area.y + 12.0), Lettering::new(Ink::Text).bold(), TITLE);
+        self.letters(
+            &words,
+            (area.x, area.y + 12.0),
+            Lettering::new(Ink::Text).bold(),
+            TITLE,
+        );
     }
 
     /// A sentence in the middle of `area`, instead of a chart.
@@ -822,12 +936,21 @@ impl Canvas {
         self.title(area, heading, area.w);
         let at = (area.x + area.w / 2.0, area.y + area.h / 2.0);
         let words = "There is nothing to draw: no finite values were recorded.";
-        self.text(&fitted(words, LABEL, area.w), at, Lettering::new(Ink::Soft).anchored(Anchor::Middle));
+        self.text(
+            &fitted(words, LABEL, area.w),
+            at,
+            Lettering::new(Ink::Soft).anchored(Anchor::Middle),
+        );
     }
 }
 
 /// A picture of a page; `label` is the text for screen readers.
-pub(super) fn page_picture(width: f64, height: f64, label: &str, draw: impl FnOnce(&mut Canvas)) -> Markup {
+pub(super) fn page_picture(
+    width: f64,
+    height: f64,
+    label: &str,
+    draw: impl FnOnce(&mut Canvas),
+) -> Markup {
     let (body, is_page) = (String::new(), true);
     let mut canvas = Canvas { body, is_page };
     draw(&mut canvas);
@@ -839,7 +962,12 @@ pub(super) fn page_picture(width: f64, height: f64, label: &str, draw: impl FnOn
 }
 
 /// A picture of its own, on any background.
-pub(super) fn picture(width: f64, height: f64, label: &str, draw: impl FnOnce(&mut Canvas)) -> String {
+pub(super) fn picture(
+    width: f64,
+    height: f64,
+    label: &str,
+    draw: impl FnOnce(&mut Canvas),
+) -> String {
     let (body, is_page) = (String::new(), false);
     let mut canvas = Canvas { body, is_page };
     draw(&mut canvas);
@@ -877,4 +1005,142 @@ pub(super) fn fitted(text: &str, size: f64, width: f64) -> String {
         most -= 1;
     }
     shortened(text, most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axes() -> [Scale<'static>; 2] {
+        [Scale::new("time", "s"), Scale::new("value", "m")]
+    }
+
+    fn chart<'a>(x: &'a [f64], y: &'a [f64]) -> Chart<'a> {
+        let [across, up] = axes();
+        Chart::new("Curves & others", across, up).with("tame <b>", x, y, Look::Line)
+    }
+
+    #[test]
+    fn lines_carry_their_values() {
+        let (x, y) = ([0.0, 1.0, 2.0, 3.0], [0.0, 2e-3, f64::NAN, -2e-3]);
+        let markup = chart(&x, &y).figure().0;
+        let told = |name: &str| {
+            markup
+                .split(&format!("{name}=\""))
+                .nth(1)
+                .unwrap()
+                .split('"')
+                .next()
+                .unwrap()
+        };
+        let ends = told("data-x").replace("&quot;", "\"");
+        let ends: serde_json::Value = serde_json::from_str(&ends).unwrap();
+        let (lo, hi) = (ends[0].as_f64().unwrap(), ends[1].as_f64().unwrap());
+        assert!(lo < 0.0 && hi > 3.0 && ends[3] == "time");
+        let path = markup
+            .split("data-name=\"tame")
+            .nth(1)
+            .unwrap()
+            .split(" d=\"")
+            .nth(1)
+            .unwrap();
+        let path = path.split('"').next().unwrap();
+        assert_eq!(
+            path.matches('m').count(),
+            2,
+            "a gap breaks the line: {path}"
+        );
+        // From the first point to the second: a third of the way from 0 to 3.
+        let way: Vec<&str> = path
+            .split([' ', 'm', '-'])
+            .filter(|n| !n.is_empty())
+            .collect();
+        let width: f64 = markup
+            .split("viewBox=\"0 0 ")
+            .nth(2)
+            .unwrap()
+            .split(' ')
+            .next()
+            .unwrap()
+            .parse()
+            .unwrap();
+        let moved: f64 = way[2].parse().unwrap();
+        assert!((moved / width * (hi - lo) - 1.0).abs() < 1e-3, "{path}");
+        assert!(markup.contains("tame &lt;b&gt;") && markup.contains("value (mm)"));
+        assert!(markup.contains("aria-label=\"Curves &amp; others\""));
+    }
+
+    #[test]
+    fn wild_curve_does_not_hide_the_others() {
+        let x: Vec<f64> = (0..100).map(f64::from).collect();
+        let tame: Vec<f64> = x.iter().map(|x| libm::sin(x / 10.0)).collect();
+        let wild: Vec<f64> = x.iter().map(|x| libm::exp(*x)).collect();
+        let [across, up] = axes();
+        let chart = Chart::new("Both", across, up.within(Some((-1.0, 1.0))))
+            .with("tame", &x, &tame, Look::Line)
+            .with("wild", &x, &wild, Look::Line);
+        let svg = chart.svg();
+        assert!(svg.contains(">1.0</text>") && !svg.contains("e43"));
+        let wild = svg.split("data-name=\"wild\"").nth(1).unwrap();
+        assert!(
+            wild.split(" d=\"")
+                .nth(1)
+                .unwrap()
+                .split('"')
+                .next()
+                .unwrap()
+                .len()
+                < 60,
+            "{wild}"
+        );
+    }
+
+    #[test]
+    fn levels_marks_and_dashes_are_drawn() {
+        let x = [0.0, 1.0, 2.0];
+        let marks = [
+            ("trip: force".to_owned(), 1.5, Ink::Alarm),
+            ("late".to_owned(), 9.0, Ink::Alarm),
+        ];
+        let mut both = Chart::history("History", axes()[1]).marks(marks);
+        for _ in 0..7 {
+            both = both.with("line", &x, &x, Look::Line);
+        }
+        let both = both.levels([("limit".to_owned(), 2.5), ("far".to_owned(), 50.0)]);
+        let markup = both.figure().0;
+        assert!(markup.contains("trip: force") && !markup.contains("late<"));
+        assert!(markup.contains("limit") && !markup.contains("far<"));
+        assert_eq!(
+            markup.matches("stroke-dasharray").count(),
+            2,
+            "the level and the seventh line"
+        );
+    }
+
+    #[test]
+    fn points_of_one_place_are_a_dot() {
+        assert!(chart(&[2.0, 2.0], &[5.0, 5.0]).figure().0.contains("h0"));
+        let [across, up] = axes();
+        let dots = Chart::new("Dots", across, up).with(
+            "",
+            vec![1.0, 2.0, f64::NAN],
+            vec![1.0; 3],
+            Look::Dots,
+        );
+        assert_eq!(dots.svg().matches("h0").count(), 2);
+        assert!(chart(&[], &[]).svg().contains("nothing to draw"));
+        assert!(
+            chart(&[f64::NAN], &[1.0])
+                .figure()
+                .0
+                .contains("nothing to draw")
+        );
+    }
+
+    #[test]
+    fn text_is_cut_to_its_width() {
+        assert_eq!(fitted("short", 12.0, 500.0), "short");
+        let cut = fitted(&"long ".repeat(40), 12.0, 80.0);
+        assert!(cut.ends_with('…') && text_width(&cut, 12.0) <= 80.0);
+    }
 }

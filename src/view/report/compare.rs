@@ -9,13 +9,17 @@ use serde_json::Value;
 use super::RunView;
 use super::chart::{Chart, HALF, Ink, Look, Scale, WHOLE};
 use super::digest::Digest;
-use super::html::{self, HINT, beside, details, frame, header, note, paragraph, section, table, table_of};
+use super::html::{
+    self, HINT, beside, details, frame, header, note, paragraph, section, table, table_of,
+};
 use super::matched::{Apart, Matched};
 use super::metrics;
 use super::response;
 use super::rows::Rows;
 use super::tested::clock_word;
-use super::text::{NOTHING, count, exact, lag_words, micros, number, or_dash, percent, plural, quantity, shortened};
+use super::text::{
+    NOTHING, count, exact, lag_words, micros, number, or_dash, percent, plural, quantity, shortened,
+};
 use super::timing::{self, words};
 use super::tracked::{self, Tracked};
 use gusset_motion::metrics::{Judged, Tracking};
@@ -44,7 +48,9 @@ struct Of<'a> {
 
 impl Of<'_> {
     fn axis(&self, like: &Tracked<'_>) -> Option<&Tracked<'_>> {
-        self.axes.iter().find(|axis| axis.digest.axis == like.digest.axis)
+        self.axes
+            .iter()
+            .find(|axis| axis.digest.axis == like.digest.axis)
     }
 }
 
@@ -56,11 +62,20 @@ pub fn compare(runs: &[(&str, &RunView)], matched: &[Result<Matched, String>]) -
     let title = names.join(" against ");
     let digests: Vec<_> = runs.iter().map(|(_, run)| run.digested()).collect();
     let all = runs.iter().zip(&digests).zip(ORDER);
-    let all: Vec<Of<'_>> = all.map(|(((_, run), digest), order)| of(order, run, digest)).collect();
+    let all: Vec<Of<'_>> = all
+        .map(|(((_, run), digest), order)| of(order, run, digest))
+        .collect();
     let runs: Vec<&RunView> = runs.iter().map(|(_, run)| *run).collect();
-    let found: Vec<&Matched> = matched.iter().filter_map(|found| found.as_ref().ok()).collect();
+    let found: Vec<&Matched> = matched
+        .iter()
+        .filter_map(|found| found.as_ref().ok())
+        .collect();
     let head = html! { (banner(matched, &runs)) (key_figures(&all, &found)) };
-    let brand = if runs.len() > 2 { "· comparison of several runs" } else { "· comparison of two runs" };
+    let brand = if runs.len() > 2 {
+        "· comparison of several runs"
+    } else {
+        "· comparison of two runs"
+    };
     let body = html! {
         (header(brand, &title, head))
         main {
@@ -80,7 +95,12 @@ pub fn compare(runs: &[(&str, &RunView)], matched: &[Result<Matched, String>]) -
 fn of<'a>(order: &'static str, run: &'a RunView, digest: &'a Digest) -> Of<'a> {
     let rows = Rows::new(digest);
     let axes = tracked::tracking(run, &rows);
-    Of { order, run, rows, axes }
+    Of {
+        order,
+        run,
+        rows,
+        axes,
+    }
 }
 
 /// Result of the comparison in one sentence.
@@ -161,7 +181,8 @@ fn alone(found: &Matched) -> Option<String> {
 pub fn damages(runs: &[&RunView]) -> Vec<String> {
     let of = |(run, which): (&&RunView, &&str)| {
         let what = run.flaws.unfinished.iter().chain(&run.flaws.damaged);
-        what.map(|what| format!("{which} run: {what}")).collect::<Vec<_>>()
+        what.map(|what| format!("{which} run: {what}"))
+            .collect::<Vec<_>>()
     };
     runs.iter().zip(&ORDER).flat_map(of).collect()
 }
@@ -189,16 +210,30 @@ fn verdict_of(run: &RunView) -> Option<&RecordedVerdict> {
 }
 
 /// Colour and headline of one comparison, and what it found.
-fn headline(matched: &Result<Matched, String>, is_damaged: bool) -> (bool, &'static str, Vec<String>) {
+fn headline(
+    matched: &Result<Matched, String>,
+    is_damaged: bool,
+) -> (bool, &'static str, Vec<String>) {
     let found = match matched {
-        Err(why) => return (false, "The runs cannot be compared row by row", vec![capital(why)]),
-        Ok(found) if found.rows == 0 => return (false, "The runs have no step in common", Vec::new()),
+        Err(why) => {
+            return (
+                false,
+                "The runs cannot be compared row by row",
+                vec![capital(why)],
+            );
+        }
+        Ok(found) if found.rows == 0 => {
+            return (false, "The runs have no step in common", Vec::new());
+        }
         Ok(found) => found,
     };
     let is_whole = found.alone == (0, 0) && !is_damaged;
     let (is_good, headline) = match &found.first {
         None if is_whole => (true, "Both runs are identical to the last bit"),
-        None => (false, "Both runs are identical where both have data, but data is missing"),
+        None => (
+            false,
+            "Both runs are identical where both have data, but data is missing",
+        ),
         Some(_) => (false, "The runs differ"),
     };
     let mut more = vec![format!("{}.", capital(&found_in_words(found)))];
@@ -210,24 +245,38 @@ fn headline(matched: &Result<Matched, String>, is_damaged: bool) -> (bool, &'sta
 
 fn banner(matched: &[Result<Matched, String>], runs: &[&RunView]) -> Markup {
     let (damages, doubts) = (damages(runs), doubts(runs));
-    let is_unstable = runs.iter().filter_map(|run| verdict_of(run)).any(|verdict| verdict.unstable);
-    let each: Vec<_> = matched.iter().map(|found| headline(found, !damages.is_empty())).collect();
+    let is_unstable = runs
+        .iter()
+        .filter_map(|run| verdict_of(run))
+        .any(|verdict| verdict.unstable);
+    let each: Vec<_> = matched
+        .iter()
+        .map(|found| headline(found, !damages.is_empty()))
+        .collect();
     let mut more: Vec<String> = Vec::new();
     for ((_, headline, told), order) in each.iter().zip(&ORDER[1..]) {
         let told = told.iter().cloned();
         match matched.len() {
             1 => more.extend(told),
-            _ => more.push(capital(&format!("{order} run against the first: {headline}. {}", told.collect::<Vec<_>>().join(" ")))),
+            _ => more.push(capital(&format!(
+                "{order} run against the first: {headline}. {}",
+                told.collect::<Vec<_>>().join(" ")
+            ))),
         }
     }
-    if matched.iter().any(|found| found.as_ref().is_ok_and(|found| found.rows > 0)) {
+    if matched
+        .iter()
+        .any(|found| found.as_ref().is_ok_and(|found| found.rows > 0))
+    {
         more.push(
             "The comparison takes all ticks of the running tests that both runs have at the same test time. It leaves out columns that depend on wall time."
                 .to_owned(),
         );
     }
     let is_good = each.iter().all(|(is_good, ..)| *is_good);
-    let first = each.first().map_or("There is one run only", |(_, headline, _)| *headline);
+    let first = each
+        .first()
+        .map_or("There is one run only", |(_, headline, _)| *headline);
     let headline = match (matched.len(), is_good) {
         (..=1, _) => first.to_owned(),
         (_, true) => "All runs are identical to the last bit".to_owned(),
@@ -238,7 +287,11 @@ fn banner(matched: &[Result<Matched, String>], runs: &[&RunView]) -> Markup {
         true if doubts.is_empty() => "good",
         _ => "warning",
     };
-    let unstable = if is_unstable { "; a LOOP IS UNSTABLE" } else { "" };
+    let unstable = if is_unstable {
+        "; a LOOP IS UNSTABLE"
+    } else {
+        ""
+    };
     let told = damages.iter().chain(&doubts);
     more.extend(told.map(|text| format!("{}.", capital(text.trim_end_matches('.')))));
     html::banner(class, &format!("{headline}{unstable}"), &more)
@@ -251,21 +304,33 @@ fn capital(text: &str) -> String {
 }
 
 /// A heading and the value of each run; `None` where no run has one.
-fn known(what: impl Into<String>, values: impl IntoIterator<Item = Option<String>>) -> Option<Vec<String>> {
+fn known(
+    what: impl Into<String>,
+    values: impl IntoIterator<Item = Option<String>>,
+) -> Option<Vec<String>> {
     let values: Vec<Option<String>> = values.into_iter().collect();
     let cells = || values.iter().cloned().map(or_dash);
-    values.iter().any(Option::is_some).then(|| std::iter::once(what.into()).chain(cells()).collect())
+    values
+        .iter()
+        .any(Option::is_some)
+        .then(|| std::iter::once(what.into()).chain(cells()).collect())
 }
 
 /// A table with a column for each run.
 fn by_runs(class: &str, first: &str, all: &[Of<'_>], rows: &[Vec<String>]) -> Markup {
-    let heading: Vec<&str> = std::iter::once(first).chain(all.iter().map(|of| of.order)).collect();
+    let heading: Vec<&str> = std::iter::once(first)
+        .chain(all.iter().map(|of| of.order))
+        .collect();
     table_of(class, &heading, rows)
 }
 
 /// Largest differences of displacement and force, and the largest values of all runs.
 fn key_figures(all: &[Of<'_>], found: &[&Matched]) -> Markup {
-    let mut shown: Vec<(String, String)> = found.iter().take(1).flat_map(|found| differences(found)).collect();
+    let mut shown: Vec<(String, String)> = found
+        .iter()
+        .take(1)
+        .flat_map(|found| differences(found))
+        .collect();
     let peak = |of: &Of<'_>| {
         let peak = response::largest_displacement(of.run, &of.rows);
         peak.map(|(_, value, unit)| quantity(value.abs(), unit))
@@ -275,8 +340,11 @@ fn key_figures(all: &[Of<'_>], found: &[&Matched]) -> Markup {
         largest.map(|(_, (force, unit))| quantity(force.abs(), unit))
     };
     let orders: Vec<&str> = all.iter().map(|of| of.order).collect();
-    let kinds: [(&str, &dyn Fn(&Of<'_>) -> Option<String>); 3] =
-        [("largest displacement", &peak), ("largest force", &force), ("deadline misses", &misses)];
+    let kinds: [(&str, &dyn Fn(&Of<'_>) -> Option<String>); 3] = [
+        ("largest displacement", &peak),
+        ("largest force", &force),
+        ("deadline misses", &misses),
+    ];
     for (words, value) in kinds {
         let values = known("", all.iter().map(value)).map(|row| row[1..].join(" | "));
         shown.extend(values.map(|text| (text, format!("{words}, {}", orders.join(" | ")))));
@@ -285,7 +353,10 @@ fn key_figures(all: &[Of<'_>], found: &[&Matched]) -> Markup {
 }
 
 fn misses(of: &Of<'_>) -> Option<String> {
-    of.run.misses().filter(|_| !of.run.is_simulated()).map(count)
+    of.run
+        .misses()
+        .filter(|_| !of.run.is_simulated())
+        .map(count)
 }
 
 /// The largest differences of displacement and force, and the number of rows they are of.
@@ -348,13 +419,25 @@ fn histories(all: &[Of<'_>], matched: &[Result<Matched, String>]) -> Markup {
     };
     let drawn: Vec<Markup> = (drawn(&first.rows.names()).into_iter())
         .filter_map(|(name, title)| {
-            let words = if FORCE.fits(&name) { "force" } else { "displacement" };
+            let words = if FORCE.fits(&name) {
+                "force"
+            } else {
+                "displacement"
+            };
             let chart = Chart::history(title.clone(), Scale::new(words, first.rows.unit(&name)));
-            let found = all.iter().filter_map(|of| Some((of.order, of.rows.history(&name)?)));
-            let chart = found.fold(chart, |chart, (order, of)| chart.with(order, of.time, of.values, Look::Line));
-            let differences = matched.iter().zip(&ORDER[1..]).map(|(found, order)| difference(found, order, &name, &title));
+            let found = all
+                .iter()
+                .filter_map(|of| Some((of.order, of.rows.history(&name)?)));
+            let chart = found.fold(chart, |chart, (order, of)| {
+                chart.with(order, of.time, of.values, Look::Line)
+            });
+            let differences = matched
+                .iter()
+                .zip(&ORDER[1..])
+                .map(|(found, order)| difference(found, order, &name, &title));
             let differences: Vec<Markup> = differences.collect();
-            (!chart.is_empty()).then(|| html! { (chart.figure()) @for one in &differences { (one) } })
+            (!chart.is_empty())
+                .then(|| html! { (chart.figure()) @for one in &differences { (one) } })
         })
         .collect();
     html! {
@@ -369,16 +452,22 @@ fn difference(found: &Result<Matched, String>, order: &str, name: &str, title: &
         return Markup::default();
     };
     let column = format!("d:{name}");
-    let (time, values) = (table.time_of(&column).unwrap_or_default(), table.get(&column).unwrap_or_default());
+    let (time, values) = (
+        table.time_of(&column).unwrap_or_default(),
+        table.get(&column).unwrap_or_default(),
+    );
     if metrics::peak(values).is_none_or(|peak| peak.value == 0.0) {
         return note(&format!("{title}, {order} run: no difference."));
     }
     let name = format!("{order} − first");
-    Chart::history(format!("{title}: {name}"), Scale::new("difference", table.unit(&column)))
-        .with(name, time, values, Look::Line)
-        .inked(Ink::Series(4))
-        .sized(WHOLE, 150.0)
-        .figure()
+    Chart::history(
+        format!("{title}: {name}"),
+        Scale::new("difference", table.unit(&column)),
+    )
+    .with(name, time, values, Look::Line)
+    .inked(Ink::Series(4))
+    .sized(WHOLE, 150.0)
+    .figure()
 }
 
 /// Hysteresis of the axes that all runs have, over the same axes.
@@ -386,11 +475,21 @@ fn loops(all: &[Of<'_>]) -> Markup {
     let axes = all.first().map_or(&[][..], |first| &first.axes);
     let drawn = axes.iter().take(MOST).filter_map(|axis| {
         let title = format!("Hysteresis of {}", axis.name);
-        let scales = [axis.disp("measured displacement"), Scale::new("force", axis.force_unit)];
+        let scales = [
+            axis.disp("measured displacement"),
+            Scale::new("force", axis.force_unit),
+        ];
         let chart = Chart::new(title, scales[0], scales[1]).sized(HALF, 400.0);
         all.iter().try_fold(chart, |chart, of| {
             let digest = of.axis(axis)?.digest;
-            digest.is_drawable().then(|| chart.with(of.order, &digest.hysteresis.0, &digest.hysteresis.1, Look::Line))
+            digest.is_drawable().then(|| {
+                chart.with(
+                    of.order,
+                    &digest.hysteresis.0,
+                    &digest.hysteresis.1,
+                    Look::Line,
+                )
+            })
         })
     });
     beside("grid", html! { @for chart in drawn { (chart.figure()) } })
@@ -400,7 +499,11 @@ fn loops(all: &[Of<'_>]) -> Markup {
 fn tracking(all: &[Of<'_>]) -> Markup {
     let (mut plain, mut more) = (Vec::new(), Vec::new());
     for one in all.first().map_or(&[][..], |first| &first.axes) {
-        let Some(axes) = all.iter().map(|of| of.axis(one)).collect::<Option<Vec<_>>>() else {
+        let Some(axes) = all
+            .iter()
+            .map(|of| of.axis(one))
+            .collect::<Option<Vec<_>>>()
+        else {
             continue;
         };
         let figures: Vec<_> = axes.iter().map(|axis| axis.figures()).collect();
@@ -421,16 +524,27 @@ fn tracking(all: &[Of<'_>]) -> Markup {
     };
     let says = "Measured against target. Delay: positive where the measured displacement is behind. Energy error: positive where \
         the actuator adds energy to the test.";
-    section("Tracking", html! { (by_runs("", "", all, &plain)) (note(says)) (details("Tracking indices", folded)) })
+    section(
+        "Tracking",
+        html! { (by_runs("", "", all, &plain)) (note(says)) (details("Tracking indices", folded)) },
+    )
 }
 
 /// How an index is found and written.
-type Index<'a> = (&'a str, fn(&Tracking) -> Option<Judged>, &'a dyn Fn(f64) -> String);
+type Index<'a> = (
+    &'a str,
+    fn(&Tracking) -> Option<Judged>,
+    &'a dyn Fn(f64) -> String,
+);
 
 fn indices(one: &Tracked<'_>, axes: &[&Tracked<'_>]) -> Vec<Vec<String>> {
     let plain = |v: f64| number(v, 4);
     let kinds: [Index<'_>; 4] = [
-        ("NRMSE, by the root mean square of the target", |t| Some(t.nrmse), &percent),
+        (
+            "NRMSE, by the root mean square of the target",
+            |t| Some(t.nrmse),
+            &percent,
+        ),
         ("delay by cross-correlation", |t| t.delay_s, &lag_words),
         ("FEI amplitude", |t| t.fei.map(|f| f.amplitude), &plain),
         ("FEI delay", |t| t.fei.map(|f| f.delay_s), &lag_words),
@@ -440,7 +554,9 @@ fn indices(one: &Tracked<'_>, axes: &[&Tracked<'_>]) -> Vec<Vec<String>> {
             Some(corrected) => format!("{} (corrected {})", write(judged.value), write(corrected)),
             None => write(judged.value),
         };
-        let values = axes.iter().map(|axis| axis.digest.tracking.as_ref().and_then(of).map(show));
+        let values = axes
+            .iter()
+            .map(|axis| axis.digest.tracking.as_ref().and_then(of).map(show));
         known(format!("{}: {what}", one.name), values)
     };
     kinds.into_iter().filter_map(row).collect()
@@ -450,12 +566,16 @@ fn indices(one: &Tracked<'_>, axes: &[&Tracked<'_>]) -> Vec<Vec<String>> {
 fn timing(all: &[Of<'_>]) -> Markup {
     if all.iter().all(|of| of.run.is_simulated()) {
         let runs = if all.len() > 2 { "all" } else { "both" };
-        let says = format!("No timing: {runs} runs used the simulated clock, on which no deadline can be missed.");
+        let says = format!(
+            "No timing: {runs} runs used the simulated clock, on which no deadline can be missed."
+        );
         return section("Timing", paragraph(&says));
     }
     let timings = all.iter().map(|of| {
         let read = timing::read(of.run.timings().filter(|_| !of.run.is_simulated()));
-        read.into_iter().filter(|timing| timing.percentiles.count > 0).collect::<Vec<_>>()
+        read.into_iter()
+            .filter(|timing| timing.percentiles.count > 0)
+            .collect::<Vec<_>>()
     });
     let timings: Vec<_> = timings.collect();
     let mut keys: Vec<&str> = Vec::new();
@@ -464,28 +584,53 @@ fn timing(all: &[Of<'_>]) -> Markup {
             keys.push(&timing.key);
         }
     }
-    let mut rows: Vec<Vec<String>> = known("deadline misses", all.iter().map(misses)).into_iter().collect();
+    let mut rows: Vec<Vec<String>> = known("deadline misses", all.iter().map(misses))
+        .into_iter()
+        .collect();
     for key in keys {
         let found = || {
-            let of = |all: &Vec<timing::Timing>| Some(all.iter().find(|timing| timing.key == key)?.percentiles);
+            let of = |all: &Vec<timing::Timing>| {
+                Some(all.iter().find(|timing| timing.key == key)?.percentiles)
+            };
             timings.iter().map(of)
         };
         let name = words(key).0;
-        rows.extend(known(format!("{name}, p99"), found().map(|p| Some(micros(p?.p99)))));
-        rows.extend(known(format!("{name}, largest"), found().map(|p| Some(micros(p?.max)))));
+        rows.extend(known(
+            format!("{name}, p99"),
+            found().map(|p| Some(micros(p?.p99))),
+        ));
+        rows.extend(known(
+            format!("{name}, largest"),
+            found().map(|p| Some(micros(p?.max))),
+        ));
     }
     match rows.is_empty() {
-        true => section("Timing", paragraph("No timing was recorded for these runs.")),
+        true => section(
+            "Timing",
+            paragraph("No timing was recorded for these runs."),
+        ),
         false => section("Timing", by_runs("", "", all, &rows)),
     }
 }
 
 fn facts(all: &[Of<'_>]) -> Markup {
-    const NAMES: [&str; 9] = ["title", "status", "reason", "steps", "step", "λ", "clock", "deadline misses", "program"];
+    const NAMES: [&str; 9] = [
+        "title",
+        "status",
+        "reason",
+        "steps",
+        "step",
+        "λ",
+        "clock",
+        "deadline misses",
+        "program",
+    ];
     let of = |of: &Of<'_>| {
         let title = Some(of.run.title.clone());
         let Some(summary) = &of.run.summary else {
-            return std::iter::once(title).chain(std::iter::repeat_n(None, 8)).collect::<Vec<_>>();
+            return std::iter::once(title)
+                .chain(std::iter::repeat_n(None, 8))
+                .collect::<Vec<_>>();
         };
         vec![
             title,
@@ -500,13 +645,19 @@ fn facts(all: &[Of<'_>]) -> Markup {
         ]
     };
     let facts: Vec<_> = all.iter().map(of).collect();
-    let rows = NAMES.iter().enumerate().filter_map(|(place, name)| known(*name, facts.iter().map(|own| own[place].clone())));
+    let rows = NAMES
+        .iter()
+        .enumerate()
+        .filter_map(|(place, name)| known(*name, facts.iter().map(|own| own[place].clone())));
     by_runs("plain", "", all, &rows.collect::<Vec<_>>())
 }
 
 /// Keys of the configuration that are not alike.
 fn settings(runs: &[&RunView]) -> Markup {
-    let trees: Option<Vec<Value>> = runs.iter().map(|run| toml::from_str(&run.test.text).ok()).collect();
+    let trees: Option<Vec<Value>> = runs
+        .iter()
+        .map(|run| toml::from_str(&run.test.text).ok())
+        .collect();
     let Some(trees) = trees else {
         return note("The configurations cannot be compared: one of them cannot be read.");
     };
@@ -527,7 +678,11 @@ fn settings(runs: &[&RunView]) -> Markup {
         if values.iter().all(|value| *value == values[0]) {
             continue;
         }
-        let kind = if values[0].is_none() { 2 } else { usize::from(values.contains(&None)) };
+        let kind = if values[0].is_none() {
+            2
+        } else {
+            usize::from(values.contains(&None))
+        };
         let shown = around_difference(&values);
         kinds[kind].push(std::iter::once(key).chain(shown).collect());
     }
@@ -537,9 +692,14 @@ fn settings(runs: &[&RunView]) -> Markup {
     }
     let shares = shares(kinds.each_ref().map(Vec::len), MOST_LISTED);
     let listed = kinds.into_iter().zip(shares);
-    let rows: Vec<Vec<String>> = listed.flat_map(|(rows, share)| rows.into_iter().take(share)).collect();
+    let rows: Vec<Vec<String>> = listed
+        .flat_map(|(rows, share)| rows.into_iter().take(share))
+        .collect();
     let more = (all - rows.len()) as u64;
-    let heading: Vec<&str> = std::iter::once("key").chain(ORDER).take(runs.len() + 1).collect();
+    let heading: Vec<&str> = std::iter::once("key")
+        .chain(ORDER)
+        .take(runs.len() + 1)
+        .collect();
     html! {
         h3 { "Settings that differ" }
         (table_of("plain", &heading, &rows))
@@ -555,7 +715,11 @@ fn columns(matched: &Matched, order: &str, is_one_of_many: bool) -> Markup {
         true => format!("Differences by column, {order} run"),
         false => "Differences by column".to_owned(),
     };
-    let mut apart: Vec<_> = matched.apart.iter().filter(|apart| apart.first.is_some()).collect();
+    let mut apart: Vec<_> = matched
+        .apart
+        .iter()
+        .filter(|apart| apart.first.is_some())
+        .collect();
     if apart.is_empty() {
         return section(&heading, paragraph("No column differs."));
     }
@@ -568,24 +732,49 @@ fn columns(matched: &Matched, order: &str, is_one_of_many: bool) -> Markup {
             apart.column.name.clone(),
             or_dash(apart.first.map(count)),
             quantity(apart.largest, unit),
-            or_dash(apart.at.is_finite().then(|| format!("{:.4}\u{a0}s", apart.at))),
+            or_dash(
+                apart
+                    .at
+                    .is_finite()
+                    .then(|| format!("{:.4}\u{a0}s", apart.at)),
+            ),
             or_dash(share(apart).map(two)),
             quantity(apart.rms, unit),
         ]
     };
     let rows: Vec<_> = apart.iter().take(MOST_LISTED).map(row).collect();
-    let heads = ["column", "from step", "largest difference", "at", "of the largest value", "root mean square"];
-    let largest = apart.iter().filter_map(|apart| Some((apart, share(apart)?)));
+    let heads = [
+        "column",
+        "from step",
+        "largest difference",
+        "at",
+        "of the largest value",
+        "root mean square",
+    ];
+    let largest = apart
+        .iter()
+        .filter_map(|apart| Some((apart, share(apart)?)));
     let largest = largest.max_by(|a, b| a.1.total_cmp(&b.1));
     let most = largest.map_or_else(String::new, |(apart, share)| {
-        format!(" The largest difference is {} of the largest value, in {}.", two(share), apart.column.name)
+        format!(
+            " The largest difference is {} of the largest value, in {}.",
+            two(share),
+            apart.column.name
+        )
     });
-    let says = format!("{} of {} columns differ.{most}", apart.len(), matched.columns);
+    let says = format!(
+        "{} of {} columns differ.{most}",
+        apart.len(),
+        matched.columns
+    );
     let list = html! {
         (table(&heads, &rows))
         @if apart.len() > MOST_LISTED { (note(&format!("{MOST_LISTED} of {} columns that differ are listed.", apart.len()))) }
     };
-    section(&heading, html! { (paragraph(&says)) (details("Every column that differs", list)) })
+    section(
+        &heading,
+        html! { (paragraph(&says)) (details("Every column that differs", list)) },
+    )
 }
 
 /// How many of each list are shown where `room` are shown in all: one after the other has its turn, so that none crowds out another.
@@ -606,7 +795,13 @@ fn shares(lengths: [usize; 3], room: usize) -> [usize; 3] {
 /// Texts that are not alike, so short that a table has room for them, with the place at which they part.
 fn around_difference(texts: &[Option<&String>]) -> Vec<String> {
     let known: Vec<&String> = texts.iter().copied().flatten().collect();
-    let alike = |other: &&String| known[0].chars().zip(other.chars()).take_while(|(a, b)| a == b).count();
+    let alike = |other: &&String| {
+        known[0]
+            .chars()
+            .zip(other.chars())
+            .take_while(|(a, b)| a == b)
+            .count()
+    };
     let alike = known.iter().skip(1).map(alike).min().unwrap_or(0);
     let before = alike.saturating_sub(MOST_SHOWN / 3);
     let show = |text: &String| {
@@ -616,7 +811,10 @@ fn around_difference(texts: &[Option<&String>]) -> Vec<String> {
         let rest: String = text.chars().skip(before).collect();
         shortened(&format!("…{rest}"), MOST_SHOWN)
     };
-    texts.iter().map(|text| text.map_or_else(|| NOTHING.to_owned(), show)).collect()
+    texts
+        .iter()
+        .map(|text| text.map_or_else(|| NOTHING.to_owned(), show))
+        .collect()
 }
 
 fn flat(value: &Value, path: String, out: &mut Vec<(String, String)>) {
@@ -665,7 +863,8 @@ mod tests {
             },
             ..RunView::default()
         };
-        let page = |second: &RunView, left| compare(&[("a", &whole), ("b", second)], &[found(left)]);
+        let page =
+            |second: &RunView, left| compare(&[("a", &whole), ("b", second)], &[found(left)]);
         assert!(page(&whole, (0, 0)).contains("verdict good"));
         let short = page(&whole, (0, 9));
         assert!(short.contains("verdict warning") && !short.contains("verdict good"));

@@ -5,10 +5,10 @@ use maud::{Markup, html};
 use super::RunView;
 use super::digest::{Digest, MISSING};
 use super::html::{details, note, table_without};
-use super::tracking::MARGIN;
 use super::rows::Rows;
 use super::text::{NOTHING, percent, plural, quantity};
 use super::tracked::Tracked;
+use super::tracking::MARGIN;
 use gusset_motion::metrics::Judged;
 use gusset_motion::metrics::falsified::{Falsified, Margin, together};
 

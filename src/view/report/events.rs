@@ -22,11 +22,25 @@ pub(super) fn events(run: &RunView) -> Markup {
     let told: Vec<&EventLine> = told.collect();
     let incomplete = incomplete(run);
     if told.is_empty() {
-        return section("Events", html! { (paragraph("No events were recorded.")) (incomplete) });
+        return section(
+            "Events",
+            html! { (paragraph("No events were recorded.")) (incomplete) },
+        );
     }
     let start = run.events.iter().find_map(loop_seconds).unwrap_or_default();
-    let listed: Vec<_> = told.iter().take(MOST_EVENTS).map(|e| event(e, start)).collect();
-    let heading = ["event", "tick", "test time", "loop's clock", "wall time (UTC)", "details"];
+    let listed: Vec<_> = told
+        .iter()
+        .take(MOST_EVENTS)
+        .map(|e| event(e, start))
+        .collect();
+    let heading = [
+        "event",
+        "tick",
+        "test time",
+        "loop's clock",
+        "wall time (UTC)",
+        "details",
+    ];
     let more = told.len().saturating_sub(MOST_EVENTS) as u64;
     let list = html! {
         (table_of("events", &heading, &listed))
@@ -42,7 +56,10 @@ pub(super) fn events(run: &RunView) -> Markup {
         }
     };
     let title = plural(told.len() as u64, "event", "events");
-    section("Events", html! { (timeline(run)) (details(&title, list)) (incomplete) })
+    section(
+        "Events",
+        html! { (timeline(run)) (details(&title, list)) (incomplete) },
+    )
 }
 
 /// That events are not in this page.
@@ -192,14 +209,29 @@ pub(super) fn timeline(run: &RunView) -> Markup {
         for tick in axis.ticks(9, 1.0) {
             let at = across(tick.at);
             canvas.line((at, top), (at, bottom), Ink::Grid, 1.0);
-            canvas.text(&tick.label, (at, bottom + 13.0), soft.anchored(Anchor::Middle));
+            canvas.text(
+                &tick.label,
+                (at, bottom + 13.0),
+                soft.anchored(Anchor::Middle),
+            );
         }
         canvas.line((left, bottom), (left + wide, bottom), Ink::Frame, 1.0);
         let name = format!("{words} (s)");
-        canvas.text(&name, (left + wide / 2.0, bottom + 30.0), soft.anchored(Anchor::Middle));
-        canvas.text("state", (left - 10.0, top + 11.0), soft.anchored(Anchor::Right));
+        canvas.text(
+            &name,
+            (left + wide / 2.0, bottom + 30.0),
+            soft.anchored(Anchor::Middle),
+        );
+        canvas.text(
+            "state",
+            (left - 10.0, top + 11.0),
+            soft.anchored(Anchor::Right),
+        );
         for (i, (from, phase)) in phases.iter().enumerate() {
-            let (x0, x1) = (across(*from), across(phases.get(i + 1).map_or(end, |next| next.0)));
+            let (x0, x1) = (
+                across(*from),
+                across(phases.get(i + 1).map_or(end, |next| next.0)),
+            );
             let ink = match phase {
                 Phase::Running => Ink::Series(2),
                 Phase::Holding => Ink::Series(1),
@@ -207,7 +239,16 @@ pub(super) fn timeline(run: &RunView) -> Markup {
                 _ => Ink::Series(5),
             };
             let w = (x1 - x0).max(1.5);
-            canvas.block(Area { x: x0, y: top + 2.0, w, h: 18.0 }, ink, 0.35);
+            canvas.block(
+                Area {
+                    x: x0,
+                    y: top + 2.0,
+                    w,
+                    h: 18.0,
+                },
+                ink,
+                0.35,
+            );
             let room = fitted(phase.word(), LABEL, x1 - x0 - 6.0);
             if room.chars().count() > 2 && x1 - x0 > 20.0 {
                 canvas.text(&room, (x0 + 4.0, top + 11.0), Lettering::new(Ink::Text));
@@ -215,7 +256,11 @@ pub(super) fn timeline(run: &RunView) -> Markup {
         }
         for (row, &group) in used.iter().enumerate() {
             let y = top + 34.0 + 24.0 * row as f64;
-            canvas.text(group.title(), (left - 10.0, y), soft.anchored(Anchor::Right));
+            canvas.text(
+                group.title(),
+                (left - 10.0, y),
+                soft.anchored(Anchor::Right),
+            );
             let mut last = f64::NEG_INFINITY;
             for (t, _) in placed.iter().filter(|(_, line)| is_of(group, line)) {
                 let x = across(*t);
@@ -227,4 +272,75 @@ pub(super) fn timeline(run: &RunView) -> Markup {
         }
     });
     html! { figure { (picture) } }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn timeline_crosses_the_end_of_a_month() {
+        let event = |second: &str, kind: &str| {
+            EventLine::from(json!({"event": kind, "wall": second, "time": 0.0}))
+        };
+        let run = RunView {
+            summary: Some(json!({"clock": "real"}).into()),
+            events: vec![
+                event("2026-11-30T23:59:58.250Z", "connected"),
+                event("2026-12-01T00:00:10.500Z", "miss"),
+            ],
+            ..RunView::default()
+        };
+        let drawn = timeline(&run).0;
+        assert!(
+            drawn.contains(">12</text>") && !drawn.contains(">13</text>"),
+            "{drawn}"
+        );
+    }
+
+    #[test]
+    fn timeline_shows_states_and_misses() {
+        let mut run = RunView {
+            summary: Some(json!({"clock": "simulated"}).into()),
+            events: vec![
+                json!({"event": "phase", "from": "armed", "to": "running", "time": 0.0}).into(),
+            ],
+            ..RunView::default()
+        };
+        assert!(timeline(&run).0.is_empty());
+        run.events
+            .push(json!({"event": "miss", "time": 3.0}).into());
+        run.events
+            .push(json!({"event": "ended", "time": 10.0}).into());
+        let drawn = timeline(&run).0;
+        for part in ["running", "deadline misses", "other", "test time (s)"] {
+            assert!(drawn.contains(part), "{part}");
+        }
+        assert!(!drawn.contains("operator"));
+        // After a trip test time stops, in older records at the end of the last step before the trip; the loop's clock
+        // continues.
+        let event = |time: f64, ns: u64, to: &str| {
+            EventLine::from(
+                json!({"event": "phase", "from": "armed", "to": to, "time": time, "clock_ns": ns}),
+            )
+        };
+        run.events = vec![
+            json!({"event": "connected"}).into(),
+            json!({"event": "files", "time": null, "clock_ns": null}).into(),
+            event(0.0, 1_000_000_000, "running"),
+            json!({"event": "limit_trip", "time": 3.567, "clock_ns": 4_567_000_000u64}).into(),
+            event(3.565, 4_567_000_000, "leaving"),
+            event(3.565, 9_000_000_000, "safe"),
+        ];
+        let drawn = timeline(&run).0;
+        assert!(
+            drawn.contains("leaving")
+                && drawn.contains("clock of the loop since the first event (s)")
+        );
+        let page = crate::report::render(&run);
+        for cell in ["<td>3.5670\u{a0}s</td>", "<td>8.0000\u{a0}s</td>"] {
+            assert!(page.contains(cell), "{cell}");
+        }
+    }
 }

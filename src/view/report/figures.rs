@@ -4,11 +4,11 @@ use maud::Markup;
 
 use super::RunView;
 use super::columns::Storey;
-use super::timing::Timing;
 use super::html;
 use super::response;
 use super::rows::Rows;
 use super::text::{count, lag_words, micros, percent, quantity};
+use super::timing::Timing;
 use super::tracked;
 
 /// The largest displacement and the largest force: of the whole test, as far as the summary reports it. Without a
@@ -18,7 +18,11 @@ fn extremes(
     rows: &Rows<'_>,
     axes: &[tracked::Tracked<'_>],
 ) -> Vec<(String, String)> {
-    let has_run = rows.running() > 0 || run.summary.as_ref().is_some_and(|summary| summary.steps > 0);
+    let has_run = rows.running() > 0
+        || run
+            .summary
+            .as_ref()
+            .is_some_and(|summary| summary.steps > 0);
     let peak = run.summary.as_ref().map(|summary| &summary.peak);
     let of = match (rows.part(), peak) {
         (None, _) => String::new(),
@@ -124,8 +128,7 @@ fn tracking(rows: &Rows<'_>, axes: &[tracked::Tracked<'_>]) -> Vec<(String, Stri
     let delay = largest(&|axis| axis.delay());
     let delay = delay.map(|(axis, delay)| (lag_words(delay), words("delay", axis)));
     let amplitude = largest(&|axis| axis.amplitude_error());
-    let amplitude =
-        amplitude.map(|(axis, share)| (percent(share), words("amplitude error", axis)));
+    let amplitude = amplitude.map(|(axis, share)| (percent(share), words("amplitude error", axis)));
     let energy = largest(&|axis| axis.digest.tracking.map(|t| t.energy_error_j.value));
     let energy =
         energy.and_then(|(axis, _)| Some((axis.energy_error()?, words("energy error", axis))));

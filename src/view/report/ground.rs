@@ -41,10 +41,19 @@ pub(super) fn ground(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
     } = rows.history("ground")?;
     let ((time_before, ground_before), peak) = before(rows);
     let is_whole = !ground_before.is_empty();
-    let (time, ground) = ([&time_before, &*time].concat(), [&ground_before, &*ground].concat());
+    let (time, ground) = (
+        [&time_before, &*time].concat(),
+        [&ground_before, &*ground].concat(),
+    );
     let peaks = peak.into_iter().chain(rows.marks("ground").peak);
     // The first of equals.
-    let peak = peaks.reduce(|first, then| if then.value.abs() > first.value.abs() { then } else { first });
+    let peak = peaks.reduce(|first, then| {
+        if then.value.abs() > first.value.abs() {
+            then
+        } else {
+            first
+        }
+    });
     let peak = peak.filter(|peak| peak.value != 0.0)?;
     let is_base = rows.unit("ground") == "m";
     let (words, unit, name) = match is_base {
@@ -60,7 +69,10 @@ pub(super) fn ground(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
     let largest = quantity(peak.value.abs(), unit);
     let in_g = format!(" ({} g)", number(peak.value.abs() / 9.806_65, 3));
     let in_g = if is_base { "" } else { &in_g };
-    let mut facts = vec![(name.to_owned(), format!("{largest}{in_g} at {}", rows.moment(peak.time)))];
+    let mut facts = vec![(
+        name.to_owned(),
+        format!("{largest}{in_g} at {}", rows.moment(peak.time)),
+    )];
     let shaking = rows.digest().shaking.as_ref();
     facts.extend(shaking.into_iter().flat_map(measures));
     let spectra = shaking.map(spectra).unwrap_or_default();
@@ -102,11 +114,22 @@ fn measures(shaking: &Shaking) -> Vec<(String, String)> {
 }
 
 fn spectra(shaking: &Shaking) -> Markup {
-    let (x, y): (Vec<f64>, Vec<f64>) = shaking.spectrum.iter().map(|o| (o.period, o.pseudo_accel)).unzip();
+    let (x, y): (Vec<f64>, Vec<f64>) = shaking
+        .spectrum
+        .iter()
+        .map(|o| (o.period, o.pseudo_accel))
+        .unzip();
     let title = format!("Response spectrum, {} % damping", number(100.0 * RATIO, 1));
-    let (across, up) = (Scale::new("natural period", "s").log(), Scale::new("pseudo-acceleration", "m/s^2").log());
+    let (across, up) = (
+        Scale::new("natural period", "s").log(),
+        Scale::new("pseudo-acceleration", "m/s^2").log(),
+    );
     let response = Chart::new(title, across, up).with("", x, y, Look::Line);
-    let unit = if shaking.intensity.is_some() { "m/s" } else { "m s" };
+    let unit = if shaking.intensity.is_some() {
+        "m/s"
+    } else {
+        "m s"
+    };
     let motion = std::iter::once((String::new(), shaking.amplitudes.as_slice()));
     let figures = html! {
         @if !response.is_empty() { (response.figure()) }

@@ -41,7 +41,11 @@ pub fn tiles(figures: &[(String, String)]) -> Markup {
 /// The box at the top of a page: the verdict in plain words, and sentences below it. `class` is `good`, `warning` or `bad`.
 #[must_use]
 pub fn banner(class: &str, headline: &str, sentences: &[String]) -> Markup {
-    banner_with(class, headline, html! { @for text in sentences { p { (text) } } })
+    banner_with(
+        class,
+        headline,
+        html! { @for text in sentences { p { (text) } } },
+    )
 }
 
 pub(super) fn banner_with(class: &str, headline: &str, inside: Markup) -> Markup {
@@ -68,12 +72,22 @@ pub fn table_of(class: &str, heading: &[&str], rows: &[Vec<String>]) -> Markup {
 }
 
 /// A table without the columns in which every cell below the heading is `nothing`.
-pub(super) fn table_without(nothing: &str, class: &str, heading: &[&str], rows: &[Vec<String>]) -> Markup {
-    let says = |row: &Vec<String>, column: usize| row.get(column).is_some_and(|cell| cell != nothing);
+pub(super) fn table_without(
+    nothing: &str,
+    class: &str,
+    heading: &[&str],
+    rows: &[Vec<String>],
+) -> Markup {
+    let says =
+        |row: &Vec<String>, column: usize| row.get(column).is_some_and(|cell| cell != nothing);
     let is_kept = |column: &usize| *column == 0 || rows.iter().any(|row| says(row, *column));
     let kept: Vec<usize> = (0..heading.len()).filter(is_kept).collect();
     let heading: Vec<&str> = kept.iter().map(|&column| heading[column]).collect();
-    let cells = |row: &Vec<String>| kept.iter().filter_map(|&column| row.get(column).cloned()).collect();
+    let cells = |row: &Vec<String>| {
+        kept.iter()
+            .filter_map(|&column| row.get(column).cloned())
+            .collect()
+    };
     let rows: Vec<Vec<String>> = rows.iter().map(cells).collect();
     table_of(class, &heading, &rows)
 }
@@ -107,7 +121,8 @@ pub fn header(brand: &str, title: &str, inside: Markup) -> Markup {
 #[must_use]
 pub fn frame(title: &str, body: &Markup) -> String {
     let script = base64(&Sha256::digest(SCRIPT.as_bytes()));
-    let policy = format!("default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{script}'");
+    let policy =
+        format!("default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{script}'");
     let has_charts = body.0.contains("class=\"lines\"");
     let page = html! {
         (DOCTYPE)
@@ -138,7 +153,11 @@ fn base64(bytes: &[u8]) -> String {
         let word = at(0) << 16 | at(1) << 8 | at(2);
         for i in 0..4 {
             let digit = ALPHABET[((word >> (18 - 6 * i)) & 63) as usize];
-            out.push(if i <= chunk.len() { char::from(digit) } else { '=' });
+            out.push(if i <= chunk.len() {
+                char::from(digit)
+            } else {
+                '='
+            });
         }
     }
     out
@@ -149,7 +168,13 @@ mod tests {
     #[test]
     fn base64_is_that_of_the_standard() {
         // RFC 4648, section 10.
-        for (plain, coded) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+        for (plain, coded) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foobar", "Zm9vYmFy"),
+        ] {
             assert_eq!(super::base64(plain.as_bytes()), coded);
         }
     }

@@ -45,8 +45,15 @@ pub(super) fn limits(
         }
     }
     rows.extend(limits.test.iter().map(|limit| row("the test", limit, None)));
-    let heading =
-        ["of", "limit", "warning", "trip", "largest value", "also at the specimen", "how it is checked"];
+    let heading = [
+        "of",
+        "limit",
+        "warning",
+        "trip",
+        "largest value",
+        "also at the specimen",
+        "how it is checked",
+    ];
     Some(html! {
         @if rows.is_empty() { (paragraph("The test had no limits but those that every test has.")) }
         @else { (table_without("no", "limits", &heading, &rows)) }
@@ -56,11 +63,19 @@ pub(super) fn limits(
 }
 
 /// The trip levels of an axis as the structure sees them, each with its name, for a chart of that quantity.
-pub(super) fn levels(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>, of: &[Limit]) -> Vec<(String, f64)> {
+pub(super) fn levels(
+    run: &RunView,
+    rows: &Rows<'_>,
+    axis: &Tracked<'_>,
+    of: &[Limit],
+) -> Vec<(String, f64)> {
     let place = axis.digest.axis;
     let facts = || {
         let specimens = &run.summary.as_ref()?.limits.as_ref()?.specimens;
-        specimens.get(place.specimen as usize - 1)?.axes.get(place.axis as usize - 1)
+        specimens
+            .get(place.specimen as usize - 1)?
+            .axes
+            .get(place.axis as usize - 1)
     };
     let scale = Scale::of(rows, &run.test.file, place);
     let each = facts().into_iter().flatten().filter_map(|fact| {
@@ -70,7 +85,12 @@ pub(super) fn levels(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>, of: &[L
             _ => scale.metres,
         });
         let name = format!("trip, {}", limit.words());
-        Some(fact.trip.iter().filter(|at| at.is_finite()).map(move |at| (name.clone(), at * factor)))
+        Some(
+            fact.trip
+                .iter()
+                .filter(|at| at.is_finite())
+                .map(move |at| (name.clone(), at * factor)),
+        )
     });
     each.flatten().collect()
 }

@@ -73,7 +73,9 @@ pub use columns::Combination;
 pub use compare::{MOST_RUNS, compare, damages, doubts, verdict};
 pub use digest::Digest;
 pub use effect::effect;
-pub use html::{banner, beside, definitions, details, frame, header, note, section, table, table_of, tiles};
+pub use html::{
+    banner, beside, definitions, details, frame, header, note, section, table, table_of, tiles,
+};
 pub use identified::{
     IdentifiedAxis, followed, identified, missing_metrics, told, tracking_metrics,
 };

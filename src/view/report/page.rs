@@ -8,7 +8,9 @@ use super::digest::Digest;
 use super::effect::effect_of_errors;
 use super::figures::tiles;
 use super::ground::ground;
-use super::html::{HINT, banner_with, beside, definitions, details, frame, header, note, section, table};
+use super::html::{
+    HINT, banner_with, beside, definitions, details, frame, header, note, section, table,
+};
 use super::limits::limits;
 use super::outcome::{Tone, refused, verdict};
 use super::response::response;
@@ -35,9 +37,16 @@ fn page(run: &RunView, digest: &Digest) -> String {
     let axes = tracked::tracking(run, &rows);
     let timings = timing::read(run.timings());
     let is_untitled = run.title.trim().is_empty();
-    let title = if is_untitled { "Untitled test" } else { &run.title };
+    let title = if is_untitled {
+        "Untitled test"
+    } else {
+        &run.title
+    };
     let part = rows.part().map(|part| format!("This page is of {part}."));
-    let more: Vec<String> = part.into_iter().chain(end_positions::sentences(run, &rows)).collect();
+    let more: Vec<String> = part
+        .into_iter()
+        .chain(end_positions::sentences(run, &rows))
+        .collect();
     let head = html! { (banner(run, rows.after(), &more)) (tiles(run, &rows, &axes, &timings)) };
     let effect = effect_of_errors(run, &rows, &axes);
     let results = [
@@ -89,11 +98,18 @@ fn trials(trials: &[Trials]) -> Markup {
         return Markup::default();
     }
     let mut most = trials.to_vec();
-    most.sort_by(|a, b| b.replaced.cmp(&a.replaced).then(a.time_s.total_cmp(&b.time_s)));
+    most.sort_by(|a, b| {
+        b.replaced
+            .cmp(&a.replaced)
+            .then(a.time_s.total_cmp(&b.time_s))
+    });
     most.truncate(LISTED_TRIALS);
     let row = |one: &Trials| vec![number(one.time_s, 6), (one.replaced + 1).to_string()];
     let rows: Vec<Vec<String>> = most.iter().map(row).collect();
-    let title = format!("Trials and repeated requests: {}", plural(trials.len() as u64, "step", "steps"));
+    let title = format!(
+        "Trials and repeated requests: {}",
+        plural(trials.len() as u64, "step", "steps")
+    );
     details(&title, table(&["Test time (s)", "Exchanges"], &rows))
 }
 
@@ -175,7 +191,10 @@ fn banner(run: &RunView, after: Option<u64>, more: &[String]) -> Markup {
         Tone::Warning => "warning",
         Tone::Bad => "bad",
     };
-    let open = verdict.warnings.max(MOST_SENTENCES).min(verdict.sentences.len());
+    let open = verdict
+        .warnings
+        .max(MOST_SENTENCES)
+        .min(verdict.sentences.len());
     let (first, rest) = verdict.sentences.split_at(open);
     let title = plural(rest.len() as u64, "more remark", "more remarks");
     let sentences = html! {

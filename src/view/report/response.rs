@@ -27,7 +27,11 @@ pub(super) fn response(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> 
     if dofs.is_empty() && axes.is_empty() {
         return None;
     }
-    let what = if dofs.is_empty() { "measurement" } else { "response" };
+    let what = if dofs.is_empty() {
+        "measurement"
+    } else {
+        "response"
+    };
     let says = if rows.running() == 0 {
         format!("No row was recorded while the test was running, so there is no {what} to show.")
     } else if rows.get("time").is_none() {
@@ -65,13 +69,22 @@ pub(super) fn response(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> 
 /// Each trip of the running test: its cause and its time.
 pub(super) fn trips(run: &RunView) -> Vec<(String, f64, Ink)> {
     let trip = |line: &EventLine| match &line.event {
-        Event::Phase { to: Phase::Tripped, cause, .. } => {
-            let words = Limit::of_key(cause).map_or_else(|| cause.replace('_', " "), |limit| limit.words().to_owned());
+        Event::Phase {
+            to: Phase::Tripped,
+            cause,
+            ..
+        } => {
+            let words = Limit::of_key(cause)
+                .map_or_else(|| cause.replace('_', " "), |limit| limit.words().to_owned());
             Some((format!("trip: {words}"), line.time?, Ink::Alarm))
         }
         _ => None,
     };
-    run.events.iter().filter_map(trip).take(MOST_TRIPS).collect()
+    run.events
+        .iter()
+        .filter_map(trip)
+        .take(MOST_TRIPS)
+        .collect()
 }
 
 /// A history of columns under their names; empty where none has a number.
@@ -82,21 +95,32 @@ pub(super) fn history<'a>(
     up: Scale<'a>,
     columns: impl IntoIterator<Item = (String, String)>,
 ) -> Chart<'a> {
-    let found = columns.into_iter().filter_map(|(name, column)| Some((name, rows.history(&column)?)));
+    let found = columns
+        .into_iter()
+        .filter_map(|(name, column)| Some((name, rows.history(&column)?)));
     let label = format!("{title} over test time");
     let chart = Chart::history(title, up).labelled(label).marks(trips(run));
-    found.fold(chart, |chart, (name, of)| chart.with(name, of.time, of.values, Look::Line))
+    found.fold(chart, |chart, (name, of)| {
+        chart.with(name, of.time, of.values, Look::Line)
+    })
 }
 
 /// The histories of one quantity of the DOFs, one chart per unit.
-fn of_dofs(run: &RunView, rows: &Rows<'_>, shown: &[u32], (letter, name, words): (&str, &str, &str)) -> Markup {
+fn of_dofs(
+    run: &RunView,
+    rows: &Rows<'_>,
+    shown: &[u32],
+    (letter, name, words): (&str, &str, &str),
+) -> Markup {
     let column = |dof: &u32| format!("{letter}{dof}");
     let title = format!("{name}{}", measured_against(rows));
-    let drawn = units(shown.iter().map(|dof| rows.unit(&column(dof)))).into_iter().map(|unit| {
-        let own = shown.iter().filter(|dof| rows.unit(&column(dof)) == unit);
-        let own = own.map(|dof| (format!("DOF {dof}"), column(dof)));
-        history(run, rows, title.clone(), Scale::new(words, unit), own)
-    });
+    let drawn = units(shown.iter().map(|dof| rows.unit(&column(dof))))
+        .into_iter()
+        .map(|unit| {
+            let own = shown.iter().filter(|dof| rows.unit(&column(dof)) == unit);
+            let own = own.map(|dof| (format!("DOF {dof}"), column(dof)));
+            history(run, rows, title.clone(), Scale::new(words, unit), own)
+        });
     html! { @for chart in drawn.filter(|chart| !chart.is_empty()) { (chart.figure()) } }
 }
 
@@ -130,14 +154,26 @@ fn numbers(rows: &Rows<'_>, kind: Storey) -> Vec<u32> {
 /// Floor acceleration, drift and shear over time, and the profile of the largest drifts.
 fn storeys(run: &RunView, rows: &Rows<'_>) -> Markup {
     let kinds = [
-        (Storey::Floor, "Absolute floor acceleration", "acceleration", "floor"),
+        (
+            Storey::Floor,
+            "Absolute floor acceleration",
+            "acceleration",
+            "floor",
+        ),
         (Storey::Drift, "Storey drift", "drift", "storey"),
         (Storey::Shear, "Storey shear", "shear force", "storey"),
     ];
     let drawn = kinds.map(|(kind, title, words, place)| {
         let columns = spread(&numbers(rows, kind), MOST_LINES).into_iter();
         let columns = columns.map(|n| (format!("{place} {n}"), kind.column(n as usize)));
-        history(run, rows, title.to_owned(), Scale::new(words, rows.unit(&kind.column(1))), columns).half(290.0)
+        history(
+            run,
+            rows,
+            title.to_owned(),
+            Scale::new(words, rows.unit(&kind.column(1))),
+            columns,
+        )
+        .half(290.0)
     });
     html! {
         @for chart in drawn.iter().filter(|chart| !chart.is_empty()) { (chart.figure()) }
@@ -153,9 +189,20 @@ fn profile(rows: &Rows<'_>) -> Markup {
     }
     let heights: Vec<f64> = storeys.iter().map(|n| f64::from(*n)).collect();
     let most = |of: fn(f64, f64) -> f64| -> Vec<f64> {
-        let of_storey = |n: &u32| rows.get(&Storey::Drift.column(*n as usize)).unwrap_or_default();
+        let of_storey = |n: &u32| {
+            rows.get(&Storey::Drift.column(*n as usize))
+                .unwrap_or_default()
+        };
         let values = storeys.iter().map(of_storey);
-        values.map(|values| values.iter().copied().filter(|v| v.is_finite()).fold(0.0, of)).collect()
+        values
+            .map(|values| {
+                values
+                    .iter()
+                    .copied()
+                    .filter(|v| v.is_finite())
+                    .fold(0.0, of)
+            })
+            .collect()
     };
     let across = Scale::new("largest drift", rows.unit(&Storey::Drift.column(1)));
     let up = Scale::new("storey", "").within(Some((0.5, storeys.len() as f64 + 0.5)));
@@ -176,15 +223,23 @@ fn storey_peaks(rows: &Rows<'_>) -> Markup {
         (Storey::Shear, "shear"),
         (Storey::Floor, "absolute floor acceleration"),
     ];
-    let known = kinds.into_iter().filter(|(kind, _)| !numbers(rows, *kind).is_empty());
+    let known = kinds
+        .into_iter()
+        .filter(|(kind, _)| !numbers(rows, *kind).is_empty());
     let (kinds, names): (Vec<_>, Vec<_>) = known.unzip();
     let peak = |kind: Storey, storey: u32| {
         let name = kind.column(storey as usize);
-        or_dash(rows.marks(&name).peak.map(|p| quantity(p.value, rows.unit(&name))))
+        or_dash(
+            rows.marks(&name)
+                .peak
+                .map(|p| quantity(p.value, rows.unit(&name))),
+        )
     };
     let row = |storey: u32| {
         let cells = kinds.iter().map(|kind| peak(*kind, storey));
-        std::iter::once(format!("storey {storey}")).chain(cells).collect()
+        std::iter::once(format!("storey {storey}"))
+            .chain(cells)
+            .collect()
     };
     let listed: Vec<Vec<String>> = spread(&all, MOST_DOFS).into_iter().rev().map(row).collect();
     let heading: Vec<&str> = std::iter::once("largest").chain(names).collect();
@@ -197,17 +252,31 @@ fn storey_peaks(rows: &Rows<'_>) -> Markup {
 /// Poses of loading units over time, target and measured, one chart per unit of measure.
 fn poses(run: &RunView, rows: &Rows<'_>) -> Markup {
     let names = rows.names();
-    let targets = names.iter().filter(|name| name.strip_prefix("pose_").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit())));
-    let targets: Vec<&String> = targets.take(MOST_DRAWN).collect();
-    let drawn = units(targets.iter().map(|name| rows.unit(name))).into_iter().map(|unit| {
-        let own = targets.iter().filter(|name| rows.unit(name) == unit);
-        let columns = own.flat_map(|name| {
-            let coordinate = name["pose_".len()..].replace('_', ".");
-            let measured = name.replacen("pose_", "pose_meas_", 1);
-            [(format!("target {coordinate}"), (*name).clone()), (format!("measured {coordinate}"), measured)]
-        });
-        history(run, rows, "Pose of the loading unit".to_owned(), Scale::new("pose", unit), columns)
+    let targets = names.iter().filter(|name| {
+        name.strip_prefix("pose_")
+            .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
     });
+    let targets: Vec<&String> = targets.take(MOST_DRAWN).collect();
+    let drawn = units(targets.iter().map(|name| rows.unit(name)))
+        .into_iter()
+        .map(|unit| {
+            let own = targets.iter().filter(|name| rows.unit(name) == unit);
+            let columns = own.flat_map(|name| {
+                let coordinate = name["pose_".len()..].replace('_', ".");
+                let measured = name.replacen("pose_", "pose_meas_", 1);
+                [
+                    (format!("target {coordinate}"), (*name).clone()),
+                    (format!("measured {coordinate}"), measured),
+                ]
+            });
+            history(
+                run,
+                rows,
+                "Pose of the loading unit".to_owned(),
+                Scale::new("pose", unit),
+                columns,
+            )
+        });
     html! { @for chart in drawn.filter(|chart| !chart.is_empty()) { (chart.figure()) } }
 }
 
@@ -215,12 +284,20 @@ fn poses(run: &RunView, rows: &Rows<'_>) -> Markup {
 fn spectra(rows: &Rows<'_>) -> Markup {
     let spectra = &rows.digest().spectra;
     let unit_of = |dof: u32| rows.unit(&format!("x{dof}"));
-    let drawn = units(spectra.iter().map(|(dof, _)| unit_of(*dof))).into_iter().map(|unit| {
-        let own = spectra.iter().filter(|(dof, _)| unit_of(*dof) == unit);
-        let own = own.map(|(dof, points)| (format!("DOF {dof}"), points.as_slice()));
-        let title = "Frequency content of the displacements: Fourier amplitude";
-        amplitudes(title, "amplitude", &format!("{unit} s"), own, (WHOLE, 260.0))
-    });
+    let drawn = units(spectra.iter().map(|(dof, _)| unit_of(*dof)))
+        .into_iter()
+        .map(|unit| {
+            let own = spectra.iter().filter(|(dof, _)| unit_of(*dof) == unit);
+            let own = own.map(|(dof, points)| (format!("DOF {dof}"), points.as_slice()));
+            let title = "Frequency content of the displacements: Fourier amplitude";
+            amplitudes(
+                title,
+                "amplitude",
+                &format!("{unit} s"),
+                own,
+                (WHOLE, 260.0),
+            )
+        });
     html! { @for figure in drawn { (figure) } }
 }
 
@@ -233,13 +310,19 @@ pub(super) fn amplitudes<'a>(
     (width, height): (f64, f64),
 ) -> Markup {
     let curves: Vec<_> = curves.filter(|(_, points)| !points.is_empty()).collect();
-    let all = curves.iter().flat_map(|(_, points)| points.iter().map(|p| p.1));
+    let all = curves
+        .iter()
+        .flat_map(|(_, points)| points.iter().map(|p| p.1));
     let top = all.filter(|v| v.is_finite()).fold(0.0, f64::max);
     if curves.is_empty() {
         return Markup::default();
     }
     let range = (top > 1e-280 && top < 1e280).then_some((top * 1e-6, top * 2.0));
-    let chart = Chart::new(title, Scale::new("frequency", "Hz").log(), Scale::new(words, unit).log().within(range));
+    let chart = Chart::new(
+        title,
+        Scale::new("frequency", "Hz").log(),
+        Scale::new(words, unit).log().within(range),
+    );
     let chart = curves.into_iter().fold(chart, |chart, (name, points)| {
         let (x, y): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
         chart.with(name, x, y, Look::Line)
@@ -259,7 +342,13 @@ fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> Markup {
         };
         let value = |letter: &str| or_dash(peak(letter).map(|(p, unit)| quantity(p.value, unit)));
         let time = or_dash(peak("x").map(|(p, _)| rows.moment(p.time)));
-        let mut line = vec![format!("DOF {dof}"), value("x"), time, value("v"), value("a")];
+        let mut line = vec![
+            format!("DOF {dof}"),
+            value("x"),
+            time,
+            value("v"),
+            value("a"),
+        ];
         if is_completed {
             let residual = rows.digest().residuals.iter().find(|(of, _)| of == dof);
             let unit = rows.unit(&format!("x{dof}"));
@@ -268,15 +357,28 @@ fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> Markup {
         line
     };
     let lines: Vec<_> = listed.iter().map(line).collect();
-    let heading = ["", "peak displacement", "at", "peak velocity", "peak acceleration", "residual displacement"];
+    let heading = [
+        "",
+        "peak displacement",
+        "at",
+        "peak velocity",
+        "peak acceleration",
+        "residual displacement",
+    ];
     let heading = &heading[..if is_completed { 6 } else { 5 }];
     let residual = match is_completed {
-        true => format!("Residual: mean of the last {} % of the recorded test.", 100 / TAIL),
+        true => format!(
+            "Residual: mean of the last {} % of the recorded test.",
+            100 / TAIL
+        ),
         false => "No residual displacement: the test did not come to its end.".to_owned(),
     };
     let against = match measured_against(rows) {
         "" => String::new(),
-        against => format!(" Displacements, velocities and accelerations are{}.", against.trim_start_matches(',')),
+        against => format!(
+            " Displacements, velocities and accelerations are{}.",
+            against.trim_start_matches(',')
+        ),
     };
     let part = match listed.len() < dofs.len() {
         true => format!(" {} of {} DOFs are listed.", listed.len(), dofs.len()),
@@ -287,19 +389,26 @@ fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> Markup {
 
 /// Loops of the force over the measured displacement, or over the command where none is measured.
 fn loops(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
-    let drawn = axes.iter().filter(|axis| axis.digest.is_drawable()).take(MOST_DRAWN);
+    let drawn = axes
+        .iter()
+        .filter(|axis| axis.digest.is_drawable())
+        .take(MOST_DRAWN);
     let hysteresis = |axis: &Tracked<'_>| {
         let across = match rows.digest().measures_disp(axis.digest.axis) {
             true => "measured displacement",
             false => "command",
         };
         let (disp, force) = &axis.digest.hysteresis;
-        Chart::new(format!("Hysteresis of {}", axis.name), Scale::new(across, axis.disp_unit), Scale::new("force", axis.force_unit))
-            .labelled(format!("{}: force against {across}", axis.name))
-            .with("", disp, force, Look::Line)
-            .inked(Ink::Series(1))
-            .levels(limits::levels(run, rows, axis, &[Limit::MeasuredForce]))
-            .figure()
+        Chart::new(
+            format!("Hysteresis of {}", axis.name),
+            Scale::new(across, axis.disp_unit),
+            Scale::new("force", axis.force_unit),
+        )
+        .labelled(format!("{}: force against {across}", axis.name))
+        .with("", disp, force, Look::Line)
+        .inked(Ink::Series(1))
+        .levels(limits::levels(run, rows, axis, &[Limit::MeasuredForce]))
+        .figure()
     };
     html! { @for axis in drawn { (hysteresis(axis)) } }
 }
@@ -348,16 +457,30 @@ fn listed(axes: &[Tracked<'_>]) -> Markup {
     let force = |found: Option<(f64, &str)>| or_dash(found.map(|(f, unit)| quantity(f, unit)));
     let has_way_out = axes.iter().any(|axis| axis.way_out.is_some());
     let row = |axis: &Tracked<'_>| {
-        let peak = axis.digest.peak_disp.map(|p| quantity(p.value, axis.disp_unit));
+        let peak = axis
+            .digest
+            .peak_disp
+            .map(|p| quantity(p.value, axis.disp_unit));
         let absorbed = axis.digest.absorbed.map(|e| quantity(e, axis.work_unit()));
-        let mut row = vec![axis.name.clone(), or_dash(peak), force(axis.peak_force()), or_dash(absorbed)];
+        let mut row = vec![
+            axis.name.clone(),
+            or_dash(peak),
+            force(axis.peak_force()),
+            or_dash(absorbed),
+        ];
         if has_way_out {
             row.push(force(axis.force_on_the_way_out()));
         }
         row
     };
     let rows: Vec<_> = axes.iter().map(row).collect();
-    let heading = ["", "peak measured displacement", "peak force", "absorbed energy", "peak force during shutdown"];
+    let heading = [
+        "",
+        "peak measured displacement",
+        "peak force",
+        "absorbed energy",
+        "peak force during shutdown",
+    ];
     html! {
         (table(&heading[..if has_way_out { 5 } else { 4 }], &rows))
         (note("Absorbed energy: ∮ force d(measured displacement), dissipated and stored at the end."))
@@ -376,10 +499,23 @@ fn traffic(run: &RunView) -> Markup {
     if rows.is_empty() {
         return Markup::default();
     }
-    let table = table(&["commands and measurements", "sent", "received", "late", "lost", "corrupt"], &rows);
+    let table = table(
+        &[
+            "commands and measurements",
+            "sent",
+            "received",
+            "late",
+            "lost",
+            "corrupt",
+        ],
+        &rows,
+    );
     match links().any(|(_, link)| link.late + link.lost + link.corrupt > 0) {
         true => table,
-        false => details("Commands and measurements: none late, lost or corrupt", table),
+        false => details(
+            "Commands and measurements: none late, lost or corrupt",
+            table,
+        ),
     }
 }
 

@@ -69,7 +69,10 @@ impl<'a> Rows<'a> {
     /// A section on these rows: a note reports it if they are not the whole test.
     pub(crate) fn section(&self, heading: &str, inside: Markup) -> Markup {
         let part = self.part().map(|part| note(&format!("Of {part}.")));
-        section(heading, html! { @if let Some(part) = part { (part) } (inside) })
+        section(
+            heading,
+            html! { @if let Some(part) = part { (part) } (inside) },
+        )
     }
 
     /// A column: of the structure at the ends of steps, of specimens at every tick. `time` is that of the ends of steps.

@@ -2,7 +2,7 @@
 // whole units from the upper left corner of the plot, with the ends of both axes beside them.
 (() => {
   "use strict";
-  const SVG = "http://www.w3.org/2000/svg";
+  const SVG = document.querySelector("svg").namespaceURI;
   const charts = [];
   let cursors = []; // test times, at most two
   const make = (name, attributes, text) => {

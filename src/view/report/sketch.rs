@@ -107,14 +107,22 @@ fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> Markup {
             let (below, above) = (level(place), level(place + 1));
             let middle = (below + above) / 2.0;
             if storey == 0 {
-                canvas.text("⋮", ((left + right) / 2.0, middle), soft.anchored(Anchor::Middle));
+                canvas.text(
+                    "⋮",
+                    ((left + right) / 2.0, middle),
+                    soft.anchored(Anchor::Middle),
+                );
                 canvas.line((left, above), (right, above), Ink::Frame, 1.5);
                 continue;
             }
             let here = specimens.iter().filter(|s| s.storey == Some(storey));
             let mut words: Vec<String> = here.map(|s| s.name.clone()).collect();
             let has_specimen = !words.is_empty();
-            let (ink, width) = if has_specimen { (Ink::Series(1), 4.0) } else { (Ink::Text, 2.0) };
+            let (ink, width) = if has_specimen {
+                (Ink::Series(1), 4.0)
+            } else {
+                (Ink::Text, 2.0)
+            };
             for x in [left + 6.0, right - 6.0] {
                 canvas.line((x, below), (x, above), ink, width);
             }
@@ -126,29 +134,49 @@ fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> Markup {
             let own = stiffness.get(storey - 1).filter(|k| **k > 0.0);
             words.extend(own.map(|k| quantity(*k, "N/m")));
             let words = fitted(&words.join(" + "), LABEL * 1.1, WIDE - right - 14.0);
-            let style = if has_specimen { Lettering::new(ink).bold() } else { soft };
+            let style = if has_specimen {
+                Lettering::new(ink).bold()
+            } else {
+                soft
+            };
             canvas.text(&words, (right + 14.0, middle), style);
         }
         let place_of = |dof: usize| match dof {
             0 => Some(0),
             dof => levels.iter().position(|l| *l == dof).map(|p| p + 1),
         };
-        let braces = specimens.iter().filter(|s| s.storey.is_none()).take(MOST_SPECIMENS);
+        let braces = specimens
+            .iter()
+            .filter(|s| s.storey.is_none())
+            .take(MOST_SPECIMENS);
         for (i, brace) in braces.enumerate() {
             let dofs = brace.dofs.iter().map(|d| d.0);
             let top = dofs.clone().max().unwrap_or(0);
-            let low = if brace.dofs.len() > 1 { dofs.min().unwrap_or(0) } else { 0 };
+            let low = if brace.dofs.len() > 1 {
+                dofs.min().unwrap_or(0)
+            } else {
+                0
+            };
             let (Some(low), Some(top)) = (place_of(low), place_of(top)) else {
                 continue;
             };
             let shift = 10.0 * i as f64;
-            let (from, to) = ((left + 16.0 + shift, level(low)), (right - 16.0 - shift, level(top)));
+            let (from, to) = (
+                (left + 16.0 + shift, level(low)),
+                (right - 16.0 - shift, level(top)),
+            );
             canvas.line(from, to, Ink::Series(1), 3.0);
             let middle = ((from.0 + to.0) / 2.0, (from.1 + to.1) / 2.0 - 12.0);
-            let style = Lettering::new(Ink::Series(1)).bold().anchored(Anchor::Middle);
+            let style = Lettering::new(Ink::Series(1))
+                .bold()
+                .anchored(Anchor::Middle);
             canvas.text(&fitted(&brace.name, LABEL * 1.1, 120.0), middle, style);
         }
-        canvas.text("ground", (left - 40.0, ground + 2.0), soft.anchored(Anchor::Right));
+        canvas.text(
+            "ground",
+            (left - 40.0, ground + 2.0),
+            soft.anchored(Anchor::Right),
+        );
     })
 }
 
@@ -157,13 +185,21 @@ fn nodes(n: usize, specimens: &[Joined]) -> Markup {
     let drawn: Vec<&Joined> = specimens.iter().take(MOST_SPECIMENS).collect();
     let (first, y) = (if n == 0 { 10.0 } else { 70.0 }, 34.0);
     let height = first + 24.0 + 44.0 * drawn.len().max(1) as f64;
-    let label = format!("Sketch: {n} degrees of freedom and {} specimens", specimens.len());
+    let label = format!(
+        "Sketch: {n} degrees of freedom and {} specimens",
+        specimens.len()
+    );
     let spacing = ((WIDE - 60.0) / shown_dofs.len().max(1) as f64).min(90.0);
     let x_of = |place: usize| 40.0 + spacing * (place as f64 + 0.5);
     let soft = Lettering::new(Ink::Soft);
     figure(height, &label, |canvas| {
         if n > 1 {
-            canvas.line((x_of(0), y), (x_of(shown_dofs.len() - 1), y), Ink::Grid, 2.0);
+            canvas.line(
+                (x_of(0), y),
+                (x_of(shown_dofs.len() - 1), y),
+                Ink::Grid,
+                2.0,
+            );
         }
         for (place, &dof) in shown_dofs.iter().enumerate() {
             let middle = soft.anchored(Anchor::Middle);
@@ -173,16 +209,27 @@ fn nodes(n: usize, specimens: &[Joined]) -> Markup {
             }
             canvas.line((x_of(place), y), (x_of(place), y), Ink::Series(0), 14.0);
             // Names of many DOFs would lie on each other.
-            let name = if spacing < 50.0 { dof.to_string() } else { format!("DOF {dof}") };
+            let name = if spacing < 50.0 {
+                dof.to_string()
+            } else {
+                format!("DOF {dof}")
+            };
             canvas.text(&name, (x_of(place), y - 20.0), middle);
         }
         for (i, specimen) in drawn.iter().enumerate() {
             let top = first + 44.0 * i as f64;
             let at = |dof: &usize| Some(x_of(shown_dofs.iter().position(|d| d == dof)?));
-            let places = specimen.dofs.iter().filter_map(|(dof, weight)| Some((at(dof)?, *weight)));
+            let places = specimen
+                .dofs
+                .iter()
+                .filter_map(|(dof, weight)| Some((at(dof)?, *weight)));
             let places: Vec<(f64, f64)> = places.collect();
             let sum = places.iter().map(|p| p.0).sum::<f64>();
-            let middle = if places.is_empty() { 140.0 } else { sum / places.len() as f64 };
+            let middle = if places.is_empty() {
+                140.0
+            } else {
+                sum / places.len() as f64
+            };
             let middle = middle.clamp(90.0, WIDE - 90.0);
             for (x, weight) in &places {
                 canvas.line((*x, y + 7.0), (middle, top), Ink::Series(1), 1.5);
@@ -191,11 +238,28 @@ fn nodes(n: usize, specimens: &[Joined]) -> Markup {
                     canvas.text(&number(*weight, 2), at, soft);
                 }
             }
-            canvas.block(Area { x: middle - 80.0, y: top, w: 160.0, h: 26.0 }, Ink::Series(1), 0.25);
+            canvas.block(
+                Area {
+                    x: middle - 80.0,
+                    y: top,
+                    w: 160.0,
+                    h: 26.0,
+                },
+                Ink::Series(1),
+                0.25,
+            );
             let style = Lettering::new(Ink::Text).bold().anchored(Anchor::Middle);
-            canvas.text(&fitted(&specimen.name, LABEL * 1.1, 150.0), (middle, top + 13.0), style);
+            canvas.text(
+                &fitted(&specimen.name, LABEL * 1.1, 150.0),
+                (middle, top + 13.0),
+                style,
+            );
             if n == 0 {
-                canvas.text("← prescribed displacement →", (middle + 96.0, top + 13.0), soft);
+                canvas.text(
+                    "← prescribed displacement →",
+                    (middle + 96.0, top + 13.0),
+                    soft,
+                );
             }
         }
     })
@@ -207,7 +271,7 @@ mod tests {
     use crate::ResolvedTest;
 
     fn of(text: &str) -> String {
-        sketch(&ResolvedTest::from(text).file)
+        sketch(&ResolvedTest::from(text).file).0
     }
 
     #[test]
@@ -236,7 +300,7 @@ mod tests {
         );
         assert!(drawn.contains("DOF 5000") && drawn.contains("end") && drawn.contains("0.50"));
         assert!(of("[[specimen]]\nname = \"pad\"\n").contains("prescribed displacement"));
-        assert_eq!(sketch(&TestFile::default()), "");
+        assert_eq!(sketch(&TestFile::default()).0, "");
         assert_eq!(of("a = 1"), "");
     }
 }

@@ -189,26 +189,31 @@ pub(super) fn histogram<'a>(
     // Room for the rows of names above the highest bar: a logarithmic axis grows by a power.
     let share = 1.0 - 0.075 * marks.len() as f64;
     let top = libm::pow(bins.top() as f64 / 0.7 * 1.2, 1.0 / share) * 0.7;
-    let across = Scale::new("time, logarithmic", "s").written().within(Some(range));
-    let up = Scale::new("count, logarithmic", "").log().within(Some((0.7, top)));
+    let across = Scale::new("time, logarithmic", "s")
+        .written()
+        .within(Some(range));
+    let up = Scale::new("count, logarithmic", "")
+        .log()
+        .within(Some((0.7, top)));
     let edges = |i: usize| 1e-6 * bins.edges(i).0;
-    let last = (0..bins.counts.len()).rev().find(|i| deadline_us.is_some_and(|d| bins.edges(*i).0 < d));
-    let late = last.map_or(if deadline_us.is_some() { 0 } else { bins.counts.len() }, |last| last + 1);
+    let count = bins.counts.len();
+    let is_late = |i: &usize| deadline_us.is_some_and(|deadline| bins.edges(*i).0 >= deadline);
+    let late = (0..count).find(is_late).unwrap_or(count);
     let bars = |chart: Chart<'a>, part: std::ops::Range<usize>| {
         let x: Vec<f64> = (part.start..=part.end).map(edges).collect();
         let y: Vec<f64> = part.map(|i| bins.counts[i] as f64).collect();
-        if y.is_empty() { chart } else { chart.with("", x, y, Look::Bars) }
+        chart.with("", x, y, Look::Bars)
     };
     let chart = bars(Chart::new(title, across, up), 0..late);
-    let chart = match late < bins.counts.len() {
-        true => bars(chart, late..bins.counts.len()).inked(Ink::Alarm),
-        false => chart,
-    };
+    let chart = bars(chart, late..count).inked(Ink::Alarm);
     chart.labelled(format!("Histogram of {title}")).marks(marks)
 }
 
 /// Marks from the left: words, place in s, colour.
-fn percentile_marks(percentiles: &Percentiles, deadline_us: Option<f64>) -> Vec<(String, f64, Ink)> {
+fn percentile_marks(
+    percentiles: &Percentiles,
+    deadline_us: Option<f64>,
+) -> Vec<(String, f64, Ink)> {
     let p = percentiles;
     let named = [
         ("p50", p.p50),
@@ -236,14 +241,18 @@ fn percentile_marks(percentiles: &Percentiles, deadline_us: Option<f64>) -> Vec<
     for (us, words, _) in &mut marks {
         *words = format!("{words} {}", micros(*us));
     }
-    marks.into_iter().map(|(us, words, ink)| (words, 1e-6 * us, ink)).collect()
+    marks
+        .into_iter()
+        .map(|(us, words, ink)| (words, 1e-6 * us, ink))
+        .collect()
 }
 
 /// Histograms, their percentiles and lateness over test time.
 pub(super) fn timing(run: &RunView, rows: &Rows<'_>, timings: &[Timing]) -> Markup {
     let heading = "Timing";
     if run.is_simulated() {
-        let says = "No timing: this run used the simulated clock, on which no deadline can be missed.";
+        let says =
+            "No timing: this run used the simulated clock, on which no deadline can be missed.";
         return section(heading, paragraph(says));
     }
     if timings.iter().all(|t| t.percentiles.count == 0) {
@@ -251,16 +260,27 @@ pub(super) fn timing(run: &RunView, rows: &Rows<'_>, timings: &[Timing]) -> Mark
         return rows.section(heading, html! { (says) (over_time(run, rows)) });
     }
     let rate = run.summary.as_ref().map(|summary| summary.rate_hz);
-    let period = rate.filter(|hz| *hz > 0.0 && hz.is_finite()).map(|hz| 1e6 / hz);
-    let drawn = timings.iter().filter(|t| t.percentiles.count > 0 && !t.histogram.is_empty());
+    let period = rate
+        .filter(|hz| *hz > 0.0 && hz.is_finite())
+        .map(|hz| 1e6 / hz);
+    let drawn = timings
+        .iter()
+        .filter(|t| t.percentiles.count > 0 && !t.histogram.is_empty());
     let drawn: Vec<_> = drawn.take(MOST_HISTOGRAMS).collect();
-    let (first, others): (Vec<&Timing>, Vec<&Timing>) = drawn.iter().partition(|timing| FIRST.contains(&timing.key.as_str()));
+    let (first, others): (Vec<&Timing>, Vec<&Timing>) = drawn
+        .iter()
+        .partition(|timing| FIRST.contains(&timing.key.as_str()));
     let figures = |timings: &[&Timing]| {
-        beside("grid", html! { @for timing in timings { (figure(timing, period)) } })
+        beside(
+            "grid",
+            html! { @for timing in timings { (figure(timing, period)) } },
+        )
     };
     let meanings = timings.iter().map(|timing| words(&timing.key));
     let meanings = meanings.filter(|(_, meaning)| !meaning.is_empty());
-    let meanings: Vec<_> = meanings.map(|(title, meaning)| (title, meaning.to_owned())).collect();
+    let meanings: Vec<_> = meanings
+        .map(|(title, meaning)| (title, meaning.to_owned()))
+        .collect();
     let more = html! { (definitions(&meanings)) (figures(&others)) (worst(run, rows)) };
     let markup = html! {
         (percentiles(timings))
@@ -341,7 +361,16 @@ fn worst(run: &RunView, rows: &Rows<'_>) -> Markup {
     if listed.is_empty() {
         return Markup::default();
     }
-    let heading = ["step", "test time", "edge to next command ready", "wake-up", "send", "round trip", "compute", "context"];
+    let heading = [
+        "step",
+        "test time",
+        "edge to next command ready",
+        "wake-up",
+        "send",
+        "round trip",
+        "compute",
+        "context",
+    ];
     let steal = run
         .events
         .iter()
@@ -372,12 +401,21 @@ const fn evidence(line: &EventLine) -> Option<Evidence> {
 fn percentiles(timings: &[Timing]) -> Markup {
     let rows = timings.iter().map(|timing| {
         let p = &timing.percentiles;
-        let show = |us: f64| if p.count == 0 { NOTHING.to_owned() } else { micros(us) };
+        let show = |us: f64| {
+            if p.count == 0 {
+                NOTHING.to_owned()
+            } else {
+                micros(us)
+            }
+        };
         let mut row = vec![words(&timing.key).0, count(p.count)];
         row.extend([p.min, p.p50, p.p90, p.p99, p.p99_9, p.max].map(show));
         row
     });
-    table(&["", "count", "min", "p50", "p90", "p99", "p99.9", "max"], &rows.collect::<Vec<_>>())
+    table(
+        &["", "count", "min", "p50", "p90", "p99", "p99.9", "max"],
+        &rows.collect::<Vec<_>>(),
+    )
 }
 
 fn over_time(run: &RunView, rows: &Rows<'_>) -> Markup {
@@ -387,19 +425,117 @@ fn over_time(run: &RunView, rows: &Rows<'_>) -> Markup {
         (column::COMPUTE.name(), "compute", 0),
         ("tick_time_s", "tick time", 3),
     ];
-    let mut strokes: Vec<f64> = run.events.iter().filter(|e| is_miss(e)).filter_map(|line| line.time).collect();
+    let mut strokes: Vec<f64> = run
+        .events
+        .iter()
+        .filter(|e| is_miss(e))
+        .filter_map(|line| line.time)
+        .collect();
     strokes.sort_by(f64::total_cmp);
     let has_strokes = !strokes.is_empty();
-    let chart = Chart::history("Lateness over test time", Scale::new("time, logarithmic", "s").written()).strokes(strokes);
-    let found = named.into_iter().filter_map(|(column, name, ink)| Some((name, ink, rows.history(column)?)));
+    let chart = Chart::history(
+        "Lateness over test time",
+        Scale::new("time, logarithmic", "s").written(),
+    )
+    .strokes(strokes);
+    let found = named
+        .into_iter()
+        .filter_map(|(column, name, ink)| Some((name, ink, rows.history(column)?)));
     let found = found.filter(|(.., of)| of.values.iter().any(|v| *v > 0.0));
     let chart = found.fold(chart, |chart, (name, ink, of)| {
-        chart.with(name, of.time, of.values, Look::Line).inked(Ink::Series(ink))
+        chart
+            .with(name, of.time, of.values, Look::Line)
+            .inked(Ink::Series(ink))
     });
     html! {
         @if !chart.is_empty() {
             (chart.figure())
             @if has_strokes { (note("Red strokes at the top mark deadline misses.")) }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    proptest! {
+        #[test]
+        fn regrouped_counts_keep_their_sum(
+            bins in prop::collection::vec((prop_oneof![9 => 0.0f64..1e7, 1 => Just(f64::NAN)], 0u64..1_000_000), 0..200),
+        ) {
+            let sum: u64 = bins.iter().map(|b| b.1).sum();
+            let regrouped = LogBins::new(&bins).map_or(0, |b| b.counts.iter().sum());
+            prop_assert_eq!(sum, regrouped);
+        }
+
+        #[test]
+        fn value_is_between_the_edges_of_its_bin(us in 0.002f64..1e6) {
+            let (lo, hi) = LogBins::new(&[(us, 1)]).unwrap().edges(0);
+            prop_assert!(lo <= us * (1.0 + 1e-9) && us < hi * (1.0 + 1e-9), "{lo} {us} {hi}");
+        }
+    }
+
+    #[test]
+    fn nothing_counted_gives_no_bins() {
+        assert_eq!(LogBins::new(&[]), None);
+        assert_eq!(LogBins::new(&[(3.0, 0)]), None);
+    }
+
+    #[test]
+    fn timing_keys_keep_their_order() {
+        let timings = Timings::from(json!({
+            "compute": {"count": 2, "p50": 0.4},
+            "wakeup_lateness": {"count": 3, "min": 0.05, "max": 9.0, "bins": [[0.05, 0.1, 2], [8.0, 9.0, 1]]},
+            "round_trip": {"count": 5, "specimens": {"column": {"count": 5}}},
+            "slack": {"count": 0, "max": 0.0, "bins": []},
+            "record": {"count": 4, "bins": [[0.05, 0.051, 4]], "specimens": {"b": {"count": 1}, "a": {"count": 3}}},
+        }));
+        let found = read(Some(&timings));
+        let keys: Vec<_> = found.iter().map(|t| t.key.as_str()).collect();
+        assert_eq!(
+            keys,
+            [
+                "wakeup_lateness",
+                "round_trip",
+                "compute",
+                "record",
+                "record · b",
+                "record · a",
+                "slack",
+            ]
+        );
+        assert_eq!(found[0].histogram, [(0.1, 2), (9.0, 1)]);
+        assert_eq!(found[3].histogram, [(0.051, 4)]);
+        assert_eq!(words("round_trip · column").0, "Round trip, column");
+        assert!(read(None).is_empty());
+    }
+
+    #[test]
+    fn histogram_marks_percentiles_and_late_ticks() {
+        let p = Percentiles {
+            count: 3,
+            p50: 0.05,
+            p99: 1200.0,
+            max: 1200.0,
+            ..Percentiles::default()
+        };
+        let svg = histogram("Lateness", &[(0.05, 2), (1200.0, 1)], &p, Some(976.6)).svg();
+        for words in [
+            "p50 50.0\u{a0}ns",
+            "p99, max 1.20\u{a0}ms",
+            "deadline 977\u{a0}µs",
+            "f-alarm",
+            "f-s0",
+        ] {
+            assert!(svg.contains(words), "{words}: {svg}");
+        }
+        assert!(
+            histogram("Lateness", &[], &p, None)
+                .svg()
+                .contains("nothing to draw")
+        );
     }
 }

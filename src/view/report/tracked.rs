@@ -103,7 +103,10 @@ impl<'a> Tracked<'a> {
 
     /// The plain figures of tracking: name and value.
     pub(crate) fn figures(&self) -> [(&'static str, Option<String>); 4] {
-        let largest = self.digest.tracking.map(|t| quantity(t.peak_error_m.value, self.disp_unit));
+        let largest = self
+            .digest
+            .tracking
+            .map(|t| quantity(t.peak_error_m.value, self.disp_unit));
         [
             ("delay", self.delay().map(lag_words)),
             ("amplitude error", self.amplitude_error().map(percent)),

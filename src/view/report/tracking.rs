@@ -20,12 +20,18 @@ use gusset_quantity::catalog::limit::Limit;
 pub(super) const MARGIN: &str = "margin";
 
 /// The section on tracking; `effect` is the effect of the errors on the test. `None` without a specimen that moved.
-pub(super) fn tracking(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>], effect: &Markup) -> Option<Markup> {
+pub(super) fn tracking(
+    run: &RunView,
+    rows: &Rows<'_>,
+    axes: &[Tracked<'_>],
+    effect: &Markup,
+) -> Option<Markup> {
     if axes.is_empty() || rows.running() == 0 {
         return None;
     }
     let drawn = axes.iter().filter(|axis| axis.digest.is_drawable());
-    let (ideal, others): (Vec<_>, Vec<_>) = drawn.take(MOST_DRAWN).partition(|axis| axis.is_ideal());
+    let (ideal, others): (Vec<_>, Vec<_>) =
+        drawn.take(MOST_DRAWN).partition(|axis| axis.is_ideal());
     let names: Vec<_> = ideal.iter().map(|axis| axis.name.as_str()).collect();
     let markup = html! {
         @if !axes.iter().all(Tracked::is_ideal) { (figures(rows, axes)) }
@@ -54,7 +60,13 @@ fn figures(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
         std::iter::once(axis.name.clone()).chain(cells).collect()
     };
     let listed: Vec<_> = axes.iter().map(row).collect();
-    let heading = ["", "delay", "amplitude error", "energy error", "largest error"];
+    let heading = [
+        "",
+        "delay",
+        "amplitude error",
+        "energy error",
+        "largest error",
+    ];
     html! {
         (table(&heading, &listed))
         (note(
@@ -69,19 +81,35 @@ fn followed(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
     let column = |kind: &str| axis.digest.axis.column(kind);
     let is_measured = rows.digest().measures_disp(axis.digest.axis);
     let what = if is_measured { "measured" } else { "command" };
-    let columns = [("target", "target"), (what, "meas")].map(|(name, kind)| (name.to_owned(), column(kind)));
+    let columns =
+        [("target", "target"), (what, "meas")].map(|(name, kind)| (name.to_owned(), column(kind)));
     let levels = limits::levels(run, rows, axis, &[Limit::MeasuredDisp, Limit::CommandDisp]);
-    let both = history(run, rows, format!("Target and {what}"), axis.disp("displacement"), columns)
-        .labelled(axis.label(&format!("target and {what} displacement over test time")))
-        .levels(levels);
+    let both = history(
+        run,
+        rows,
+        format!("Target and {what}"),
+        axis.disp("displacement"),
+        columns,
+    )
+    .labelled(axis.label(&format!("target and {what} displacement over test time")))
+    .levels(levels);
     if !is_measured {
         return both.figure();
     }
     let errors = [("measured − target".to_owned(), column(ERROR))];
-    let error = history(run, rows, "Tracking error".to_owned(), axis.disp("error"), errors)
-        .labelled(axis.label("tracking error over test time"))
-        .half(290.0);
-    let is_broken = rows.digest().broken().any(|broken| broken == axis.digest.axis);
+    let error = history(
+        run,
+        rows,
+        "Tracking error".to_owned(),
+        axis.disp("error"),
+        errors,
+    )
+    .labelled(axis.label("tracking error over test time"))
+    .half(290.0);
+    let is_broken = rows
+        .digest()
+        .broken()
+        .any(|broken| broken == axis.digest.axis);
     let broken = if rows.passed().missing_ticks > 0 {
         "Rows are missing in the record: lag, tracking metrics, frequency content and absorbed energy of this axis are left out. \
          Peaks are those of the rows that are there."
@@ -106,27 +134,43 @@ fn followed(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
 /// Target and measured around the largest target.
 fn close_up(axis: &Tracked<'_>) -> Markup {
     let [time, target, meas] = &axis.digest.close_up;
-    Chart::new("Around the largest target", Scale::new("test time", "s"), axis.disp("displacement"))
-        .labelled(axis.label("target and measured around the largest target"))
-        .with("target", time, target, Look::Line)
-        .with("measured", time, meas, Look::Line)
-        .half(290.0)
-        .figure()
+    Chart::new(
+        "Around the largest target",
+        Scale::new("test time", "s"),
+        axis.disp("displacement"),
+    )
+    .labelled(axis.label("target and measured around the largest target"))
+    .with("target", time, target, Look::Line)
+    .with("measured", time, meas, Look::Line)
+    .half(290.0)
+    .figure()
 }
 
 fn subspace(axis: &Tracked<'_>) -> Markup {
     let (target, meas) = &axis.digest.subspace;
-    Chart::new("Synchronisation subspace: measured against target", axis.disp("target"), axis.disp("measured"))
-        .labelled(axis.label("measured against target displacement"))
-        .with("", target, meas, Look::Line)
-        .figure()
+    Chart::new(
+        "Synchronisation subspace: measured against target",
+        axis.disp("target"),
+        axis.disp("measured"),
+    )
+    .labelled(axis.label("measured against target displacement"))
+    .with("", target, meas, Look::Line)
+    .figure()
 }
 
 /// Frequency content of target, measured and their difference.
 fn content(axis: &Tracked<'_>) -> Markup {
     let names = ["target", "measured", "measured − target"].map(str::to_owned);
-    let curves = names.into_iter().zip(axis.digest.spectra.iter().map(Vec::as_slice));
-    amplitudes("Frequency content", "Fourier amplitude", &format!("{} s", axis.disp_unit), curves, (HALF, 320.0))
+    let curves = names
+        .into_iter()
+        .zip(axis.digest.spectra.iter().map(Vec::as_slice));
+    amplitudes(
+        "Frequency content",
+        "Fourier amplitude",
+        &format!("{} s", axis.disp_unit),
+        curves,
+        (HALF, 320.0),
+    )
 }
 
 /// Gain of measured over target by frequency.
@@ -135,10 +179,14 @@ fn response_of(axis: &Tracked<'_>) -> Markup {
     if hz.len() < 2 {
         return Markup::default();
     }
-    Chart::new("Frequency response: measured over target", Scale::new("frequency", "Hz").log(), Scale::new("gain", "1"))
-        .labelled(axis.label("gain of measured over target by frequency"))
-        .with("", hz, gain, Look::Dots)
-        .figure()
+    Chart::new(
+        "Frequency response: measured over target",
+        Scale::new("frequency", "Hz").log(),
+        Scale::new("gain", "1"),
+    )
+    .labelled(axis.label("gain of measured over target by frequency"))
+    .with("", hz, gain, Look::Dots)
+    .figure()
 }
 
 /// Amplitude and phase errors in moving windows.
@@ -147,8 +195,14 @@ fn windows(run: &RunView, axis: &Tracked<'_>) -> Markup {
         return Markup::default();
     };
     let kinds = [
-        ("Amplitude error in moving windows", Scale::new("amplitude error", "1")),
-        ("Phase error in moving windows, negative: behind", Scale::new("phase error", "rad")),
+        (
+            "Amplitude error in moving windows",
+            Scale::new("amplitude error", "1"),
+        ),
+        (
+            "Phase error in moving windows, negative: behind",
+            Scale::new("phase error", "rad"),
+        ),
     ];
     let drawn = kinds.into_iter().enumerate().map(|(place, (title, up))| {
         Chart::history(title, up)
@@ -164,13 +218,27 @@ fn windows(run: &RunView, axis: &Tracked<'_>) -> Markup {
 /// Delay, gain and margin as estimated while the test ran, if they were estimated.
 fn estimates(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
     let kinds = [
-        ("Delay as estimated while the test ran", Scale::new("delay", "s"), "lag"),
-        ("Gain as estimated while the test ran", Scale::new("gain", "1"), "gain"),
-        ("Margin: critical delay less delay, as estimated", Scale::new("margin", "s"), MARGIN),
+        (
+            "Delay as estimated while the test ran",
+            Scale::new("delay", "s"),
+            "lag",
+        ),
+        (
+            "Gain as estimated while the test ran",
+            Scale::new("gain", "1"),
+            "gain",
+        ),
+        (
+            "Margin: critical delay less delay, as estimated",
+            Scale::new("margin", "s"),
+            MARGIN,
+        ),
     ];
     let drawn = kinds.map(|(title, up, kind)| {
         let columns = [(String::new(), axis.digest.axis.column(kind))];
-        history(run, rows, title.to_owned(), up, columns).labelled(axis.label(title)).half(260.0)
+        history(run, rows, title.to_owned(), up, columns)
+            .labelled(axis.label(title))
+            .half(260.0)
     });
     let drawn = drawn.iter().filter(|chart| !chart.is_empty());
     beside("grid", html! { @for chart in drawn { (chart.figure()) } })
