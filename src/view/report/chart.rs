@@ -51,7 +51,7 @@ const COLOURS: [(&str, &str); 11] = [
 
 /// Purpose of a colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ink {
+pub(super) enum Ink {
     /// Titles and references.
     Text,
     /// Numbers and names.

@@ -35,8 +35,6 @@ const MOST_SHOWN: usize = 120;
 const MOST: usize = 4;
 /// What a page calls its runs.
 const ORDER: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
-/// Runs that one page can show.
-pub const MOST_RUNS: usize = ORDER.len();
 
 /// One run of the page.
 struct Of<'a> {

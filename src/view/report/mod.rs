@@ -68,9 +68,9 @@ mod tracked;
 mod tracking;
 mod worst;
 
-pub use chart::{Chart, Ink, Look, Scale};
+pub use chart::{Chart, Look, Scale};
 pub use columns::Combination;
-pub use compare::{MOST_RUNS, compare, damages, doubts, verdict};
+pub use compare::{compare, damages, doubts, verdict};
 pub use digest::Digest;
 pub use effect::effect;
 pub use html::{
