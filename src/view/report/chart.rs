@@ -1,7 +1,7 @@
 //! Charts: data in, SVG out. The only drawing code of all pages and pictures.
 //!
 //! A [`Chart`] is two axes and layers over them. [`Chart::figure`] gives markup for a page, whose style sheet has the colours for
-//! light, dark and paper; [`Chart::svg`] gives a picture of its own for any background. The lines of a chart stand in a nested
+//! light, dark and paper; [`Chart::svg`] gives a separate picture for any background. The lines of a chart are in a nested
 //! `svg` in whole units, with the ends of both axes beside them: the page's script computes values back, zooms by its `viewBox`,
 //! and writes CSV. Without a script the page shows everything.
 //!
@@ -202,7 +202,7 @@ impl<'a> Scale<'a> {
         }
     }
 
-    /// What the script needs of the axis.
+    /// The axis for the script: ends, spacing, words, unit and divisor.
     fn told(&self, axis: &Axis, labels: &Labels) -> String {
         let is_log = self.spacing != Spacing::Linear;
         json!([
@@ -410,7 +410,7 @@ impl<'a> Chart<'a> {
         })
     }
 
-    /// The chart as a picture of its own.
+    /// The chart as a separate picture.
     #[must_use]
     pub fn svg(&self) -> String {
         const EDGE: f64 = 12.0;
@@ -606,6 +606,7 @@ impl<'a> Chart<'a> {
         if !is_beside && !entries.is_empty() {
             y += ROW + 1.0;
         }
+        canvas.open("legend");
         for (name, look, ink, is_dashed) in &entries {
             if x + wide(name) > area.x + area.w + 16.0 && x > left {
                 (x, y) = (left, y + ROW);
@@ -622,6 +623,7 @@ impl<'a> Chart<'a> {
             canvas.text(name, (x + 25.0, y), Lettering::new(Ink::Soft));
             x += wide(name);
         }
+        canvas.close();
         let below = y - 12.0 - area.y;
         Area {
             y: area.y + below,
@@ -786,7 +788,6 @@ impl Plot {
             }
         }
         canvas.close();
-        canvas.line((inner.x, bottom), (right, bottom), Ink::Frame, 1.0);
         if !up.name.is_empty() {
             // A name longer than the axis extends below it, and leaves the title free.
             let room = area.y + area.h - inner.y;
@@ -799,12 +800,12 @@ impl Plot {
                 small.anchored(Anchor::Middle).upright(),
             );
         }
+        canvas.open("foot");
+        canvas.line((inner.x, bottom), (right, bottom), Ink::Frame, 1.0);
         let words = fitted(&across.name, LABEL, area.w);
-        canvas.text(
-            &words,
-            (inner.x + inner.w / 2.0, bottom + 32.0),
-            small.anchored(Anchor::Middle),
-        );
+        let middle = (inner.x + inner.w / 2.0, bottom + 32.0);
+        canvas.text(&words, middle, small.anchored(Anchor::Middle));
+        canvas.close();
         plot
     }
 
@@ -961,7 +962,7 @@ pub(super) fn page_picture(
     }
 }
 
-/// A picture of its own, on any background.
+/// A separate picture, on any background.
 pub(super) fn picture(
     width: f64,
     height: f64,

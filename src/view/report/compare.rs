@@ -33,7 +33,7 @@ const MOST_LISTED: usize = 60;
 const MOST_SHOWN: usize = 120;
 /// DOFs and axes that are drawn.
 const MOST: usize = 4;
-/// What a page calls its runs.
+/// Names of the runs on a page, in order.
 const ORDER: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
 
 /// One run of the page.
@@ -425,8 +425,9 @@ fn histories(all: &[Of<'_>], matched: &[Result<Matched, String>]) -> Markup {
             let chart = Chart::history(title.clone(), Scale::new(words, first.rows.unit(&name)));
             let found = all
                 .iter()
-                .filter_map(|of| Some((of.order, of.rows.history(&name)?)));
-            let chart = found.fold(chart, |chart, (order, of)| {
+                .map(|of| Some((of.order, of.rows.history(&name)?)));
+            let found = found.collect::<Option<Vec<_>>>()?;
+            let chart = found.into_iter().fold(chart, |chart, (order, of)| {
                 chart.with(order, of.time, of.values, Look::Line)
             });
             let differences = matched

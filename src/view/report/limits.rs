@@ -242,7 +242,7 @@ mod tests {
             }}).into()),
             ..RunView::default()
         };
-        let markup = limits(&run, &Rows::new(&Digest::default()), &[]).unwrap();
+        let markup = limits(&run, &Rows::new(&Digest::default()), &[]).unwrap().0;
         for part in [
             "<th>how it is checked</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
@@ -268,7 +268,9 @@ mod tests {
             ..RunView::default()
         };
         let largest = [("judged_following_error_1_1".to_owned(), 0.0125)];
-        let markup = limits(&run, &Rows::new(&Digest::default()), &largest).unwrap();
+        let markup = limits(&run, &Rows::new(&Digest::default()), &largest)
+            .unwrap()
+            .0;
         assert!(markup.contains("<td>12.5\u{a0}mm</td>"), "{markup}");
     }
 

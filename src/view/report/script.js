@@ -1,4 +1,4 @@
-// Charts: zoom, cursors, values and CSV. Without this script the charts stand as they are. Every value is read from the lines:
+// Charts: zoom, cursors, values and CSV. Without this script a page shows all charts unchanged. Every value is read from the lines:
 // whole units from the upper left corner of the plot, with the ends of both axes beside them.
 (() => {
   "use strict";
@@ -74,6 +74,26 @@
         }
       }
     }
+  }
+
+  /** Fits a wide history into a narrow page: a shorter time axis, and the legend below the title. */
+  function fit(chart) {
+    const { figure, svg, lines } = chart;
+    const [, , wide, high] = svg.getAttribute("viewBox").split(" ").map(Number);
+    const room = figure.clientWidth / 0.8;
+    if (!chart.isHistory || figure.clientWidth === 0 || room > 0.7 * wide) return;
+    const [left, w] = ["x", "width"].map((name) => Number(lines.getAttribute(name)) + (name === "x" ? 0 : room - wide));
+    svg.setAttribute("viewBox", `0 0 ${room} ${high}`);
+    svg.style.setProperty("--drawn", room);
+    lines.setAttribute("width", w);
+    figure.querySelector(".foot line").setAttribute("x2", left + w);
+    figure.querySelector(".foot text").setAttribute("x", left + w / 2);
+    const legend = figure.querySelector(".legend");
+    const first = legend?.firstElementChild;
+    if (first && Number(first.getAttribute("y1")) < 20) legend.setAttribute("transform", `translate(${-Number(first.getAttribute("x1")) + 4} 14) scale(.92 1)`);
+    svg.querySelectorAll(":scope > line, :scope > text").forEach((one) => one.matches(".l-alarm, .f-alarm") && one.remove());
+    chart.drawn = undefined;
+    label(chart);
   }
 
   const isWhole = (chart) => chart.range[0][0] === chart.x.lo && chart.range[0][1] === chart.x.hi && chart.range[1][0] === chart.y.lo && chart.range[1][1] === chart.y.hi;
@@ -164,11 +184,9 @@
     const { figure, svg, lines } = chart;
     let from;
     const where = (event) => {
-      const box = lines.getBoundingClientRect();
       const [left, top, w, h] = ["x", "y", "width", "height"].map((name) => Number(lines.getAttribute(name)));
       const outer = svg.getBoundingClientRect();
       const scale = outer.width / svg.viewBox.baseVal.width;
-      void box;
       const share = [(event.clientX - outer.left - left * scale) / (w * scale), 1 - (event.clientY - outer.top - top * scale) / (h * scale)];
       const [vx, vy] = lines.getAttribute("viewBox").split(" ").reduce((v, n, i) => { v[i % 2].push(Number(n)); return v; }, [[], []]);
       const [sx, sy] = share.map((s) => Math.min(1, Math.max(0, s)));
@@ -239,6 +257,8 @@
     svg.after(chart.read, tools);
     charts.push(chart);
     listen(chart);
+    fit(chart);
+    figure.closest("details")?.addEventListener("toggle", () => fit(chart));
   }
   addEventListener("beforeprint", () => { cursors = []; charts.forEach((chart) => zoom(chart)); });
   document.documentElement.classList.add("scripted");

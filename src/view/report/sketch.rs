@@ -298,7 +298,7 @@ mod tests {
         let drawn = of(
             "[structure.chain]\ndofs = 5000\nmass_kg = 1.0\nstiffness_n_per_m = 1.0\n[[specimen]]\nname = \"end\"\nrows = [[0, 0.5]]\n",
         );
-        assert!(drawn.contains("DOF 5000") && drawn.contains("end") && drawn.contains("0.50"));
+        assert!(drawn.contains(">5000</text>") && drawn.contains("end") && drawn.contains("0.50"));
         assert!(of("[[specimen]]\nname = \"pad\"\n").contains("prescribed displacement"));
         assert_eq!(sketch(&TestFile::default()).0, "");
         assert_eq!(of("a = 1"), "");

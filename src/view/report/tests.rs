@@ -61,7 +61,7 @@ fn assert_well_formed(svg: &str) {
     assert!(!svg.chars().any(|c| c.is_control() && c != '\n'));
 }
 
-/// The pictures of a page: the content of each, with what is nested in it.
+/// The pictures of a page: the content of each, nested pictures included.
 fn svgs(page: &str) -> Vec<&str> {
     page.split("<svg class=\"chart\" ")
         .skip(1)

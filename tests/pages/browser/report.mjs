@@ -64,11 +64,9 @@ await visit(address, options, async (page, found) => {
   const history = page.locator("figure.history").nth(1);
   const read = page.locator("figure.history").nth(2).locator(".read");
   await history.scrollIntoViewIfNeeded();
-  const box = await history.locator("svg.lines").boundingBox();
   const svg = await history.locator("svg.chart").boundingBox();
   const y = svg.y + svg.height / 2;
   const at = (share) => svg.x + svg.width * share;
-  void box;
   await page.mouse.move(at(0.3), y);
   found.value = await read.textContent();
   for (const share of [0.4, 0.5]) {
