@@ -462,6 +462,26 @@ impl<'a> Chart<'a> {
         let (wide, high) = (whole(w * fine.0), whole(h * fine.1));
         // The strokes of a page do not scale.
         let size = if canvas.is_page { 1.0 } else { fine.1 };
+        let marks: Vec<_> = self.marks.iter().filter(|mark| x.holds(mark.1)).collect();
+        // Strokes at the upper edge, then the marks, each from its name downwards.
+        let strokes = self.strokes.iter().filter(|at| x.holds(**at));
+        let strokes = strokes.map(|at| (Ink::Alarm, 0.0, 9.0, *at));
+        let marked = marks.iter().zip(0..).map(|((_, at, ink), row)| {
+            let top = 2.0 + ROW * f64::from(row);
+            (*ink, top, h - top, *at)
+        });
+        let mut upright: Vec<_> = strokes
+            .chain(marked)
+            .map(|(ink, from, to, at)| {
+                (
+                    ink,
+                    whole(from * fine.1),
+                    whole(to * fine.1),
+                    whole(x.place(at) * w * fine.0),
+                )
+            })
+            .collect();
+        upright.dedup();
         canvas.add(html! {
             svg.lines x=(r(plot.inner.x)) y=(r(plot.inner.y)) width=(r(w)) height=(r(h)) preserveAspectRatio="none"
                 viewBox={ "0 0 " (wide) " " (high) } data-x=(told[0]) data-y=(told[1]) {
@@ -470,30 +490,14 @@ impl<'a> Chart<'a> {
                         stroke-width=(size) stroke-dasharray={ (8.0 * size) " " (4.0 * size) } {}
                 }
                 @for layer in layers { (self.layer(layer, &plot, fine, size)) }
+                @for (ink, from, to, d) in upright {
+                    path class={ "l-" (ink.name()) } data-level="" fill="none" stroke-width=(size) d={ "m" (d) " " (from) "v" (to) } {}
+                }
             }
         });
-        let mut last = f64::NEG_INFINITY;
-        for at in self
-            .strokes
-            .iter()
-            .filter(|at| x.holds(**at))
-            .map(|at| plot.across(*at))
-        {
-            // Strokes closer than half a display unit would be one stroke.
-            if at - last >= 0.5 {
-                canvas.line(
-                    (at, plot.inner.y),
-                    (at, plot.inner.y + 9.0),
-                    Ink::Alarm,
-                    1.5,
-                );
-                last = at;
-            }
-        }
-        let marks = self.marks.iter().filter(|mark| x.holds(mark.1));
-        for (row, (words, at, ink)) in marks.enumerate() {
+        canvas.open("names");
+        for (row, (words, at, ink)) in marks.iter().enumerate() {
             let (at, top) = (plot.across(*at), plot.inner.y + 9.0 + ROW * row as f64);
-            canvas.line((at, top - 7.0), (at, plot.inner.y + h), *ink, 1.0);
             let fits = at + text_width(words, LABEL) + 8.0 < plot.inner.x + w;
             let ink = if *ink == Ink::Frame { Ink::Text } else { *ink };
             let (to, anchor) = if fits {
@@ -503,6 +507,7 @@ impl<'a> Chart<'a> {
             };
             canvas.text(words, (at + to, top), Lettering::new(ink).anchored(anchor));
         }
+        canvas.close();
     }
 
     /// One layer as a path in whole units, `fine` of them per display unit.

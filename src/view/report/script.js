@@ -90,8 +90,8 @@
     figure.querySelector(".foot text").setAttribute("x", left + w / 2);
     const legend = figure.querySelector(".legend");
     const first = legend?.firstElementChild;
-    if (first && Number(first.getAttribute("y1")) < 20) legend.setAttribute("transform", `translate(${-Number(first.getAttribute("x1")) + 4} 14) scale(.92 1)`);
-    svg.querySelectorAll(":scope > line, :scope > text").forEach((one) => one.matches(".l-alarm, .f-alarm") && one.remove());
+    if (first && Number(first.getAttribute("y1")) < 20) legend.setAttribute("transform", `translate(${2 - 0.92 * Number(first.getAttribute("x1"))} 14) scale(.92 1)`);
+    figure.querySelector(".names")?.remove();
     chart.drawn = undefined;
     label(chart);
   }
