@@ -338,14 +338,18 @@ fn key_figures(all: &[Of<'_>], found: &[&Matched]) -> Markup {
         largest.map(|(_, (force, unit))| quantity(force.abs(), unit))
     };
     let orders: Vec<&str> = all.iter().map(|of| of.order).collect();
-    let kinds: [(&str, &dyn Fn(&Of<'_>) -> Option<String>); 3] = [
-        ("largest displacement", &peak),
-        ("largest force", &force),
-        ("deadline misses", &misses),
+    let kinds = [
+        (
+            "largest displacement",
+            all.iter().map(peak).collect::<Vec<_>>(),
+        ),
+        ("largest force", all.iter().map(force).collect()),
+        ("deadline misses", all.iter().map(misses).collect()),
     ];
-    for (words, value) in kinds {
-        let values = known("", all.iter().map(value)).map(|row| row[1..].join(" | "));
-        shown.extend(values.map(|text| (text, format!("{words}, {}", orders.join(" | ")))));
+    for (words, values) in kinds {
+        let values = known("", values).map(|row| row[1..].join(" | "));
+        let words = format!("{words}, {}", orders.join(" | "));
+        shown.extend(values.map(|text| (text, words)));
     }
     html::tiles(&shown)
 }

@@ -314,7 +314,7 @@ pub(super) fn amplitudes<'a>(
         .iter()
         .flat_map(|(_, points)| points.iter().map(|p| p.1));
     let top = all.filter(|v| v.is_finite()).fold(0.0, f64::max);
-    if !(top > 0.0) {
+    if top <= 0.0 {
         return Markup::default();
     }
     let range = (top > 1e-280 && top < 1e280).then_some((top * 1e-6, top * 2.0));
