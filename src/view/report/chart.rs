@@ -522,6 +522,7 @@ impl<'a> Chart<'a> {
             is_there.then(|| (whole(at.0), whole(at.1)))
         };
         let points = match self.is_history && layer.look == Look::Line {
+            true if is_log => thin::highest(&layer.x, &layer.y),
             true => thin::history(&layer.x, &layer.y),
             false => layer.all().collect(),
         };
@@ -585,7 +586,7 @@ impl<'a> Chart<'a> {
             let name = fitted(
                 name,
                 LABEL,
-                (area.w - 40.0) / if self.is_history { 4.0 } else { 1.0 },
+                (area.w - 40.0) / if self.is_history { 3.0 } else { 1.0 },
             );
             if !entries
                 .iter()

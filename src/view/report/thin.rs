@@ -14,6 +14,9 @@ const EXACT: f64 = 7e-4;
 /// Points of a history at most, give or take its gaps.
 pub(super) const MOST: usize = 4000;
 
+/// Parts of a history of highest values.
+const PARTS: usize = 800;
+
 /// The points of a history for a page: within a thousandth of its peak, roundoff of the page included; of very many, the extremes of every few.
 pub(super) fn history(x: &[f64], y: &[f64]) -> Run {
     let drawable = y.iter().filter(|y| is_drawable(**y));
@@ -23,6 +26,18 @@ pub(super) fn history(x: &[f64], y: &[f64]) -> Run {
         return kept;
     }
     extremes(x, y, MOST / 2)
+}
+
+/// The highest of `y` in each of some hundred parts: for lateness, of which only the worst counts. A gap is a NaN point.
+pub(super) fn highest(x: &[f64], y: &[f64]) -> Run {
+    let points: Run = x.iter().copied().zip(y.iter().copied()).collect();
+    let parts = points.chunks(points.len().div_ceil(PARTS).max(1));
+    let top = |part: &[(f64, f64)]| {
+        let known = part.iter().filter(|point| is_drawable(point.1));
+        let top = known.max_by(|a, b| a.1.total_cmp(&b.1));
+        top.copied().unwrap_or((f64::NAN, f64::NAN))
+    };
+    parts.map(top).collect()
 }
 
 /// Lowest and highest of `y` in each of `parts` parts, in the order in which they came. A gap is a NaN point.
@@ -311,6 +326,16 @@ mod tests {
             1
         );
         assert!(history(&[0.0], &[f64::NAN]).is_empty());
+    }
+
+    #[test]
+    fn highest_values_keep_gaps() {
+        let y = [1.0, 3.0, f64::NAN, 2.0];
+        let kept = highest(&numbers(4), &y);
+        assert_eq!((kept[1], kept[3], kept.len()), ((1.0, 3.0), (3.0, 2.0), 4));
+        assert!(kept[2].1.is_nan());
+        let long = highest(&numbers(10_000), &vec![1.0; 10_000]);
+        assert!(long.len() <= PARTS);
     }
 
     #[test]

@@ -434,7 +434,7 @@ fn over_time(run: &RunView, rows: &Rows<'_>) -> Markup {
     strokes.sort_by(f64::total_cmp);
     let has_strokes = !strokes.is_empty();
     let chart = Chart::history(
-        "Lateness over test time",
+        "Lateness over test time: the highest value of every few ticks",
         Scale::new("time, logarithmic", "s").written(),
     )
     .strokes(strokes);
