@@ -6,7 +6,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `report` | the pages: one run, two runs, and the pieces of all other pages |
+//! | `report` | the pages: one run, several runs, and the pieces of all other pages |
 //! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
 //!
 //! This member has no access to a loop: it reads records, or passing rows. It moves nothing. Begin reading with [`report`].
