@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::args::ReportArgs;
 use super::exit::Exit;
@@ -11,10 +11,10 @@ use gusset_record::export::Notice;
 use gusset_record::{Run, Summary};
 use gusset_session as session;
 
-/// Writes report.html again, from the run folder alone; or the page of two runs.
+/// Writes report.html again, from the run folder alone; or the page of several runs.
 pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
-    if let Some(second) = &args.against {
-        return compare(&args.run, second, args.out.as_deref());
+    if !args.against.is_empty() {
+        return compare(&args.run, &args.against, args.out.as_deref());
     }
     let page = session::write_report(&args.run)?;
     if_unfinished(&args.run)?;
@@ -53,15 +53,20 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
     })
 }
 
-fn compare(first: &Path, second: &Path, out: Option<&Path>) -> anyhow::Result<Exit> {
-    let named = session::compared_name(first, second);
+fn compare(first: &Path, others: &[PathBuf], out: Option<&Path>) -> anyhow::Result<Exit> {
+    let named = session::compared_name(first, others);
     let out = out.unwrap_or(&named);
     replaceable(out)?;
-    let compared = session::compare(first, second, out)?;
+    let compared = session::compare(first, others, out)?;
     for what in &compared.damages {
         tell(format_args!("warning: {what}"));
     }
-    tell(compared.verdict);
+    for (verdict, folder) in compared.verdicts.iter().zip(others) {
+        match others.len() {
+            1 => tell(verdict),
+            _ => tell(format_args!("{}: {verdict}", folder.display())),
+        }
+    }
     tell(compared.path.display());
     Ok(Exit::Done)
 }

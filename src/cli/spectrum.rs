@@ -251,7 +251,7 @@ pub(super) fn plot(spectrum: &Spectrum, folder: &Path) -> anyhow::Result<()> {
     make_free(folder).context("--plot")?;
     for diagram in diagrams(spectrum) {
         let figure = figure(&diagram);
-        for (ending, text) in [("svg", figure.svg(false)), ("csv", figure.csv())] {
+        for (ending, text) in [("svg", figure.chart().svg()), ("csv", figure.csv())] {
             let path = folder.join(format!("{}.{ending}", diagram.name));
             atomic::write(&path, text.as_bytes()).with_context(|| path.display().to_string())?;
         }

@@ -6,40 +6,53 @@ use super::page::{PageError, read, write};
 use gusset_record::{FolderError, Journal, Run};
 use gusset_view::report::{self, Matched, Matcher, Next, RunView};
 
-/// A page that was written, and its result in a sentence.
+/// A page that was written, and its results in sentences.
 #[derive(Debug)]
 pub struct Compared {
     /// The file.
     pub path: PathBuf,
-    /// Result of the comparison.
-    pub verdict: String,
-    /// Missing parts of either run's record, and findings of its verdict, in words.
+    /// Result for each further run against the first.
+    pub verdicts: Vec<String>,
+    /// Missing parts of the runs' records, and findings of their verdicts, in words.
     pub damages: Vec<String>,
 }
 
-/// Writes the page that compares the runs in two folders to `out`, replacing an earlier file. Runs that cannot be compared row
-/// by row are compared as far as possible, and the page gives the reason.
+/// Writes the page that compares the run in `first` with those in `others` to `out`, replacing an earlier file. Runs that cannot
+/// be compared row by row are compared as far as possible, and the page gives the reason.
 ///
 /// # Errors
 /// [`PageError`]; `out` is then unchanged.
-pub fn compare(first: &Path, second: &Path, out: &Path) -> Result<Compared, PageError> {
-    let (a, b) = (read(first)?, read(second)?);
-    let matched = matched((first, &a), (second, &b))?;
-    let names = name(first).zip(name(second));
-    let names = names.unwrap_or_else(|| ("first run".to_owned(), "second run".to_owned()));
-    let page = report::compare(&a, &b, (&names.0, &names.1), &matched);
+pub fn compare(first: &Path, others: &[PathBuf], out: &Path) -> Result<Compared, PageError> {
+    let folders: Vec<&Path> = std::iter::once(first)
+        .chain(others.iter().map(PathBuf::as_path))
+        .collect();
+    let runs = folders
+        .iter()
+        .map(|folder| read(folder))
+        .collect::<Result<Vec<_>, _>>()?;
+    let further = folders.iter().zip(&runs).skip(1);
+    let against = further.map(|(folder, run)| matched((first, &runs[0]), (folder, run)));
+    let against = against.collect::<Result<Vec<_>, _>>()?;
+    let names = (1..)
+        .zip(&folders)
+        .map(|(number, folder)| name(folder).unwrap_or_else(|| format!("run {number}")));
+    let names: Vec<String> = names.collect();
+    let named: Vec<(&str, &RunView)> = names.iter().map(String::as_str).zip(&runs).collect();
+    let page = report::compare(&named, &against);
+    let runs: Vec<&RunView> = runs.iter().collect();
     Ok(Compared {
         path: write(out, &page)?,
-        verdict: report::verdict(&matched),
-        damages: [report::damages(&a, &b), report::doubts(&a, &b)].concat(),
+        verdicts: against.iter().map(report::verdict).collect(),
+        damages: [report::damages(&runs), report::doubts(&runs)].concat(),
     })
 }
 
-/// Default path of the page: in the working directory, named after both.
+/// Default path of the page: in the working directory, named after all runs.
 #[must_use]
-pub fn compared_name(first: &Path, second: &Path) -> PathBuf {
+pub fn compared_name(first: &Path, others: &[PathBuf]) -> PathBuf {
     let of = |path: &Path| name(path).unwrap_or_else(|| "run".to_owned());
-    PathBuf::from(format!("{}-against-{}.html", of(first), of(second)))
+    let others = others.iter().map(|path| format!("-against-{}", of(path)));
+    PathBuf::from(format!("{}{}.html", of(first), others.collect::<String>()))
 }
 
 fn name(folder: &Path) -> Option<String> {
@@ -51,7 +64,7 @@ fn matched(
     (first, a): (&Path, &RunView),
     (second, b): (&Path, &RunView),
 ) -> Result<Result<Matched, String>, PageError> {
-    let dt = |run: &RunView| run.progress().dt;
+    let dt = |run: &RunView| run.summary.as_ref().map(|summary| summary.dt);
     if let (Some(x), Some(y)) = (dt(a), dt(b))
         && (x / y - 1.0).abs() > 1e-9
     {

@@ -6,11 +6,12 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `report` | the pages: one run, two runs, and the pieces of all other pages |
+//! | `report` | the pages: one run, several runs, and the pieces of all other pages |
 //! | `live` | a running test: live page, status, metrics; reads rows during recording, not `RunView` |
 //!
 //! This member has no access to a loop: it reads records, or passing rows. It moves nothing. Begin reading with [`report`].
 
+#[cfg(feature = "monitor")]
 mod assets;
 pub mod live;
 pub mod report;
@@ -22,7 +23,7 @@ use std::collections::BTreeMap;
 use gusset_motion::metrics::falsified::Mode;
 use gusset_record::rt::timing::Timings;
 use gusset_record::summary::ClockKind;
-use gusset_record::{Column, EventLine, MissClasses, Summary};
+use gusset_record::{Column, EventLine, Summary};
 use report::Digest;
 
 /// Missing or wrong parts of a run's record, in words.
@@ -61,23 +62,6 @@ impl<T: Into<String>> From<T> for ResolvedTest {
         let file = TestFile::read(path, text.clone()).unwrap_or_else(|error| panic!("{error}"));
         Self { text, file }
     }
-}
-
-/// Counts of the summary.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Progress {
-    /// Steps of integration.
-    pub steps: Option<u64>,
-    /// Δt in s of test time.
-    pub dt: Option<f64>,
-    /// Wall time of the loop in s.
-    pub wall_seconds: Option<f64>,
-    /// Ticks per second of wall time that were asked for.
-    pub rate_hz: Option<f64>,
-    /// Deadline misses, warm-up not counted.
-    pub deadline_misses: Option<u64>,
-    /// Deadline misses by class.
-    pub miss_classes: Option<MissClasses>,
 }
 
 /// A step of a served test with several exchanges.
@@ -144,17 +128,10 @@ impl RunView {
         role.is_some_and(Option::is_some)
     }
 
-    /// Counts of the run; all absent without a summary.
+    /// Deadline misses; none of a server, which has no deadlines: its controller's record has its own.
     #[must_use]
-    pub fn progress(&self) -> Progress {
-        let of = |summary: &Summary| Progress {
-            steps: Some(summary.steps),
-            dt: Some(summary.dt),
-            wall_seconds: Some(summary.wall_seconds),
-            rate_hz: Some(summary.rate_hz),
-            deadline_misses: Some(summary.deadline_misses),
-            miss_classes: Some(summary.miss_classes),
-        };
-        self.summary.as_ref().map(of).unwrap_or_default()
+    pub(crate) fn misses(&self) -> Option<u64> {
+        let summary = self.summary.as_ref().filter(|_| !self.is_served());
+        Some(summary?.deadline_misses)
     }
 }

@@ -629,7 +629,7 @@ fn motionless_test_has_no_empty_pictures() {
     assert!(page.contains("every energy is zero from the first step to the last"));
     assert!(!page.contains("no finite values were recorded"));
     let loops = page
-        .split("<svg")
+        .split("<svg class=\"chart\"")
         .find(|svg| svg.contains("force against measured"));
     assert!(
         loops
@@ -637,7 +637,7 @@ fn motionless_test_has_no_empty_pictures() {
             .split("</svg>")
             .next()
             .unwrap()
-            .contains("<circle")
+            .contains("h0")
     );
     let picture = folder.path().join("still.svg");
     let said = say([
@@ -647,61 +647,42 @@ fn motionless_test_has_no_empty_pictures() {
         picture.as_os_str(),
     ]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert!(fs::read_to_string(picture).unwrap().contains("<circle"));
+    assert!(fs::read_to_string(picture).unwrap().contains("h0"));
 }
 
-fn decoded(text: &serde_json::Value) -> Vec<u8> {
-    const ALPHABET: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let (mut bytes, mut word, mut bits) = (Vec::new(), 0u32, 0);
-    for letter in text.as_str().unwrap().trim_end_matches('=').chars() {
-        word = word << 6 | ALPHABET.find(letter).unwrap() as u32;
-        bits += 6;
-        if bits >= 8 {
-            bits -= 8;
-            bytes.push((word >> bits) as u8);
-        }
-    }
-    bytes
-}
-
-/// Times and values, in SI units, of a series of a page.
-fn embedded(page: &str, title: &str, name: &str) -> Vec<(f64, f64)> {
-    let blocks = page.split("<script type=\"application/json\">").skip(1);
-    let mut blocks = blocks.map(|rest| rest.split_once("</script>").unwrap().0);
-    let of = |block: &str| serde_json::from_str::<serde_json::Value>(block).unwrap();
-    let block = blocks.find(|block| of(block)["title"].as_str().unwrap().starts_with(title));
-    let block = of(block.unwrap());
-    let mut series = block["series"].as_array().unwrap().iter();
-    let series = series.find(|series| series["name"] == name).unwrap();
-    let time = &series["time"];
-    let times: Vec<f64> = if time["apart"].is_null() {
-        let bytes = decoded(&time["values"]);
-        let each = bytes
-            .chunks(8)
-            .map(|b| f64::from_le_bytes(b.try_into().unwrap()));
-        each.collect()
-    } else {
-        let (mut place, mut apart, mut shift, mut times) = (0u64, 0u64, 0, Vec::new());
-        for byte in decoded(&time["apart"]) {
-            apart |= u64::from(byte & 127) << shift;
-            shift += 7;
-            if byte < 128 {
-                place += apart;
-                (apart, shift) = (0, 0);
-                let start = time["start"].as_f64().unwrap();
-                times.push(start + place as f64 * time["step"].as_f64().unwrap());
-            }
-        }
-        times
+/// Times and values, in SI units, of a series of a page: as its script reads them from the line.
+fn embedded(page: &str, label: &str, name: &str) -> Vec<(f64, f64)> {
+    let charts = page.split("<svg class=\"chart\"").skip(1);
+    let label = format!("aria-label=\"{label}");
+    let mut charts = charts.filter(|chart| chart.contains(&label));
+    let chart = charts.next().unwrap();
+    let between = |text: &str, name: &str| {
+        let (_, rest) = text.split_once(&format!(" {name}=\"")).unwrap();
+        rest.split_once('"').unwrap().0.to_owned()
     };
-    let factor = block["factor"].as_f64().unwrap();
-    let values = decoded(&series["y"]);
-    let values = values
-        .chunks(4)
-        .map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap())));
-    let values: Vec<f64> = values.map(|value| value * factor).collect();
-    assert_eq!(times.len(), values.len(), "{title}: {name}");
-    times.into_iter().zip(values).collect()
+    let lines = chart.split_once("<svg class=\"lines\"").unwrap().1;
+    let ends = |name: &str| -> [f64; 2] {
+        let text = between(lines, name).replace("&quot;", "\"");
+        let axis: serde_json::Value = serde_json::from_str(&text).unwrap();
+        [0, 1].map(|end| axis[end].as_f64().unwrap())
+    };
+    let ([x0, x1], [y0, y1]) = (ends("data-x"), ends("data-y"));
+    let size = between(lines, "viewBox");
+    let size: Vec<f64> = size.split(' ').map(|n| n.parse().unwrap()).collect();
+    let path = lines
+        .split_once(&format!("data-name=\"{name}\""))
+        .unwrap()
+        .1;
+    let path = between(path, "d").replace('-', " -").replace('m', " ");
+    let numbers = path.split_whitespace().map(|n| n.parse::<f64>().unwrap());
+    let numbers: Vec<f64> = numbers.collect();
+    let mut at = (0.0, 0.0);
+    let point = |way: &[f64]| {
+        at = (at.0 + way[0], at.1 + way[1]);
+        let (across, up) = (at.0 / size[2], 1.0 - at.1 / size[3]);
+        (x0 + across * (x1 - x0), y0 + up * (y1 - y0))
+    };
+    numbers.chunks(2).map(point).collect()
 }
 
 #[test]
@@ -732,27 +713,21 @@ fn embedded_histories_are_the_samples() {
         let drawn = embedded(&page, title, series);
         let mut next = 0;
         for &(time, value) in &rows {
-            while drawn[next].0 < time - 1e-9 {
+            while drawn[next].0 < time && next + 1 < drawn.len() {
                 next += 1;
             }
             let (b, a) = (drawn[next], drawn[next.saturating_sub(1)]);
-            let is_own = (b.0 - time).abs() < 1e-9;
-            let along = if is_own {
-                1.0
-            } else {
-                (time - a.0) / (b.0 - a.0)
-            };
+            let along = ((time - a.0) / (b.0 - a.0)).clamp(0.0, 1.0);
+            let along = if b.0 > a.0 { along } else { 1.0 };
             let shown = a.1 + along * (b.1 - a.1);
-            // Single precision keeps an embedded point to 6e-8.
-            let bound = if is_own { 1e-7 } else { 1e-3 } * peak;
             assert!(
-                (shown - value).abs() <= bound,
+                (shown - value).abs() <= 1e-3 * peak,
                 "{column} at {time} s: {shown} {value}"
             );
         }
         let highest = drawn.iter().map(|point| point.1.abs()).fold(0.0, f64::max);
         assert!(
-            (highest / peak - 1.0).abs() < 1e-7,
+            (highest / peak - 1.0).abs() < 3e-4,
             "{column}: {highest} {peak}"
         );
     }

@@ -118,8 +118,9 @@ pub(in crate::cli) enum RateArg {
 pub(in crate::cli) struct ReportArgs {
     /// Run folder, finished or not.
     pub run: PathBuf,
-    /// Second run, to compare with the first. Runs with equal steps are compared row by row.
-    pub against: Option<PathBuf>,
+    /// Further runs, at most five, each compared with the first. Runs with equal steps are compared row by row.
+    #[arg(num_args = 0..=5)]
+    pub against: Vec<PathBuf>,
     /// File of the comparison; an older page is replaced [default: FIRST-against-SECOND.html in the current folder].
     #[arg(long, value_name = "FILE", requires = "against")]
     pub out: Option<PathBuf>,

@@ -71,7 +71,8 @@ pub fn svg(words: &str, points: &[Point]) -> String {
         axes: Axes::Logarithmic,
         series,
     }
-    .svg(false)
+    .chart()
+    .svg()
 }
 
 /// One line per rate, SI units but for the times in µs that the names say.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use gusset_view::report::{self, Curve, Curves, Look};
+use gusset_view::report::{self, Chart, Look};
 
 /// One curve of a figure.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,37 +112,23 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// The picture: part of a page, or a separate file.
+    /// The figure as a chart.
     #[must_use]
-    pub fn svg(&self, inline: bool) -> String {
-        let curves: Vec<Curve<'_>> = self
-            .series
-            .iter()
-            .map(|series| Curve {
-                name: &series.name,
-                x: &series.x,
-                y: &series.y,
-                look: series.look,
-            })
-            .collect();
-        let scale = |scale: Scale| report::Scale {
-            words: scale.words,
-            unit: scale.unit,
-            range: scale.range,
-        };
-        let chart = Curves {
-            title: self.title,
-            across: scale(self.across),
-            up: scale(self.up),
-            curves: &curves,
-            logarithmic: self.axes == Axes::Logarithmic,
-            square: self.axes == Axes::Square,
+    pub fn chart(&self) -> Chart<'_> {
+        let scale = |scale: Scale| {
+            let axis = report::Scale::new(scale.words, scale.unit);
+            let axis = if self.axes == Axes::Logarithmic { axis.log() } else { axis };
+            axis.within(scale.range)
         };
         let (width, height) = match self.axes {
             Axes::Square => (460.0, 520.0),
             Axes::Linear | Axes::Logarithmic => (640.0, 420.0),
         };
-        chart.svg(width, height, inline)
+        let chart = Chart::new(self.title, scale(self.across), scale(self.up));
+        let chart = chart.sized(width, height).square(self.axes == Axes::Square);
+        self.series.iter().fold(chart, |chart, series| {
+            chart.with(series.name.as_str(), &series.x, &series.y, series.look)
+        })
     }
 
     /// The data: curve, abscissa, ordinate; nothing where there is no value.

@@ -1,14 +1,16 @@
 //! The page that shows everything side by side with the claims, and the files beside it.
 
+use maud::{Markup, html};
+
 use super::{Axes, Check, Figure, Part, Tabulation, Verdict};
-use gusset_view::report::{banner, details, escape, frame, note, section, tiles};
+use gusset_view::report::{banner, beside, details, frame, header, note, section, table, tiles};
 
 /// index.html, and an SVG and a CSV for every figure: names and contents.
 #[must_use]
 pub fn files(parts: &[Part]) -> Vec<(String, String)> {
     let mut files = vec![("index.html".to_owned(), index(parts))];
     for figure in parts.iter().flat_map(|part| &part.figures) {
-        files.push((format!("{}.svg", figure.file), figure.svg(false)));
+        files.push((format!("{}.svg", figure.file), figure.chart().svg()));
         files.push((format!("{}.csv", figure.file), figure.csv()));
     }
     files
@@ -43,105 +45,84 @@ fn index(parts: &[Part]) -> String {
         (parts.len(), "topics"),
     ];
     let figures = figures.map(|(number, words)| (number.to_string(), words.to_owned()));
-    let mut body = format!(
-        "<header>\n<p class=\"brand\">gusset {} · verification</p>\n<h1>{TITLE}</h1>\n",
-        env!("CARGO_PKG_VERSION"),
-    );
-    body += &banner(class, &headline, &[says]);
-    body += &tiles(&figures);
-    body += "</header>\n<main>\n";
-    body += &section("Results by topic", &contents(parts));
-    for part in parts {
-        body += &whole(part);
-    }
-    body += &section("Source", &note(SOURCE));
-    body += "</main>\n";
+    let brand = format!("{} · verification", env!("CARGO_PKG_VERSION"));
+    let head = html! { (banner(class, &headline, &[says])) (tiles(&figures)) };
+    let body = html! {
+        (header(&brand, TITLE, head))
+        main {
+            (section("Results by topic", contents(parts)))
+            @for part in parts { (whole(part)) }
+            (section("Source", note(SOURCE)))
+        }
+    };
     frame(TITLE, &body)
 }
 
 /// Contents of the page, with the verdict on each part.
-fn contents(parts: &[Part]) -> String {
-    let mut out = String::from("<nav><ul class=\"contents\">\n");
-    for part in parts {
+fn contents(parts: &[Part]) -> Markup {
+    let judged = |part: &Part| {
         let (pass, fail, notes) = (
             part.count(Verdict::Pass),
             part.count(Verdict::Fail),
             part.count(Verdict::Note),
         );
-        let (class, mut words) = if fail == 0 {
-            ("good", format!("{pass} hold"))
-        } else {
-            ("bad", format!("{fail} FAIL, {pass} hold"))
+        let (class, mut words) = match fail {
+            0 => ("good", format!("{pass} hold")),
+            _ => ("bad", format!("{fail} FAIL, {pass} hold")),
         };
         if notes > 0 {
             words += &format!(", {notes} noted");
         }
-        out += &format!(
-            "<li><a href=\"#{}\">{}</a><span class=\"{class}\">{words}</span></li>\n",
-            part.name,
-            escape(part.title)
-        );
+        html! { span class=(class) { (words) } }
+    };
+    html! {
+        nav {
+            ul.contents {
+                @for part in parts { li { a href={ "#" (part.name) } { (part.title) } (judged(part)) } }
+            }
+        }
     }
-    out + "</ul></nav>\n"
 }
 
 /// One part: what the paper says beside its figure, further figures, tables, checks.
-fn whole(part: &Part) -> String {
-    let mut out = format!(
-        "<section id=\"{}\">\n<h2>{}</h2>\n",
-        part.name,
-        escape(part.title)
-    );
-    let says = format!("<blockquote>{}</blockquote>\n", escape(part.says));
-    match part.figures.as_slice() {
-        [] => out += &says,
-        [one] => {
-            let class = if one.axes == Axes::Square {
-                "beside square"
-            } else {
-                "beside"
-            };
-            let picture = picture(one);
-            out += &format!("<div class=\"{class}\">\n{picture}<div>{says}</div></div>\n");
-        }
-        several => {
-            out += &says;
-            let figures: String = several.iter().map(picture).collect();
-            out += &format!("<div class=\"grid\">\n{figures}</div>\n");
+fn whole(part: &Part) -> Markup {
+    let says = html! { blockquote { (part.says) } };
+    let figures = html! { @for one in &part.figures { (picture(one)) } };
+    let shares = match part.figures.first() {
+        Some(one) if one.axes == Axes::Square => "beside square",
+        _ => "beside",
+    };
+    html! {
+        section id=(part.name) {
+            h2 { (part.title) }
+            @if part.figures.len() == 1 { (beside(shares, html! { (figures) div { (says) } })) }
+            @else { (says) (beside("grid", figures)) }
+            @for one in &part.tables { (tabulated(one)) }
+            (checks(&part.checks))
         }
     }
-    out.extend(part.tables.iter().map(table));
-    out += &checks(&part.checks);
-    out + "</section>\n"
 }
 
-fn picture(figure: &Figure) -> String {
-    format!(
-        "<figure id=\"{0}\">{1}<figcaption>{2} <a href=\"{0}.csv\">Data</a>, <a href=\"{0}.svg\">picture</a>.</figcaption>\
-         </figure>\n",
-        figure.file,
-        figure.svg(true),
-        escape(figure.claim),
-    )
+fn picture(figure: &Figure) -> Markup {
+    let name = figure.file;
+    html! {
+        figure id=(name) {
+            (figure.chart().inline())
+            figcaption {
+                (figure.claim) " " a href={ (name) ".csv" } { "Data" } ", "
+                a href={ (name) ".svg" } { "picture" } "."
+            }
+        }
+    }
 }
 
-fn table(table: &Tabulation) -> String {
-    let row = |cells: &[String], tag: &str| -> String {
-        let cells = cells
-            .iter()
-            .map(|cell| format!("<{tag}>{}</{tag}>", escape(cell)));
-        format!("<tr>{}</tr>\n", cells.collect::<String>())
-    };
-    let rows: String = table.rows.iter().map(|cells| row(cells, "td")).collect();
-    format!(
-        "<h3>{}</h3>\n<div class=\"wide\"><table>\n<thead>{}</thead>\n<tbody>\n{rows}</tbody></table></div>\n",
-        escape(&table.title),
-        row(&table.head, "th")
-    )
+fn tabulated(one: &Tabulation) -> Markup {
+    let heading: Vec<&str> = one.head.iter().map(String::as_str).collect();
+    html! { h3 { (one.title) } (table(&heading, &one.rows)) }
 }
 
 /// Failed checks, and a folded table of the others.
-fn checks(checks: &[Check]) -> String {
+fn checks(checks: &[Check]) -> Markup {
     let (failed, others): (Vec<&Check>, Vec<&Check>) = checks
         .iter()
         .partition(|check| check.verdict == Verdict::Fail);
@@ -153,31 +134,28 @@ fn checks(checks: &[Check]) -> String {
     if others.len() > hold {
         summary += &format!(", {} noted", others.len() - hold);
     }
-    let folded = details(&summary, &claims(&others));
-    claims(&failed) + &folded
+    html! { (claims(&failed)) (details(&summary, claims(&others))) }
 }
 
-fn claims(checks: &[&Check]) -> String {
-    if checks.is_empty() {
-        return String::new();
-    }
-    let mut out = String::from(
-        "<div class=\"wide\"><table class=\"claims\">\n<thead><tr><th>what</th><th>paper</th><th>obtained</th>\
-         <th>judged by</th><th>verdict</th></tr></thead>\n<tbody>\n",
-    );
-    for check in checks {
+fn claims(checks: &[&Check]) -> Markup {
+    const HEADING: [&str; 5] = ["what", "paper", "obtained", "judged by", "verdict"];
+    let row = |check: &Check| {
         let (class, word) = match check.verdict {
             Verdict::Pass => ("good", "holds"),
             Verdict::Fail => ("bad", "FAILS"),
             Verdict::Note => ("note", "note"),
         };
-        out += &format!(
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{word}</td></tr>\n",
-            escape(&check.what),
-            escape(&check.paper),
-            escape(&check.obtained),
-            escape(&check.tolerance)
-        );
+        let cells = [&check.what, &check.paper, &check.obtained, &check.tolerance];
+        html! { tr { @for cell in cells { td { (cell) } } td class=(class) { (word) } } }
+    };
+    html! {
+        @if !checks.is_empty() {
+            div.wide {
+                table.claims {
+                    thead { tr { @for cell in HEADING { th { (cell) } } } }
+                    tbody { @for check in checks { (row(check)) } }
+                }
+            }
+        }
     }
-    out + "</tbody></table></div>\n"
 }

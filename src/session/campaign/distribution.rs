@@ -1,53 +1,43 @@
 //! Histogram and exceedance of a measure.
 
-use super::drawing::{curve, of, picture, short};
+use maud::{Markup, html};
+
+use super::drawing::{chart, of, short};
 use super::measure::Measure;
-use gusset_view::report::{Look, Scale, note};
+use gusset_view::report::{Look, Scale, beside, note};
 
 /// Most points of an exceedance curve.
 const MOST_POINTS: usize = 2000;
 
 /// Histogram and exceedance of a measure.
-pub(super) fn distribution(measure: &Measure, values: &[f64]) -> String {
+pub(super) fn distribution(measure: &Measure, values: &[f64]) -> Markup {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else {
         return note("No test has a value.");
     };
     let missing = values.len() - sorted.len();
-    let mut below = String::new();
-    if missing > 0 {
-        let text = format!("{missing} tests without a finite value are not in these pictures.");
-        below = note(&text);
-    }
-    if high <= low {
-        return note(&format!("All tests have the value {}.", short(low))) + &below;
-    }
-    let share = Scale {
-        words: "share of the tests",
-        unit: "1",
-        range: None,
+    let below = html! {
+        @if missing > 0 { (note(&format!("{missing} tests without a finite value are not in these charts."))) }
     };
+    if high <= low {
+        return html! { (note(&format!("All tests have the value {}.", short(low)))) (below) };
+    }
     let (edges, shares) = histogram(&sorted, low, high);
     let tallest = shares.iter().copied().fold(0.0, f64::max);
-    let bars = [curve("", &edges, &shares, Look::Bars)];
-    let counted = Scale {
-        range: Some((0.0, 1.08 * tallest)),
-        ..share
-    };
     let (x, y) = exceedance(&sorted);
-    let above = [curve("", &x, &y, Look::Strong)];
-    let exceeded = Scale {
-        words: "share of the tests above this value",
-        range: Some((0.0, 1.0)),
-        ..share
-    };
-    let (name, across) = (&measure.name, of(measure));
-    format!(
-        "<div class=\"grid\">\n{}{}</div>\n",
-        picture(&format!("Histogram: {name}"), across, counted, &bars),
-        picture(&format!("Exceedance: {name}"), across, exceeded, &above),
-    ) + &below
+    let name = &measure.name;
+    let counted = Scale::new("share of the tests", "1").within(Some((0.0, 1.08 * tallest)));
+    let exceeded = Scale::new("share of the tests above this value", "1").within(Some((0.0, 1.0)));
+    let bars = chart(format!("Histogram: {name}"), of(measure), counted).with(
+        "",
+        edges,
+        shares,
+        Look::Bars,
+    );
+    let above =
+        chart(format!("Exceedance: {name}"), of(measure), exceeded).with("", x, y, Look::Strong);
+    html! { (beside("grid", html! { (bars.figure()) (above.figure()) })) (below) }
 }
 
 /// Edges of the bars, and the share of the values in each. The last edge has no bar.

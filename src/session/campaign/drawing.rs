@@ -1,36 +1,11 @@
-//! Pictures and numbers of the report.
+//! Axes and numbers of the report.
 
 use super::measure::Measure;
-use gusset_view::report::{Curve, Curves, Look, Scale};
+use gusset_view::report::{Chart, Scale};
 
-/// Width and height of a picture.
-const SIZE: (f64, f64) = (640.0, 420.0);
-
-/// A picture of the page.
-pub(super) fn picture(
-    title: &str,
-    across: Scale<'_>,
-    up: Scale<'_>,
-    curves: &[Curve<'_>],
-) -> String {
-    let chart = Curves {
-        title,
-        across,
-        up,
-        curves,
-        logarithmic: false,
-        square: false,
-    };
-    figure(&chart.svg(SIZE.0, SIZE.1, true))
-}
-
-/// A picture in its frame.
-pub(super) fn figure(svg: &str) -> String {
-    format!("<figure>{svg}</figure>\n")
-}
-
-pub(super) const fn curve<'a>(name: &'a str, x: &'a [f64], y: &'a [f64], look: Look) -> Curve<'a> {
-    Curve { name, x, y, look }
+/// A chart of the page.
+pub(super) fn chart<'a>(title: String, across: Scale<'a>, up: Scale<'a>) -> Chart<'a> {
+    Chart::new(title, across, up).sized(640.0, 420.0)
 }
 
 /// The axis of a measure.
@@ -39,12 +14,7 @@ pub(super) fn of(measure: &Measure) -> Scale<'_> {
 }
 
 pub(super) fn scale<'a>(words: &'a str, unit: &'a str) -> Scale<'a> {
-    let unit = if unit.is_empty() { "1" } else { unit };
-    Scale {
-        words,
-        unit,
-        range: None,
-    }
+    Scale::new(words, if unit.is_empty() { "1" } else { unit })
 }
 
 /// Words with the unit of their numbers.

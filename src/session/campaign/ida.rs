@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::drawing::{curve, headed, of, picture, scale, short};
+use maud::{Markup, html};
+
+use super::drawing::{chart, headed, of, scale, short};
 use super::found::Shown;
 use super::fractile::{SHARES, fractile};
 use super::measure::{End, Measure};
 use super::study::Study;
-use gusset_view::report::{Look, Scale, note, table};
+use gusset_view::report::{Look, note, table};
 
 /// Edge of a picture with a criterion of collapse, as a multiple of its value.
 const FARTHEST: f64 = 4.0;
@@ -17,7 +19,7 @@ const LEAST: f64 = -1e300;
 const MOST_SINGLE: usize = 5000;
 
 /// IDA curves with their fractiles, and a table of the fractiles. `place` is the place of the measure among those with pictures.
-pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -> String {
+pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -> Markup {
     let mut levels: Vec<f64> = shown.iter().filter_map(|one| one.level).collect();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
@@ -36,31 +38,32 @@ pub(super) fn ida(study: &Study, measure: &Measure, place: usize, shown: &[Shown
     let (x, y) = single(study, place, shown, edge);
     let rows = at_levels(&levels, place, measure.grows(), shown);
     let lines = [0, 1, 2].map(|share| flat(&levels, &rows, share, edge));
-    let mut curves = vec![curve("single motions", &x, &y, Look::Faint)];
-    let names = SHARES.map(|share| format!("{:.0} % fractile", 100.0 * share));
-    let looks = [Look::Dashed, Look::Strong, Look::Dashed];
-    for ((name, (x, y)), look) in names.iter().zip(&lines).zip(looks) {
-        curves.push(curve(name, x, y, look));
-    }
     // Levels at which every structure collapses have no curve.
     let most = 1.12 * y.iter().copied().fold(0.0, f64::max);
-    let criterion = criterion.map(|one| ([one.above; 2], [0.0, most]));
-    if let Some((x, y)) = &criterion {
-        curves.push(curve("criterion of collapse", x, y, Look::Reference));
-    }
     let first = study.levelled();
     let words = first.map(|one| one.words()).unwrap_or_default();
     let unit = first.map(|one| one.unit()).unwrap_or_default();
-    let across = Scale {
-        range: (edge > low).then_some((low, edge)),
-        ..of(measure)
-    };
-    let up = Scale {
-        range: (most > 0.0).then_some((0.0, most)),
-        ..scale(&words, &unit)
-    };
-    let title = format!("IDA curves: {}", measure.name);
-    picture(&title, across, up, &curves) + &explained(&rows) + &listed(measure, &unit, &rows)
+    let across = of(measure).within((edge > low).then_some((low, edge)));
+    let up = scale(&words, &unit).within((most > 0.0).then_some((0.0, most)));
+    let mut chart = chart(format!("IDA curves: {}", measure.name), across, up).with(
+        "single motions",
+        x,
+        y,
+        Look::Faint,
+    );
+    let looks = [Look::Dashed, Look::Strong, Look::Dashed];
+    for ((share, (x, y)), look) in SHARES.iter().zip(lines).zip(looks) {
+        chart = chart.with(format!("{:.0} % fractile", 100.0 * share), x, y, look);
+    }
+    if let Some(one) = criterion {
+        chart = chart.with(
+            "criterion of collapse",
+            vec![one.above; 2],
+            vec![0.0, most],
+            Look::Reference,
+        );
+    }
+    html! { (chart.figure()) (explained(&rows)) (listed(measure, &unit, &rows)) }
 }
 
 /// Fractiles of a measure at one level.
@@ -73,7 +76,7 @@ struct Row {
     tests: usize,
 }
 
-fn explained(rows: &[Row]) -> String {
+fn explained(rows: &[Row]) -> Markup {
     let mut text =
         "The fractiles are those of the measure at each intensity, over all tests. A test that diverged counts as an infinite value: \
          a curve becomes flat at its highest intensity with a finite value."
@@ -85,7 +88,7 @@ fn explained(rows: &[Row]) -> String {
     note(&text)
 }
 
-fn listed(measure: &Measure, unit: &str, rows: &[Row]) -> String {
+fn listed(measure: &Measure, unit: &str, rows: &[Row]) -> Markup {
     let cells = rows.iter().map(|row| {
         let mut cells = vec![short(row.level)];
         cells.extend(row.fractiles.map(short));

@@ -1,5 +1,6 @@
 //! The tests with the largest values of a measure, and the command that gives the run folder of each.
 
+use maud::Markup;
 use serde::Serialize;
 
 use super::drawing::short;
@@ -53,7 +54,7 @@ impl Leaders {
 }
 
 /// The tests as a table with their overrides.
-pub(super) fn largest(campaign: &Campaign, measure: &Measure, all: &[Largest]) -> String {
+pub(super) fn largest(campaign: &Campaign, measure: &Measure, all: &[Largest]) -> Markup {
     let unit = match measure.unit.as_str() {
         "1" => String::new(),
         unit => format!(" in {unit}"),

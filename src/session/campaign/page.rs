@@ -1,7 +1,9 @@
 //! The report of a campaign: one page without scripts.
 
+use maud::{Markup, html};
+
 use super::distribution::distribution;
-use super::drawing::{curve, picture, scale, short};
+use super::drawing::{chart, scale, short};
 use super::found::{Collected, Shown};
 use super::fragility::Collapses;
 use super::ida::ida;
@@ -12,9 +14,11 @@ use super::plan::Campaign;
 use super::sensitivity::sensitivity;
 use super::study::Study;
 use gusset_config::Design;
-use gusset_view::report::{Look, Scale, count, definitions, details, escape, frame, note, section};
+use gusset_view::report::{
+    Look, banner, count, definitions, details, frame, header, note, section,
+};
 
-/// Most points of the design with separate pictures.
+/// Most points of the design with separate charts.
 const MOST_POINTS: usize = 6;
 /// Most files that the page names.
 const MOST_FILES: usize = 50;
@@ -46,111 +50,92 @@ pub(super) fn render(campaign: &Campaign, collected: &Collected, shown: &[Shown]
             format!("PARTIAL: {done} of {tasks} tests have a result"),
         )
     };
-    let mut body = format!(
-        "<header>\n<p class=\"brand\">gusset {} · campaign</p>\n<h1>{}</h1>\n\
-         <div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n<p>Collapsed: {}. Stopped by a limit or a fault \
-         before a collapse: {}. Tasks without a valid test: {}.</p>\n</div>\n</header>\n<main>\n",
-        escape(&campaign.plan.gusset),
-        escape(&title),
-        escape(&headline),
-        collected.collapsed,
-        collected.censored,
-        collected.invalid,
+    let counted = format!(
+        "Collapsed: {}. Stopped by a limit or a fault before a collapse: {}. Tasks without a valid test: {}.",
+        collected.collapsed, collected.censored, collected.invalid
     );
-    if let Some(why) = &collected.invalid_example {
-        body += &details("A task without a valid test", &note(why));
-    }
-    if collected.redrawn > 0 {
-        body += &note(&format!(
-            "The numbers of {} tests were drawn again, because the test file must not have the first ones.",
-            count(collected.redrawn)
-        ));
-    }
-    for (text, _) in campaign.plan.of_errors() {
-        body += &note(&text);
-    }
     let valid = collected.done - collected.invalid;
-    if (shown.len() as u64) < valid {
-        body += &note(&format!(
-            "The pictures show {} of {} tests, chosen at random. The file table.csv contains all of them.",
-            count(shown.len() as u64),
-            count(valid)
-        ));
-    }
     let measures: Vec<&Measure> = study
         .reported()
         .iter()
         .map(|i| &study.measures[*i])
         .collect();
-    for (place, measure) in measures.iter().enumerate() {
-        let tables = largest(campaign, measure, &collected.largest[place]);
-        body += &of_measure(study, measure, place, shown, &tables);
-    }
-    body += &pairs(study, &measures, shown);
-    for one in collected.fragility.iter().take(MOST_POINTS) {
-        body += &fragility(study, one);
-    }
-    body += &provenance(campaign, collected);
-    body += "</main>\n";
+    let brand = format!("{} · campaign", campaign.plan.gusset);
+    let body = html! {
+        (header(&brand, &title, banner(class, &headline, &[counted])))
+        main {
+            @if let Some(why) = &collected.invalid_example { (details("A task without a valid test", note(why))) }
+            @if collected.redrawn > 0 {
+                (note(&format!(
+                    "The numbers of {} tests were drawn again, because the test file must not have the first ones.",
+                    count(collected.redrawn)
+                )))
+            }
+            @for (text, _) in campaign.plan.of_errors() { (note(&text)) }
+            @if (shown.len() as u64) < valid {
+                (note(&format!(
+                    "The charts show {} of {} tests, chosen at random. The file table.csv contains all of them.",
+                    count(shown.len() as u64),
+                    count(valid)
+                )))
+            }
+            @for (place, measure) in measures.iter().enumerate() {
+                (of_measure(study, measure, place, shown, &largest(campaign, measure, &collected.largest[place])))
+            }
+            (pairs(study, &measures, shown))
+            @for one in collected.fragility.iter().take(MOST_POINTS) { (fragility(study, one)) }
+            (provenance(campaign, collected))
+        }
+    };
     frame(&title, &body)
 }
 
 /// IDA curves for each point of the design: fractiles belong to one structure.
-fn by_points(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -> String {
+fn by_points(study: &Study, measure: &Measure, place: usize, shown: &[Shown]) -> Markup {
     if study.points() == 1 {
         return ida(study, measure, place, shown);
     }
-    let mut markup = String::new();
-    for point in 0..study.points().min(MOST_POINTS as u64) {
+    let of_point = |point: u64| {
         let own = shown
             .iter()
             .filter(|one| study.point_of(one.index) == point);
-        let own: Vec<Shown> = own.cloned().collect();
-        if !own.is_empty() {
-            let words = format!("With {}:", study.point_words(point));
-            markup += &(note(&words) + &ida(study, measure, place, &own));
+        (point, own.cloned().collect::<Vec<Shown>>())
+    };
+    let points = (0..study.points().min(MOST_POINTS as u64)).map(of_point);
+    html! {
+        @for (point, own) in points.filter(|(_, own)| !own.is_empty()) {
+            (note(&format!("With {}:", study.point_words(point))))
+            (ida(study, measure, place, &own))
+        }
+        @if study.points() > MOST_POINTS as u64 {
+            (note(&format!("The page shows the first {MOST_POINTS} of {} points.", study.points())))
         }
     }
-    if study.points() > MOST_POINTS as u64 {
-        markup += &note(&format!(
-            "The page shows the first {MOST_POINTS} of {} points.",
-            study.points()
-        ));
-    }
-    markup
 }
 
-/// Pictures of one measure.
+/// Charts of one measure.
 fn of_measure(
     study: &Study,
     measure: &Measure,
     place: usize,
     shown: &[Shown],
-    largest: &str,
-) -> String {
-    let mut markup = String::new();
-    if shown.iter().any(|one| one.level.is_some()) {
-        markup += &by_points(study, measure, place, shown);
-    }
-    if study.loaded.study.campaign.design == Design::OneAtATime && !study.axes.is_empty() {
-        markup += &sensitivity(study, measure, place, shown);
-    }
+    largest: &Markup,
+) -> Markup {
+    let has_levels = shown.iter().any(|one| one.level.is_some());
+    let alone = study.loaded.study.campaign.design == Design::OneAtATime && !study.axes.is_empty();
     let values: Vec<f64> = shown.iter().map(|one| one.values[place]).collect();
     let spread = distribution(measure, &values);
     // Tests of several intensities or values have no distribution that means anything by itself.
-    markup += &match markup.is_empty() {
-        true => spread,
-        false => details("Distribution over all tests", &spread),
+    let markup = html! {
+        @if has_levels { (by_points(study, measure, place, shown)) }
+        @if alone { (sensitivity(study, measure, place, shown)) }
+        @if has_levels || alone { (details("Distribution over all tests", spread)) } @else { (spread) }
+        (details("Tests with the largest values", html! { (largest) (note(RUN_FOLDER)) }))
     };
-    markup += &details(
-        "Tests with the largest values",
-        &(largest.to_owned() + &note(RUN_FOLDER)),
-    );
-    let heading = format!("{}: {}", measure.name, measure.meaning);
-    section(&heading, &markup)
+    section(&format!("{}: {}", measure.name, measure.meaning), markup)
 }
 
-fn fragility(study: &Study, found: &Collapses) -> String {
+fn fragility(study: &Study, found: &Collapses) -> Markup {
     let Collapses { point, fit, levels } = found;
     let first = study.levelled();
     let words = first.map(|one| one.words()).unwrap_or_default();
@@ -160,21 +145,27 @@ fn fragility(study: &Study, found: &Collapses) -> String {
         .map(|one| (one.level, one.collapses / one.tests))
         .unzip();
     let most = 1.05 * x.iter().copied().fold(0.0, f64::max);
-    let fine: Vec<f64> = (1..=200).map(|i| most * f64::from(i) / 200.0).collect();
-    let fitted: Vec<f64> = fit.as_ref().map_or_else(Vec::new, |fit| {
-        fine.iter().map(|level| fit.probability(*level)).collect()
-    });
-    let median = fit
-        .as_ref()
-        .map(|fit| fit.median)
-        .filter(|median| *median <= most);
-    let median = median.map(|median| ([0.0, median, median], [0.5, 0.5, 0.0]));
-    let mut curves = vec![curve("share of collapsed tests", &x, &y, Look::Dots)];
-    if fit.is_some() {
-        curves.push(curve("lognormal fit", &fine, &fitted, Look::Strong));
-    }
-    if let Some((x, y)) = &median {
-        curves.push(curve("median θ", x, y, Look::Reference));
+    let across = scale(&words, &unit).within((most > 0.0).then_some((0.0, most)));
+    let up = scale("probability of collapse", "1").within(Some((0.0, 1.02)));
+    let mut chart = chart("Fragility".to_owned(), across, up).with(
+        "share of collapsed tests",
+        x,
+        y,
+        Look::Dots,
+    );
+    if let Some(fit) = fit {
+        let fine: Vec<f64> = (1..=200).map(|i| most * f64::from(i) / 200.0).collect();
+        let fitted: Vec<f64> = fine.iter().map(|level| fit.probability(*level)).collect();
+        chart = chart.with("lognormal fit", fine, fitted, Look::Strong);
+        let median = fit.median;
+        if median <= most {
+            chart = chart.with(
+                "median θ",
+                vec![0.0, median, median],
+                vec![0.5, 0.5, 0.0],
+                Look::Reference,
+            );
+        }
     }
     let mut text = match fit {
         Some(fit) => format!(
@@ -195,25 +186,14 @@ fn fragility(study: &Study, found: &Collapses) -> String {
             " {censored} further tests are not counted: a limit or a fault stopped them before a collapse."
         );
     }
-    let across = Scale {
-        range: (most > 0.0).then_some((0.0, most)),
-        ..scale(&words, &unit)
-    };
-    let up = Scale {
-        range: Some((0.0, 1.02)),
-        ..scale("probability of collapse", "1")
-    };
     let heading = match point.as_str() {
         "" => "Fragility".to_owned(),
         point => format!("Fragility: {point}"),
     };
-    section(
-        &heading,
-        &(picture("Fragility", across, up, &curves) + &note(&text)),
-    )
+    section(&heading, html! { (chart.figure()) (note(&text)) })
 }
 
-fn provenance(campaign: &Campaign, collected: &Collected) -> String {
+fn provenance(campaign: &Campaign, collected: &Collected) -> Markup {
     let plan = &campaign.plan;
     let pair = |name: &str, text: String| (name.to_owned(), text);
     let mut pairs = vec![
@@ -236,5 +216,5 @@ fn provenance(campaign: &Campaign, collected: &Collected) -> String {
     if !collected.damaged.is_empty() {
         pairs.push(pair("damaged parts", collected.damaged.join(", ")));
     }
-    section("Provenance", &definitions(&pairs))
+    section("Provenance", definitions(&pairs))
 }

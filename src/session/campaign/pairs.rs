@@ -1,24 +1,26 @@
 //! All pairs of the drawn numbers and the measures of a report, with their rank correlations.
 
-use super::drawing::{figure, short};
+use maud::{Markup, html};
+
+use super::drawing::{chart, scale, short};
 use super::found::Shown;
 use super::measure::Measure;
 use super::random::bits;
 use super::study::Study;
 use super::task::Task;
 use gusset_quantity::units::unit_in_name;
-use gusset_view::report::{ScatterMatrix, Variable, count, note, section, table};
+use gusset_view::report::{Look, beside, count, note, section, table};
 
-/// Most numbers of the picture.
+/// Most numbers of the table.
 const MOST_VARIABLES: usize = 6;
 /// Most measures among them, if there are more keys than fit.
 const MOST_MEASURES: usize = 3;
-/// Most tests of the picture and of the correlations.
+/// Most tests of the charts and of the correlations.
 const MOST_TESTS: usize = 5000;
-/// Most dots of the whole picture.
-const MOST_DOTS: usize = 12_000;
-/// Width of the picture.
-const WIDTH: f64 = 960.0;
+/// Most dots of one chart.
+const MOST_DOTS: usize = 2000;
+/// Charts of the strongest pairs.
+const MOST_DRAWN: usize = 4;
 
 /// A number of each test.
 struct Column {
@@ -28,11 +30,11 @@ struct Column {
     values: Vec<f64>,
 }
 
-/// The section with the pairs; nothing without drawn numbers. `measures` are those with pictures.
-pub(super) fn pairs(study: &Study, measures: &[&Measure], shown: &[Shown]) -> String {
+/// The section with the pairs; nothing without drawn numbers. `measures` are those with charts.
+pub(super) fn pairs(study: &Study, measures: &[&Measure], shown: &[Shown]) -> Markup {
     let chosen = chosen(shown);
     if study.samples.is_empty() || chosen.len() < 2 {
-        return String::new();
+        return Markup::default();
     }
     let draws: Vec<Vec<f64>> = chosen
         .iter()
@@ -72,30 +74,27 @@ pub(super) fn pairs(study: &Study, measures: &[&Measure], shown: &[Shown]) -> St
         .iter()
         .map(|one| one.collapsed != Some(false))
         .collect();
-    let mut text = "Above the diagonal: rank correlation (Spearman) of each pair. ".to_owned();
+    let mut text = "Rank correlation (Spearman) of each pair; the charts show the strongest pairs of a drawn number and a measure. ".to_owned();
     if kept < all {
         text += &format!(
             "The {kept} of {all} drawn numbers with the strongest correlation with the first measure are shown. "
         );
     }
-    let most_dots = most_dots(columns.len());
-    let dots = most_dots.min(chosen.len());
+    let dots = MOST_DOTS.min(chosen.len());
     if chosen.len() < shown.len() || dots < chosen.len() {
         text += &format!(
-            "Correlations and histograms are of {} tests of {}, and {dots} of them have dots. The choice is random.",
+            "Correlations are of {} tests of {}, and {dots} of them have dots. The choice is random.",
             count(chosen.len() as u64),
             count(shown.len() as u64)
         );
     }
-    section(
-        "Drawn numbers and measures",
-        &(drawn(&columns, &collapsed, most_dots) + &note(text.trim()) + &listed(&columns)),
-    )
-}
-
-/// Most dots of one of the pictures of `count` numbers.
-fn most_dots(count: usize) -> usize {
-    MOST_DOTS / (count * count.saturating_sub(1) / 2).max(1)
+    let markup = html! {
+        (correlations(&columns))
+        (note(text.trim()))
+        (strongest(&columns, kept, &collapsed))
+        (listed(&columns))
+    };
+    section("Drawn numbers and measures", markup)
 }
 
 /// At most [`MOST_TESTS`] tests, in a random order that is a function of their numbers.
@@ -109,35 +108,69 @@ fn chosen(shown: &[Shown]) -> Vec<&Shown> {
     all.into_iter().map(|(_, one)| one).collect()
 }
 
-fn drawn(columns: &[Column], collapsed: &[bool], most_dots: usize) -> String {
+/// The rank correlation of each pair as a table.
+fn correlations(columns: &[Column]) -> Markup {
     let names = short_names(columns);
-    let variables: Vec<Variable<'_>> = names
-        .iter()
-        .zip(columns)
-        .map(|(name, column)| Variable {
-            name,
-            unit: &column.unit,
-            values: &column.values,
-        })
+    let row = |(one, name): (&Column, &String)| {
+        let others = columns.iter().map(|other| {
+            let found = rank_correlation(&one.values, &other.values);
+            if found.is_finite() {
+                format!("{found:.2}")
+            } else {
+                "–".to_owned()
+            }
+        });
+        std::iter::once(name.clone()).chain(others).collect()
+    };
+    let rows: Vec<Vec<String>> = columns.iter().zip(&names).map(row).collect();
+    let heads: Vec<&str> = std::iter::once("All pairs")
+        .chain(names.iter().map(String::as_str))
         .collect();
-    let line = |one: &Column| {
-        let others = columns.iter();
-        others
-            .map(|other| rank_correlation(&one.values, &other.values))
-            .collect()
+    table(&heads, &rows)
+}
+
+/// Charts of the pairs of a drawn number and a measure that are correlated most. The first `drawn` columns are drawn numbers.
+fn strongest(columns: &[Column], drawn: usize, collapsed: &[bool]) -> Markup {
+    let names = short_names(columns);
+    let strength = |(key, result): (usize, usize)| {
+        let found = rank_correlation(&columns[key].values, &columns[result].values).abs();
+        if found.is_nan() { 0.0 } else { found }
     };
-    let correlations: Vec<Vec<f64>> = columns.iter().map(line).collect();
-    let matrix = ScatterMatrix {
-        title: "All pairs",
-        variables: &variables,
-        marked: collapsed,
-        marked_as: "collapsed, or stopped before its end",
-        correlations: &correlations,
-        most_dots,
+    let pairs = (0..drawn).flat_map(|key| (drawn..columns.len()).map(move |result| (key, result)));
+    let mut pairs: Vec<(usize, usize)> = pairs.collect();
+    pairs.sort_by(|a, b| strength(*b).total_cmp(&strength(*a)));
+    let figure = |(across, up): (usize, usize)| {
+        let (x, y) = (&columns[across], &columns[up]);
+        let title = format!("{} over {}", names[up], names[across]);
+        let chart = chart(
+            title,
+            scale(&names[across], &x.unit),
+            scale(&names[up], &y.unit),
+        );
+        let kinds = [
+            ("test to its end", false),
+            ("collapsed, or stopped before its end", true),
+        ];
+        let chart = kinds.into_iter().fold(chart, |chart, (name, kind)| {
+            let tests = x
+                .values
+                .iter()
+                .zip(&y.values)
+                .zip(collapsed)
+                .take(MOST_DOTS);
+            let own = tests.filter(|(_, is_marked)| **is_marked == kind);
+            let (x, y): (Vec<f64>, Vec<f64>) = own.map(|((x, y), _)| (*x, *y)).unzip();
+            if x.is_empty() {
+                chart
+            } else {
+                chart.with(name, x, y, Look::Dots)
+            }
+        });
+        chart.figure()
     };
-    format!(
-        "<div class=\"broad\">{}</div>\n",
-        figure(&matrix.svg(WIDTH))
+    beside(
+        "grid",
+        html! { @for pair in pairs.into_iter().take(MOST_DRAWN) { (figure(pair)) } },
     )
 }
 
@@ -162,7 +195,7 @@ fn short_names(columns: &[Column]) -> Vec<String> {
 }
 
 /// Mean, standard deviation and ends of each number.
-fn listed(columns: &[Column]) -> String {
+fn listed(columns: &[Column]) -> Markup {
     let rows: Vec<Vec<String>> = columns
         .iter()
         .map(|column| {
@@ -305,6 +338,5 @@ mod tests {
         let mean = few.iter().map(|one| one.index as f64).sum::<f64>() / few.len() as f64;
         // The mean of 5000 random numbers below 20 000 has a standard deviation of 71.
         assert!((mean - 10_000.0).abs() < 300.0, "{mean}");
-        assert!(most_dots(6) * 15 <= MOST_DOTS);
     }
 }

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use maud::{Markup, html};
+
 use super::design::alone;
 use super::drawing::{headed, short};
 use super::found::Shown;
@@ -51,7 +53,7 @@ pub(super) fn sensitivity(
     measure: &Measure,
     place: usize,
     shown: &[Shown],
-) -> String {
+) -> Markup {
     let means = means(study, place, shown);
     let base = means.get(&None).map(|mean| mean.value());
     let mut ranges: Vec<Range> = (0..study.axes.len())
@@ -82,7 +84,7 @@ pub(super) fn sensitivity(
     if tests > 1 {
         text += &format!(" Each result is the mean of {tests} tests.");
     }
-    note(&text) + &table(&heads, &rows)
+    html! { (note(&text)) (table(&heads, &rows)) }
 }
 
 fn row(range: &Range) -> Vec<String> {

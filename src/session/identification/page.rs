@@ -1,12 +1,16 @@
-//! The page of an identification: verdict, key figures, pictures and models of each axis.
+//! The page of an identification: verdict, key figures, charts and models of each axis.
+
+use std::f64::consts::TAU;
+
+use maud::{Markup, html};
 
 use super::outcome::{Axis, Outcome};
 use super::words::{felt, of_specimen, parameters, with_error};
 use gusset_config::Loaded;
-use gusset_motion::identify::Identification;
+use gusset_motion::identify::{Fit, Identification, Point};
 use gusset_quantity::units::quantity;
 use gusset_view::report::{
-    Curve, Curves, Look, Scale, banner, escape, frame, note, section, tiles,
+    Chart, Look, Scale, banner, beside, definitions, frame, header, note, section, table_of, tiles,
 };
 
 /// Points of a fitted curve.
@@ -17,29 +21,31 @@ const KNOWN: f64 = 0.25;
 const MOST_FIGURES: usize = 2;
 /// Smaller noise than this is shown as zero.
 const LEAST_NOISE: f64 = 1e-15;
-/// Width and height of a picture.
-const SIZE: (f64, f64) = (560.0, 330.0);
+/// Fitted curves of a chart.
+const MOST_MODELS: usize = 3;
+/// Across most charts.
+const FREQUENCY: Scale<'static> = Scale::new("frequency", "Hz");
 
 /// Names and contents.
 pub(super) fn files(outcome: &Outcome, driven: &Loaded) -> Vec<(String, String)> {
     let mut files = Vec::new();
-    let mut body = format!(
-        "<header>\n<p class=\"brand\">gusset · identification</p>\n<h1>{}</h1>\n",
-        escape(&driven.file.title)
-    );
-    body += &verdict(&outcome.axes);
-    body += &tiles(&key_figures(&outcome.axes));
-    body += "</header>\n<main>\n";
-    for axis in &outcome.axes {
+    let title = &driven.file.title;
+    let head = html! { (verdict(&outcome.axes)) (tiles(&key_figures(&outcome.axes))) };
+    let mut of_axis = |axis: &Axis| {
         let markup = match &axis.found {
             Err(_) => grid(&mut files, axis, vec![walk(axis, None)]),
             Ok(found) => known(&mut files, axis, found),
         };
-        body += &section(&named(axis), &markup);
-    }
-    body += &section("Method and files", &method());
-    body += "</main>\n";
-    files.push(("index.html".to_owned(), frame(&driven.file.title, &body)));
+        section(&named(axis), markup)
+    };
+    let body = html! {
+        (header("· identification", title, head))
+        main {
+            @for axis in &outcome.axes { (of_axis(axis)) }
+            (section("Method and files", method()))
+        }
+    };
+    files.push(("index.html".to_owned(), frame(title, &body)));
     files
 }
 
@@ -52,7 +58,7 @@ fn named(axis: &Axis) -> String {
 }
 
 /// Whether the axes were identified, and how well the best model fits each.
-fn verdict(axes: &[Axis]) -> String {
+fn verdict(axes: &[Axis]) -> Markup {
     let failed = axes.iter().filter(|axis| axis.found.is_err()).count();
     let of_axis = |axis: &Axis| match &axis.found {
         Err(error) => format!("{}: {error}", named(axis)),
@@ -109,94 +115,85 @@ fn key_figures(axes: &[Axis]) -> Vec<(String, String)> {
     shown
 }
 
-fn method() -> String {
-    note(
-        "The response is the ratio of the Fourier transforms of measured and commanded displacement, averaged over neighbouring \
-         spectral lines. The coherence is the share of the measured power that the command explains. The curves are models, \
-         fitted to all spectral lines in the band and weighted by their noise. Standard errors follow ±.",
-    ) + "<p><a href=\"../report.html\">Report of the run</a>, <a href=\"../identification.json\">all numbers</a>, \
-         <a href=\"../identified.toml\">virtual twin</a>.</p>\n"
+fn method() -> Markup {
+    html! {
+        (note(
+            "The response is the ratio of the Fourier transforms of measured and commanded displacement, averaged over neighbouring \
+             spectral lines. The coherence is the share of the measured power that the command explains. The curves are models, \
+             fitted to all spectral lines in the band and weighted by their noise. Standard errors follow ±."
+        ))
+        p {
+            a href="../report.html" { "Report of the run" } ", "
+            a href="../identification.json" { "all numbers" } ", "
+            a href="../identified.toml" { "virtual twin" } "."
+        }
+    }
 }
 
-/// One picture.
-struct Picture {
-    name: &'static str,
-    says: String,
-    inline: String,
-    alone: String,
-}
+/// A chart: name of its file, caption and the chart.
+type Picture<'a> = (&'static str, String, Chart<'a>);
 
-fn grid(files: &mut Vec<(String, String)>, axis: &Axis, pictures: Vec<Picture>) -> String {
-    let mut markup = String::from("<div class=\"grid\">\n");
-    for picture in pictures {
+fn grid(files: &mut Vec<(String, String)>, axis: &Axis, pictures: Vec<Picture<'_>>) -> Markup {
+    let mut figures = Vec::new();
+    for (name, says, chart) in pictures {
         let name = format!(
-            "{}-{}-{}.svg",
-            picture.name,
+            "{name}-{}-{}.svg",
             axis.driven.place + 1,
             axis.driven.axis + 1
         );
-        markup += &format!(
-            "<figure>{}<figcaption>{} <a href=\"{name}\">Picture</a>.</figcaption></figure>\n",
-            picture.inline,
-            escape(&picture.says)
-        );
-        files.push((name, picture.alone));
+        figures.push(html! { figure { (chart.inline()) figcaption { (says) " " a href=(name) { "Picture" } "." } } });
+        files.push((name, chart.svg()));
     }
-    markup + "</div>\n"
+    beside("grid", html! { @for figure in figures { (figure) } })
 }
 
-fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification) -> String {
+fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification) -> Markup {
     let pictures = vec![
         gain(axis, found),
         delay(axis, found),
         coherence(found),
         walk(axis, Some(found)),
     ];
-    let mut markup = grid(files, axis, pictures);
-    markup += "<div class=\"wide plain\"><table>\n<thead><tr><th>model</th><th>parameters</th><th>residual</th>\
-               <th>slow delay</th></tr></thead>\n<tbody>\n";
-    for (place, fit) in found.models.iter().enumerate() {
+    let model = |(place, fit): (usize, &Fit)| {
         let best = if place == 0 { " (best)" } else { "" };
-        markup += &format!(
-            "<tr><td>{}{best}</td><td>{}</td><td>{:.3} %</td><td>{:.4} ms</td></tr>\n",
-            fit.model.words(),
-            escape(&parameters(fit)),
-            100.0 * fit.residual,
-            1e3 * fit.slow_delay_s
+        let residual = format!("{:.3} %", 100.0 * fit.residual);
+        let delay = format!("{:.4} ms", 1e3 * fit.slow_delay_s);
+        vec![
+            format!("{}{best}", fit.model.words()),
+            parameters(fit),
+            residual,
+            delay,
+        ]
+    };
+    let models: Vec<_> = found.models.iter().enumerate().map(model).collect();
+    let pair = |what: &str, text: String| (what.to_owned(), text);
+    let mut facts = vec![
+        pair("delay over the band", with_error(found.delay, "s")),
+        pair("gain over the band", with_error(found.gain, "1")),
+        pair("mean coherence", format!("{:.4}", found.coherence)),
+    ];
+    if let Some(specimen) = &found.specimen {
+        facts.extend(
+            of_specimen(specimen, axis.to_structure)
+                .into_iter()
+                .map(|(what, text)| pair(&what, text)),
         );
     }
-    markup += "</tbody></table></div>\n<dl>\n";
-    let mut row = |what: &str, text: &str| {
-        markup += &format!("<dt>{}</dt><dd>{}</dd>\n", escape(what), escape(text));
-    };
-    row("delay over the band", &with_error(found.delay, "s"));
-    row("gain over the band", &with_error(found.gain, "1"));
-    row("mean coherence", &format!("{:.4}", found.coherence));
-    if let Some(specimen) = &found.specimen {
-        for (what, text) in of_specimen(specimen, axis.to_structure) {
-            row(&what, &text);
-        }
-    }
-    for (what, text) in felt(axis) {
-        row(&what, &text);
-    }
+    facts.extend(felt(axis).into_iter().map(|(what, text)| pair(&what, text)));
     let shown = |noise: f64, unit| match noise < LEAST_NOISE {
         true => format!("0 {unit}"),
         false => quantity(noise, unit),
     };
-    let (disp, force) = (found.noise.disp_m, found.noise.force_n);
-    let noise = format!("{}, {}", shown(disp, "m"), shown(force, "N"));
-    row("noise at rest", &noise);
-    markup + "</dl>\n"
-}
-
-/// Both skins of a picture.
-fn picture(name: &'static str, says: String, curves: &Curves<'_>) -> Picture {
-    Picture {
-        name,
-        says,
-        inline: curves.svg(SIZE.0, SIZE.1, true),
-        alone: curves.svg(SIZE.0, SIZE.1, false),
+    let noise = format!(
+        "{}, {}",
+        shown(found.noise.disp_m, "m"),
+        shown(found.noise.force_n, "N")
+    );
+    facts.push(pair("noise at rest", noise));
+    html! {
+        (grid(files, axis, pictures))
+        (table_of("plain", &["model", "parameters", "residual", "slow delay"], &models))
+        (definitions(&facts))
     }
 }
 
@@ -206,185 +203,114 @@ fn frequencies(found: &Identification) -> Vec<f64> {
     (0..POINTS).map(at).collect()
 }
 
-const ACROSS: Scale<'static> = Scale {
-    words: "frequency",
-    unit: "Hz",
-    range: None,
-};
-
 /// Measured points over the fitted models: `measured` (hz, value), and the value of a model at a frequency.
 fn compared(
     name: &'static str,
     title: &'static str,
-    up: Scale<'_>,
+    up: Scale<'static>,
     found: &Identification,
     measured: (Vec<f64>, Vec<f64>),
-    of_model: &dyn Fn(&gusset_motion::identify::Fit, f64) -> f64,
-) -> Picture {
+    of_model: &dyn Fn(&Fit, f64) -> f64,
+) -> Picture<'static> {
     let at = frequencies(found);
-    let models: Vec<(String, Vec<f64>)> = found
-        .models
-        .iter()
-        .map(|fit| {
-            let values = at.iter().map(|hz| of_model(fit, *hz)).collect();
-            (fit.model.words().to_owned(), values)
-        })
-        .collect();
-    let mut curves: Vec<Curve<'_>> = models
-        .iter()
-        .enumerate()
-        .map(|(place, (name, values))| Curve {
-            name,
-            x: &at,
-            y: values,
-            look: if place == 0 {
-                Look::Reference
-            } else {
-                Look::Line
-            },
-        })
-        .collect();
-    // A meaningless curve would hide the others.
-    curves.retain(|curve| curve.y.iter().all(|value| value.is_finite()));
-    curves.truncate(3);
-    curves.push(Curve {
-        name: "measured",
-        x: &measured.0,
-        y: &measured.1,
-        look: Look::Dots,
+    let models = found.models.iter().enumerate().map(|(place, fit)| {
+        let values: Vec<f64> = at.iter().map(|hz| of_model(fit, *hz)).collect();
+        let look = if place == 0 {
+            Look::Reference
+        } else {
+            Look::Line
+        };
+        (fit.model.words(), values, look)
     });
-    let says = format!(
-        "{title}: measured, and the best models; the best one, {}, is dashed.",
-        found.best().map_or("none", |fit| fit.model.words())
-    );
-    let curves = Curves {
-        title,
-        across: ACROSS,
-        up,
-        curves: &curves,
-        logarithmic: false,
-        square: false,
-    };
-    picture(name, says, &curves)
-}
-
-fn gain(axis: &Axis, found: &Identification) -> Picture {
-    let points = found.response.iter().filter(|point| point.trusted);
-    let measured = points.map(|point| (point.hz, point.gain)).unzip();
-    let up = Scale {
-        words: "gain",
-        unit: "1",
-        range: None,
-    };
-    compared(
-        "gain",
-        "Gain over frequency",
-        up,
-        found,
-        measured,
-        &|fit, hz| fit.response(hz, axis.tick).norm(),
+    // A meaningless curve would hide the others.
+    let models = models.filter(|(_, values, _)| values.iter().all(|value| value.is_finite()));
+    let chart = Chart::new(title, FREQUENCY, up);
+    let chart = models
+        .take(MOST_MODELS)
+        .fold(chart, |chart, (name, values, look)| {
+            chart.with(name.to_owned(), at.clone(), values, look)
+        });
+    let best = found.best().map_or("none", |fit| fit.model.words());
+    let says = format!("{title}: measured, and the best models; the best one, {best}, is dashed.");
+    (
+        name,
+        says,
+        chart
+            .with("measured", measured.0, measured.1, Look::Dots)
+            .sized(560.0, 330.0),
     )
 }
 
-fn delay(axis: &Axis, found: &Identification) -> Picture {
-    let is_known = |point: &&gusset_motion::identify::Point| {
+fn gain(axis: &Axis, found: &Identification) -> Picture<'static> {
+    let points = found.response.iter().filter(|point| point.trusted);
+    let measured = points.map(|point| (point.hz, point.gain)).unzip();
+    let of_model = |fit: &Fit, hz: f64| fit.response(hz, axis.tick).norm();
+    compared(
+        "gain",
+        "Gain over frequency",
+        Scale::new("gain", "1"),
+        found,
+        measured,
+        &of_model,
+    )
+}
+
+fn delay(axis: &Axis, found: &Identification) -> Picture<'static> {
+    let is_known = |point: &&Point| {
         point.trusted && point.delay_std_s < KNOWN * point.delay_s.abs().max(axis.tick)
     };
     let points = found.response.iter().filter(is_known);
     let measured = points.map(|point| (point.hz, 1e3 * point.delay_s)).unzip();
-    let up = Scale {
-        words: "delay",
-        unit: "ms",
-        range: None,
+    let of_model = |fit: &Fit, hz: f64| {
+        let response = fit.response(hz, axis.tick);
+        // The slow delay gives the number of full turns of the phase.
+        let expected = TAU * hz * fit.slow_delay_s;
+        let raw = -libm::atan2(response.im, response.re);
+        let turns = ((expected - raw) / TAU).round();
+        1e3 * (raw + TAU * turns) / (TAU * hz)
     };
     compared(
         "delay",
         "Delay over frequency",
-        up,
+        Scale::new("delay", "ms"),
         found,
         measured,
-        &|fit, hz| {
-            use std::f64::consts::TAU;
-            let response = fit.response(hz, axis.tick);
-            // The slow delay gives the number of full turns of the phase.
-            let expected = TAU * hz * fit.slow_delay_s;
-            let raw = -libm::atan2(response.im, response.re);
-            let turns = ((expected - raw) / TAU).round();
-            1e3 * (raw + TAU * turns) / (TAU * hz)
-        },
+        &of_model,
     )
 }
 
-fn coherence(found: &Identification) -> Picture {
-    let x: Vec<f64> = found.response.iter().map(|point| point.hz).collect();
-    let y: Vec<f64> = found.response.iter().map(|point| point.coherence).collect();
-    let curves = [Curve {
-        name: "",
-        x: &x,
-        y: &y,
-        look: Look::Dots,
-    }];
-    let curves = Curves {
-        title: "Coherence of command and measured displacement",
-        across: ACROSS,
-        up: Scale {
-            words: "coherence",
-            unit: "1",
-            range: Some((0.0, 1.05)),
-        },
-        curves: &curves,
-        logarithmic: false,
-        square: false,
-    };
+fn coherence(found: &Identification) -> Picture<'static> {
+    let points = found
+        .response
+        .iter()
+        .map(|point| (point.hz, point.coherence));
+    let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
+    let up = Scale::new("coherence", "1").within(Some((0.0, 1.05)));
+    let title = "Coherence of command and measured displacement";
+    let chart = Chart::new(title, FREQUENCY, up).with("", x, y, Look::Dots);
     let says =
         "Share of the measured power that the command explains; below 0.8 a point is not trusted.";
-    picture("coherence", says.to_owned(), &curves)
+    ("coherence", says.to_owned(), chart.sized(560.0, 330.0))
 }
 
-fn walk(axis: &Axis, found: Option<&Identification>) -> Picture {
+fn walk<'a>(axis: &'a Axis, found: Option<&Identification>) -> Picture<'a> {
     let (disp, force) = &axis.walk;
-    let millimetres: Vec<f64> = disp.iter().map(|d| 1e3 * d).collect();
     let middle = |values: &[f64]| values.first().copied().unwrap_or(0.0);
     let (x0, f0) = (middle(disp), middle(force));
-    let specimen = found.and_then(|found| found.specimen);
-    let (low, high) = disp
-        .iter()
-        .fold((x0, x0), |(low, high), d| (low.min(*d), high.max(*d)));
-    let ends = [1e3 * low, 1e3 * high];
-    let line = specimen.map(|specimen| {
-        let k = specimen.stiffness.value;
-        [f0 + k * (low - x0), f0 + k * (high - x0)]
-    });
-    let mut curves = vec![Curve {
-        name: "measured",
-        x: &millimetres,
-        y: force,
-        look: Look::Line,
-    }];
-    if let Some(line) = &line {
-        curves.push(Curve {
-            name: "stiffness",
-            x: &ends,
-            y: line,
-            look: Look::Reference,
-        });
+    let (across, up) = (
+        Scale::new("measured displacement", "m"),
+        Scale::new("force", "N"),
+    );
+    let chart = Chart::new("Force over measured displacement", across, up);
+    let mut chart = chart.with("measured", disp, force, Look::Line);
+    if let Some(specimen) = found.and_then(|found| found.specimen) {
+        let ends = disp
+            .iter()
+            .fold((x0, x0), |(low, high), d| (d.min(low), d.max(high)));
+        let force = |x: f64| f0 + specimen.stiffness.value * (x - x0);
+        let line = vec![force(ends.0), force(ends.1)];
+        chart = chart.with("stiffness", vec![ends.0, ends.1], line, Look::Reference);
     }
-    let curves = Curves {
-        title: "Force over measured displacement",
-        across: Scale {
-            words: "measured displacement",
-            unit: "mm",
-            range: None,
-        },
-        up: Scale {
-            words: "force",
-            unit: "N",
-            range: None,
-        },
-        curves: &curves,
-        logarithmic: false,
-        square: false,
-    };
     let says = "Force over measured displacement, and the stiffness found.";
-    picture("loop", says.to_owned(), &curves)
+    ("loop", says.to_owned(), chart.sized(560.0, 330.0))
 }

@@ -226,6 +226,19 @@ impl AxisDigest {
         self.tracking.as_ref()?.lag_s.map(|lag| lag.value)
     }
 
+    /// Amplitude of measured over that of target by frequency, where the target has a hundredth of its largest amplitude.
+    pub(crate) fn gain(&self) -> Vec<(f64, f64)> {
+        let [target, measured, _] = &self.spectra;
+        let most = target.iter().map(|point| point.1).fold(0.0, f64::max);
+        let both = target
+            .iter()
+            .zip(measured)
+            .filter(|(c, _)| c.1 > 0.01 * most);
+        both.map(|(c, m)| (c.0, m.1 / c.1))
+            .filter(|(hz, gain)| *hz > 0.0 && gain.is_finite())
+            .collect()
+    }
+
     /// True if there is a loop to be drawn.
     pub(crate) fn is_drawable(&self) -> bool {
         !self.hysteresis.0.is_empty()

@@ -1,9 +1,9 @@
-//! One axis of a picture: its range, the place of a value on it, and the places of its ticks.
+//! One axis of a chart: its range, the place of a value on it, and the places of its ticks.
 //!
 //! Invariant: `lo < hi`, both finite, and for a logarithmic axis both positive; so [`Axis::place`] never
 //! divides by zero. Numbers too large to take differences of are treated like NaN: they are gaps.
 
-use super::text::{fixed, micros, number};
+use super::text::{fixed, number};
 
 /// Digits of a logarithmic axis that have a label: the first row that gives enough of them.
 const NAMED: [&[i32]; 4] = [
@@ -95,15 +95,20 @@ impl Axis {
         self.hi
     }
 
-    /// Relative place of `value`: 0 at the lower end, 1 at the upper; values outside stop at the end.
-    pub(crate) fn place(&self, value: f64) -> f64 {
+    /// Relative place of `value`: 0 at the lower end, 1 at the upper; outside at most ten lengths away.
+    pub(crate) fn share(&self, value: f64) -> f64 {
         let share = if self.log {
             let (lo, hi) = (libm::log10(self.lo), libm::log10(self.hi));
-            (libm::log10(value.max(self.lo)) - lo) / (hi - lo)
+            (libm::log10(value.max(1e-300)) - lo) / (hi - lo)
         } else {
             (value - self.lo) / (self.hi - self.lo)
         };
-        share.clamp(0.0, 1.0)
+        share.clamp(-10.0, 10.0)
+    }
+
+    /// As [`Self::share`]; values outside stop at the end.
+    pub(crate) fn place(&self, value: f64) -> f64 {
+        self.share(value).clamp(0.0, 1.0)
     }
 
     /// True if `value` lies on the axis.
@@ -180,23 +185,25 @@ pub(super) fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
         })
 }
 
-/// "10 µs", "20 µs" on a time axis in µs.
-pub(super) fn micros_decade(digit: i32, exponent: i32) -> String {
-    micros(f64::from(digit) * libm::pow(10.0, f64::from(exponent)))
-        .replace(".00", "")
-        .replace("0.0", "0")
-}
-
-/// "1", "10 k", "20 k" on an axis of counts.
-pub(super) fn count_decade(digit: i32, exponent: i32) -> String {
-    let zeros = "0".repeat(exponent.rem_euclid(3) as usize);
-    match exponent {
-        0..=2 => format!("{digit}{zeros}"),
-        3..=5 => format!("{digit}{zeros}\u{a0}k"),
-        6..=8 => format!("{digit}{zeros}\u{a0}M"),
-        // Nothing is counted in parts.
-        ..0 => String::new(),
-        _ => format!("{digit}e{exponent}"),
+/// "100", "0.02", and powers where zeros would have to be counted.
+pub(super) fn decade(digit: i32, exponent: i32) -> String {
+    if (-3..=4).contains(&exponent) {
+        let decimals = usize::try_from(-exponent).unwrap_or(0);
+        let value = f64::from(digit) * libm::pow(10.0, f64::from(exponent));
+        return fixed(value, decimals);
+    }
+    let raised = |digit: char| match digit {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        // The others follow each other.
+        digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
+    };
+    let exponent: String = exponent.to_string().chars().map(raised).collect();
+    match digit {
+        1 => format!("10{exponent}"),
+        digit => format!("{digit}·10{exponent}"),
     }
 }
 
@@ -251,31 +258,18 @@ mod tests {
     }
 
     #[test]
-    fn decades_are_named_as_durations() {
-        let names: Vec<_> = (-3..5).map(|e| micros_decade(1, e)).collect();
-        let plain: Vec<_> = names.iter().map(|n| n.replace('\u{a0}', " ")).collect();
+    fn long_decades_are_powers() {
         assert_eq!(
-            plain,
-            [
-                "1 ns", "10 ns", "100 ns", "1 µs", "10 µs", "100 µs", "1 ms", "10 ms"
-            ]
+            [-12, -3, 0, 4, 5].map(|e| decade(1, e)),
+            ["10⁻¹²", "0.001", "1", "10\u{202f}000", "10⁵"]
         );
-        assert_eq!(micros_decade(5, 1), "50\u{a0}µs");
-        assert_eq!(count_decade(1, 4), "10\u{a0}k");
-        assert_eq!(count_decade(2, 0), "2");
-        let axis = Axis::logarithmic(0.5, 200.0).unwrap();
-        let named = axis
-            .decades(count_decade)
-            .into_iter()
-            .filter(|t| !t.label.is_empty())
-            .count();
-        assert_eq!(named, 3);
+        assert_eq!(decade(2, 0), "2");
     }
 
     #[test]
     fn short_log_axis_has_enough_labels() {
         let labels = |lo: f64, hi: f64| -> Vec<String> {
-            let ticks = Axis::logarithmic(lo, hi).unwrap().decades(count_decade);
+            let ticks = Axis::logarithmic(lo, hi).unwrap().decades(decade);
             let named = ticks.into_iter().filter(|t| !t.label.is_empty());
             named.map(|t| t.label).collect()
         };

@@ -1,15 +1,16 @@
 //! The section on energy: its sources and sinks.
 
-use super::canvas::Ink;
-use super::charts::Quantity;
+use maud::{Markup, html};
+
+use super::chart::{Chart, Ink, Look, Scale};
 use super::digest::Digest;
 use super::html::{details, note, paragraph, table};
-use super::lines::{Line, TimeChart};
-use super::metrics;
-use super::plots::{WHOLE, history};
+use super::response::trips;
 use super::rows::Rows;
-use super::text::{NOTHING, number, quantity};
+use super::text::{number, or_dash, quantity};
+use super::{RunView, metrics};
 
+/// Column, name, meaning and colour of each energy.
 const PARTS: [(&str, &str, &str, Ink); 6] = [
     (
         "input",
@@ -49,10 +50,9 @@ fn column<'a>(digest: &'a Digest, name: &str) -> Option<&'a [f64]> {
     found.filter(|values| !values.is_empty())
 }
 
-/// The section; `None` for a test without a structure. `why` explains a missing balance.
-pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
+/// The section; `None` for a test without a structure.
+pub(super) fn balance(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
     let digest = rows.digest();
-    let heading = "Energy";
     if rows.dofs().is_empty() || rows.running() == 0 {
         return None;
     }
@@ -60,72 +60,58 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
         let why = match rows.passed() {
             passed if passed.missing_steps > 0 => "steps are missing in the record",
             passed if passed.steps < 3 => "it takes three steps",
-            _ => why.unwrap_or(
-                "not every DOF and axis is recorded, or the structure is too large for it",
-            ),
+            _ => {
+                let why = run.no_balance.as_deref();
+                why.unwrap_or(
+                    "not every DOF and axis is recorded, or the structure is too large for it",
+                )
+            }
         };
-        return Some(rows.section(
-            heading,
-            &(paragraph(&format!("No energy balance is drawn: {why}.")) + &audit(rows)),
-        ));
+        let says = paragraph(&format!("No energy balance is drawn: {why}."));
+        return Some(rows.section("Energy", html! { (says) (audit(rows)) }));
     }
-    let lines: Vec<_> = PARTS
-        .iter()
-        .filter_map(|(key, name, _, ink)| {
-            let y =
-                column(digest, key).filter(|y| metrics::peak(y).is_some_and(|p| p.value != 0.0))?;
-            Some(Line {
-                name,
-                x: digest.energy.time_of(key)?,
-                y,
-                ink: *ink,
-                width: 1.3,
-            })
-        })
-        .collect();
-    let chart = TimeChart::history(
-        "Energy balance",
-        Quantity {
-            words: "energy",
-            unit: "J",
-        },
-        &lines,
-    );
+    let drawn = PARTS.iter().filter_map(|(key, name, _, ink)| {
+        let y = column(digest, key).filter(|y| metrics::peak(y).is_some_and(|p| p.value != 0.0))?;
+        Some((*name, digest.energy.time_of(key)?, y, *ink))
+    });
+    let chart = Chart::history("Energy balance", Scale::new("energy", "J")).marks(trips(run));
+    let chart = drawn.fold(chart, |chart, (name, x, y, ink)| {
+        chart.with(name, x, y, Look::Line).inked(ink)
+    });
     let marks = |key: &str| digest.energy.marks(key);
-    let input = marks("input").peak.map(|peak| peak.value.abs());
+    let input = marks("input")
+        .peak
+        .map(|peak| peak.value.abs())
+        .filter(|input| *input > 0.0);
     let share = |value: f64| {
-        input
-            .filter(|i| *i > 0.0 && value.is_finite())
-            .map(|i| format!("{} %", number(100.0 * value / i, 3)))
+        let input = input.filter(|_| value.is_finite());
+        input.map(|input| format!("{} %", number(100.0 * value / input, 3)))
     };
-    let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
     let listed = PARTS.iter().filter_map(|(key, name, meaning, _)| {
         let (end, peak) = (marks(key).last?, marks(key).peak?);
+        let name = format!("{name}: {meaning}");
         Some(vec![
-            format!("{name}: {meaning}"),
+            name,
             quantity(end, "J"),
             or_dash(share(end)),
             quantity(peak.value, "J"),
         ])
     });
-    let listed: Vec<_> = listed.collect();
-    let picture = if lines.is_empty() {
-        note("No picture: every energy is zero from the first step to the last.")
-    } else {
-        history((WHOLE, 220.0), "Energy balance over test time", &chart)
+    let more = html! {
+        (table(&["", "at the end", "of the largest input", "largest"], &listed.collect::<Vec<_>>()))
+        (note("Work of a force in a step: half the way from the step before to the step after. The balance is of second order in Δt."))
+        (audit(rows))
     };
-    let more = table(
-        &["", "at the end", "of the largest input", "largest"],
-        &listed,
-    ) + &note(
-        "Work of a force in a step: half the way from the step before to the step after. The balance is of second order in Δt.",
-    ) + &audit(rows);
-    let markup = picture + &details("Energies at the end, and the audit of the steps", &more);
-    Some(rows.section(heading, &markup))
+    let markup = html! {
+        @if chart.is_empty() { (note("No picture: every energy is zero from the first step to the last.")) }
+        @else { (chart.labelled("Energy balance over test time").figure()) }
+        (details("Energies at the end, and the audit of the steps", more))
+    };
+    Some(rows.section("Energy", markup))
 }
 
 /// Result of the program's exact audit.
-fn audit(rows: &Rows<'_>) -> String {
+fn audit(rows: &Rows<'_>) -> Markup {
     let values = rows.get("step_audit");
     let Some((values, peak)) = values.and_then(|values| {
         let peak = metrics::peak(&values)?;
@@ -136,13 +122,12 @@ fn audit(rows: &Rows<'_>) -> String {
     let found = if values.last().is_some_and(|last| last.is_nan()) {
         "in the last row it is not a number, so that nothing is known of that step".to_owned()
     } else {
-        let size = if peak.value == 0.0 {
-            "only roundoff remains".to_owned()
-        } else {
-            format!(
-                "the residual is at most {} of the energy turned over",
-                number(peak.value.abs(), 2)
-            )
+        let size = match peak.value == 0.0 {
+            true => "only roundoff remains".to_owned(),
+            false => {
+                let size = number(peak.value.abs(), 2);
+                format!("the residual is at most {size} of the energy turned over")
+            }
         };
         format!("{size}. It audits this program: steps, forces and rows are booked right")
     };

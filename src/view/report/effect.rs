@@ -1,12 +1,14 @@
 //! Effect of actuator tracking errors of a test as a whole: the damping of its modes, and its energy.
 
+use maud::{Markup, html};
+
 use super::RunView;
-use super::courses::MARGIN;
 use super::digest::{Digest, MISSING};
 use super::html::{details, note, table_without};
 use super::rows::Rows;
-use super::text::{NOTHING, number, plural, quantity};
+use super::text::{NOTHING, percent, plural, quantity};
 use super::tracked::Tracked;
+use super::tracking::MARGIN;
 use gusset_motion::metrics::Judged;
 use gusset_motion::metrics::falsified::{Falsified, Margin, together};
 
@@ -131,10 +133,6 @@ fn in_words(missing: &[String]) -> String {
     missing.iter().map(name).collect::<Vec<_>>().join("; ")
 }
 
-fn percent(value: f64) -> String {
-    format!("{}\u{a0}%", number(100.0 * value, 3))
-}
-
 fn or_dash(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
     value.map_or_else(|| NOTHING.to_owned(), write)
 }
@@ -149,9 +147,9 @@ fn cells(judged: &Judged, write: impl Fn(f64) -> String) -> [String; 3] {
 }
 
 /// Damping that the delays added to each mode.
-fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
+fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> Markup {
     if found.modes.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     let listed = found.modes.iter().take(MOST_MODES).enumerate();
     let rows: Vec<Vec<String>> = listed
@@ -188,13 +186,13 @@ fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
             found.modes.len()
         );
     }
-    table_without(NOTHING, &heading, &rows) + &note(&words)
+    html! { (table_without(NOTHING, "", &heading, &rows)) (note(&words)) }
 }
 
 /// How far each axis was from the delay at which the test would have grown.
-fn delay_margins(found: &Falsified, rows: &Rows<'_>) -> String {
+fn delay_margins(found: &Falsified, rows: &Rows<'_>) -> Markup {
     if found.delay_margins.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     let second = |v: f64| quantity(v, "s");
     let listed: Vec<Vec<String>> = found
@@ -217,11 +215,11 @@ fn delay_margins(found: &Falsified, rows: &Rows<'_>) -> String {
     let heading = ["", "smallest delay margin", "at", "noise floor"];
     let words = "Delay margin: critical delay less lag, as fitted over the last seconds of motion while the test ran; below zero \
                  the test is unstable. A dash: every delay was stable, or the motion was too small.";
-    table_without(NOTHING, &heading, &listed) + &note(words)
+    html! { (table_without(NOTHING, "", &heading, &listed)) (note(words)) }
 }
 
 /// The energy that the transfer systems added, by itself and against that of the test.
-fn energy(found: &Falsified) -> String {
+fn energy(found: &Falsified) -> Markup {
     let joule = |v: f64| quantity(v, "J");
     let row = |name: &str, cells: [String; 3]| {
         let name = std::iter::once(name.to_owned());
@@ -238,7 +236,7 @@ fn energy(found: &Falsified) -> String {
     });
     let rows: Vec<_> = error.into_iter().chain(share).collect();
     if rows.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     let scale = found.energy_scale.map_or_else(String::new, |scale| {
         format!(
@@ -250,26 +248,25 @@ fn energy(found: &Falsified) -> String {
     let words = format!(
         "Energy error: ∫ f d(measured − target), positive where the transfer systems added energy (Mosqueda et al. 2007).{scale}"
     );
-    table_without(NOTHING, &["", "value", "noise floor", "corrected"], &rows) + &note(&words)
+    let heading = ["", "value", "noise floor", "corrected"];
+    html! { (table_without(NOTHING, "", &heading, &rows)) (note(&words)) }
 }
 
 /// The part of a page; nothing for a test without a structure, without specimens or without any tracking error.
-pub(super) fn effect_of_errors(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> String {
+pub(super) fn effect_of_errors(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
     let Some(found) = found(run, rows.digest()) else {
-        return String::new();
+        return Markup::default();
     };
     if !axes.is_empty() && axes.iter().all(Tracked::is_ideal) {
-        return String::new();
+        return Markup::default();
     }
-    let mut markup = modes(&found, axes) + &delay_margins(&found, rows);
-    markup += &details(
-        "Energy error, and the energy that it is compared with",
-        &energy(&found),
-    );
-    if !found.missing.is_empty() {
-        markup += &note(&format!("Unknown: {}.", in_words(&found.missing)));
+    html! {
+        h3 { "Effect of actuator tracking errors" }
+        (modes(&found, axes))
+        (delay_margins(&found, rows))
+        (details("Energy error, and the energy that it is compared with", energy(&found)))
+        @if !found.missing.is_empty() { (note(&format!("Unknown: {}.", in_words(&found.missing)))) }
     }
-    format!("<h3>Effect of actuator tracking errors</h3>\n{markup}")
 }
 
 #[cfg(test)]

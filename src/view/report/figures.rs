@@ -1,13 +1,14 @@
 //! The key figures at the top of a page.
 
+use maud::Markup;
+
 use super::RunView;
 use super::columns::Storey;
-use super::following::lag_words;
-use super::histogram::Timing;
 use super::html;
 use super::response;
 use super::rows::Rows;
-use super::text::{count, micros, number, quantity};
+use super::text::{count, lag_words, micros, percent, quantity};
+use super::timing::Timing;
 use super::tracked;
 
 /// The largest displacement and the largest force: of the whole test, as far as the summary reports it. Without a
@@ -17,7 +18,11 @@ fn extremes(
     rows: &Rows<'_>,
     axes: &[tracked::Tracked<'_>],
 ) -> Vec<(String, String)> {
-    let has_run = rows.running() > 0 || run.progress().steps.is_some_and(|n| n > 0);
+    let has_run = rows.running() > 0
+        || run
+            .summary
+            .as_ref()
+            .is_some_and(|summary| summary.steps > 0);
     let peak = run.summary.as_ref().map(|summary| &summary.peak);
     let of = match (rows.part(), peak) {
         (None, _) => String::new(),
@@ -69,7 +74,7 @@ pub(super) fn tiles(
     rows: &Rows<'_>,
     axes: &[tracked::Tracked<'_>],
     timings: &[Timing],
-) -> String {
+) -> Markup {
     let mut tiles = extremes(run, rows, axes);
     tiles.extend(storeys(rows));
     tiles.extend(tracking(rows, axes));
@@ -77,7 +82,7 @@ pub(super) fn tiles(
         let mut wakeup = timings.iter().filter(|t| t.percentiles.count > 0);
         let wakeup = wakeup.find(|t| t.key == "wakeup_lateness");
         let wakeup = wakeup.map(|timing| micros(timing.percentiles.p99));
-        let misses = run.progress().deadline_misses.filter(|_| !run.is_served());
+        let misses = run.misses();
         tiles.extend(match (misses, wakeup) {
             (Some(misses), Some(p99)) => Some((
                 count(misses),
@@ -123,10 +128,7 @@ fn tracking(rows: &Rows<'_>, axes: &[tracked::Tracked<'_>]) -> Vec<(String, Stri
     let delay = largest(&|axis| axis.delay());
     let delay = delay.map(|(axis, delay)| (lag_words(delay), words("delay", axis)));
     let amplitude = largest(&|axis| axis.amplitude_error());
-    let amplitude = amplitude.map(|(axis, share)| {
-        let percent = format!("{}\u{a0}%", number(100.0 * share, 3));
-        (percent, words("amplitude error", axis))
-    });
+    let amplitude = amplitude.map(|(axis, share)| (percent(share), words("amplitude error", axis)));
     let energy = largest(&|axis| axis.digest.tracking.map(|t| t.energy_error_j.value));
     let energy =
         energy.and_then(|(axis, _)| Some((axis.energy_error()?, words("energy error", axis))));

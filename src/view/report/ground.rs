@@ -1,17 +1,15 @@
 //! The section on the ground motion.
 
-use super::canvas::Ink;
-use super::charts::Quantity;
-use super::curves::{Curves, Scale};
+use maud::{Markup, html};
+
+use super::chart::{Chart, HALF, Ink, Look, Scale};
 use super::html::{beside, definitions, details, note, section};
-use super::lines::{Line, TimeChart};
-use super::metrics;
-use super::plots::{WHOLE, history};
-use super::response::{amplitudes, curve};
+use super::response::{amplitudes, trips};
 use super::rows::{History, Rows};
 use super::shaking::{RATIO, Shaking};
 use super::table::{Mark, Thinner};
 use super::text::{number, quantity};
+use super::{RunView, metrics};
 
 /// The ground at the steps before the first of the rows, if it is known: times, values, and the largest of them.
 fn before(rows: &Rows<'_>) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
@@ -36,7 +34,7 @@ fn before(rows: &Rows<'_>) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
 }
 
 /// Ground motion, if there was one: of the whole test, also where its first steps are in another folder.
-pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
+pub(super) fn ground(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
     let History {
         time,
         values: ground,
@@ -48,6 +46,7 @@ pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
         [&ground_before, &*ground].concat(),
     );
     let peaks = peak.into_iter().chain(rows.marks("ground").peak);
+    // The first of equals.
     let peak = peaks.reduce(|first, then| {
         if then.value.abs() > first.value.abs() {
             then
@@ -57,38 +56,36 @@ pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
     });
     let peak = peak.filter(|peak| peak.value != 0.0)?;
     let is_base = rows.unit("ground") == "m";
-    let (words, unit, name) = if is_base {
-        ("displacement", "m", "Largest base displacement")
-    } else {
-        ("acceleration", "m/s^2", "Peak ground acceleration")
+    let (words, unit, name) = match is_base {
+        true => ("displacement", "m", "Largest base displacement"),
+        false => ("acceleration", "m/s^2", "Peak ground acceleration"),
     };
-    let lines = [Line {
-        name: "",
-        x: &time,
-        y: &ground,
-        ink: Ink::Series(3),
-        width: 1.1,
-    }];
-    let chart = TimeChart::history("Ground motion", Quantity { words, unit }, &lines);
-    let mut markup = history((WHOLE, 170.0), "Ground motion over test time", &chart);
-    let when = format!(" at {}", rows.moment(peak.time));
+    let chart = Chart::history("Ground motion", Scale::new(words, unit))
+        .labelled("Ground motion over test time")
+        .with("", time, ground, Look::Line)
+        .inked(Ink::Series(3))
+        .marks(trips(run))
+        .sized(super::chart::WHOLE, 170.0);
     let largest = quantity(peak.value.abs(), unit);
     let in_g = format!(" ({} g)", number(peak.value.abs() / 9.806_65, 3));
     let in_g = if is_base { "" } else { &in_g };
-    let mut facts = vec![(name.to_owned(), format!("{largest}{in_g}{when}"))];
-    if let Some(shaking) = &rows.digest().shaking {
-        facts.extend(measures(shaking));
-        markup += &beside("columns", &definitions(&facts));
-        markup += &details("Spectra of the ground motion", &pictures(shaking));
-    } else {
-        markup += &beside("columns", &definitions(&facts));
-    }
-    let heading = "Ground motion";
-    if !is_whole {
-        return Some(rows.section(heading, &markup));
-    }
-    let whole = "Values of the whole test. Steps recorded in another folder use the motion of the test file.";
-    Some(section(heading, &(note(whole) + &markup)))
+    let mut facts = vec![(
+        name.to_owned(),
+        format!("{largest}{in_g} at {}", rows.moment(peak.time)),
+    )];
+    let shaking = rows.digest().shaking.as_ref();
+    facts.extend(shaking.into_iter().flat_map(measures));
+    let spectra = shaking.map(spectra).unwrap_or_default();
+    let markup = html! {
+        @if is_whole { (note("Values of the whole test. Steps recorded in another folder use the motion of the test file.")) }
+        (chart.figure())
+        (beside("columns", definitions(&facts)))
+        (details("Spectra of the ground motion", spectra))
+    };
+    Some(match is_whole {
+        true => section("Ground motion", markup),
+        false => rows.section("Ground motion", markup),
+    })
 }
 
 fn measures(shaking: &Shaking) -> Vec<(String, String)> {
@@ -116,42 +113,34 @@ fn measures(shaking: &Shaking) -> Vec<(String, String)> {
     .into()
 }
 
-fn pictures(shaking: &Shaking) -> String {
-    let mut figures = String::new();
-    let across = |words, unit| Scale {
-        words,
-        unit,
-        range: None,
-    };
-    if !shaking.spectrum.is_empty() {
-        let x: Vec<f64> = shaking.spectrum.iter().map(|o| o.period).collect();
-        let y: Vec<f64> = shaking.spectrum.iter().map(|o| o.pseudo_accel).collect();
-        let title = format!("Response spectrum, {} % damping", number(100.0 * RATIO, 1));
-        let picture = Curves {
-            title: &title,
-            across: across("natural period", "s"),
-            up: across("pseudo-acceleration", "m/s^2"),
-            curves: &[curve("", &x, &y)],
-            logarithmic: true,
-            square: false,
-        };
-        figures += &format!("<figure>{}</figure>\n", picture.svg(510.0, 320.0, true));
-    }
-    let (x, y): (Vec<f64>, Vec<f64>) = shaking.amplitudes.iter().copied().unzip();
+fn spectra(shaking: &Shaking) -> Markup {
+    let (x, y): (Vec<f64>, Vec<f64>) = shaking
+        .spectrum
+        .iter()
+        .map(|o| (o.period, o.pseudo_accel))
+        .unzip();
+    let title = format!("Response spectrum, {} % damping", number(100.0 * RATIO, 1));
+    let (across, up) = (
+        Scale::new("natural period", "s").log(),
+        Scale::new("pseudo-acceleration", "m/s^2").log(),
+    );
+    let response = Chart::new(title, across, up).with("", x, y, Look::Line);
     let unit = if shaking.intensity.is_some() {
         "m/s"
     } else {
         "m s"
     };
-    if !x.is_empty() {
-        let curves = [curve("", &x, &y)];
-        let picture = amplitudes("Fourier amplitude", "amplitude", unit, &curves);
-        figures += &format!("<figure>{}</figure>\n", picture.svg(510.0, 320.0, true));
-    }
-    beside("grid", &figures)
-        + &note(
+    let motion = std::iter::once((String::new(), shaking.amplitudes.as_slice()));
+    let figures = html! {
+        @if !response.is_empty() { (response.figure()) }
+        (amplitudes("Fourier amplitude", "amplitude", unit, motion, (HALF, 320.0)))
+    };
+    html! {
+        (beside("grid", figures))
+        (note(
             "Response spectrum: exact for a record that is linear between its samples (Nigam and Jennings 1969). Arias intensity: \
              π/(2g) ∫ a² dt; D5–95 is the time from 5 % to 95 % of it. Fourier amplitude: |∫ a e^(−iωt) dt| over the whole \
-             test, the largest of each part of the logarithmic axis.",
-        )
+             test, the largest of each part of the logarithmic axis."
+        ))
+    }
 }

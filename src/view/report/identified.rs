@@ -1,12 +1,13 @@
 //! Results of a prescribed displacement for its specimens: stiffness, damping and lag; and tracking metrics as data.
 
+use maud::{Markup, html};
+
 use super::RunView;
 use super::axes::FIRST_LOADING;
 use super::digest::{MISSING, NOT_MEASURED, WITHOUT_DISP};
-use super::following::lag_words;
 use super::html::{note, table};
 use super::rows::Rows;
-use super::text::{NOTHING, number, plural, quantity};
+use super::text::{NOTHING, lag_words, number, or_dash, plural, quantity};
 use super::tracked::{Tracked, tracking};
 use gusset_motion::metrics::{Estimate, Tracking};
 use gusset_record::COMMITS;
@@ -133,7 +134,7 @@ pub fn missing_metrics(run: &RunView) -> Vec<String> {
 }
 
 /// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
-pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<String> {
+pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<Markup> {
     // A server does not know its controller's test.
     let is_served = rows.get(COMMITS).is_some();
     if axes.is_empty() || !rows.dofs().is_empty() || is_served {
@@ -149,7 +150,6 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<St
                 quantity(c, &format!("{} s/{}", axis.force_unit, axis.disp_unit))
             })
         };
-        let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
         lines.push(vec![
             axis.name.clone(),
             or_dash(initial.map(|i| stiffness(i.stiffness))),
@@ -180,7 +180,7 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<St
         plural(axes.len() as u64, "axis by itself", "axes each by itself"),
         100.0 * FIRST_LOADING
     );
-    Some(rows.section("Identified specimen", &(markup + &note(&how))))
+    Some(rows.section("Identified specimen", html! { (markup) (note(&how)) }))
 }
 
 #[cfg(test)]

@@ -1,12 +1,15 @@
 //! The table of limits: the limits of the test, how they were judged and by which program, and the motions of the
 //! specimens at either end of a test.
 
+use maud::{Markup, html};
+
 use super::RunView;
 use super::columns::SpecimenAxis;
-use super::html::{beside, details, note, paragraph, table_without};
+use super::html::{details, note, paragraph, table_without};
 use super::rows::Rows;
 use super::scale::{Scale, own_unit};
-use super::text::{NOTHING, exact, number, quantity};
+use super::text::{NOTHING, exact, number, or_dash, quantity};
+use super::tracked::Tracked;
 use gusset_quantity::catalog::column::JUDGED;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_record::summary::{LimitFact, LimitFacts, SpecimenLimits};
@@ -18,7 +21,7 @@ pub(super) fn limits(
     run: &RunView,
     recorded: &Rows<'_>,
     largest: &[(String, f64)],
-) -> Option<String> {
+) -> Option<Markup> {
     let limits = run.summary.as_ref()?.limits.as_ref()?;
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut unlimited = Vec::new();
@@ -42,31 +45,54 @@ pub(super) fn limits(
         }
     }
     rows.extend(limits.test.iter().map(|limit| row("the test", limit, None)));
-    let mut markup = String::new();
-    if rows.is_empty() {
-        markup += &paragraph("The test had no limits but those that every test has.");
-    } else {
-        let heading = [
-            "of",
-            "limit",
-            "warning",
-            "trip",
-            "largest value",
-            "also at the specimen",
-            "how it is checked",
-        ];
-        markup += &beside("limits", &table_without("no", &heading, &rows));
-    }
-    if !unlimited.is_empty() {
-        markup += &note(&format!("Without limits: {}.", unlimited.join(", ")));
-    }
-    Some(
-        markup
-            + &details(
-                "What else ends a test, and what happens then",
-                &consequences(limits),
-            ),
-    )
+    let heading = [
+        "of",
+        "limit",
+        "warning",
+        "trip",
+        "largest value",
+        "also at the specimen",
+        "how it is checked",
+    ];
+    Some(html! {
+        @if rows.is_empty() { (paragraph("The test had no limits but those that every test has.")) }
+        @else { (table_without("no", "limits", &heading, &rows)) }
+        @if !unlimited.is_empty() { (note(&format!("Without limits: {}.", unlimited.join(", ")))) }
+        (details("What else ends a test, and what happens then", consequences(limits)))
+    })
+}
+
+/// The trip levels of an axis as the structure sees them, each with its name, for a chart of that quantity.
+pub(super) fn levels(
+    run: &RunView,
+    rows: &Rows<'_>,
+    axis: &Tracked<'_>,
+    of: &[Limit],
+) -> Vec<(String, f64)> {
+    let place = axis.digest.axis;
+    let facts = || {
+        let specimens = &run.summary.as_ref()?.limits.as_ref()?.specimens;
+        specimens
+            .get(place.specimen as usize - 1)?
+            .axes
+            .get(place.axis as usize - 1)
+    };
+    let scale = Scale::of(rows, &run.test.file, place);
+    let each = facts().into_iter().flatten().filter_map(|fact| {
+        let limit = Limit::of_key(&fact.key).filter(|limit| of.contains(limit))?;
+        let factor = scale.map_or(1.0, |scale| match limit {
+            Limit::MeasuredForce => scale.newtons,
+            _ => scale.metres,
+        });
+        let name = format!("trip, {}", limit.words());
+        Some(
+            fact.trip
+                .iter()
+                .filter(|at| at.is_finite())
+                .map(move |at| (name.clone(), at * factor)),
+        )
+    });
+    each.flatten().collect()
 }
 
 /// The farthest value from zero that a limit judged, at the specimen; none where it is not recorded.
@@ -104,7 +130,7 @@ fn farthest(
 }
 
 /// Causes that end every test, and the consequences of a trip, a late tick and the end.
-fn consequences(limits: &LimitFacts) -> String {
+fn consequences(limits: &LimitFacts) -> Markup {
     let always = limits.always.join("; ");
     let each = [
         ("Always", always.as_str()),
@@ -115,10 +141,9 @@ fn consequences(limits: &LimitFacts) -> String {
         ("At the end", &limits.at_end),
     ];
     let known = each.into_iter().filter(|(_, text)| !text.is_empty());
-    let notes: String = known
-        .map(|(what, text)| note(&format!("{what}: {}.", one_line(text))))
-        .collect();
-    notes + &of_specimens(&limits.specimens)
+    let own = known.map(|(what, text)| format!("{what}: {}.", one_line(text)));
+    let all = own.chain(of_specimens(&limits.specimens));
+    html! { @for text in all { (note(&text)) } }
 }
 
 /// A text of several lines as a sentence.
@@ -127,7 +152,7 @@ fn one_line(text: &str) -> String {
 }
 
 /// Facts about specimens beside the sizes; equal ones are shown once.
-fn of_specimens(specimens: &[SpecimenLimits]) -> String {
+fn of_specimens(specimens: &[SpecimenLimits]) -> Vec<String> {
     let mut told: Vec<(String, Vec<&str>)> = Vec::new();
     for specimen in specimens {
         let parts = [
@@ -156,7 +181,7 @@ fn of_specimens(specimens: &[SpecimenLimits]) -> String {
         }
     }
     told.iter()
-        .map(|(text, names)| note(&format!("{}: {}.", names.join(", "), one_line(text))))
+        .map(|(text, names)| format!("{}: {}.", names.join(", "), one_line(text)))
         .collect()
 }
 
@@ -181,7 +206,7 @@ fn row(who: &str, limit: &LimitFact, largest: Option<f64>) -> Vec<String> {
         sizes(&limit.trip),
         sizes(largest.as_slice()),
         if is_twice { "yes" } else { "no" }.to_owned(),
-        limit.judged.clone().unwrap_or_else(|| NOTHING.to_owned()),
+        or_dash(limit.judged.clone()),
     ]
 }
 
@@ -217,7 +242,7 @@ mod tests {
             }}).into()),
             ..RunView::default()
         };
-        let markup = limits(&run, &Rows::new(&Digest::default()), &[]).unwrap();
+        let markup = limits(&run, &Rows::new(&Digest::default()), &[]).unwrap().0;
         for part in [
             "<th>how it is checked</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
@@ -243,7 +268,9 @@ mod tests {
             ..RunView::default()
         };
         let largest = [("judged_following_error_1_1".to_owned(), 0.0125)];
-        let markup = limits(&run, &Rows::new(&Digest::default()), &largest).unwrap();
+        let markup = limits(&run, &Rows::new(&Digest::default()), &largest)
+            .unwrap()
+            .0;
         assert!(markup.contains("<td>12.5\u{a0}mm</td>"), "{markup}");
     }
 

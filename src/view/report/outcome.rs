@@ -258,8 +258,8 @@ fn ended(text: &str) -> String {
 }
 
 fn extent(run: &RunView, after: Option<u64>) -> Option<String> {
-    let progress = run.progress();
-    let (steps, dt) = (progress.steps?, progress.dt?);
+    let summary = run.summary.as_ref()?;
+    let (steps, dt, wall) = (summary.steps, summary.dt, summary.wall_seconds);
     // The first command of a controller belongs to no step, nor may others.
     let mut sentence = if run.is_served() {
         let accepted = plural(steps, "command", "commands");
@@ -277,20 +277,19 @@ fn extent(run: &RunView, after: Option<u64>) -> Option<String> {
         let tested = own as f64 * dt;
         sentence + &format!(", {tested:.6} s of test time").replace(".000000", "")
     };
-    match (run.is_simulated(), progress.wall_seconds) {
-        (true, wall) => {
-            let took = wall.map_or_else(String::new, |w| format!(" in {}", quantity(w, "s")));
-            sentence += &format!(", on the simulated clock{took}: nothing here was in real time");
+    sentence += &match run.is_simulated() {
+        true => {
+            let took = quantity(wall, "s");
+            format!(", on the simulated clock in {took}: nothing here was in real time")
         }
-        (_, Some(wall)) => sentence += &format!(", in {:.1} s of wall time", wall),
-        _ => {}
-    }
+        false => format!(", in {wall:.1} s of wall time"),
+    };
     Some(sentence + ".")
 }
 
 /// Deadline misses by class, from the summary or, where it has none, counted from the events.
 pub(super) fn miss_classes(run: &RunView) -> Vec<(Option<MissCause>, u64)> {
-    let classes = run.progress().miss_classes;
+    let classes = run.summary.as_ref().map(|summary| summary.miss_classes);
     if let Some(classes) = classes.filter(|classes| classes.total() > 0) {
         return classes.each().map(|(cause, n)| (Some(cause), n)).into();
     }
@@ -322,7 +321,7 @@ pub(super) fn is_miss(event: &EventLine) -> bool {
 fn misses(run: &RunView) -> (u64, Option<String>) {
     let classes = miss_classes(run);
     let sum: u64 = classes.iter().map(|(_, n)| n).sum();
-    let stated = run.progress().deadline_misses;
+    let stated = run.summary.as_ref().map(|summary| summary.deadline_misses);
     // A server has no deadlines: the controller's record has its own.
     if run.is_simulated() || run.is_served() {
         return (stated.unwrap_or(0), None);

@@ -2,11 +2,11 @@
 
 use std::borrow::Cow;
 
-use super::canvas::Ink;
+use maud::{Markup, html};
+
 use super::columns::SpecimenAxis;
 use super::digest::Digest;
 use super::html::{note, section};
-use super::lines::Line;
 use super::row_filter::Passed;
 use super::source::Earlier;
 use super::table::{Marks, Table};
@@ -21,19 +21,6 @@ pub(super) struct Rows<'a> {
 pub(super) struct History<'a> {
     pub time: Cow<'a, [f64]>,
     pub values: Cow<'a, [f64]>,
-}
-
-impl History<'_> {
-    /// The line of this column.
-    pub(crate) fn line<'b>(&'b self, name: &'b str, ink: Ink, width: f64) -> Line<'b> {
-        Line {
-            name,
-            x: &self.time,
-            y: &self.values,
-            ink,
-            width,
-        }
-    }
 }
 
 impl<'a> Rows<'a> {
@@ -80,10 +67,12 @@ impl<'a> Rows<'a> {
     }
 
     /// A section on these rows: a note reports it if they are not the whole test.
-    pub fn section(&self, heading: &str, markup: &str) -> String {
-        let part = self.part();
-        let part = part.map_or_else(String::new, |part| note(&format!("Of {part}.")));
-        section(heading, &(part + markup))
+    pub(crate) fn section(&self, heading: &str, inside: Markup) -> Markup {
+        let part = self.part().map(|part| note(&format!("Of {part}.")));
+        section(
+            heading,
+            html! { @if let Some(part) = part { (part) } (inside) },
+        )
     }
 
     /// A column: of the structure at the ends of steps, of specimens at every tick. `time` is that of the ends of steps.

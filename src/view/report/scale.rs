@@ -1,6 +1,8 @@
 //! The two ends of a specimen: its own, in its own units, and the structure's. Where they are not one to one, a page names the
 //! end of a number.
 
+use maud::Markup;
+
 use super::columns::SpecimenAxis;
 use super::html::note;
 use super::rows::Rows;
@@ -70,7 +72,7 @@ impl Scale {
 }
 
 /// Which numbers are of which end, and the scale of every axis that is not one to one; nothing where all are.
-pub(super) fn of_both_ends(rows: &Rows<'_>, test: &TestFile) -> String {
+pub(super) fn of_both_ends(rows: &Rows<'_>, test: &TestFile) -> Markup {
     let mut told: Vec<(String, Vec<String>)> = Vec::new();
     for &axis in rows.axes() {
         let Some(scale) = Scale::of(rows, test, axis) else {
@@ -83,7 +85,7 @@ pub(super) fn of_both_ends(rows: &Rows<'_>, test: &TestFile) -> String {
         }
     }
     if told.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     let each = told
         .iter()

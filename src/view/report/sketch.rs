@@ -2,14 +2,16 @@
 //!
 //! Drawn from the resolved configuration. It shows connections, not the look of the specimens.
 
-use super::canvas::{Anchor, Canvas, Ink, Lettering};
-use super::charts::{Area, LABEL};
-use super::html::figure;
-use super::text::quantity;
+use maud::{Markup, html};
+
+use super::chart::{Anchor, Area, Canvas, Ink, LABEL, Lettering, fitted, page_picture};
+use super::text::{number, quantity};
 use crate::TestFile;
 use gusset_config::StructureTable;
 use gusset_numerics::model::StructureSpec;
 
+/// Width of a sketch.
+const WIDE: f64 = 560.0;
 /// Storeys or DOFs that are drawn one by one; of more the ends are.
 const MOST: usize = 12;
 /// Specimens that are drawn.
@@ -44,7 +46,7 @@ fn joined(test: &TestFile) -> Vec<Joined> {
 }
 
 /// The sketch; nothing where the configuration has neither structure nor specimens.
-pub(super) fn sketch(test: &TestFile) -> String {
+pub(super) fn sketch(test: &TestFile) -> Markup {
     let specimens = joined(test);
     let structure = test.structure.as_ref();
     let spec = structure.and_then(StructureTable::kind);
@@ -62,7 +64,7 @@ pub(super) fn sketch(test: &TestFile) -> String {
         .max()
         .unwrap_or(0);
     match dofs.unwrap_or(highest) {
-        0 if specimens.is_empty() => String::new(),
+        0 if specimens.is_empty() => Markup::default(),
         n => nodes(n, &specimens),
     }
 }
@@ -78,11 +80,11 @@ fn shown(n: usize) -> Vec<usize> {
         .collect()
 }
 
-fn soft() -> Lettering {
-    Lettering::new(LABEL, Ink::Soft)
+fn figure(height: f64, label: &str, draw: impl FnOnce(&mut Canvas)) -> Markup {
+    html! { figure { (page_picture(WIDE, height, label, draw)) } }
 }
 
-fn hatch(canvas: &mut Canvas<'_>, from: f64, to: f64, y: f64) {
+fn hatch(canvas: &mut Canvas, from: f64, to: f64, y: f64) {
     canvas.line((from, y), (to, y), Ink::Text, 2.0);
     let mut x = from + 4.0;
     while x < to {
@@ -91,77 +93,57 @@ fn hatch(canvas: &mut Canvas<'_>, from: f64, to: f64, y: f64) {
     }
 }
 
-fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> String {
+fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> Markup {
     let levels = shown(masses.len());
-    let storey_height = 46.0;
-    let height = storey_height * levels.len() as f64 + 52.0;
+    let high = 46.0;
+    let ground = high * levels.len() as f64 + 26.0;
+    let (left, right) = (150.0, 300.0);
+    let level = |place: usize| ground - high * place as f64;
     let label = format!("Sketch: a shear building of {} storeys", masses.len());
-    figure(560.0, height, &label, |canvas, area| {
-        let (left, right) = (150.0, 300.0);
-        let ground = area.h - 26.0;
+    let soft = Lettering::new(Ink::Soft);
+    figure(ground + 26.0, &label, |canvas| {
         hatch(canvas, left - 30.0, right + 30.0, ground);
-        let level = |place: usize| ground - storey_height * place as f64;
         for (place, &storey) in levels.iter().enumerate() {
             let (below, above) = (level(place), level(place + 1));
+            let middle = (below + above) / 2.0;
             if storey == 0 {
                 canvas.text(
                     "⋮",
-                    ((left + right) / 2.0, (below + above) / 2.0),
-                    soft().anchored(Anchor::Middle),
+                    ((left + right) / 2.0, middle),
+                    soft.anchored(Anchor::Middle),
                 );
                 canvas.line((left, above), (right, above), Ink::Frame, 1.5);
                 continue;
             }
-            let here: Vec<&Joined> = specimens
-                .iter()
-                .filter(|s| s.storey == Some(storey))
-                .collect();
-            let (ink, width) = if here.is_empty() {
-                (Ink::Text, 2.0)
-            } else {
+            let here = specimens.iter().filter(|s| s.storey == Some(storey));
+            let mut words: Vec<String> = here.map(|s| s.name.clone()).collect();
+            let has_specimen = !words.is_empty();
+            let (ink, width) = if has_specimen {
                 (Ink::Series(1), 4.0)
+            } else {
+                (Ink::Text, 2.0)
             };
-            let k = stiffness.get(storey - 1).copied().unwrap_or(f64::NAN);
-            // A storey without stiffness rests on its specimen alone.
             for x in [left + 6.0, right - 6.0] {
                 canvas.line((x, below), (x, above), ink, width);
             }
             canvas.line((left, above), (right, above), Ink::Text, 5.0);
             let mass = masses.get(storey - 1).copied().unwrap_or(f64::NAN);
-            canvas.text(
-                &format!("{storey}:  {}", quantity(mass, "kg")),
-                (left - 12.0, above),
-                soft().anchored(Anchor::Right),
-            );
-            let mut words = here
-                .iter()
-                .map(|s| s.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", ");
-            if k > 0.0 {
-                let own = quantity(k, "N/m");
-                words = if words.is_empty() {
-                    own
-                } else {
-                    format!("{words} + {own}")
-                };
-            }
-            let ink = if here.is_empty() {
-                Ink::Soft
+            let mass = format!("{storey}:  {}", quantity(mass, "kg"));
+            canvas.text(&mass, (left - 12.0, above), soft.anchored(Anchor::Right));
+            // A storey without stiffness rests on its specimen alone.
+            let own = stiffness.get(storey - 1).filter(|k| **k > 0.0);
+            words.extend(own.map(|k| quantity(*k, "N/m")));
+            let words = fitted(&words.join(" + "), LABEL * 1.1, WIDE - right - 14.0);
+            let style = if has_specimen {
+                Lettering::new(ink).bold()
             } else {
-                Ink::Series(1)
+                soft
             };
-            let at = (right + 14.0, (below + above) / 2.0);
-            let style = Lettering::new(LABEL, ink);
-            let style = if here.is_empty() { style } else { style.bold() };
-            canvas.text(&style.fitted(&words, area.w - at.0), at, style);
+            canvas.text(&words, (right + 14.0, middle), style);
         }
-        let place_of = |dof: usize| {
-            if dof == 0 {
-                Some(0)
-            } else {
-                levels.iter().position(|l| *l == dof).map(|p| p + 1)
-            }
+        let place_of = |dof: usize| match dof {
+            0 => Some(0),
+            dof => levels.iter().position(|l| *l == dof).map(|p| p + 1),
         };
         let braces = specimens
             .iter()
@@ -185,36 +167,32 @@ fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> String {
             );
             canvas.line(from, to, Ink::Series(1), 3.0);
             let middle = ((from.0 + to.0) / 2.0, (from.1 + to.1) / 2.0 - 12.0);
-            let style = Lettering::new(LABEL, Ink::Series(1)).bold();
-            let style = style.anchored(Anchor::Middle);
-            canvas.text(&style.fitted(&brace.name, 120.0), middle, style);
+            let style = Lettering::new(Ink::Series(1))
+                .bold()
+                .anchored(Anchor::Middle);
+            canvas.text(&fitted(&brace.name, LABEL * 1.1, 120.0), middle, style);
         }
         canvas.text(
             "ground",
             (left - 40.0, ground + 2.0),
-            soft().anchored(Anchor::Right),
+            soft.anchored(Anchor::Right),
         );
     })
 }
 
-fn nodes(n: usize, specimens: &[Joined]) -> String {
+fn nodes(n: usize, specimens: &[Joined]) -> Markup {
     let shown_dofs = shown(n);
     let drawn: Vec<&Joined> = specimens.iter().take(MOST_SPECIMENS).collect();
-    let rows = drawn.len().max(1) as f64;
-    let height = if n == 0 {
-        34.0 + 44.0 * rows
-    } else {
-        84.0 + 44.0 * rows
-    };
+    let (first, y) = (if n == 0 { 10.0 } else { 70.0 }, 34.0);
+    let height = first + 24.0 + 44.0 * drawn.len().max(1) as f64;
     let label = format!(
         "Sketch: {n} degrees of freedom and {} specimens",
         specimens.len()
     );
-    figure(560.0, height, &label, |canvas, area: Area| {
-        let spacing = (area.w - 60.0) / shown_dofs.len().max(1) as f64;
-        let spacing = spacing.min(90.0);
-        let x_of = |place: usize| 40.0 + spacing * (place as f64 + 0.5);
-        let y = 34.0;
+    let spacing = ((WIDE - 60.0) / shown_dofs.len().max(1) as f64).min(90.0);
+    let x_of = |place: usize| 40.0 + spacing * (place as f64 + 0.5);
+    let soft = Lettering::new(Ink::Soft);
+    figure(height, &label, |canvas| {
         if n > 1 {
             canvas.line(
                 (x_of(0), y),
@@ -224,51 +202,63 @@ fn nodes(n: usize, specimens: &[Joined]) -> String {
             );
         }
         for (place, &dof) in shown_dofs.iter().enumerate() {
+            let middle = soft.anchored(Anchor::Middle);
             if dof == 0 {
-                canvas.text("…", (x_of(place), y), soft().anchored(Anchor::Middle));
+                canvas.text("…", (x_of(place), y), middle);
                 continue;
             }
-            canvas.dot((x_of(place), y), Ink::Series(0), 7.0);
-            canvas.text(
-                &format!("DOF {dof}"),
-                (x_of(place), y - 20.0),
-                soft().anchored(Anchor::Middle),
-            );
+            canvas.line((x_of(place), y), (x_of(place), y), Ink::Series(0), 14.0);
+            // Names of many DOFs would lie on each other.
+            let name = if spacing < 50.0 {
+                dof.to_string()
+            } else {
+                format!("DOF {dof}")
+            };
+            canvas.text(&name, (x_of(place), y - 20.0), middle);
         }
         for (i, specimen) in drawn.iter().enumerate() {
-            let top = if n == 0 { 10.0 } else { 70.0 } + 44.0 * i as f64;
-            let places: Vec<(f64, f64)> = specimen
+            let top = first + 44.0 * i as f64;
+            let at = |dof: &usize| Some(x_of(shown_dofs.iter().position(|d| d == dof)?));
+            let places = specimen
                 .dofs
                 .iter()
-                .filter_map(|(dof, weight)| {
-                    Some((x_of(shown_dofs.iter().position(|d| d == dof)?), *weight))
-                })
-                .collect();
-            let middle = places.iter().map(|p| p.0).sum::<f64>() / places.len().max(1) as f64;
-            let middle = if places.is_empty() { 140.0 } else { middle };
-            let middle = middle.clamp(90.0, area.w - 90.0);
+                .filter_map(|(dof, weight)| Some((at(dof)?, *weight)));
+            let places: Vec<(f64, f64)> = places.collect();
+            let sum = places.iter().map(|p| p.0).sum::<f64>();
+            let middle = if places.is_empty() {
+                140.0
+            } else {
+                sum / places.len() as f64
+            };
+            let middle = middle.clamp(90.0, WIDE - 90.0);
             for (x, weight) in &places {
                 canvas.line((*x, y + 7.0), (middle, top), Ink::Series(1), 1.5);
                 if (weight - 1.0).abs() > 1e-12 {
                     let at = ((x + middle) / 2.0 + 4.0, (y + 7.0 + top) / 2.0);
-                    canvas.text(&super::text::number(*weight, 2), at, soft());
+                    canvas.text(&number(*weight, 2), at, soft);
                 }
             }
             canvas.block(
-                (middle - 80.0, top),
-                (middle + 80.0, top + 26.0),
+                Area {
+                    x: middle - 80.0,
+                    y: top,
+                    w: 160.0,
+                    h: 26.0,
+                },
                 Ink::Series(1),
                 0.25,
             );
-            let style = Lettering::new(LABEL, Ink::Text).bold();
-            let style = style.anchored(Anchor::Middle);
-            let name = style.fitted(&specimen.name, 150.0);
-            canvas.text(&name, (middle, top + 13.0), style);
+            let style = Lettering::new(Ink::Text).bold().anchored(Anchor::Middle);
+            canvas.text(
+                &fitted(&specimen.name, LABEL * 1.1, 150.0),
+                (middle, top + 13.0),
+                style,
+            );
             if n == 0 {
                 canvas.text(
                     "← prescribed displacement →",
                     (middle + 96.0, top + 13.0),
-                    soft(),
+                    soft,
                 );
             }
         }
@@ -281,7 +271,7 @@ mod tests {
     use crate::ResolvedTest;
 
     fn of(text: &str) -> String {
-        sketch(&ResolvedTest::from(text).file)
+        sketch(&ResolvedTest::from(text).file).0
     }
 
     #[test]
@@ -308,9 +298,9 @@ mod tests {
         let drawn = of(
             "[structure.chain]\ndofs = 5000\nmass_kg = 1.0\nstiffness_n_per_m = 1.0\n[[specimen]]\nname = \"end\"\nrows = [[0, 0.5]]\n",
         );
-        assert!(drawn.contains("DOF 5000") && drawn.contains("end") && drawn.contains("0.50"));
+        assert!(drawn.contains(">5000</text>") && drawn.contains("end") && drawn.contains("0.50"));
         assert!(of("[[specimen]]\nname = \"pad\"\n").contains("prescribed displacement"));
-        assert_eq!(sketch(&TestFile::default()), "");
+        assert_eq!(sketch(&TestFile::default()).0, "");
         assert_eq!(of("a = 1"), "");
     }
 }

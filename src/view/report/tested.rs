@@ -119,13 +119,11 @@ pub(super) fn facts(run: &RunView) -> Vec<(String, String)> {
 
 /// Step, rate and clock: from the summary, else from the test file.
 fn time(run: &RunView) -> String {
-    let (test, progress) = (&run.test.file, run.progress());
-    let step = progress.dt.or_else(|| test.step_s());
+    let (test, summary) = (&run.test.file, run.summary.as_ref());
+    let step = summary.map(|summary| summary.dt).or_else(|| test.step_s());
     let step = step.map(|dt| format!("step {}", exact(dt, "s")));
-    let rate = progress
-        .rate_hz
-        .map(|hz| format!("{hz} ticks per second of wall time"));
-    let clock = run.summary.as_ref().map(|summary| summary.clock);
+    let rate = summary.map(|summary| format!("{} ticks per second of wall time", summary.rate_hz));
+    let clock = summary.map(|summary| summary.clock);
     let clock = clock.or_else(|| match test.time.as_ref()?.clock {
         ClockChoice::Real => Some(ClockKind::Real),
         ClockChoice::Simulated => Some(ClockKind::Simulated),

@@ -1,7 +1,4 @@
-//! Numbers and words for readers, safe for HTML and SVG.
-//!
-//! Invariant: a result of [`escape`] contains no character that a browser or an XML parser could take for markup,
-//! whatever the text of a title is. No layout here.
+//! Numbers and words for readers. Markup escapes them by its type; [`printable`] spells what a browser would obey or hide.
 
 use std::borrow::Cow;
 
@@ -10,24 +7,7 @@ use gusset_quantity::text::is_hidden;
 /// Text for a number that does not exist.
 pub(super) const NOTHING: &str = "–";
 
-/// Text made harmless for element content and quoted attributes; hidden characters are spelled.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len() + 8);
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            c if is_shown(c) => out.push(c),
-            c => out.extend(c.escape_unicode()),
-        }
-    }
-    out
-}
-
-/// Text with hidden characters spelled, for a library that escapes markup itself.
+/// A page or a picture with hidden characters spelled: its markup holds none, so they come from a user's text.
 pub(super) fn printable(text: &str) -> Cow<'_, str> {
     if text.chars().all(is_shown) {
         return Cow::Borrowed(text);
@@ -213,6 +193,25 @@ pub(super) fn micros(us: f64) -> String {
     }
 }
 
+/// A share as "1.23 %".
+pub(super) fn percent(share: f64) -> String {
+    format!("{}\u{a0}%", number(100.0 * share, 3))
+}
+
+/// A lag; a nanosecond is far below the resolution of a fit through samples.
+pub(super) fn lag_words(lag: f64) -> String {
+    if lag.abs() < 1e-9 {
+        "0\u{a0}s".to_owned()
+    } else {
+        quantity(lag, "s")
+    }
+}
+
+/// A text, or a dash where it does not exist.
+pub(super) fn or_dash(text: Option<String>) -> String {
+    text.unwrap_or_else(|| NOTHING.to_owned())
+}
+
 /// "1 tick", "2 ticks".
 pub(super) fn plural(n: u64, one: &str, many: &str) -> String {
     format!("{}\u{a0}{}", count(n), if n == 1 { one } else { many })
@@ -223,12 +222,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn markup_characters_do_not_survive() {
+    fn hidden_characters_are_spelled() {
         assert_eq!(
-            escape("<a href=\"x\">'&'\u{0}\u{202e}</a>"),
-            "&lt;a href=&quot;x&quot;&gt;&#39;&amp;&#39;\\u{0}\\u{202e}&lt;/a&gt;"
+            printable("a\u{0}b\u{200b}c\u{202e}"),
+            "a\\u{0}b\\u{200b}c\\u{202e}"
         );
-        assert_eq!(printable("a\u{0}b\u{200b}c"), "a\\u{0}b\\u{200b}c");
+        assert!(matches!(
+            printable("12\u{a0}mm, 1\u{202f}000\n"),
+            Cow::Borrowed(_)
+        ));
     }
 
     #[test]

@@ -1,126 +1,65 @@
 //! Fewer points, the same picture.
 //!
-//! A history is reduced to first, lowest, highest and last per column of the picture: as a line it is equal, pixel for
-//! pixel, to that of all points, so no peak is ever lost. A loop is reduced by Ramer–Douglas–Peucker with the distance
-//! to the *segment* (a loop that turns back on itself keeps its turning point): no dropped point lies further from the
-//! drawn line than the tolerance.
-//!
-//! A NaN is a gap: the line is broken there, never bridged, unless the gap is narrower than a column.
+//! A history passes every row within a thousandth of its peak, and a very long one keeps the extremes of every few rows: no peak
+//! is lost. A loop is reduced by Ramer–Douglas–Peucker with the distance to the *segment*: a loop that turns back on itself keeps
+//! its turning point. A NaN is a gap: the line is broken there.
 
 use super::axis::is_drawable;
 
 /// A stretch of line without gaps.
 pub(super) type Run = Vec<(f64, f64)>;
 
-/// First, lowest, highest and last of `y` in each of `columns` columns of `lo..hi`. `x` is in rising order.
-pub(super) fn extremes(x: &[f64], y: &[f64], (lo, hi): (f64, f64), columns: usize) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
-    let mut open: Option<Bucket> = None;
-    let mut gap = true;
-    for (&x, &y) in x.iter().zip(y) {
-        if !(is_drawable(x) && is_drawable(y)) {
-            gap = true;
-            continue;
-        }
-        if !(x >= lo && x <= hi) {
-            continue;
-        }
-        let column = column_of(x, lo, hi, columns);
-        match &mut open {
-            Some(bucket) if bucket.column == column => bucket.take(x, y),
-            other => {
-                if let Some(bucket) = other.take() {
-                    bucket.close(&mut runs);
-                }
-                if gap {
-                    runs.push(Run::new());
-                }
-                *other = Some(Bucket::new(column, x, y));
+/// Largest share of a line's peak by which its history may miss a row, at its time.
+const EXACT: f64 = 7e-4;
+/// Points of a history at most, give or take its gaps.
+pub(super) const MOST: usize = 4000;
+
+/// Parts of a history of highest values.
+const PARTS: usize = 800;
+
+/// The points of a history for a page: within a thousandth of its peak, roundoff of the page included; of very many, the extremes of every few.
+pub(super) fn history(x: &[f64], y: &[f64]) -> Run {
+    let drawable = y.iter().filter(|y| is_drawable(**y));
+    let peak = drawable.fold(0.0, |peak, y| y.abs().max(peak));
+    let kept = followed(x, y, EXACT * peak);
+    if kept.len() <= MOST {
+        return kept;
+    }
+    extremes(x, y, MOST / 2)
+}
+
+/// The highest of `y` in each of some hundred parts: for lateness, of which only the worst counts. A gap is a NaN point.
+pub(super) fn highest(x: &[f64], y: &[f64]) -> Run {
+    let points: Run = x.iter().copied().zip(y.iter().copied()).collect();
+    let parts = points.chunks(points.len().div_ceil(PARTS).max(1));
+    let top = |part: &[(f64, f64)]| {
+        let known = part.iter().filter(|point| is_drawable(point.1));
+        let top = known.max_by(|a, b| a.1.total_cmp(&b.1));
+        top.copied().unwrap_or((f64::NAN, f64::NAN))
+    };
+    parts.map(top).collect()
+}
+
+/// Lowest and highest of `y` in each of `parts` parts, in the order in which they came. A gap is a NaN point.
+fn extremes(x: &[f64], y: &[f64], parts: usize) -> Run {
+    let points: Run = x.iter().copied().zip(y.iter().copied()).collect();
+    let mut out = Run::new();
+    for part in points.chunks(points.len().div_ceil(parts).max(1)) {
+        for stretch in part.split(|(x, y)| !(is_drawable(*x) && is_drawable(*y))) {
+            let by_height = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+            let ends = stretch
+                .iter()
+                .min_by(by_height)
+                .zip(stretch.iter().max_by(by_height));
+            if let Some((lo, hi)) = ends {
+                let (first, last) = if lo.0 <= hi.0 { (lo, hi) } else { (hi, lo) };
+                out.extend([*first, *last]);
+            } else if out.last().is_some_and(|last| !last.1.is_nan()) {
+                out.push((f64::NAN, f64::NAN));
             }
         }
-        gap = false;
     }
-    if let Some(bucket) = open {
-        bucket.close(&mut runs);
-    }
-    runs
-}
-
-/// The highest `y` in each column, at its own place.
-pub(super) fn highest(x: &[f64], y: &[f64], (lo, hi): (f64, f64), columns: usize) -> Vec<Run> {
-    let mut best: Vec<Option<(f64, f64)>> = vec![None; columns.max(1)];
-    for (&x, &y) in x.iter().zip(y) {
-        if !(is_drawable(y) && x >= lo && x <= hi) {
-            continue;
-        }
-        if let Some(cell) = best.get_mut(column_of(x, lo, hi, columns))
-            && cell.is_none_or(|(_, top)| y > top)
-        {
-            *cell = Some((x, y));
-        }
-    }
-    let run: Run = best.into_iter().flatten().collect();
-    if run.is_empty() {
-        Vec::new()
-    } else {
-        vec![run]
-    }
-}
-
-fn column_of(x: f64, lo: f64, hi: f64, columns: usize) -> usize {
-    let last = columns.max(1) - 1;
-    (((x - lo) / (hi - lo) * columns.max(1) as f64) as usize).min(last)
-}
-
-struct Bucket {
-    column: usize,
-    taken: usize,
-    first: (f64, f64),
-    lowest: (usize, f64, f64),
-    highest: (usize, f64, f64),
-    last: (f64, f64),
-}
-
-impl Bucket {
-    const fn new(column: usize, x: f64, y: f64) -> Self {
-        Self {
-            column,
-            taken: 1,
-            first: (x, y),
-            lowest: (0, x, y),
-            highest: (0, x, y),
-            last: (x, y),
-        }
-    }
-
-    fn take(&mut self, x: f64, y: f64) {
-        if y < self.lowest.2 {
-            self.lowest = (self.taken, x, y);
-        }
-        if y > self.highest.2 {
-            self.highest = (self.taken, x, y);
-        }
-        self.last = (x, y);
-        self.taken += 1;
-    }
-
-    fn close(self, runs: &mut [Run]) {
-        let Some(run) = runs.last_mut() else { return };
-        let (a, b) = if self.lowest.0 <= self.highest.0 {
-            (self.lowest, self.highest)
-        } else {
-            (self.highest, self.lowest)
-        };
-        run.push(self.first);
-        for (index, x, y) in [a, b] {
-            if index > 0 && index + 1 < self.taken && run.last() != Some(&(x, y)) {
-                run.push((x, y));
-            }
-        }
-        if self.taken > 1 {
-            run.push(self.last);
-        }
-    }
+    out
 }
 
 /// The points of a history that a line needs to pass each of `x`, `y` within `tolerance` at its own `x`. Every kept point is one
@@ -297,26 +236,20 @@ mod tests {
 
     proptest! {
         #[test]
-        fn thinned_column_keeps_its_extremes(
-            y in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..400), columns in 1usize..50,
+        fn thinned_parts_keep_their_extremes(
+            y in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..400), parts in 1usize..50,
         ) {
-            let x = numbers(y.len());
-            let (lo, hi) = (0.0, y.len() as f64);
-            let runs = extremes(&x, &y, (lo, hi), columns);
-            let drawn: Vec<_> = runs.iter().flatten().copied().collect();
-            prop_assert!(drawn.len() <= 4 * columns);
+            let kept = extremes(&numbers(y.len()), &y, parts);
+            let drawn: Vec<_> = kept.iter().filter(|p| p.1.is_finite()).collect();
             prop_assert!(drawn.windows(2).all(|w| w[0].0 <= w[1].0));
-            for &(px, py) in &drawn {
-                prop_assert_eq!(y[px as usize], py);
+            for (px, py) in &drawn {
+                prop_assert_eq!(y[*px as usize], *py);
             }
-            for column in 0..columns {
-                let of = |points: &mut dyn Iterator<Item = (f64, f64)>| {
-                    super::super::axis::extent(points.filter(|p| column_of(p.0, lo, hi, columns) == column).map(|p| p.1))
-                };
-                let all = of(&mut x.iter().copied().zip(y.iter().copied()));
-                prop_assert_eq!(all, of(&mut drawn.iter().copied()));
-                let top = highest(&x, &y, (lo, hi), columns).into_iter().flatten();
-                prop_assert_eq!(all.map(|e| e.1), of(&mut top.into_iter()).map(|e| e.1));
+            let size = y.len().div_ceil(parts);
+            for (number, part) in y.chunks(size).enumerate() {
+                let own = drawn.iter().filter(|p| p.0 as usize / size == number).map(|p| p.1);
+                let all = super::super::axis::extent(part.iter().copied());
+                prop_assert_eq!(all, super::super::axis::extent(own));
             }
         }
 
@@ -376,11 +309,45 @@ mod tests {
     #[test]
     fn a_gap_breaks_the_line() {
         let y = [1.0, 2.0, f64::NAN, 3.0, 4.0];
-        let runs = extremes(&numbers(5), &y, (0.0, 4.0), 100);
-        assert_eq!(runs.len(), 2);
         assert_eq!(within(numbers(5).into_iter().zip(y), 0.0).len(), 2);
         assert!(within(std::iter::empty(), 1.0).is_empty());
-        assert!(extremes(&[0.0], &[f64::NAN], (0.0, 1.0), 5).is_empty());
+        assert_eq!(
+            history(&numbers(5), &y)
+                .iter()
+                .filter(|p| p.1.is_nan())
+                .count(),
+            1
+        );
+        assert_eq!(
+            extremes(&numbers(5), &y, 2)
+                .iter()
+                .filter(|p| p.1.is_nan())
+                .count(),
+            1
+        );
+        assert!(history(&[0.0], &[f64::NAN]).is_empty());
+    }
+
+    #[test]
+    fn highest_values_keep_gaps() {
+        let y = [1.0, 3.0, f64::NAN, 2.0];
+        let kept = highest(&numbers(4), &y);
+        assert_eq!((kept[1], kept[3], kept.len()), ((1.0, 3.0), (3.0, 2.0), 4));
+        assert!(kept[2].1.is_nan());
+        let long = highest(&numbers(10_000), &vec![1.0; 10_000]);
+        assert!(long.len() <= PARTS);
+    }
+
+    #[test]
+    fn noise_of_a_long_test_keeps_its_peak() {
+        let mut y: Vec<f64> = numbers(100_000)
+            .into_iter()
+            .map(|k| libm::sin(k * k))
+            .collect();
+        y[77_777] = 9.0;
+        let kept = history(&numbers(y.len()), &y);
+        assert!(kept.len() <= MOST, "{}", kept.len());
+        assert!(kept.contains(&(77_777.0, 9.0)));
     }
 
     #[test]

@@ -2,12 +2,12 @@
 
 use super::RunView;
 use super::axes::AxisDigest;
-use super::charts::Quantity;
+use super::chart::Scale as Axis;
 use super::columns::SpecimenAxis;
 use super::rows::Rows;
 use super::scale::{AS_SEEN, Scale};
 use super::tested::axis_name;
-use super::text::{number, quantity};
+use super::text::{lag_words, percent, quantity};
 
 /// All values of the page for one axis.
 pub(super) struct Tracked<'a> {
@@ -70,10 +70,8 @@ impl<'a> Tracked<'a> {
     /// Energy error in words, with its share where that is known.
     pub(crate) fn energy_error(&self) -> Option<String> {
         let tracking = self.digest.tracking?;
-        let share = tracking.energy_error_share.map(|share| {
-            let percent = number(100.0 * share.value, 3);
-            format!(" ({percent}\u{a0}%)")
-        });
+        let share = tracking.energy_error_share;
+        let share = share.map(|share| format!(" ({})", percent(share.value)));
         let joule = quantity(tracking.energy_error_j.value, self.work_unit());
         Some(joule + &share.unwrap_or_default())
     }
@@ -98,12 +96,23 @@ impl<'a> Tracked<'a> {
         format!("{}: {what}", self.name)
     }
 
-    /// A displacement of this axis under a name.
-    pub(crate) const fn disp<'b>(&'b self, words: &'b str) -> Quantity<'b> {
-        Quantity {
-            words,
-            unit: self.disp_unit,
-        }
+    /// An axis of a chart with displacements of this axis.
+    pub(crate) const fn disp<'b>(&'b self, words: &'b str) -> Axis<'b> {
+        Axis::new(words, self.disp_unit)
+    }
+
+    /// The plain figures of tracking: name and value.
+    pub(crate) fn figures(&self) -> [(&'static str, Option<String>); 4] {
+        let largest = self
+            .digest
+            .tracking
+            .map(|t| quantity(t.peak_error_m.value, self.disp_unit));
+        [
+            ("delay", self.delay().map(lag_words)),
+            ("amplitude error", self.amplitude_error().map(percent)),
+            ("energy error", self.energy_error()),
+            ("largest error", largest),
+        ]
     }
 }
 

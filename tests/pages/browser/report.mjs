@@ -5,23 +5,12 @@ import { visit } from "./stage.mjs";
 const [address, how, shot] = process.argv.slice(2);
 const options = { colorScheme: how.endsWith("dark") ? "dark" : "light", javaScriptEnabled: how !== "noscript" };
 
-/** What stands on the canvases: share of inked pixels and a digest of each. */
-const canvases = (page) =>
-  page.$$eval(".plot canvas", (all) =>
-    all.map((canvas) => {
-      // A copy: reading the page's own canvas again and again would be remarked upon in the console.
-      const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
-      copy.drawImage(canvas, 0, 0);
-      const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
-      let inked = 0;
-      let digest = 0;
-      for (let at = 0; at < data.length; at += 4) {
-        if (data[at + 3] === 0) continue;
-        inked += 1;
-        digest = (digest * 31 + at + data[at] * 7 + data[at + 1] * 3 + data[at + 2]) % 4294967291;
-      }
-      return { inked: (4 * inked) / data.length, digest };
-    }),
+/** What each open history shows: its part of the lines, and the share of its lines that are seen. */
+const shown = (page) =>
+  page.$$eval("figure.history svg.lines", (all) =>
+    all
+      .filter((lines) => !lines.closest("details"))
+      .map((lines) => ({ part: lines.getAttribute("viewBox"), inked: [...lines.querySelectorAll("path")].some((path) => path.getTotalLength() > 10) })),
   );
 
 /** Order, sizes, folded parts and colours of a page, and the number of its pages on paper. */
@@ -52,14 +41,13 @@ await visit(address, options, async (page, found) => {
   found.title = await page.title();
   found.scripts = await page.$$eval("script:not([type])", (all) => all.length);
   found.wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
-  found.pictures = await page.$$eval("figure svg", (all) => all.filter((svg) => svg.getBoundingClientRect().height > 50).length);
-  found.unfolded = await page.$$eval("figure svg", (all) => all.filter((svg) => !svg.closest("details") && svg.getBoundingClientRect().height > 50).length);
-  found.unnamed = await page.$$eval("figure svg, .plot", (all) => all.filter((one) => !one.getAttribute("aria-label")).length);
+  found.pictures = await page.$$eval("figure svg.chart", (all) => all.filter((svg) => svg.getBoundingClientRect().height > 50).length);
+  found.unfolded = await page.$$eval("figure svg.chart", (all) => all.filter((svg) => !svg.closest("details") && svg.getBoundingClientRect().height > 50).length);
+  found.unnamed = await page.$$eval("figure svg.chart", (all) => all.filter((one) => !one.getAttribute("aria-label")).length);
   found.background = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
-  // With a picture or with a plot: a frame round nothing tells nobody anything.
   found.empty = await page.$$eval("figure", (all) => {
     const isSeen = (one) => one.getBoundingClientRect().height > 50;
-    return all.filter((figure) => ![...figure.querySelectorAll("svg, .plot")].some(isSeen)).length;
+    return all.filter((figure) => ![...figure.querySelectorAll("svg")].some(isSeen)).length;
   });
   if (shot) await page.screenshot({ path: shot, fullPage: true });
   if (how.startsWith("layout")) return layout(page, found);
@@ -67,27 +55,51 @@ await visit(address, options, async (page, found) => {
   if (how === "print") {
     await page.emulateMedia({ media: "print" });
     found.printed = {
-      canvases: await page.$$eval(".plot", (all) => all.filter((plot) => plot.getBoundingClientRect().height > 0).length),
-      pictures: await page.$$eval("figure svg", (all) => all.filter((svg) => svg.getBoundingClientRect().height > 50).length),
+      tools: await page.$$eval(".tools, .read", (all) => all.filter((one) => one.getBoundingClientRect().height > 0).length),
+      pictures: await page.$$eval("figure svg.chart", (all) => all.filter((svg) => svg.getBoundingClientRect().height > 50).length),
     };
     return;
   }
-  found.before = await canvases(page);
-  const over = page.locator(".plot .u-over").nth(1);
-  await over.scrollIntoViewIfNeeded();
-  const box = await over.boundingBox();
-  const y = box.y + box.height / 2;
-  await page.mouse.move(box.x + box.width * 0.3, y);
-  found.legend = await page.locator(".plot").nth(2).locator(".u-value").nth(1).textContent();
+  found.before = await shown(page);
+  const history = page.locator("figure.history").nth(1);
+  const read = page.locator("figure.history").nth(2).locator(".read");
+  await history.scrollIntoViewIfNeeded();
+  const svg = await history.locator("svg.chart").boundingBox();
+  const y = svg.y + svg.height / 2;
+  const at = (share) => svg.x + svg.width * share;
+  await page.mouse.move(at(0.3), y);
+  found.value = await read.textContent();
+  for (const share of [0.4, 0.5]) {
+    await page.mouse.click(at(share), y);
+    await page.waitForTimeout(400);
+  }
+  found.cursors = await read.textContent();
+  await page.mouse.move(at(0.3), y);
   await page.mouse.down();
-  await page.mouse.move(box.x + box.width * 0.6, y, { steps: 6 });
+  await page.mouse.move(at(0.6), y, { steps: 6 });
   await page.mouse.up();
-  await page.waitForTimeout(200);
-  found.zoomed = await canvases(page);
-  found.button = await page.locator(".whole").isVisible();
-  await page.locator(".whole").click();
-  await page.mouse.move(2, 2);
-  await page.waitForTimeout(200);
-  found.after = await canvases(page);
-  found.hidden = await page.locator(".whole").isHidden();
+  found.zoomed = await shown(page);
+  await history.locator("button", { hasText: "Whole" }).click();
+  found.after = await shown(page);
+  await history.locator("svg.chart").focus();
+  await page.keyboard.press("+");
+  found.nearer = await shown(page);
+  await page.keyboard.press("ArrowRight");
+  found.moved = await shown(page);
+  await page.keyboard.press("0");
+  found.again = await shown(page);
+  const loop = page.locator("figure:not(.history)", { has: page.locator("svg.lines") }).first();
+  await loop.scrollIntoViewIfNeeded();
+  const part = () => loop.locator("svg.lines").getAttribute("viewBox");
+  found.loop = [await part()];
+  const place = await loop.locator("svg.chart").boundingBox();
+  await page.mouse.move(place.x + 0.4 * place.width, place.y + 0.4 * place.height);
+  await page.mouse.down();
+  await page.mouse.move(place.x + 0.6 * place.width, place.y + 0.6 * place.height, { steps: 4 });
+  await page.mouse.up();
+  found.loop.push(await part());
+  const [saved] = await Promise.all([page.waitForEvent("download"), history.locator("button", { hasText: "CSV" }).click()]);
+  const chunks = [];
+  for await (const chunk of await saved.createReadStream()) chunks.push(chunk);
+  found.csv = Buffer.concat(chunks).toString("utf8").split("\n");
 });

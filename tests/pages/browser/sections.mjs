@@ -33,7 +33,6 @@ await visit(address, { colorScheme: scheme, viewport: { width: 1280, height: 720
   found.borders = await page.$$eval(".wide", (all) => all.filter((one) => getComputedStyle(one).backgroundImage !== "none").length);
   found.sheet = await page.$$eval("style", (all) => all.map((one) => one.textContent).join("\n").includes(".tiles div { border: 1px solid var(--edge)"));
   if (shot) await page.screenshot({ path: shot, fullPage: true });
-  // Paper shows the picture of every plot, also of those that a script draws on the screen.
   await page.emulateMedia({ media: "print" });
   found.plots = await plots(page);
   await page.$$eval("details", (all) => all.forEach((one) => (one.open = true)));

@@ -86,7 +86,7 @@ fn comparison_has_the_reports_sections() {
     assert!(markup.contains("Hysteresis of storey"));
     for folded in ["Tracking indices", "Every column that differs"] {
         assert!(
-            markup.contains(&format!("<details>\n<summary>{folded}</summary>")),
+            markup.contains(&format!("<details><summary>{folded}</summary>")),
             "{folded}"
         );
     }
