@@ -117,7 +117,11 @@ impl Figure {
     pub fn chart(&self) -> Chart<'_> {
         let scale = |scale: Scale| {
             let axis = report::Scale::new(scale.words, scale.unit);
-            let axis = if self.axes == Axes::Logarithmic { axis.log() } else { axis };
+            let axis = if self.axes == Axes::Logarithmic {
+                axis.log()
+            } else {
+                axis
+            };
             axis.within(scale.range)
         };
         let (width, height) = match self.axes {
