@@ -343,7 +343,7 @@ fn check_shows_the_actuators_needs() {
         "3 in the plane hold ux, uy, rz, strokes exact",
         "law and estimates are of the platform's coordinates",
         "actuator 2, ",
-        "ux -",
+        "platform ux ",
         "condition",
     ] {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
