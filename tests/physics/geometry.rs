@@ -339,7 +339,7 @@ fn check_shows_the_actuators_needs() {
         "ux, uy, rz",
         "platform's coordinates",
         "actuator 2, ",
-        "ux -",
+        "platform ux ",
         "condition",
     ] {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);

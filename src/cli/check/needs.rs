@@ -71,10 +71,10 @@ pub(super) fn tabulate(full: &FullRehearsal, table: &mut Table, all_of_it: bool)
     table.verbatim("");
     let columns = Columns::of(lines.iter().chain(&of_hold));
     columns.show(table, ["needs", "needed", "limit", "used"]);
-    if let (true, Some(stand_in)) = (is_flat, first) {
+    if let (true, Some(first)) = (is_flat, all.first()) {
         table.line(&format!(
             "all specimens: rehearsed with {}",
-            stand_in.words()
+            stand_in(first, false)
         ));
     }
     for (place, needs) in all.iter().enumerate() {
@@ -83,19 +83,11 @@ pub(super) fn tabulate(full: &FullRehearsal, table: &mut Table, all_of_it: bool)
             continue;
         }
         if !is_flat {
-            let powers = if all_of_it {
-                powers(needs)
-            } else {
-                String::new()
-            };
-            let stand_in = needs.stand_in.words();
-            table.line(&format!(
-                "{}: rehearsed with {stand_in}{powers}",
-                needs.name
-            ));
+            let stand_in = stand_in(needs, all_of_it);
+            table.line(&format!("{}: rehearsed with {stand_in}", needs.name));
         }
         if let Some(poses) = &needs.poses {
-            table.line(&format!("  platform {}", platform(poses)));
+            table.line(&format!("  platform {}", platform(poses, all_of_it)));
         }
         own.for_each(|line| columns.show(table, line.cells()));
     }
@@ -225,33 +217,33 @@ fn grouped(needs: &Needs, place: usize) -> Vec<Line> {
     lines
 }
 
-fn platform(poses: &Poses) -> String {
+fn platform(poses: &Poses, all_of_it: bool) -> String {
     let each = poses.range.iter().map(|(coordinate, low, high)| {
         let range = quantity_range(*low, *high, coordinate.unit());
         format!("{} {range}", coordinate.key())
     });
     let each: Vec<String> = each.collect();
     let [at_rest, worst] = poses.condition;
-    let worst = if worst > at_rest {
-        format!(", {} at {}", number(worst), poses.worst)
-    } else {
-        String::new()
-    };
-    format!(
-        "{}; condition {} at the reference pose{worst}",
-        each.join(", "),
-        number(at_rest)
-    )
+    let mut condition = format!("condition {} at worst", number(worst.max(at_rest)));
+    if all_of_it && worst > at_rest {
+        let at_rest = number(at_rest);
+        condition += &format!(", at {}; {at_rest} at the reference pose", poses.worst);
+    }
+    format!("{}; {condition}", each.join(", "))
 }
 
-/// The power that each axis needs, if its force is known.
-fn powers(needs: &Needs) -> String {
+/// The stand-in in words; `all_of_it`: also the reason for it and the power that each axis needs.
+fn stand_in(needs: &Needs, all_of_it: bool) -> String {
+    let words = needs.stand_in.words();
     if needs.stand_in == StandIn::Nothing {
-        return String::new();
+        return words.to_owned();
+    }
+    if !all_of_it {
+        return words.split(',').next().unwrap_or(words).to_owned();
     }
     let each = needs.found.iter();
     let each: Vec<String> = each.map(|found| quantity(found.power.high, "W")).collect();
-    format!("; power up to {}", each.join(", "))
+    format!("{words}; power up to {}", each.join(", "))
 }
 
 /// Which axis a line is of, where there are several.
