@@ -68,7 +68,7 @@ pub fn gusset(folder: &Path, command: &str, text: &str, more: &[&str]) -> Said {
     process.env("GUSSET_STATE", folder.join("state"));
     process.arg(command).arg(&file).arg("--json").args(more);
     if command == "run" {
-        process.arg("--quiet").arg("--out").arg(folder.join("out"));
+        process.arg("--out").arg(folder.join("out"));
     }
     let output = process.output().unwrap();
     Said {
