@@ -393,7 +393,7 @@ fn force_only_link_needs_no_identification() {
         let said = &check.stderr;
         assert!(said.contains("[specimen.identified]"), "{said}");
         assert_eq!(said.contains(laboratory), points, "{said}");
-        assert_eq!(said.contains("`gusset identify`"), !points, "{said}");
+        assert_eq!(said.contains("identify` measures"), !points, "{said}");
     }
 }
 
