@@ -55,7 +55,7 @@ fn check_refuses_what_the_protocol_lacks() {
         };
         assert_eq!(found[behind].as_array().unwrap().len(), 1, "{found}");
         let (_, page, _) = check(&file, &[]);
-        assert_eq!(page.contains("the client"), key != "rows", "{page}");
+        assert_eq!(page.contains("for the client"), key != "rows", "{page}");
     }
 }
 
