@@ -152,6 +152,11 @@ impl Engine<'_> {
             self.environment.supervision.hear_client(client);
         }
         self.environment.wait_for_edge(order.is_still(), stamps)?;
+        if self.side.is_received() {
+            // A reply that came late is no reason to go faster.
+            self.environment.pace.count_from(stamps.woke);
+            return Ok(0);
+        }
         if order.kind == Kind::Test {
             return Ok(self.environment.stretch_after_wakeup(stamps));
         }

@@ -108,6 +108,9 @@ impl Engine<'_> {
         }
         if let Side::Received(received) = &mut *self.side {
             // Its server judges the answer, too, before it has the row recorded.
+            if result.is_err() {
+                stamps.decoded = self.environment.pace.read();
+            }
             received.stamp(stamps);
         } else if let Err(stop) = &result {
             self.record_trip(tick, stamps, stop);
@@ -266,6 +269,9 @@ impl Engine<'_> {
 
     #[inline]
     fn judge_reply(&mut self, index: usize, freshness: Freshness, tick: &Tick) -> Result<(), Stop> {
+        if self.side.is_received() {
+            return self.judge_received(index, freshness, tick);
+        }
         let port = port_at(self.ports, index)?;
         let (status, was_holding) = (
             port.feedback().raw().status,
@@ -293,6 +299,39 @@ impl Engine<'_> {
         }
         if found.is_something() {
             self.act_on(index, &found, tick)?;
+        }
+        Ok(())
+    }
+
+    /// Judges the reply to a received command: the limits of the specimen come first, and then what it reports. Real-time: yes.
+    fn judge_received(
+        &mut self,
+        index: usize,
+        freshness: Freshness,
+        tick: &Tick,
+    ) -> Result<(), Stop> {
+        if freshness == Freshness::Stale {
+            return self.judge_age(index, tick);
+        }
+        let port = port_at(self.ports, index)?;
+        let status = port.feedback().raw().status;
+        let was_holding = port.exchange().holding_in_a_row() > 0;
+        port.exchange_mut().forget_stale();
+        let found = port.judge();
+        if status.has(Status::UNSETTLED) {
+            self.count_unsettled(index, tick)?;
+        }
+        if found.is_something() {
+            self.act_on(index, &found, tick)?;
+        }
+        if status.has(Status::SATURATED) {
+            return Err(Stop::Saturated { port: index });
+        }
+        if status.has(Status::INTERLOCK) {
+            return Err(Stop::Interlock { port: index });
+        }
+        if status.has(Status::HOLDING) || was_holding {
+            self.judge_holding(index, freshness, tick)?;
         }
         Ok(())
     }

@@ -185,6 +185,11 @@ impl Default for Requests {
 }
 
 impl Requests {
+    /// Drops all words.
+    pub(crate) fn clear(&mut self) {
+        self.0.clear();
+    }
+
     /// Adds a word, if there is room. Real-time: yes.
     pub(crate) fn add(&mut self, word: Operator) {
         if self.0.len() < MOST_ASKED {

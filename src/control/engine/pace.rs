@@ -75,9 +75,17 @@ impl Pace {
         self.clock.sleep_until(at);
     }
 
-    /// The next grid has this period. Returns the period before.
-    pub(crate) const fn take_period(&mut self, period: Ratio) -> Ratio {
+    /// From here on edges have this period; the next one has passed already. Returns the period before.
+    pub(crate) fn take_period(&mut self, period: Ratio) -> Ratio {
+        self.schedule = Schedule::new(Nanos(0), period);
+        self.edge = 0;
         std::mem::replace(&mut self.period, period)
+    }
+
+    /// The edge after the present tick comes a whole period after its wake-up, however late that was. Real-time: yes.
+    pub(crate) fn count_from(&mut self, woke: Nanos) {
+        self.schedule = Schedule::new(woke, self.period);
+        self.edge = 1;
     }
 
     /// A new grid that begins shortly after now.

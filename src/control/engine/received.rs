@@ -99,6 +99,12 @@ impl Received {
         self.told.extend_from_slice(&command);
     }
 
+    /// Metres and newtons in one unit of the port. Real-time: yes.
+    pub(super) fn units_of(&self, axis: usize) -> (f64, f64) {
+        let units = self.port_units.get(axis);
+        units.map_or((1.0, 1.0), |units| (units.metres, units.newtons))
+    }
+
     /// Keeps the times of an exchange. Real-time: yes.
     pub(super) const fn stamp(&mut self, stamps: &TickStamps) {
         self.stamps = *stamps;
@@ -318,8 +324,14 @@ impl ReceivedTest {
         let environment = &mut engine.environment;
         environment.enter(Phase::Probing, Ending::Completed);
         let checked = WiringCheck::of_armed(&mut engine);
-        engine.environment.supervision.continue_running();
-        engine.environment.pace.take_period(usual);
+        let environment = &mut engine.environment;
+        if checked.is_ok() {
+            environment.enter(Phase::Armed, Ending::Completed);
+            environment.enter(Phase::Running, Ending::Completed);
+        }
+        // The client is asked again.
+        environment.supervision.forget_requests();
+        environment.pace.take_period(usual);
         self.0.plan.dt = usual.value();
         checked.map(|mut found| found.pop())
     }

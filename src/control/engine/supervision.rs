@@ -251,6 +251,11 @@ impl Supervision {
         self.hearing = if hears { Hearing::On } else { Hearing::Off };
     }
 
+    /// Drops requests that were not taken.
+    pub(crate) fn forget_requests(&mut self) {
+        self.requests.clear();
+    }
+
     /// Asks another controller, and takes its word like one of the operator.
     pub(crate) fn hear_client(&mut self, client: &mut Client<'_>) {
         if let Some(word) = client() {

@@ -88,11 +88,15 @@ impl WiringCheck {
             });
         }
         for axis in &wiring.found {
+            let (metres, newtons) = match &*engine.side {
+                Side::Received(received) => received.units_of(axis.axis),
+                _ => (1.0, 1.0),
+            };
             engine.environment.report_now(Event::Direction {
                 port,
                 axis: axis.axis as u32,
-                disp: axis.disp,
-                force: axis.force,
+                disp: metres * axis.disp,
+                force: newtons * axis.force,
             });
         }
         Ok(Some(wiring))

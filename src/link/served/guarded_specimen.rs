@@ -457,11 +457,7 @@ impl GuardedSpecimen {
             return Err(Trip::NotFinite { axis, measured });
         }
         self.judge_answer(is_theirs, judged)?;
-        if self.port.exchange().count().holds > holds {
-            let text = "the specimen says that it holds by its own watchdog, since commands had stopped: what it answers meanwhile \
-                        does not belong to the commands";
-            self.warn(Remark::SpecimenHolds, text);
-        }
+        self.warn_of_holds(holds);
         // On a ramp only its end has an answer for the controller.
         let is_on_a_ramp = matches!(origin, Origin::Ramp { lands: false, .. });
         if let (Err(fault), false) = (posed, is_on_a_ramp) {
@@ -595,14 +591,34 @@ impl GuardedSpecimen {
         self.recording.tripped(trip, &text);
     }
 
-    /// A wiring check trips: its last exchange is recorded, or the command that did not leave.
-    pub(crate) fn trips_in_a_check(&mut self, trip: Trip) {
-        self.trip(trip);
+    /// A wiring check has ended by a trip, or at once: its last command is recorded, which may not have left.
+    pub(crate) fn record_end_of_check(&mut self, trip: Option<Trip>) {
+        let has_left = self.test.lacks_row();
+        let exchange = self.test.counts().exchanges;
+        self.recording.begins(exchange, 0.0);
+        let mut status = self.port.feedback().raw().status;
+        status.0 &= !Status::HELD.0;
+        match trip {
+            Some(trip) => {
+                self.trip(trip);
+                status.0 |= Status::INTERLOCK.0;
+                if matches!(trip, Trip::NotFinite { .. }) {
+                    status.0 |= Status::SATURATED.0;
+                }
+            }
+            None if has_left => status.0 |= Status::OWED.0,
+            None => return,
+        }
+        if !has_left {
+            self.test.note_arrival();
+        }
         self.record(
             Phase::Probing,
             ReceivedRow {
-                trip: trip.code(),
-                is_lost: matches!(trip, Trip::Lost(_)),
+                number: (!has_left).then(|| self.port.exchange().count().sent),
+                trip: trip.map_or(0, Trip::code),
+                is_lost: matches!(trip, Some(Trip::Lost(_))),
+                status: Some(status),
                 ..ReceivedRow::default()
             },
         );
@@ -662,6 +678,15 @@ impl GuardedSpecimen {
             _ => {}
         }
         text
+    }
+
+    /// Warns of a hold by the specimen's own watchdog, if there were `before` of them before.
+    pub(crate) fn warn_of_holds(&mut self, before: u64) {
+        if self.port.exchange().count().holds > before {
+            let text = "the specimen says that it holds by its own watchdog, since commands had stopped: what it answers meanwhile \
+                        does not belong to the commands";
+            self.warn(Remark::SpecimenHolds, text);
+        }
     }
 
     /// A warning about the controller or the specimen: for the program's log, and once for the events and the summary of the

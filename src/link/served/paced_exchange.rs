@@ -67,7 +67,7 @@ impl GuardedSpecimen {
             // A stop lets the present exchange end, within the time limit of its reply, and slows down from there.
             let exchanged = self.exchange_once(origin, &theirs, share, &mut || true, into);
             // The first command of a path waits for the client.
-            if is_owed && self.test.was_late() {
+            if is_owed && exchanged.is_ok() && self.test.was_late() {
                 self.misses_edge();
             }
             exchanged?;

@@ -298,11 +298,15 @@ impl<'a> Readiness<'a> {
                 (None, false) => Some(Operator::Interrupt),
                 (Some(_), false) => None,
             };
-            unwanted = Some(over);
+            unwanted.get_or_insert(over);
             word
         };
         let served = &mut *self.served;
+        let text = "wiring check: each axis moves a little and back";
+        served.recording.log_beside_an_event(&served.store, text);
+        let holds = served.port.exchange().count().holds;
         let checked = served.test.check_wiring(&mut served.port, &mut client);
+        served.warn_of_holds(holds);
         if let Some((axis, way_back)) = served.test.way_back() {
             let axis = axis + 1;
             let text = match way_back {
@@ -315,17 +319,27 @@ impl<'a> Readiness<'a> {
                 ),
                 WayBack::Incomplete => format!("{WHILE}: axis {axis} rests on its way back"),
             };
-            served.recording.warn_beside_an_event(&text);
+            served.recording.warn_beside_an_event(&served.store, &text);
         }
         match (checked, unwanted) {
-            (Ok(Some(wiring)), _) => Ok(self.agreed(&wiring)),
-            (Ok(None), _) => Ok(String::new()),
-            (Err(Stop::Operator), Some(over)) => Err(over),
+            (Ok(_), Some(over)) => Err(over),
+            (Ok(Some(wiring)), None) => Ok(self.agreed(&wiring)),
+            (Ok(None), None) => Ok(String::new()),
+            (Err(Stop::Operator), Some(over)) => {
+                served.record_end_of_check(None);
+                Err(over)
+            }
             (Err(Stop::Misfit { misfit, .. }), _) => Err(misfit.to_string().into()),
             (Err(stop), _) => {
-                let trip = stop.into();
-                self.served.trips_in_a_check(trip);
-                Err(format!("{WHILE}: {}", self.served.whole(trip)).into())
+                let mut trip = stop.into();
+                if let Trip::NotFinite { axis, measured } = &mut trip
+                    && *measured
+                {
+                    let raw = served.port.feedback().raw();
+                    *axis = not_finite(&raw.disp, &raw.force);
+                }
+                served.record_end_of_check(Some(trip));
+                Err(format!("{WHILE}: {}", served.whole(trip)).into())
             }
         }
     }
@@ -339,7 +353,8 @@ impl<'a> Readiness<'a> {
         }
         for fault in &wiring.accepted {
             let text = format!("`safety.accept_wiring` accepts: {fault}");
-            self.served.recording.warn_beside_an_event(&text);
+            let served = &mut *self.served;
+            served.recording.warn_beside_an_event(&served.store, &text);
         }
         let axes = wiring.found.iter().map(|axis| {
             let units = self.served.identity.scale.port_units(axis.axis);

@@ -113,11 +113,18 @@ impl Recording {
         }
     }
 
-    /// A warning for the summary, whose event the loop has recorded.
-    pub(crate) fn warn_beside_an_event(&mut self, text: &str) {
-        match &mut self.open {
-            Some(record) => record.list_warning(text),
-            None => tracing::warn!("{text}"),
+    /// A warning for the summary, whose event the loop records.
+    pub(crate) fn warn_beside_an_event(&mut self, store: &GuardStore, text: &str) {
+        if let Some(record) = &mut self.open {
+            record.list_warning(text);
+        }
+        self.log_beside_an_event(store, text);
+    }
+
+    /// A warning whose event the loop records: the program's log has it where nothing is recorded.
+    pub(crate) fn log_beside_an_event(&self, store: &GuardStore, text: &str) {
+        if self.open.is_none() {
+            log(store, text);
         }
     }
 
@@ -154,12 +161,15 @@ impl Recorder for Unrecorded {
 fn log_warning(store: &GuardStore, event: &Event) {
     let row = event.row();
     let is_warning = row.is_some_and(|row| row.severity == Severity::Warning);
-    let (Event::Said { text, .. }, true) = (event, is_warning) else {
-        return;
-    };
+    if let (Event::Said { text, .. }, true) = (event, is_warning) {
+        log(store, text);
+    }
+}
+
+fn log(store: &GuardStore, text: &str) {
     let Allowance { is_told, notice } = store.warning(os::monotonic_ns());
     let text = is_told.then_some(text);
-    for text in text.into_iter().chain(&notice) {
+    for text in text.into_iter().chain(notice.as_deref()) {
         tracing::warn!("{text}");
     }
 }

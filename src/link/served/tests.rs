@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::{GuardStore, Latch, ServedSpecimen};
+use super::{GuardStore, Latch, Pacing, ServedSpecimen, simulated_pace};
 use crate::served::{Controller, LinkMaker, TestEnd, Trip, Whereabouts};
 use gusset_config::LimitsSpec;
 use gusset_control::port::{Pace, WiringCheck};
@@ -386,6 +386,32 @@ fn leaves_the_check(asked: usize, at_once: bool, stands: f64) -> (Vec<f64>, Opti
     let over = served.begin(&controller, &mut wanted).err();
     let told = spring.told.lock().unwrap().clone();
     (told, over)
+}
+
+/// The check keeps to its own pace, and the paths after it to theirs.
+#[test]
+fn path_after_a_check_keeps_its_pace() {
+    const PERIOD_NS: u64 = 20_000_000;
+    let spring = Spring {
+        tells: vec![0.0],
+        ..Spring::default()
+    };
+    let pacing = Pacing {
+        ticks: 4,
+        settle_ticks: 0,
+        period_ns: PERIOD_NS,
+        clock: simulated_pace::CLOCK,
+    };
+    let mut served = served(&spring, &Whereabouts::default())
+        .checked(check(1e-3, Pace::of(0.001, 0.0005)), false)
+        .paced(Some(pacing));
+    assert_eq!(begin(&mut served).err(), None);
+    let began = simulated_pace::now_ns();
+    for (sequence, disp) in [(0, 0.0), (1, 1e-4)] {
+        goes_to(&mut served, sequence, disp).unwrap();
+    }
+    let passed = simulated_pace::now_ns() - began;
+    assert!(passed >= 7 * PERIOD_NS, "{passed}");
 }
 
 #[test]
