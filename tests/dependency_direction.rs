@@ -236,6 +236,7 @@ fn comments_cite_only_project_documents() {
 
 /// Quotes of the troubleshooting page that the program, a library or the system composes.
 const COMPOSED: &[&str] = &[
+    "must be a number",
     "must be an array",
     "array of length 2",
     "is in mm",

@@ -453,7 +453,11 @@ fn unstable_at_any_lambda_is_a_no_go() {
     let words = "UNSTABLE: no lambda";
     assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
     assert_eq!(said.stdout.matches(words).count(), 2, "{}", said.stdout);
-    assert!(!said.stdout.contains("no declared bound"), "{}", said.stdout);
+    assert!(
+        !said.stdout.contains("no declared bound"),
+        "{}",
+        said.stdout
+    );
     let (_, found) = certify(folder.path(), slider, &[]);
     assert_eq!(line(&found, "integration")["verdict"], "no-go");
     let said = certified(folder.path(), slider, &["--json"]);

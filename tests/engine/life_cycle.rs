@@ -911,7 +911,7 @@ fn out_of_range_load_cell_moves_nothing() {
             assert_eq!(hit.quantity, Limit::SensorForce);
             assert_eq!(run.outcome.left, [left], "{lasts}");
             let (_, reason) = ending(&run.outcome);
-            let told = "load cell";
+            let told = "its load cell";
             let stays = left != EndPosition::Reached;
             assert_eq!(reason.contains(told), stays, "{reason}");
             assert_eq!(way.is_empty(), stays, "{way:?}");

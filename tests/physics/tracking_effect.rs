@@ -264,7 +264,7 @@ fn late_specimen_shows_energy_and_damping() {
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     for words in [
         "delay margin",
-        "Margin as",
+        "Margin: critical delay",
         "tracking errors",
         "the delays",
         "energy error",

@@ -11,7 +11,7 @@ use super::deadlines::Deadlines;
 use super::end_positions::Ends;
 use super::environment::Environment;
 use super::numerical::Side;
-use super::operator::{Operator, OperatorCommands};
+use super::operator::{Client, OperatorCommands};
 use super::order::{Kind, Order};
 use super::phase::Phase;
 use super::running_state::RunningState;
@@ -75,9 +75,6 @@ pub(super) struct Engine<'a> {
     /// Whether another controller still wants its test, and what ends it.
     pub client: Option<&'a mut Client<'a>>,
 }
-
-/// The request by which another controller, or its server, ends the test; asked for where requests of the operator are taken, too.
-pub(super) type Client<'a> = dyn FnMut() -> Option<Operator> + 'a;
 
 impl Engine<'_> {
     /// Performs a maneuver, tick by tick: the only tick loop. Real-time: yes.

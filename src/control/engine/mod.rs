@@ -65,10 +65,8 @@ pub use opening::{InitialForce, StartupSettings};
 pub use operator::{Control, Notice, Operator, OperatorCommands, Watch};
 pub use outcome::{Outcome, PaceOutcome};
 pub use phase::{Glimpse, Phase, PhaseCell};
-pub use received::{
-    ReceivedCommand, ReceivedCounts, ReceivedRow, ReceivedSettings, ReceivedTarget, ReceivedTest,
-};
-pub use received_columns::received_columns;
+pub use received::{ReceivedCommand, ReceivedSettings, ReceivedTest};
+pub use received_columns::{ReceivedCounts, ReceivedRow, ReceivedTarget, received_columns};
 pub use resumption::{EarlierPeaks, Place, Resumption};
 pub use rules::{Limits, OnMiss};
 pub use static_load::StaticLoad;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::audit::StepAudit;
 use super::intake::{Closed, Intake};
-use super::received::Received;
+use super::received_columns::Received;
 use crate::port::Port;
 use gusset_motion::{Excitation, Prescribed};
 use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};

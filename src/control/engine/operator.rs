@@ -170,6 +170,9 @@ impl Control {
     }
 }
 
+/// The request by which another controller, or its server, ends the test; asked for where requests of the operator are taken, too.
+pub(super) type Client<'a> = dyn FnMut() -> Option<Operator> + 'a;
+
 /// Words that are taken off the line before their turn, at most.
 const MOST_ASKED: usize = 16;
 

@@ -5,12 +5,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::columns::Row;
 use super::commanding::Exchanges;
-use super::cycle::{Client, Engine};
+use super::cycle::Engine;
 use super::deadlines::Deadlines;
 use super::end_positions::{EndPosition, Ends};
 use super::environment::Environment;
 use super::journal::Journal;
-use super::operator::{Control, Watch};
+use super::operator::{Client, Control, Watch};
 use super::pace::Pace;
 use super::phase::Phase;
 use super::place::Place;

@@ -106,11 +106,12 @@ impl Pace {
     /// Waits until a received command may leave: if it `is_paced` for the next edge, else not at all. A command that comes late moves the
     /// edges behind it. True if it came late by more than half a period. Real-time: yes.
     pub(crate) fn wait_for_client(&mut self, is_paced: bool, stamps: &mut TickStamps) -> bool {
-        let now = self.read();
         if !is_paced {
-            (stamps.release, stamps.woke, self.now) = (now, now, now);
+            // The clock was read when it came.
+            (stamps.release, stamps.woke) = (self.now, self.now);
             return false;
         }
+        let now = self.read();
         let edge = self.next_edge();
         let late_ns = now.since(edge);
         if late_ns > 0 {

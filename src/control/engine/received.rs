@@ -5,138 +5,26 @@
 //! keeps the rows: as in a test whose targets are integrated. The port outlives the test, so it is lent for each call.
 
 use super::columns::Row;
-use super::cycle::{Client, Engine, Maneuver};
+use super::cycle::{Engine, Maneuver};
 use super::journal::Journal;
+use super::operator::Client;
 use super::order::{Kind, Order, Sends};
 use super::owned_test::Parts;
 use super::phase::Phase;
 use super::plan::Plan;
+use super::received_columns::{Received, ReceivedCounts, ReceivedRow};
 use super::tick::Tick;
 use super::wiring_check::WiringCheck;
 use super::{Ending, Limits, OnMiss, Operator, Side, StartupSettings, Stop, TestLimits};
 use crate::port::{OnStale, Port, ReceivedPort, WaitRules, WayBack, Wiring};
 use gusset_quantity::frame::AtAxis;
-use gusset_quantity::substructure::Status;
-use gusset_quantity::time::{Clock, Nanos, Ratio};
+use gusset_quantity::time::{Clock, Ratio};
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Recorder;
 use gusset_record::rt::timing::{TickStamps, Timing};
 
 /// Answers in a row in which a specimen may report a hold: as many as a controller's loop tolerates at least.
 const HOLDING_IN_A_ROW: u64 = 10;
-
-/// Whether the target of a row was commanded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ReceivedTarget {
-    /// The port was aimed at it.
-    #[default]
-    Aimed,
-    /// The port only sought it.
-    Sought,
-    /// It is not a finite number.
-    NoNumber,
-}
-
-/// Numbers of a row that the server knows.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct ReceivedRow {
-    /// Test time of the command in s.
-    pub time: f64,
-    /// Test time in s since the last commit.
-    pub elapsed: f64,
-    /// The client's number of the command; none of a command of the server itself.
-    pub number: Option<u64>,
-    /// Commands that were accepted so far.
-    pub commits: u64,
-    /// Code of the trip; 0 without one.
-    pub trip: u32,
-    /// The specimen is lost.
-    pub is_lost: bool,
-    /// Flags that the client receives; none of a command of the server itself.
-    pub status: Option<Status>,
-    /// What became of the target.
-    pub target: ReceivedTarget,
-}
-
-/// Counts of the exchanges.
-#[derive(Debug, Clone, Default)]
-pub struct ReceivedCounts {
-    /// Exchanges, those included whose command was not passed on.
-    pub exchanges: u64,
-    /// Commands that were passed on, and those of them that were answered.
-    pub passed_on: u64,
-    /// See `passed_on`.
-    pub answered: u64,
-    /// Largest |displacement| of each axis in m, and largest |force| in N.
-    pub peaks: [Vec<f64>; 2],
-    /// First test time in s between two commands that is not 0.
-    pub dt: f64,
-}
-
-/// The numbers that a row of a received target is made from.
-#[derive(Debug)]
-pub struct Received {
-    /// Units of the axes, and units in which the port counts.
-    units: Vec<AxisUnits>,
-    pub(super) port_units: Vec<AxisUnits>,
-    began: Nanos,
-    stamps: TickStamps,
-    pub(super) row: ReceivedRow,
-    /// Place of the newest command in the record.
-    pub(super) place: Tick,
-    pub(super) counts: ReceivedCounts,
-    /// The last command that left to the axes, in their units; empty before one.
-    told: AtAxis<Vec<f64>>,
-    /// The last paced command left late.
-    pub(super) is_late: bool,
-}
-
-impl Received {
-    /// A command has left. Real-time: yes.
-    pub(super) fn left(&mut self, command: AtAxis<&[f64]>) {
-        // Within its capacity.
-        self.told.clear();
-        self.told.extend_from_slice(&command);
-    }
-
-    /// Metres and newtons in one unit of the port. Real-time: yes.
-    pub(super) fn units_of(&self, axis: usize) -> (f64, f64) {
-        let units = self.port_units.get(axis);
-        units.map_or((1.0, 1.0), |units| (units.metres, units.newtons))
-    }
-
-    /// Keeps the times of an exchange. Real-time: yes.
-    pub(super) const fn stamp(&mut self, stamps: &TickStamps) {
-        self.stamps = *stamps;
-    }
-
-    /// When the command of the row came, and the time of its round trip, in s.
-    pub(super) fn times(&self) -> (f64, f64) {
-        let seconds = |from: Nanos, to: Nanos| super::columns::number(to.since(from)) * 1e-9;
-        let TickStamps { woke, decoded, .. } = self.stamps;
-        (seconds(self.began, woke), seconds(woke, decoded))
-    }
-
-    /// Counts the exchange whose row is complete. Real-time: yes.
-    pub(super) fn count(&mut self, is_passed_on: bool, port: &Port) {
-        let counts = &mut self.counts;
-        counts.exchanges += 1;
-        counts.passed_on += u64::from(is_passed_on);
-        counts.answered += u64::from(is_passed_on && !self.row.is_lost);
-        if counts.dt == 0.0 && self.row.elapsed > 0.0 {
-            counts.dt = self.row.elapsed;
-        }
-        let raw = port.feedback().raw();
-        let [disp, force] = &mut counts.peaks;
-        let measured = raw.disp.iter().zip(&raw.force).zip(&self.units);
-        for ((disp, force), ((raw_disp, raw_force), units)) in
-            disp.iter_mut().zip(force).zip(measured)
-        {
-            *disp = disp.max((units.metres * raw_disp).abs());
-            *force = force.max((units.newtons * raw_force).abs());
-        }
-    }
-}
 
 /// One received command.
 struct Target {
@@ -226,21 +114,7 @@ impl ReceivedTest {
             on_stale: OnStale::Stop,
             stale_in_a_row: HOLDING_IN_A_ROW,
         });
-        let axes = port.axes();
-        let received = Received {
-            units,
-            port_units,
-            began: clock.now(),
-            stamps: TickStamps::default(),
-            row: ReceivedRow::default(),
-            place: Tick::before_start(0.0),
-            counts: ReceivedCounts {
-                peaks: [vec![0.0; axes], vec![0.0; axes]],
-                ..ReceivedCounts::default()
-            },
-            told: AtAxis(Vec::with_capacity(axes)),
-            is_late: false,
-        };
+        let received = Received::new(port.axes(), units, port_units, clock.now());
         let limits = Limits {
             on_miss: OnMiss::Stretch,
             extrapolate_stale: false,

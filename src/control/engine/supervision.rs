@@ -5,8 +5,7 @@
 
 use std::time::Duration;
 
-use super::cycle::Client;
-use super::operator::{Control, Operator, Requests};
+use super::operator::{Client, Control, Operator, Requests};
 use super::phase::{Glimpse, Phase};
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, Visit};
