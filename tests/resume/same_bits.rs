@@ -121,7 +121,7 @@ fn resumed_page_shows_its_steps_and_totals() {
         "{part}"
     );
     for heading in ["Response", "Energy"] {
-        let told = format!("<h2>{heading}</h2>\n<p class=\"note\">O{}", &part[1..]);
+        let told = format!("<h2>{heading}</h2><p class=\"note\">O{}", &part[1..]);
         assert!(second.contains(&told), "{told}");
     }
     assert!(second.contains("another folder"));

@@ -12,7 +12,7 @@
 //! use gusset_control::port::ReceivedPort;
 //!
 //! fn send(port: &mut ReceivedPort) {
-//!     let command = port.commands_for(port.goal()).unwrap();
+//!     let command = port.commands_for(port.target()).unwrap();
 //!     port.begin_commands(0, command.part(Vec::as_slice));
 //! }
 //! ```

@@ -121,7 +121,7 @@ error: `specimen[0].storey` must be a whole number, zero or greater
     shows(&complaint("storey = 1", "storey = -1"), "found -1");
     shows(
         &complaint("storey = 1", "storey = 99999999999999999999"),
-        "overflowed",
+        "from 0 to 9223372036854775807",
     );
     shows(
         &complaint("law = { bilinear = {", "law = \"bilinear\" # {"),

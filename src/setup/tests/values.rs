@@ -44,7 +44,7 @@ fn values_that_are_not_finite_are_refused() {
     );
     shows(
         &complaint("amplitude = 2.0", "amplitude = 1e999"),
-        "overflowed",
+        "found 1e999",
     );
 }
 
