@@ -10,9 +10,10 @@
 //!
 //! ```
 //! use gusset_control::port::ReceivedPort;
+//! use gusset_quantity::frame::AtStructure;
 //!
-//! fn send(port: &mut ReceivedPort) {
-//!     let command = port.commands_for(port.target()).unwrap();
+//! fn send(port: &mut ReceivedPort, target: AtStructure<&[f64]>) {
+//!     let command = port.commands_for(target).unwrap();
 //!     port.begin_commands(0, command.part(Vec::as_slice));
 //! }
 //! ```
