@@ -39,7 +39,7 @@ pub enum ActorEvent {
     },
     /// The sizes are known and fit. Comes again after a later setup.
     Ready(Sizes),
-    /// A command: [`Actor::trial`] holds it. The specimen is evaluated now, not at the request.
+    /// A command: it is held as the trial. The specimen is evaluated now, not at the request.
     Trial(Course),
     /// The last command is accepted.
     Commit {

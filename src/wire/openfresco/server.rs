@@ -38,7 +38,7 @@ pub enum Event {
     Ready(Sizes),
     /// A line of an init file, which is ignored.
     InitLine,
-    /// A command: [`Server::trial`] holds it.
+    /// A command: it is held as the trial.
     Trial(Course),
     /// The last command is accepted: the step is over.
     Commit {

@@ -25,7 +25,7 @@ pub enum SimulinkEvent {
     Greeted,
     /// The sizes are known and fit.
     Ready(Sizes),
-    /// A new target: [`Simulink::trial`] holds it. Raise `newTarget`.
+    /// A new target: it is held as the trial. Raise `newTarget`.
     Target(Course),
     /// 6: answer with [`Simulink::answer_signals`]; the flag is `atTarget`. Asked until it is 1.
     AtTarget,
