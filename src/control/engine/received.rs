@@ -203,7 +203,7 @@ impl ReceivedTest {
             environment.enter(Phase::Armed, Ending::Completed);
             environment.enter(Phase::Running, Ending::Completed);
         }
-        // The client is asked again.
+        // The next wait queries the client again.
         environment.supervision.forget_requests();
         environment.pace.take_period(usual);
         self.0.plan.dt = usual.value();

@@ -81,7 +81,7 @@ pub struct Received {
 }
 
 impl Received {
-    /// Of a specimen with this number of axes, whose port counts in `port_units`.
+    /// The rows of a specimen with this number of axes. Its port counts in `port_units`.
     pub(super) fn new(
         axes: usize,
         units: Vec<AxisUnits>,

@@ -121,7 +121,7 @@ impl Recording {
         self.log_beside_an_event(store, text);
     }
 
-    /// A warning whose event the loop records: the program's log has it where nothing is recorded.
+    /// A warning whose event the loop records: the program's log contains it where nothing is recorded.
     pub(crate) fn log_beside_an_event(&self, store: &GuardStore, text: &str) {
         if self.open.is_none() {
             log(store, text);
