@@ -155,29 +155,20 @@ impl Row {
         }
         let checks = start..columns.len();
         columns.extend(TIMING.iter().map(of_test));
-        let values = vec![0.0; columns.len()];
-        (
-            Self {
-                word: Word::default(),
-                stopped: false,
-                cause: None,
-                commands: OperatorCommands::default(),
-                lateness: Lateness::default(),
-                record_before: f64::NAN,
-                values,
-                dofs: (!are_all(dofs, side)).then(|| dofs.to_vec()),
-                disp,
-                vel,
-                accel,
-                ports,
-                checks,
-                kept,
-            },
-            columns,
-        )
+        let row = Self {
+            dofs: (!are_all(dofs, side)).then(|| dofs.to_vec()),
+            disp,
+            vel,
+            accel,
+            ports,
+            checks,
+            kept,
+            ..Self::of_received(columns.len())
+        };
+        (row, columns)
     }
 
-    /// The row of a received target, with this many columns.
+    /// The row of a received target, with this many columns. Nothing of a test that is integrated has a place in it.
     #[must_use]
     pub(crate) fn of_received(width: usize) -> Self {
         Self {

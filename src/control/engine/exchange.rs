@@ -291,6 +291,12 @@ impl Engine<'_> {
         if freshness == Freshness::Stale {
             return self.judge_age(index, tick);
         }
+        self.judge_fresh(index, status, tick)
+    }
+
+    /// Judges a fresh measurement by the limits of its specimen. Real-time: yes.
+    #[inline]
+    fn judge_fresh(&mut self, index: usize, status: Status, tick: &Tick) -> Result<(), Stop> {
         let port = port_at(self.ports, index)?;
         port.exchange_mut().forget_stale();
         let found = port.judge();
@@ -316,14 +322,7 @@ impl Engine<'_> {
         let port = port_at(self.ports, index)?;
         let status = port.feedback().raw().status;
         let was_holding = port.exchange().holding_in_a_row() > 0;
-        port.exchange_mut().forget_stale();
-        let found = port.judge();
-        if status.has(Status::UNSETTLED) {
-            self.count_unsettled(index, tick)?;
-        }
-        if found.is_something() {
-            self.act_on(index, &found, tick)?;
-        }
+        self.judge_fresh(index, status, tick)?;
         if status.has(Status::SATURATED) {
             return Err(Stop::Saturated { port: index });
         }
