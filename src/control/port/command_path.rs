@@ -120,13 +120,13 @@ impl CommandPath {
     }
 
     /// Names of the compensators' parameters, axis by axis; the axis counts from 0.
-    pub fn compensation_names(&self) -> impl Iterator<Item = (usize, Parameter)> + '_ {
+    pub(crate) fn compensation_names(&self) -> impl Iterator<Item = (usize, Parameter)> + '_ {
         self.compensators.iter().flat_map(Compensators::names)
     }
 
     /// The parameters of the moment, in the order of their names. Real-time: yes.
     #[inline]
-    pub fn compensation_parameters(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn compensation_parameters(&self) -> impl Iterator<Item = f64> + '_ {
         self.compensators.iter().flat_map(Compensators::parameters)
     }
 

@@ -530,7 +530,7 @@ impl Exchange {
     }
 
     /// One more measurement whose iteration did not converge; how many there are. Real-time: yes.
-    pub const fn count_unsettled(&mut self) -> u64 {
+    pub(crate) const fn count_unsettled(&mut self) -> u64 {
         self.count.unsettled += 1;
         self.count.unsettled
     }

@@ -223,7 +223,7 @@ impl Guard {
     }
 
     /// The next of the trips and warnings that were found beside the first. Real-time: yes.
-    pub fn next_untold(&mut self) -> Option<Hit> {
+    pub(crate) fn next_untold(&mut self) -> Option<Hit> {
         self.watch.next_untold()
     }
 

@@ -87,7 +87,7 @@ pub use probe::{Found, Pace, Probe, WayBack, Wiring};
 pub use ramp::SHARE_OF_SPEED;
 pub(crate) use ramp::UNBOUNDED_RAMP_S;
 pub use received::ReceivedPort;
-pub use rest::Rest;
+pub(crate) use rest::Rest;
 pub(crate) use return_move::ReturnMove;
 pub use return_move::{Exit, Exits};
 pub use sensor_zero::{DispZero, Reading, Reference, Zero};
@@ -612,7 +612,7 @@ impl Port {
     /// Real-time: yes.
     #[inline]
     #[must_use]
-    pub fn motion_of(&self, axis: usize) -> [f64; 6] {
+    pub(crate) fn motion_of(&self, axis: usize) -> [f64; 6] {
         let at = |values: &[f64]| values.get(axis).copied().unwrap_or(f64::NAN);
         let raw = self.feedback.raw();
         [

@@ -58,7 +58,7 @@ enum RestState {
 
 /// One specimen that is sent from place to place. Real-time: yes, after its making.
 #[derive(Debug, Clone)]
-pub struct Rest {
+pub(crate) struct Rest {
     axes: Vec<AxisRest>,
     /// Readings of a block; blocks at a standstill that count as a rest off the place, and blocks after which it never came.
     readings: u32,
