@@ -424,7 +424,8 @@ impl<'a> Chart<'a> {
     /// Draws the chart into `area`.
     pub(super) fn draw(&self, canvas: &mut Canvas, area: Area) {
         let points = || self.layers.iter().flat_map(Layer::points);
-        let peak = self.layers.iter().map(Layer::peak).fold(0.0, f64::max);
+        let mut layers: Vec<_> = self.layers.iter().map(|l| (l.peak(), l)).collect();
+        let peak = layers.iter().map(|layer| layer.0).fold(0.0, f64::max);
         let levels: Vec<_> = (self.levels.iter())
             .filter(|(_, at)| at.abs() <= REACH * peak)
             .collect();
@@ -453,10 +454,9 @@ impl<'a> Chart<'a> {
         let plot = Plot::frame(canvas, area, (x, &across), (y, &up), self.is_square);
         let (w, h) = (plot.inner.w, plot.inner.h);
         let told = [self.across.told(&x, &across), self.up.told(&y, &up)];
-        let mut layers: Vec<&Layer<'_>> = self.layers.iter().collect();
         if self.is_history {
             // The largest lies at the bottom, so that the smaller ones are seen.
-            layers.sort_by(|a, b| b.peak().total_cmp(&a.peak()));
+            layers.sort_by(|a, b| b.0.total_cmp(&a.0));
         }
         let fine = canvas.fine();
         let (wide, high) = (whole(w * fine.0), whole(h * fine.1));
@@ -489,7 +489,7 @@ impl<'a> Chart<'a> {
                     path.l-alarm d={ "m0 " (whole(h * fine.1 * (1.0 - y.place(*at)))) "h" (wide) } data-level=(name) fill="none"
                         stroke-width=(size) stroke-dasharray={ (8.0 * size) " " (4.0 * size) } {}
                 }
-                @for layer in layers { (self.layer(layer, &plot, fine, size)) }
+                @for (_, layer) in layers { (self.layer(layer, &plot, fine, size)) }
                 @for (ink, from, to, d) in upright {
                     path class={ "l-" (ink.name()) } data-level="" fill="none" stroke-width=(size) d={ "m" (d) " " (from) "v" (to) } {}
                 }
@@ -875,6 +875,14 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
+    /// The markup of what is drawn, in a page or as a separate picture.
+    fn drawn(is_page: bool, draw: impl FnOnce(&mut Self)) -> String {
+        let body = String::new();
+        let mut canvas = Self { body, is_page };
+        draw(&mut canvas);
+        canvas.body
+    }
+
     /// Whole units of a line per display unit.
     const fn fine(&self) -> (f64, f64) {
         if self.is_page { OF_PAGE } else { OF_PICTURE }
@@ -958,12 +966,10 @@ pub(super) fn page_picture(
     label: &str,
     draw: impl FnOnce(&mut Canvas),
 ) -> Markup {
-    let (body, is_page) = (String::new(), true);
-    let mut canvas = Canvas { body, is_page };
-    draw(&mut canvas);
+    let body = Canvas::drawn(true, draw);
     html! {
         svg.chart style={ "--drawn:" (width) } viewBox={ "0 0 " (width) " " (height) } role="img" aria-label=(label) {
-            (PreEscaped(canvas.body))
+            (PreEscaped(body))
         }
     }
 }
@@ -975,9 +981,7 @@ pub(super) fn picture(
     label: &str,
     draw: impl FnOnce(&mut Canvas),
 ) -> String {
-    let (body, is_page) = (String::new(), false);
-    let mut canvas = Canvas { body, is_page };
-    draw(&mut canvas);
+    let body = Canvas::drawn(false, draw);
     let colours = COLOURS.iter().map(|(name, colour)| {
         let fill = colour.split(';').next().unwrap_or_default();
         format!(".l-{name}{{stroke:{colour}}}.f-{name}{{fill:{fill}}}")
@@ -987,7 +991,7 @@ pub(super) fn picture(
             aria-label=(label) font-family="sans-serif" stroke-linejoin="round" stroke-linecap="round" {
             title { (label) }
             style { (PreEscaped(colours.collect::<String>())) }
-            (PreEscaped(canvas.body))
+            (PreEscaped(body))
         }
     };
     printable(&markup.0).into_owned()
