@@ -66,9 +66,7 @@ pub struct ReceivedSettings {
     pub period_ns: u64,
     /// Longest wait for an answer in ns; 0 of a specimen without a link.
     pub reply_timeout_ns: u64,
-    /// Histograms are kept.
-    pub is_timed: bool,
-    /// Number of columns of a row.
+    /// Number of columns of a row; 0 of a test without a record, which keeps no histograms either.
     pub width: usize,
 }
 
@@ -100,11 +98,10 @@ impl ReceivedTest {
             port_units,
             period_ns,
             reply_timeout_ns,
-            is_timed,
             width,
         } = settings;
         let period = period_of(period_ns);
-        let timing = if is_timed {
+        let timing = if width > 0 {
             Timing::new(&[port.name()], true, 0)
         } else {
             Timing::counting()
@@ -247,7 +244,7 @@ impl ReceivedTest {
     /// The command of the next row is judged where it stands: no exchange gives its times. Real-time: yes.
     pub fn note_arrival(&mut self) {
         let now = self.0.environment.pace.keep_reading();
-        if let Side::Received(received) = &mut self.0.side {
+        if let Some(received) = self.received_mut() {
             received.stamp(&TickStamps {
                 woke: now,
                 decoded: now,
@@ -259,32 +256,28 @@ impl ReceivedTest {
     /// The last command that left to the axes, in their units; empty before one. Real-time: yes.
     #[must_use]
     pub fn told(&self) -> AtAxis<&[f64]> {
-        match &self.0.side {
-            Side::Received(received) => received.told.part(Vec::as_slice),
-            _ => AtAxis(&[]),
-        }
+        let received = self.received();
+        received.map_or(AtAxis(&[]), |received| received.told.part(Vec::as_slice))
+    }
+
+    /// Exchanges so far: the number of the next row. Real-time: yes.
+    #[must_use]
+    pub fn exchanges(&self) -> u64 {
+        self.received()
+            .map_or(0, |received| received.counts.exchanges)
     }
 
     /// Counts so far.
     #[must_use]
-    pub fn counts(&self) -> &ReceivedCounts {
-        static NONE: ReceivedCounts = ReceivedCounts {
-            exchanges: 0,
-            passed_on: 0,
-            answered: 0,
-            peaks: [Vec::new(), Vec::new()],
-            dt: 0.0,
-        };
-        match &self.0.side {
-            Side::Received(received) => &received.counts,
-            _ => &NONE,
-        }
+    pub fn counts(&self) -> ReceivedCounts {
+        let counts = self.received().map(|received| received.counts.clone());
+        counts.unwrap_or_default()
     }
 
     /// True if the last paced command left late by more than half a period. Real-time: yes.
     #[must_use]
     pub fn was_late(&self) -> bool {
-        matches!(&self.0.side, Side::Received(received) if received.is_late)
+        self.received().is_some_and(|received| received.is_late)
     }
 
     /// True if a command that leaves now comes later than a tick after the last. Real-time: yes.
@@ -302,20 +295,35 @@ impl ReceivedTest {
     fn place(&mut self, time: f64, dt: f64) -> Tick {
         self.0.environment.supervision.continue_running();
         let place = Tick {
-            step: self.counts().exchanges,
+            step: self.exchanges(),
             sub_tick: 0,
             time,
             dt,
         };
-        if let Side::Received(received) = &mut self.0.side {
+        if let Some(received) = self.received_mut() {
             received.place = place;
         }
         place
     }
 
     fn set_row(&mut self, row: ReceivedRow) {
-        if let Side::Received(received) = &mut self.0.side {
+        if let Some(received) = self.received_mut() {
             received.row = row;
+        }
+    }
+
+    /// Always there: the side was made so.
+    const fn received(&self) -> Option<&Received> {
+        match &self.0.side {
+            Side::Received(received) => Some(received),
+            _ => None,
+        }
+    }
+
+    const fn received_mut(&mut self) -> Option<&mut Received> {
+        match &mut self.0.side {
+            Side::Received(received) => Some(received),
+            _ => None,
         }
     }
 

@@ -148,9 +148,7 @@ impl Received {
             *force = force.max((units.newtons * raw_force).abs());
         }
     }
-}
 
-impl Received {
     /// The row of an exchange in this state. Real-time: yes.
     pub(super) fn write(&self, tick: &Tick, state: f64, port: &Port, values: &mut [f64]) {
         let row = &self.row;

@@ -102,8 +102,7 @@ impl GuardedSpecimen {
     /// A specimen without limits and without a record.
     pub(crate) fn new(identity: Identity, mut port: ReceivedPort) -> Self {
         let store = GuardStore::default();
-        let recorder = Box::new(Unrecorded(store.clone()));
-        let test = Self::test(&identity, &mut port, (None, 0), (1, recorder));
+        let test = Self::test(&identity, &mut port, (None, 0), Unrecorded::sink(&store));
         Self {
             test,
             answer: Measurement::zeros(identity.scale.units.len()),
@@ -123,7 +122,7 @@ impl GuardedSpecimen {
         }
     }
 
-    /// A test at this pace, whose answers take at most so long (ns). It has no record if its rows have one column.
+    /// A test at this pace, whose answers take at most so long (ns). It has no record if its rows have no column.
     fn test(
         identity: &Identity,
         port: &mut ReceivedPort,
@@ -137,30 +136,29 @@ impl GuardedSpecimen {
             port_units: axes.map(|axis| *scale.port_units(axis)).collect(),
             period_ns: pacing.map_or((USUAL_TICK_S * 1e9) as u64, |pacing| pacing.period_ns),
             reply_timeout_ns,
-            is_timed: width > 1,
             width,
         };
         let clock = pacing.map_or(PaceClock::MACHINE, |pacing| pacing.clock);
         ReceivedTest::new(port, settings, Box::new(clock), recorder)
     }
 
-    /// Opens the record of a controller's test, if there is to be one.
+    /// Begins a controller's test, and opens its record if there is to be one.
     ///
     /// # Errors
-    /// It cannot be kept.
+    /// The record cannot be kept: the test has none.
     pub(crate) fn open_record(&mut self, controller: &Controller) -> Result<(), String> {
         let pacing = self.pacing();
         let pace_hz = pacing.map(|pacing| pacing.period_s().recip());
         let specimen = (&self.identity, &self.port);
-        let opened = self.recording.open(specimen, controller, pace_hz)?;
-        let recorder = opened.unwrap_or_else(|| (1, Box::new(Unrecorded(self.store.clone()))));
-        self.test = self.new_test(recorder);
-        Ok(())
-    }
-
-    fn new_test(&mut self, recorder: RowSink) -> ReceivedTest {
-        let pace = (self.pacing(), self.reply_limit_ns);
-        Self::test(&self.identity, &mut self.port, pace, recorder)
+        let opened = self.recording.open(specimen, controller, pace_hz);
+        let (sink, outcome) = match opened {
+            Ok(sink) => (sink, Ok(())),
+            Err(text) => (None, Err(text)),
+        };
+        let sink = sink.unwrap_or_else(|| Unrecorded::sink(&self.store));
+        let pace = (pacing, self.reply_limit_ns);
+        self.test = Self::test(&self.identity, &mut self.port, pace, sink);
+        outcome
     }
 
     /// Each target of a controller becomes a path of commands.
@@ -221,7 +219,6 @@ impl GuardedSpecimen {
         }
         self.allowance.announced(controller.rate);
         (self.tripped, self.commits) = (None, 0);
-        self.test = self.new_test((1, Box::new(Unrecorded(self.store.clone()))));
         self.announced = AnnouncedLimits::by(controller, &self.identity.scale.units);
         self.first.begins = None;
         self.answer = Measurement::zeros(self.identity.scale.units.len());
@@ -348,7 +345,7 @@ impl GuardedSpecimen {
         wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
-        let exchange = self.test.counts().exchanges;
+        let exchange = self.test.exchanges();
         self.recording.begins(exchange, command.time);
         self.test.note_arrival();
         let mut is_answered = true;
@@ -594,7 +591,7 @@ impl GuardedSpecimen {
     /// A wiring check has ended by a trip, or at once: its last command is recorded, which may not have left.
     pub(crate) fn record_end_of_check(&mut self, trip: Option<Trip>) {
         let has_left = self.test.lacks_row();
-        let exchange = self.test.counts().exchanges;
+        let exchange = self.test.exchanges();
         self.recording.begins(exchange, 0.0);
         let mut status = self.port.feedback().raw().status;
         status.0 &= !Status::HELD.0;

@@ -144,7 +144,14 @@ impl Recording {
 }
 
 /// Events of a test without a record: the program's log has the warnings, as many as the store lets through.
-pub(super) struct Unrecorded(pub GuardStore);
+pub(super) struct Unrecorded(GuardStore);
+
+impl Unrecorded {
+    /// No column of rows, and where the events go.
+    pub(super) fn sink(store: &GuardStore) -> RowSink {
+        (0, Box::new(Self(store.clone())))
+    }
+}
 
 impl Recorder for Unrecorded {
     fn row(&mut self, _: &[f64]) -> bool {

@@ -271,7 +271,7 @@ impl SessionRecord {
             verdict,
             steps: commits,
             deadline_misses: missed_edges,
-            ..summary_of(test.counts(), &name, stats, (rate_hz, began))
+            ..summary_of(&test.counts(), &name, stats, (rate_hz, began))
         };
         for result in [
             folder.write_timing(&timing.with_bins()),
