@@ -875,7 +875,7 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// The markup of what is drawn, in a page or as a separate picture.
+    /// The markup of a drawing, in a page or as a separate picture.
     fn drawn(is_page: bool, draw: impl FnOnce(&mut Self)) -> String {
         let body = String::new();
         let mut canvas = Self { body, is_page };
