@@ -425,7 +425,11 @@ impl Engine<'_> {
 
     fn report_hit(&mut self, index: usize, hit: &Hit, tick: &Tick) {
         if let Side::Received(received) = &*self.side {
-            let tick = received.place;
+            let step = received.counts.exchanges;
+            let tick = Tick {
+                step,
+                ..received.place
+            };
             // The server reports the trip that ends the test.
             let what = match hit.level {
                 Level::Warning => "a warning",
