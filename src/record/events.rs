@@ -12,4 +12,4 @@ mod sentence;
 
 pub use kinds::Event;
 pub use line::EventLine;
-pub use payload::{LimitReached, Standing, TripValue, WarmUp, Word};
+pub use payload::{LimitReached, Ready, Standing, TripValue, WarmUp, Word};

@@ -18,6 +18,7 @@ use super::rt::timing::Timings;
 use super::summary::{InputFile, Summary};
 use super::utc::stamp;
 use super::whereabouts::{Hold, Whereabouts, is_claimed};
+use crate::Event;
 
 /// The files of a run until it ends.
 pub(super) const FILES: [&str; 9] = [
@@ -357,6 +358,27 @@ impl RunFolder {
     pub fn make(&self, name: &str) -> Result<(), FolderError> {
         let folder = self.place(name)?;
         fs::create_dir_all(&folder).map_err(at(&folder))
+    }
+
+    /// The event that records the files of the test, so that a replay or a resume can prove that they are unchanged: the test file, its
+    /// complete configuration, the layout of the rows, and the inputs.
+    #[must_use]
+    pub fn files_event(&self, file: &[u8], resolved: &str, layout: &Layout) -> Event {
+        // A changed name or unit of a column changes the measured quantity.
+        let layout = layout.to_json();
+        let files = [
+            ("test.toml", file),
+            ("resolved.toml", resolved.as_bytes()),
+            ("samples.json", layout.as_bytes()),
+        ];
+        let files = files.map(|(name, bytes)| (name.to_owned(), Checksum::of(bytes).to_string()));
+        let inputs = self.inputs.iter();
+        let inputs = inputs.map(|input| (input.path.clone(), input.sha256.clone()));
+        let hashes = files.into_iter().chain(inputs);
+        Event::Files {
+            sha256: hashes.map(|(name, hash)| (name, hash.into())).collect(),
+            version: env!("CARGO_PKG_VERSION").into(),
+        }
     }
 
     /// A copy under `inputs/` of a file that the test read. The same bytes under the same name are kept once; other

@@ -60,7 +60,7 @@ pub mod writer;
 
 pub use checkpoint::{Checkpoint, CheckpointFault, StateFaults, StateFolder};
 pub use checksum::Checksum;
-pub use events::{Event, EventLine, LimitReached, Standing, TripValue, WarmUp, Word};
+pub use events::{Event, EventLine, LimitReached, Ready, Standing, TripValue, WarmUp, Word};
 pub use folder::{BEFORE, FolderError, RunFolder, make_free};
 #[cfg(any(test, feature = "test-doubles"))]
 pub use image::FolderImage;

@@ -47,6 +47,7 @@ mod resume;
 mod retrace;
 mod row_peaks;
 mod sampling;
+mod served_replay;
 mod signals;
 mod specimen_records;
 mod summary;

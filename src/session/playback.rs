@@ -5,6 +5,7 @@
 //! answered. So each of them happens again in the same row. Checkpoints are compared as they come. Columns are found by
 //! name; a column that the recording does not have is not compared.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::ops::Range;
@@ -84,6 +85,39 @@ impl Recording {
     }
 }
 
+/// What a playback needs of the test whose rows it feeds.
+#[derive(Debug)]
+pub(super) struct Course<'a> {
+    columns: Cow<'a, [Column]>,
+    specimens: usize,
+    /// One step in s, and their number.
+    dt: f64,
+    steps: u64,
+}
+
+impl<'a> Course<'a> {
+    /// A test of a server: it has no steps of its own.
+    pub(crate) const fn of_a_server(columns: &'a [Column]) -> Self {
+        Self {
+            columns: Cow::Borrowed(columns),
+            specimens: 1,
+            dt: f64::NAN,
+            steps: u64::MAX,
+        }
+    }
+}
+
+impl From<&Experiment> for Course<'_> {
+    fn from(experiment: &Experiment) -> Self {
+        Self {
+            columns: experiment.columns().into(),
+            specimens: experiment.ports.len(),
+            dt: experiment.dt,
+            steps: experiment.steps,
+        }
+    }
+}
+
 /// The recorded rows, as far as the loop has come.
 pub(super) struct Playback {
     journal: Journal<Box<dyn Read + Send>>,
@@ -125,12 +159,12 @@ pub(super) struct Playback {
 }
 
 impl Playback {
-    /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line. The loop begins with the first of
+    /// The rows of a recording in `layout`, for this test; `operator` is the loop's line. The loop begins with the first of
     /// `rows`. The rows before it are passed over, and only the one right before it must be complete.
     pub(crate) fn new(
         recording: Recording,
         layout: &Layout,
-        experiment: &Experiment,
+        course: &Course<'_>,
         operator: Sender<Operator>,
         rows: Range<u64>,
         only_the_test: bool,
@@ -138,18 +172,18 @@ impl Playback {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let mut playback = Self {
             journal: recording.journal,
-            compared: compared(layout.columns(), &experiment.columns()),
+            compared: compared(layout.columns(), &course.columns),
             coming: Vec::new(),
             passed: Vec::new(),
-            sequences: (1..=experiment.ports.len())
+            sequences: (1..=course.specimens)
                 .map(|number| place(&SEQUENCE.of_specimen(number)))
                 .collect(),
             row: 0,
             time: f64::NAN,
             places: ["state", "operator", "time", "cause"].map(place),
-            dt: experiment.dt,
-            earlier: EarlierRows::of(layout, experiment.steps),
-            steps: experiment.steps,
+            dt: course.dt,
+            earlier: EarlierRows::of(layout, course.steps),
+            steps: course.steps,
             before: None,
             until: rows.end,
             only_the_test,
@@ -488,7 +522,8 @@ mod tests {
         let samples = Box::new(std::io::Cursor::new(bytes));
         let recording = Recording::without_checkpoints(samples, &layout);
         let (operator, _) = crossbeam_channel::bounded(4);
-        Playback::new(recording, &layout, &experiment, operator, rows, true)
+        let course = Course::from(&experiment);
+        Playback::new(recording, &layout, &course, operator, rows, true)
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::thread::JoinHandle;
 
 use super::guarded::{Ended, run_to_the_end};
 use super::sampling::spawn_sampler;
-use super::{SessionError, Watches, archive};
+use super::{SessionError, Watches};
 use gusset_config::ClockChoice;
 use gusset_control::engine::{Connected, Control, Experiment};
 use gusset_quantity::catalog::event::{Remark, Severity};
@@ -126,7 +126,8 @@ pub fn prepare(
         None
     };
 
-    writer.note(archive::note(files, &layout, folder));
+    let archived = folder.files_event(&files.test, &files.resolved, &layout);
+    writer.note(archived);
     for warning in &facts.warnings {
         // For the file only: the program has already shown this warning, with its place in the test file.
         let event = Event::said(Remark::Warning, warning.as_str());

@@ -14,10 +14,11 @@ use super::agreement::{
     SummaryDifference, is_of_an_earlier_version, may_trip_after_its_rows, with_loop,
 };
 use super::checksum::check_files;
-use super::playback::{Comparing, Difference, Playback, Recording, with};
+use super::playback::{Comparing, Course, Difference, Playback, Recording, with};
 use super::recorded::{Replaced, put_recorded};
 use super::replay_error::ReplayError;
 use super::retrace::{prepared, same_columns};
+use super::served_replay;
 use super::summary::peak;
 use gusset_control::engine::{Connected, Control, Ending, Experiment, Outcome};
 use gusset_record::{End, Layout, MissingEnd, Run};
@@ -45,6 +46,20 @@ pub struct Replay {
 }
 
 impl Replay {
+    /// What a playback has found.
+    fn of(playback: &mut Playback, layout: &Layout) -> Self {
+        Self {
+            rows: playback.row,
+            columns: layout.columns().iter().filter(|c| !c.timing).count(),
+            time: playback.time,
+            difference: playback.difference.take(),
+            short: None,
+            files_proven: false,
+            summary: Vec::new(),
+            is_of_an_earlier_version: false,
+        }
+    }
+
     /// True if every recorded number was reproduced, and the summary agrees with the loop.
     #[must_use]
     pub const fn is_exact(&self) -> bool {
@@ -59,6 +74,9 @@ impl Replay {
 /// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
 pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let run = Run::open(folder)?;
+    if run.layout().is_served() {
+        return replay_served(&run);
+    }
     let test = prepared(&run, Replaced::All)?;
     let files_proven = check_files(&run)?;
     let recording = Recording::of(&run)?;
@@ -83,6 +101,25 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
         found.is_of_an_earlier_version = is_of_an_earlier_version(run.events()?.events.iter());
     }
     found.files_proven = files_proven;
+    Ok(found)
+}
+
+/// Runs the targets of a controller through its server's specimen again.
+fn replay_served(run: &Run) -> Result<Replay, ReplayError> {
+    let files_proven = check_files(run)?;
+    let playback = served_replay::follow(run, Recording::of(run)?)?;
+    let mut found = with(&playback, |playback| {
+        let end = playback.end().filter(|end| *end != End::Clean);
+        let short = playback.short.take();
+        Replay {
+            short: short.or_else(|| end.map(|end| end.to_string())),
+            files_proven,
+            ..Replay::of(playback, run.layout())
+        }
+    });
+    if found.is_exact() {
+        found.short = missing_end(run, &found);
+    }
     Ok(found)
 }
 
@@ -122,11 +159,11 @@ fn follow(
 ) -> Result<(Replay, Outcome, bool), ReplayError> {
     same_columns(layout.columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let mut playback = Playback::new(recording, layout, &experiment, operator, 0..u64::MAX, false);
+    let course = Course::from(&experiment);
+    let mut playback = Playback::new(recording, layout, &course, operator, 0..u64::MAX, false);
     playback.goes_on = goes_on;
     let playback = Arc::new(Mutex::new(playback));
     put_recorded(&mut experiment, &playback, layout, Replaced::All)?;
-    let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&playback)));
     let test = Connected::for_a_replay(experiment, recorder);
     let outcome = test.run(&Control::from(requests)).into_outcome();
@@ -142,14 +179,8 @@ fn follow(
             (Some(end), _) => Some(end.to_string()),
         };
         let found = Replay {
-            rows: playback.row,
-            columns: compared,
-            time: playback.time,
-            difference: playback.difference.take(),
             short,
-            files_proven: false,
-            summary: Vec::new(),
-            is_of_an_earlier_version: false,
+            ..Replay::of(playback, layout)
         };
         (found, playback.ran_out)
     });

@@ -20,9 +20,12 @@ pub enum ReplayError {
     /// Its rows do not fit the specimens of the test.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// A server wrote it: its commands came from elsewhere.
-    #[error("{}: this is a server's record of what its controller commanded: there is nothing to be computed again, but in the run folder of that controller", .0.display())]
+    /// A server wrote it, and its controller's test never began, or an earlier version wrote it.
+    #[error("{}: its events have no `ready`: the controller's test ended before its first command, or an earlier version recorded it", .0.display())]
     Served(PathBuf),
+    /// The specimen of a server cannot be made again.
+    #[error("{}: {}", .0.display(), .1)]
+    Host(PathBuf, String),
     /// A copy of an input differs from the file that the test read.
     #[error("{} was changed: its SHA-256 is {found}, but the test had {wanted}", path.display())]
     Input {

@@ -227,7 +227,14 @@ fn recorded_test(
     same_columns(run.layout().columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
     let recording = Recording::of(run)?;
-    let playback = Playback::new(recording, run.layout(), &experiment, operator, rows, true);
+    let playback = Playback::new(
+        recording,
+        run.layout(),
+        &(&experiment).into(),
+        operator,
+        rows,
+        true,
+    );
     let playback = Arc::new(Mutex::new(playback));
     put_recorded(&mut experiment, &playback, run.layout(), replaced)?;
     let recorder = Box::new(Comparing(Arc::clone(&playback)));

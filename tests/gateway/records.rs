@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use crate::link_common::{
-    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, as_read, finish,
-    gateway, gusset, run, summary, test_file,
+    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, as_read,
+    assert_replays, finish, gateway, gusset, run, summary, test_file,
 };
 use crate::waits_for;
 use gusset_actuator::specimen::SpecimenLaw;
@@ -14,8 +14,9 @@ use gusset_link::served::{Computed, Controller, RecordSettings, ServedSpecimen};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::units::AxisUnits;
-use gusset_record::Run;
+use gusset_record::journal::encode;
 use gusset_record::summary::Status;
+use gusset_record::{Journal, Run};
 
 const STEPS: u32 = 200;
 const WARM_UP: usize = 5;
@@ -143,12 +144,7 @@ fn report_and_export_read_the_folder() {
     let mut report = gusset();
     report.arg("report").arg(&kept);
     assert!(finish(report).status.success());
-    let mut replay = gusset();
-    replay.arg("replay").arg(&kept);
-    let said = finish(replay);
-    assert_eq!(said.status.code(), Some(2));
-    let said = String::from_utf8_lossy(&said.stderr).into_owned();
-    assert!(said.contains("this is a server's record"), "{said}");
+    assert_replays(&kept);
     let page = std::fs::read_to_string(kept.join("report.html")).unwrap();
     assert!(page.contains("Completed") && page.contains("<svg") && page.contains("column"));
     let csv = folder.join("rows.csv");
@@ -164,6 +160,39 @@ fn report_and_export_read_the_folder() {
     );
     // The first place is commanded again in each tick of the warm-up: one step.
     assert_eq!(lines.count(), STEPS as usize + 1);
+}
+
+/// A number that its specimen would not have been sent.
+#[test]
+fn changed_command_of_a_server_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let served = Served::start(folder, &local, &["--out", out.to_str().unwrap()]);
+    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("test over");
+    let kept = out.join("test-0001");
+    assert_replays(&kept);
+    let layout = Run::open(&kept).unwrap().layout().clone();
+    let samples = std::fs::read(kept.join("samples.bin")).unwrap();
+    for name in ["cmd_1_1", "meas_1_1", "status_1", "asked_1_1"] {
+        let place = layout.index_of(name).unwrap();
+        let mut journal = Journal::new(&samples[..], layout.columns().len());
+        let mut changed = Vec::new();
+        while let Some(row) = journal.next_row().unwrap() {
+            let mut values = row.values.to_vec();
+            if row.sequence == 20 {
+                values[place] = f64::from_bits(values[place].to_bits() ^ 1);
+            }
+            encode(row.sequence, &values, &mut changed);
+        }
+        std::fs::write(kept.join("samples.bin"), &changed).unwrap();
+        let found = gusset_session::replay(&kept).unwrap();
+        let difference = found.difference.unwrap();
+        assert_eq!(difference.row, 20, "{name}: {difference:?}");
+    }
 }
 
 #[test]

@@ -203,6 +203,15 @@ pub fn summary(folder: &Path, name: &str) -> Summary {
     run.summary().unwrap().clone()
 }
 
+/// Every row of this run folder is reproduced, and its files are those of the test.
+pub fn assert_replays(folder: &Path) {
+    let found = gusset_session::replay(folder).unwrap();
+    assert!(
+        found.is_exact() && found.files_proven && found.rows > 0,
+        "{found:?}"
+    );
+}
+
 /// Sends a signal by name.
 pub fn signal(process: u32, name: &str) {
     let id = process.to_string();

@@ -4,8 +4,9 @@
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use crate::link_common::{PATIENCE, Served};
+use crate::link_common::{PATIENCE, Served, assert_replays};
 use gusset_quantity::substructure::Command;
 use gusset_record::Run;
 use gusset_record::summary::Status;
@@ -21,11 +22,14 @@ const N: usize = 16;
 const RIG: &str = "[[specimen]]\nname = \"column\"\nlaw = { linear = { stiffness_n_per_m = 4e5 } }\n\
                    transfer.actuator.first_order = { time_constant_s = 0.015 }\n";
 
+/// The compensation of most gateways.
+const INVERSE: &str = "inverse = { delay_s = 0.015 }";
+
 /// The text of a gateway at twice the scale of its rig.
-fn gateway(rig: &Served, pace: &str, more: &str) -> String {
+fn gateway(rig: &Served, pace: &str, more: &str, compensation: &str) -> String {
     format!(
         "[serve]\npace = {{ {pace} }}\n{more}\n[safety]\nunlimited = \"a formula\"\n[[specimen]]\nname = \"column\"\n\
-         stiffness_n_per_m = 4e5\nsimilitude = {{ length = 2, force = 2 }}\ncompensation.inverse = {{ delay_s = 0.015 }}\n\
+         stiffness_n_per_m = 4e5\nsimilitude = {{ length = 2, force = 2 }}\ncompensation.{compensation}\n\
          limits = {{ command_vel_m_per_s = {{ trip = 10 }}, lag_s = {{ trip = 0.1 }} }}\n\
          [specimen.link]\naddress = \"{}\"\nprobe = \"none\"\ncomputed = true\nreply_timeout_s = 1\n",
         rig.address
@@ -41,14 +45,14 @@ struct Bench {
 
 impl Bench {
     fn new(pace: &str, more: &str) -> Self {
-        Self::speaking("openfresco", pace, more)
+        Self::speaking("openfresco", pace, more, INVERSE)
     }
 
-    fn speaking(protocol: &str, pace: &str, more: &str) -> Self {
+    fn speaking(protocol: &str, pace: &str, more: &str, compensation: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let rig = Served::start(folder.path(), RIG, &[]);
         let out = folder.path().join("kept");
-        let text = gateway(&rig, pace, more);
+        let text = gateway(&rig, pace, more, compensation);
         let arguments = ["--protocol", protocol, "--out", out.to_str().unwrap()];
         let gateway = Served::start(folder.path(), &text, &arguments);
         Self {
@@ -59,12 +63,13 @@ impl Bench {
         }
     }
 
-    /// The record of the first test, once the gateway has closed it.
+    /// The record of the first test, once the gateway has closed it. It replays to the last bit.
     fn kept(&self) -> Run {
         let folder = self.out.join("test-0001");
         while !folder.join("summary.json").exists() {
             std::thread::yield_now();
         }
+        assert_replays(&folder);
         Run::open(&folder).unwrap()
     }
 }
@@ -144,6 +149,35 @@ fn closing_client_leaves_specimen_at_rest() {
     assert!(lags.iter().any(|lag| lag.abs() < 0.01), "{:?}", lags.last());
     let states = column(&run, "state");
     assert_eq!(states.iter().filter(|state| **state == 5.0).count(), 130);
+}
+
+/// Late targets are gaps for an adaptive compensator, and a silent client lets the specimen rest: the rows have both.
+#[test]
+fn late_targets_replay_with_an_adaptive_compensator() {
+    let adaptive = "ats = { delay_s = 0.015, window_s = 0.1, least_motion_m = 1e-5 }";
+    let pace = "ticks_per_step = 20, rate_hz = 1000";
+    let bench = Bench::speaking("openfresco", pace, "", adaptive);
+    let mut client = Client::new(&bench.gateway.address);
+    for step in 1..=60_i32 {
+        let disp = 0.004 * (0.7 * f64::from(step)).sin();
+        assert!(client.force(disp, 0.02 * f64::from(step)).is_some());
+        client.commits();
+        if step % 15 == 0 {
+            std::thread::sleep(Duration::from_millis(60));
+        }
+    }
+    drop(client);
+    let run = bench.kept();
+    let between = column(&run, "between");
+    let late = between.iter().filter(|flags| **flags == 32.0);
+    assert!(late.count() >= 3);
+    let learns = |name: &str| {
+        let values = column(&run, name);
+        values.iter().any(|value| *value != values[0])
+    };
+    let columns = run.layout().columns().iter();
+    let mut learned = columns.filter(|column| column.name.starts_with("comp_"));
+    assert!(learned.any(|column| learns(&column.name)));
 }
 
 /// Waits until more rows are there than after the last call.
@@ -241,7 +275,7 @@ fn native(address: &str) -> TcpStream {
 #[test]
 fn dying_native_client_slows_the_specimen() {
     let pace = "ticks_per_step = 20000, rate_hz = 1000";
-    let bench = Bench::speaking("gusset", pace, "");
+    let bench = Bench::speaking("gusset", pace, "", INVERSE);
     let stream = native(&bench.gateway.address);
     runs_on(&bench);
     drop(stream);
@@ -452,7 +486,7 @@ fn accepted_speed_is_in_the_summary() {
     let folder = tempfile::tempdir().unwrap();
     let rig = Served::start(folder.path(), RIG, &[]);
     let out = folder.path().join("kept");
-    let text = gateway(&rig, "ticks_per_step = 20, rate_hz = 2000", "")
+    let text = gateway(&rig, "ticks_per_step = 20, rate_hz = 2000", "", INVERSE)
         .replace("similitude", "damping_n_s_per_m = 100\nsimilitude")
         .replace("[safety]", "[safety]\naccept_speed = \"hardly damped\"");
     let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];

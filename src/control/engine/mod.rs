@@ -66,7 +66,9 @@ pub use operator::{Control, Notice, Operator, OperatorCommands, Watch};
 pub use outcome::{Outcome, PaceOutcome};
 pub use phase::{Glimpse, Phase, PhaseCell};
 pub use received::{ReceivedCommand, ReceivedSettings, ReceivedTest};
-pub use received_columns::{ReceivedCounts, ReceivedRow, ReceivedTarget, received_columns};
+pub use received_columns::{
+    Between, ReceivedCounts, ReceivedRow, ReceivedTarget, received_columns,
+};
 pub use resumption::{EarlierPeaks, Place, Resumption};
 pub use rules::{Limits, OnMiss};
 pub use static_load::StaticLoad;

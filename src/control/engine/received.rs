@@ -58,6 +58,8 @@ pub struct ReceivedCommand {
 /// Settings of a test with received targets.
 #[derive(Debug)]
 pub struct ReceivedSettings {
+    /// Number of displacements that the controller commands.
+    pub signals: usize,
     /// Units of the axes.
     pub units: Vec<AxisUnits>,
     /// Units in which the port counts.
@@ -94,6 +96,7 @@ impl ReceivedTest {
         recorder: Box<dyn Recorder>,
     ) -> Self {
         let ReceivedSettings {
+            signals,
             units,
             port_units,
             period_ns,
@@ -111,7 +114,7 @@ impl ReceivedTest {
             on_stale: OnStale::Stop,
             stale_in_a_row: HOLDING_IN_A_ROW,
         });
-        let received = Received::new(port.axes(), units, port_units, clock.now());
+        let received = Received::new(signals, port.axes(), units, port_units, clock.now());
         let limits = Limits {
             on_miss: OnMiss::Stretch,
             extrapolate_stale: false,
@@ -191,6 +194,7 @@ impl ReceivedTest {
         self.0.plan.dt = period.value();
         port.guard_mut().set_motion_time(self.0.plan.dt);
         self.set_row(ReceivedRow::default());
+        self.asks_nothing();
         let mut engine = self.engine(port, client);
         let environment = &mut engine.environment;
         environment.enter(Phase::Probing, Ending::Completed);
@@ -211,6 +215,21 @@ impl ReceivedTest {
     #[must_use]
     pub const fn way_back(&self) -> Option<(usize, WayBack)> {
         self.0.ends.way_back
+    }
+
+    /// The controller asks for a target: its test time in s and that since the last commit, displacement and velocity of each signal. The
+    /// rows of all commands to it have them. Real-time: yes.
+    pub fn asks(&mut self, times: [f64; 2], motion: impl Iterator<Item = [f64; 2]>) {
+        if let Some(received) = self.received_mut() {
+            received.asks(times, motion);
+        }
+    }
+
+    /// The commands from here on are those of the server itself. Real-time: yes.
+    pub fn asks_nothing(&mut self) {
+        if let Some(received) = self.received_mut() {
+            received.asks_nothing();
+        }
     }
 
     /// Records the last exchange in this state. Real-time: yes.

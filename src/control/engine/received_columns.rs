@@ -45,6 +45,60 @@ pub struct ReceivedRow {
     pub status: Option<Status>,
     /// What became of the target.
     pub target: ReceivedTarget,
+    /// What happened since the command before.
+    pub between: Between,
+    /// Time in s that the command has for its motion, by the limits of the specimen and by those that the controller announced.
+    pub allowed: Option<[f64; 2]>,
+}
+
+/// What happened between two commands of a controller: flags of the column `between`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Between(pub u32);
+
+impl Between {
+    /// The specimen came to rest, since no command came.
+    pub const RESTED: Self = Self(1);
+    /// The controller ended its motion.
+    pub const HALTED: Self = Self(2);
+    /// The controller does not want the answer any more.
+    pub const UNWANTED: Self = Self(4);
+    /// The target before was given up on its way.
+    pub const GIVEN_UP: Self = Self(8);
+    /// The test tripped.
+    pub const TRIPPED: Self = Self(16);
+    /// The target came after the specimen had moved on.
+    pub const LATE: Self = Self(32);
+
+    /// The flags of a recorded row; none of a number that holds none.
+    #[must_use]
+    pub const fn of_column(value: f64) -> Self {
+        Self(value as u32)
+    }
+
+    /// True if it happened.
+    #[must_use]
+    pub const fn has(self, flag: Self) -> bool {
+        self.0 & flag.0 != 0
+    }
+
+    /// It happened.
+    pub const fn add(&mut self, flag: Self) {
+        self.0 |= flag.0;
+    }
+
+    /// It does not count.
+    pub const fn remove(&mut self, flag: Self) {
+        self.0 &= !flag.0;
+    }
+}
+
+/// A target as the controller gave it.
+#[derive(Debug)]
+struct Asked {
+    /// Test time in s, and test time since the last commit.
+    times: [f64; 2],
+    /// Displacements and velocities, one after the other for each signal.
+    motion: Vec<f64>,
 }
 
 /// Counts of the exchanges.
@@ -71,6 +125,7 @@ pub struct Received {
     began: Nanos,
     stamps: TickStamps,
     pub(super) row: ReceivedRow,
+    asked: Asked,
     /// Place of the newest command in the record.
     pub(super) place: Tick,
     pub(super) counts: ReceivedCounts,
@@ -83,6 +138,7 @@ pub struct Received {
 impl Received {
     /// The rows of a specimen with this number of axes. Its port counts in `port_units`.
     pub(super) fn new(
+        signals: usize,
         axes: usize,
         units: Vec<AxisUnits>,
         port_units: Vec<AxisUnits>,
@@ -94,6 +150,10 @@ impl Received {
             began,
             stamps: TickStamps::default(),
             row: ReceivedRow::default(),
+            asked: Asked {
+                times: [f64::NAN; 2],
+                motion: vec![f64::NAN; 2 * signals],
+            },
             place: Tick::before_start(0.0),
             counts: ReceivedCounts {
                 peaks: [vec![0.0; axes], vec![0.0; axes]],
@@ -109,6 +169,21 @@ impl Received {
         // Within its capacity.
         self.told.clear();
         self.told.extend_from_slice(&command);
+    }
+
+    /// The controller asks for this target. Real-time: yes.
+    pub(super) fn asks(&mut self, times: [f64; 2], motion: impl Iterator<Item = [f64; 2]>) {
+        self.asked.times = times;
+        let places = self.asked.motion.chunks_exact_mut(2);
+        places
+            .zip(motion)
+            .for_each(|(to, from)| to.copy_from_slice(&from));
+    }
+
+    /// The commands from here on are those of the server itself.
+    pub(super) fn asks_nothing(&mut self) {
+        self.asked.times = [f64::NAN; 2];
+        self.asked.motion.fill(f64::NAN);
     }
 
     /// Metres and newtons in one unit of the port. Real-time: yes.
@@ -153,6 +228,8 @@ impl Received {
     pub(super) fn write(&self, tick: &Tick, state: f64, port: &Port, values: &mut [f64]) {
         let row = &self.row;
         let (received_s, round_trip_s) = self.times();
+        let [asked_time, asked_elapsed] = self.asked.times;
+        let [allowed, by_controller] = row.allowed.unwrap_or([f64::NAN; 2]);
         let head = [
             self.counts.exchanges as f64,
             0.0,
@@ -167,18 +244,28 @@ impl Received {
             f64::from(row.trip),
             received_s,
             round_trip_s,
+            asked_time,
+            asked_elapsed,
+            f64::from(row.between.0),
+            allowed,
+            by_controller,
         ];
-        for (to, from) in values.iter_mut().zip(head) {
-            *to = from;
+        let before_axes = head.iter().chain(&self.asked.motion);
+        for (to, from) in values.iter_mut().zip(before_axes) {
+            *to = *from;
         }
         let is_kept_back = state == Phase::Tripped.code();
         self.write_axes(
             is_kept_back,
             port,
-            values.get_mut(HEAD..).unwrap_or_default(),
+            values
+                .get_mut(HEAD + self.asked.motion.len()..)
+                .unwrap_or_default(),
         );
-        if let Some(status) = values.last_mut() {
-            let raw = port.feedback().raw().status.0 & !Status::HELD.0;
+        if let [.., raw_status, status] = values {
+            let raw = port.feedback().raw().status.0;
+            *raw_status = f64::from(raw);
+            let raw = raw & !Status::HELD.0;
             let stale = if is_kept_back { Status::STALE.0 } else { 0 };
             *status = f64::from(row.status.map_or(raw, |status| status.0) | stale);
         }
@@ -225,7 +312,7 @@ impl Received {
             .values()
             .flatten()
             .chain(port.path().compensation_parameters());
-        // The last column is the status.
+        // The last two columns are the status.
         for (slot, value) in further.into_iter().flatten().zip(values) {
             *slot = value;
         }
@@ -236,6 +323,9 @@ impl Received {
 const HEAD: usize = count(Each::Test);
 /// Columns of every axis.
 const WIDTH: usize = count(Each::Axis);
+/// Columns of every signal of the controller.
+const SIGNAL_WIDTH: usize = count(Each::Signal);
+const _: () = assert!(SIGNAL_WIDTH == 2);
 /// Columns of every coordinate of a loading unit.
 const COORDINATE_WIDTH: usize = count(Each::Coordinate);
 
@@ -261,10 +351,11 @@ fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
         .filter(move |kind| kind.each == each && !is_estimate(kind))
 }
 
-/// The columns of a specimen whose axes have these units, and which are the actuators of a loading unit with these coordinates, if
+/// The columns of a specimen with this number of signals, whose axes have these units, and which are the actuators of a loading unit with these coordinates, if
 /// there is one.
 #[must_use]
 pub fn received_columns(
+    signals: usize,
     units: &[AxisUnits],
     coordinates: &[Coordinate],
     port: &ReceivedPort,
@@ -278,6 +369,15 @@ pub fn received_columns(
     };
     let of_test = |kind: &Kind| column(kind, kind.name().into(), kind.unit, kind.told(""));
     let mut columns: Vec<Column> = kinds(Each::Test).map(of_test).collect();
+    for signal in 1..=signals {
+        columns.extend(kinds(Each::Signal).map(|kind| {
+            let meaning = format!(
+                "{}; specimen \"{name}\", displacement {signal}",
+                kind.meaning
+            );
+            column(kind, kind.of_axis(1, signal), kind.unit, meaning)
+        }));
+    }
     for (axis, units) in (1..).zip(units) {
         for kind in kinds(Each::Axis) {
             // A rotation stays one, and a moment too: there is nothing to bring into metres.

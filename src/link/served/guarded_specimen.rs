@@ -12,8 +12,8 @@ use super::session_record::RowSink;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted};
 use gusset_control::engine::{
-    Operator, Phase, ReceivedCommand, ReceivedRow, ReceivedSettings, ReceivedTarget, ReceivedTest,
-    Stop,
+    Between, Operator, Phase, ReceivedCommand, ReceivedRow, ReceivedSettings, ReceivedTarget,
+    ReceivedTest, Stop,
 };
 use gusset_control::port::{LoadingUnit, ReceivedPort};
 use gusset_quantity::catalog::event::Remark;
@@ -73,6 +73,17 @@ impl Origin {
     }
 }
 
+/// What the wall clock decides of a command.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ByTheClock {
+    /// The specimen has come to rest since the command before.
+    pub rested: bool,
+    /// The specimen has moved on since the last target.
+    pub late: bool,
+    /// The times that the command has for its motion.
+    pub times: Option<Times>,
+}
+
 /// A specimen with its guard, and everything that is judged by it.
 pub(super) struct GuardedSpecimen {
     pub identity: Identity,
@@ -91,6 +102,14 @@ pub(super) struct GuardedSpecimen {
     pub answer: Measurement,
     tripped: Option<Trip>,
     commits: u64,
+    /// What happened since the last command.
+    pub between: Between,
+    /// What the wall clock decides of the next command, if a record says it: of a replay.
+    pub foretold: Option<ByTheClock>,
+    /// The clock of commands that are not paced.
+    clock: PaceClock,
+    /// The times that the last command has for its motion.
+    times: Option<Times>,
     /// The path to the controller's targets, if they are paced.
     path: Option<PacedPath>,
     /// The wall time of the server; the machine's own until the server gives it.
@@ -102,7 +121,9 @@ impl GuardedSpecimen {
     /// A specimen without limits and without a record.
     pub(crate) fn new(identity: Identity, mut port: ReceivedPort) -> Self {
         let store = GuardStore::default();
-        let test = Self::test(&identity, &mut port, (None, 0), Unrecorded::sink(&store));
+        let clock = PaceClock::MACHINE;
+        let sink = Unrecorded::sink(&store);
+        let test = Self::test(&identity, &mut port, (None, clock, 0), sink);
         Self {
             test,
             answer: Measurement::zeros(identity.scale.units.len()),
@@ -117,6 +138,10 @@ impl GuardedSpecimen {
             recording: Recording::default(),
             tripped: None,
             commits: 0,
+            between: Between::default(),
+            foretold: None,
+            clock,
+            times: None,
             path: None,
             now: None,
         }
@@ -126,19 +151,20 @@ impl GuardedSpecimen {
     fn test(
         identity: &Identity,
         port: &mut ReceivedPort,
-        (pacing, reply_timeout_ns): (Option<Pacing>, u64),
+        (pacing, clock, reply_timeout_ns): (Option<Pacing>, PaceClock, u64),
         (width, recorder): RowSink,
     ) -> ReceivedTest {
         let scale = &identity.scale;
         let axes = 0..scale.axis_units().len();
         let settings = ReceivedSettings {
+            signals: scale.units.len(),
             units: scale.axis_units().to_vec(),
             port_units: axes.map(|axis| *scale.port_units(axis)).collect(),
             period_ns: pacing.map_or((USUAL_TICK_S * 1e9) as u64, |pacing| pacing.period_ns),
             reply_timeout_ns,
             width,
         };
-        let clock = pacing.map_or(PaceClock::MACHINE, |pacing| pacing.clock);
+        let clock = pacing.map_or(clock, |pacing| pacing.clock);
         ReceivedTest::new(port, settings, Box::new(clock), recorder)
     }
 
@@ -156,7 +182,7 @@ impl GuardedSpecimen {
             Err(text) => (None, Err(text)),
         };
         let sink = sink.unwrap_or_else(|| Unrecorded::sink(&self.store));
-        let pace = (pacing, self.reply_limit_ns);
+        let pace = (pacing, self.clock, self.reply_limit_ns);
         self.test = Self::test(&self.identity, &mut self.port, pace, sink);
         outcome
     }
@@ -168,6 +194,14 @@ impl GuardedSpecimen {
         let mut path = PacedPath::new(pacing, signals, axes);
         path.fresh = self.port.freeze_compensation();
         self.path = Some(path);
+    }
+
+    /// Another clock than the machine's.
+    pub(crate) const fn keep_time_by(&mut self, clock: PaceClock) {
+        self.clock = clock;
+        if let Some(path) = &mut self.path {
+            path.pacing.clock = clock;
+        }
     }
 
     /// How targets are paced.
@@ -219,6 +253,7 @@ impl GuardedSpecimen {
         }
         self.allowance.announced(controller.rate);
         (self.tripped, self.commits) = (None, 0);
+        self.between = Between::default();
         self.announced = AnnouncedLimits::by(controller, &self.identity.scale.units);
         self.first.begins = None;
         self.answer = Measurement::zeros(self.identity.scale.units.len());
@@ -324,6 +359,13 @@ impl GuardedSpecimen {
         wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
     ) -> Result<bool, Trip> {
+        if origin.is_own() {
+            self.test.asks_nothing();
+        } else {
+            let motion = command.disp.iter().zip(command.vel);
+            let motion = motion.map(|(disp, vel)| [*disp, *vel]);
+            self.test.asks([command.time, elapsed], motion);
+        }
         let is_paced = origin == Origin::Controller && self.tripped.is_none();
         let path = if is_paced { self.path.take() } else { None };
         let Some(mut path) = path else {
@@ -348,6 +390,7 @@ impl GuardedSpecimen {
         let exchange = self.test.exchanges();
         self.recording.begins(exchange, command.time);
         self.test.note_arrival();
+        self.times = None;
         let mut is_answered = true;
         let is_aimed = self.tripped.is_none() && not_finite(command.disp, command.vel).is_none();
         if self.tripped.is_none() {
@@ -382,6 +425,8 @@ impl GuardedSpecimen {
             trip: self.tripped.map_or(0, Trip::code),
             is_lost: matches!(self.tripped, Some(Trip::Lost(_))),
             status: Some(into.status),
+            between: std::mem::take(&mut self.between),
+            allowed: self.times.map(|times| [times.own, times.announced]),
             target: match (is_number, is_aimed) {
                 (false, _) => ReceivedTarget::NoNumber,
                 (true, true) => ReceivedTarget::Aimed,
@@ -479,6 +524,7 @@ impl GuardedSpecimen {
             return Err(Trip::Geometry(fault));
         }
         let time = self.time_of(command, elapsed, origin);
+        self.times = time;
         if let Some(time) = time {
             self.port.guard_mut().set_motion_time(time.own);
         }
@@ -566,9 +612,15 @@ impl GuardedSpecimen {
         if let Some(period_s) = origin.period_s() {
             return Some(Times::both(period_s));
         }
+        if let Some(ByTheClock { rested, times, .. }) = self.foretold {
+            if rested {
+                self.rests_by_the_clock();
+            }
+            return times;
+        }
         let now = self.now.unwrap_or_else(|| Nanos(os::monotonic_ns()));
         if self.allowance.has_rested(now) {
-            self.has_come_to_rest();
+            self.rests_by_the_clock();
         }
         let request = Request {
             sequence: command.sequence,
@@ -576,6 +628,30 @@ impl GuardedSpecimen {
             stays: self.port.repeats(),
         };
         self.allowance.time_of(request, now)
+    }
+
+    /// No command came for so long that the specimen rests. Real-time: yes.
+    fn rests_by_the_clock(&mut self) {
+        self.between.add(Between::RESTED);
+        self.has_come_to_rest();
+    }
+
+    /// The specimen has moved on since the last target: its path was not continued at once. Real-time: yes.
+    pub(crate) fn is_behind(&mut self) -> bool {
+        let is_behind = match self.foretold {
+            Some(ByTheClock { late, .. }) => late,
+            None => self.test.is_behind(),
+        };
+        if is_behind {
+            self.between.add(Between::LATE);
+        }
+        is_behind
+    }
+
+    /// The test trips between two commands.
+    pub(crate) fn trip_between(&mut self, trip: Trip) {
+        self.between.add(Between::TRIPPED);
+        self.trip(trip);
     }
 
     /// Latches the trip of a lasting specimen: no session begins before its operator has cleared it. A lost link is not latched.
@@ -630,7 +706,7 @@ impl GuardedSpecimen {
         if self.port.exchange().has_begun()
             && let Err(fault) = self.port.accepted(0)
         {
-            self.trip(fault.into());
+            self.trip_between(fault.into());
         }
     }
 

@@ -1,7 +1,10 @@
 //! The properties of a served specimen that never change.
 
 use super::client_scale::ClientScale;
+use gusset_control::engine::received_columns;
+use gusset_control::port::ReceivedPort;
 use gusset_quantity::units::position;
+use gusset_record::Column;
 
 /// Constant properties of a served specimen.
 #[derive(Debug)]
@@ -22,6 +25,19 @@ impl Identity {
     /// True if a session continues with the specimen's last state: the history of its limits and its trip stay, too.
     pub(crate) const fn is_lasting(&self) -> bool {
         self.moves || self.remembers
+    }
+
+    /// Columns of the rows of a test.
+    pub(crate) fn columns(&self, port: &ReceivedPort) -> Vec<Column> {
+        let scale = &self.scale;
+        let signals = scale.units.len();
+        received_columns(
+            signals,
+            scale.axis_units(),
+            scale.coordinates(),
+            port,
+            &self.name,
+        )
     }
 
     /// A place of the axes, one after the other.

@@ -26,7 +26,6 @@ mod recording;
 mod served_specimen;
 mod session_record;
 mod session_summary;
-#[cfg(any(test, feature = "test-doubles"))]
 pub mod simulated_pace;
 mod speed_allowance;
 #[cfg(test)]

@@ -9,6 +9,7 @@ use super::first_command::beyond;
 use super::guarded_specimen::{GuardedSpecimen, Origin, in_metres, not_finite};
 use super::pacing::{PacedPath, PathTick};
 use super::path_limits::{allowed_accel, judge};
+use gusset_control::engine::Between;
 use gusset_control::port::{LoadingUnit, SHARE_OF_SPEED};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::frame::AtClient;
@@ -44,6 +45,7 @@ impl GuardedSpecimen {
         loop {
             if is_wanted && !wanted() {
                 is_wanted = false;
+                self.between.add(Between::UNWANTED);
                 path.stop(self.port.ticks_to_rest());
             }
             let Some(tick) = path.next() else { break };
@@ -75,6 +77,13 @@ impl GuardedSpecimen {
             is_owed = true;
         }
         if !is_wanted {
+            self.between.remove(Between::UNWANTED);
+            if !path.has_begun() {
+                // Nothing has moved: the answer at the target before remains.
+                path.rests_on_the_way(self.test.told());
+                return Ok(false);
+            }
+            self.between.add(Between::GIVEN_UP);
             path.rests_on_the_way(self.test.told());
         } else if std::mem::take(&mut path.is_first) {
             self.port.begin_compensation();
@@ -122,7 +131,7 @@ impl GuardedSpecimen {
             let period_s = path.pacing.period_s();
             let needed = self.port.ramp_time(SHARE_OF_SPEED, period_s, seconds);
             seconds = path.takes(needed);
-        } else if self.test.is_behind() && path.pacing.settle_ticks < self.port.ticks_to_rest() {
+        } else if self.is_behind() && path.pacing.settle_ticks < self.port.ticks_to_rest() {
             // The specimen has moved on since its last answer.
             self.port.skips_commands();
         }
@@ -160,7 +169,7 @@ impl GuardedSpecimen {
     fn accept_on_the_way(&mut self) -> Result<(), Trip> {
         self.port.accepted(0).map_err(|fault| {
             let trip = fault.into();
-            self.trip(trip);
+            self.trip_between(trip);
             trip
         })
     }

@@ -260,6 +260,11 @@ impl PacedPath {
         }
     }
 
+    /// True if a command to the last target was made.
+    pub(crate) const fn has_begun(&self) -> bool {
+        self.tick > 0
+    }
+
     /// Ticks of the path.
     pub(crate) const fn ticks(&self) -> u32 {
         self.ticks

@@ -11,6 +11,7 @@ use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::substructure::{Command, Introduction, Measurement, Retirement};
 use gusset_quantity::units::{AxisUnits, in_axis_unit, signed_in_axis_unit};
+use gusset_record::Ready;
 use gusset_record::lasting::Place;
 use gusset_record::rt::wall::Wall;
 use gusset_record::utc::rfc3339;
@@ -44,7 +45,10 @@ impl<'a> Readiness<'a> {
     ///
     /// # Errors
     /// Why the test cannot begin.
-    pub(crate) fn reach(mut self, wanted: &mut Wanted<'_>) -> Result<Vec<String>, TestEnd> {
+    pub(crate) fn reach(
+        mut self,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(Vec<String>, Ready), TestEnd> {
         self.told.extend(self.served.recording.place());
         let introduction = self.connect(wanted)?;
         let asked = self.served.place_for(AtClient(&self.controller.start))?;
@@ -84,8 +88,32 @@ impl<'a> Readiness<'a> {
             wanted,
         )?;
         self.take_place(start.part(Vec::as_slice), &introduction);
-        self.take_rest(&introduction, felt)?;
-        Ok(self.told)
+        let rest = self.take_rest(&introduction, felt)?;
+        let ready = self.ready(introduction, &rest);
+        Ok((self.told, ready))
+    }
+
+    /// What the test begins with, for its record.
+    fn ready(&self, introduction: Introduction, rest: &Measurement) -> Ready {
+        let (controller, identity) = (self.controller, &self.served.identity);
+        let limits = controller.limits.iter().map(|axis| {
+            let bounds = [axis.disp_min, axis.disp_max, axis.speed_max, axis.force_max];
+            bounds.map(|bound| bound.is_finite().then_some(bound))
+        });
+        let rest = rest.disp.iter().zip(&rest.force);
+        Ready {
+            specimen: identity.name.clone(),
+            remembers: identity.remembers,
+            moves: identity.moves,
+            first: controller.first_sequence,
+            rate: controller.rate.map(|(above, below)| [above, below]),
+            start: controller.start.clone(),
+            limits: limits.collect(),
+            standing: introduction.standing,
+            measured: introduction.measured,
+            force: introduction.force,
+            at_rest: rest.map(|(disp, force)| [*disp, *force]).collect(),
+        }
     }
 
     /// The link of this test, and the introduction of the specimen.
@@ -433,7 +461,7 @@ impl<'a> Readiness<'a> {
         &mut self,
         introduction: &Introduction,
         felt: Option<Vec<f64>>,
-    ) -> Result<(), TestEnd> {
+    ) -> Result<Measurement, TestEnd> {
         let served = &mut *self.served;
         let mut rest = Measurement::zeros(served.port.axes());
         if !served.port.exchange_mut().at_rest(&mut rest) {
@@ -458,10 +486,13 @@ impl<'a> Readiness<'a> {
         let posed = port.take_at_rest(&rest);
         let posed = posed.and_then(|()| identity.scale.answer(port, answer));
         let posed = posed.map_err(|fault| format!("where the specimen stands: {fault}"))?;
-        posed.map_or(Ok(()), |signal| {
-            let of = format!("displacement {}", signal + 1);
-            Err(Self::is_no_number(served, None, &of))
-        })
+        match posed {
+            None => Ok(rest),
+            Some(signal) => {
+                let of = format!("displacement {}", signal + 1);
+                Err(Self::is_no_number(served, None, &of))
+            }
+        }
     }
 
     /// The trip of a force at rest that is NaN or infinite.

@@ -26,6 +26,9 @@ pub(super) struct Recording {
     pub target_number: u64,
     /// Commands of this test that left late.
     missed_edges: u64,
+    /// Where the rows of a replay go, whose warnings were given when it was recorded.
+    pub replay: Option<Box<dyn Recorder>>,
+    is_a_replay: bool,
     open: Option<SessionRecord>,
 }
 
@@ -43,6 +46,11 @@ impl Recording {
     ) -> Result<Option<RowSink>, String> {
         self.link = LinkStats::default();
         self.missed_edges = 0;
+        if let Some(recorder) = self.replay.take() {
+            let (identity, port) = specimen;
+            self.is_a_replay = true;
+            return Ok(Some((identity.columns(port).len(), recorder)));
+        }
         let Some(settings) = &self.settings else {
             return Ok(None);
         };
@@ -102,7 +110,9 @@ impl Recording {
         if let Some(record) = &self.open {
             return record.note(event.into());
         }
-        log_warning(store, &event);
+        if !self.is_a_replay {
+            log_warning(store, &event);
+        }
     }
 
     /// A warning for record and summary, which the summary lists once.
@@ -123,7 +133,7 @@ impl Recording {
 
     /// A warning whose event the loop records: the program's log contains it where nothing is recorded.
     pub(crate) fn log_beside_an_event(&self, store: &GuardStore, text: &str) {
-        if self.open.is_none() {
+        if self.open.is_none() && !self.is_a_replay {
             log(store, text);
         }
     }

@@ -4,24 +4,27 @@ use std::collections::BTreeSet;
 
 use super::client_scale::{AxesBehind, ClientScale};
 use super::guard_store::GuardStore;
-use super::guarded_specimen::{GuardedSpecimen, Origin};
+use super::guarded_specimen::{ByTheClock, GuardedSpecimen, Origin};
 use super::identity::Identity;
 use super::latch::Latch;
 use super::link_maker::{LinkMaker, Unconnected};
 use super::pacing::Pacing;
 use super::readiness::Readiness;
 use super::session_record::RecordSettings;
-use super::speed_allowance::SpeedAllowance;
-use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted, with_last_words};
+use super::speed_allowance::{SpeedAllowance, Times};
+use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted, simulated_pace, with_last_words};
 use gusset_config::LimitsSpec;
+use gusset_control::engine::Between;
 use gusset_control::port::limits::AxisLimits;
-use gusset_control::port::{PortSpec, ReceivedPort, WiringCheck};
+use gusset_control::port::{PortError, PortSpec, ReceivedPort, WiringCheck};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::substructure::{Command, LinkStats, Measurement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
+use gusset_record::{Column, Event, Ready, Recorder};
+use gusset_wire::handshake::Limits;
 
 /// How far a controller's test has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,6 +46,8 @@ pub struct ServedSpecimen {
     stage: Stage,
     /// The specimen was ready for the commands of the controller.
     is_ready: bool,
+    /// What the test began with.
+    ready: Option<Box<Ready>>,
 }
 
 impl std::fmt::Debug for ServedSpecimen {
@@ -98,6 +103,7 @@ impl ServedSpecimen {
             links,
             stage: Stage::Closed,
             is_ready: false,
+            ready: None,
         };
         served.limited(&[])
     }
@@ -333,6 +339,12 @@ impl ServedSpecimen {
         let ready =
             Readiness::new(&mut self.guarded, self.links.as_ref(), controller).reach(wanted);
         self.is_ready = ready.is_ok();
+        let ready = ready.map(|(told, ready)| {
+            let ready = Box::new(ready);
+            self.guarded.recording.event(Event::Ready(ready.clone()));
+            self.ready = Some(ready);
+            told
+        });
         ready.map_err(|TestEnd { cause, text, .. }| {
             // Its own reason is one for its controller, too.
             let said = self.dismiss(cause);
@@ -350,7 +362,7 @@ impl ServedSpecimen {
     ///
     /// # Errors
     /// The specimen is not ready, lost, or no longer needed.
-    pub(crate) fn begin_again(
+    pub fn begin_again(
         &mut self,
         sequence: u64,
         start: &[f64],
@@ -361,10 +373,15 @@ impl ServedSpecimen {
             return Err(TestEnd::failed(text));
         }
         self.note(Remark::ArmedAgain, "the controller begins again");
+        let asked = start;
         let start = self.guarded.place_for(AtClient(start))?;
         let start = start.part(Vec::as_slice);
         self.guarded.arm(sequence, start, wanted)?;
         self.guarded.begins_at(sequence, start);
+        if let Some(ready) = &mut self.ready {
+            (ready.first, ready.start) = (sequence, asked.to_vec());
+            self.guarded.recording.event(Event::Ready(ready.clone()));
+        }
         Ok(())
     }
 
@@ -405,9 +422,9 @@ impl ServedSpecimen {
     }
 
     /// The controller makes an impossible request: the specimen holds from here on.
-    pub(crate) fn trip(&mut self, trip: Trip) {
+    pub fn trip(&mut self, trip: Trip) {
         if self.guarded.tripped().is_none() {
-            self.guarded.trip(trip);
+            self.guarded.trip_between(trip);
         }
     }
 
@@ -430,7 +447,7 @@ impl ServedSpecimen {
             && self.guarded.tripped().is_none()
             && let Err(fault) = self.guarded.port.exchange_mut().attend()
         {
-            self.guarded.trip(fault.into());
+            self.guarded.trip_between(fault.into());
             return Err(fault.into());
         }
         Ok(())
@@ -443,9 +460,78 @@ impl ServedSpecimen {
     }
 
     /// Its controller ends its test here: it stops, and the next motion starts from rest.
-    pub(crate) fn halt(&mut self) {
+    pub fn halt(&mut self) {
+        self.guarded.between.add(Between::HALTED);
         self.guarded.has_come_to_rest();
         self.guarded.port.exchange_mut().halt();
+    }
+}
+
+// A replay.
+impl ServedSpecimen {
+    /// Columns of the rows of its tests.
+    #[must_use]
+    pub fn columns(&self) -> Vec<Column> {
+        self.guarded.identity.columns(&self.guarded.port)
+    }
+
+    /// The specimen of a recorded test that began with `ready`: `partner` answers for it, and its rows go to the `recorder`. Nothing is
+    /// sent anywhere, and no time passes but in waits.
+    ///
+    /// # Errors
+    /// The partner has another number of axes.
+    pub fn replaying(
+        mut self,
+        ready: &Ready,
+        partner: Box<dyn Substructure>,
+        recorder: Box<dyn Recorder>,
+    ) -> Result<Self, PortError> {
+        if ready.moves && !self.guarded.identity.moves {
+            self = self.moving();
+        }
+        self.links = None;
+        self.guarded.port.put_recording(partner)?;
+        self.guarded.recording.replay = Some(recorder);
+        self.guarded.keep_time_by(simulated_pace::CLOCK);
+        self.foretell(Between::default(), None);
+        Ok(self)
+    }
+
+    /// Begins a recorded test as it began.
+    ///
+    /// # Errors
+    /// It cannot begin so.
+    pub fn begin_as(&mut self, ready: &Ready) -> Result<(), TestEnd> {
+        let limits = ready.limits.iter().map(|[min, max, speed, force]| Limits {
+            disp_min: min.unwrap_or(Limits::NONE.disp_min),
+            disp_max: max.unwrap_or(Limits::NONE.disp_max),
+            speed_max: speed.unwrap_or(Limits::NONE.speed_max),
+            force_max: force.unwrap_or(Limits::NONE.force_max),
+        });
+        let controller = Controller {
+            rate: ready.rate.map(|[above, below]| (above, below)),
+            first_sequence: ready.first,
+            start: ready.start.clone(),
+            limits: limits.collect(),
+            ..Controller::unnamed((std::net::Ipv4Addr::LOCALHOST, 0).into())
+        };
+        self.begin(&controller, &mut || Ok(())).map(|_| ())
+    }
+
+    /// What the wall clock decided of the next command of a recorded test: `between` of its row, and the times that it had for its
+    /// motion. Real-time: yes.
+    pub fn foretell(&mut self, between: Between, times: Option<[f64; 2]>) {
+        self.guarded.foretold = Some(ByTheClock {
+            rested: between.has(Between::RESTED),
+            late: between.has(Between::LATE),
+            times: times.map(|[own, announced]| Times { own, announced }),
+        });
+    }
+
+    /// Commands that were accepted so far.
+    #[must_use]
+    pub const fn commits(&self) -> u64 {
+        self.guarded.commits()
     }
 }
 

@@ -11,7 +11,7 @@ use crossbeam_channel::Sender;
 use super::identity::Identity;
 use super::session_summary::summary_of;
 use super::{Controller, Trip};
-use gusset_control::engine::{ReceivedTest, received_columns};
+use gusset_control::engine::ReceivedTest;
 use gusset_control::port::ReceivedPort;
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
 use gusset_quantity::catalog::event::{Remark, Severity};
@@ -91,10 +91,9 @@ impl SessionRecord {
         let announced = controller.rate;
         let announced = announced.map(|(above, below)| above as f64 / below as f64);
         let rate_hz = pace_hz.or(announced.filter(|rate| rate.is_finite()));
-        let (name, units) = (identity.name.as_str(), identity.scale.axis_units());
-        let columns = received_columns(units, identity.scale.coordinates(), port, name);
+        let (name, columns) = (identity.name.as_str(), identity.columns(port));
         let made = Self::make(settings, &mut folder, (name, columns), rate_hz, away_from);
-        let (writer, recorder, width) = match made {
+        let (writer, recorder, layout) = match made {
             Ok(made) => made,
             Err(text) => {
                 folder.abandon();
@@ -115,6 +114,10 @@ impl SessionRecord {
             ended: settings.ended.clone(),
             folder,
         };
+        let files = log
+            .folder
+            .files_event(&settings.file, &settings.resolved, &layout);
+        log.note(files.into());
         log.note(
             Event::Controller {
                 peer: controller.peer.to_string(),
@@ -123,7 +126,7 @@ impl SessionRecord {
             }
             .into(),
         );
-        Ok((log, (width, Box::new(recorder))))
+        Ok((log, (layout.columns().len(), Box::new(recorder))))
     }
 
     fn make(
@@ -132,7 +135,7 @@ impl SessionRecord {
         (name, columns): (&str, Vec<Column>),
         rate_hz: Option<f64>,
         away_from: Option<usize>,
-    ) -> Result<(Writer, RingRecorder, usize), String> {
+    ) -> Result<(Writer, RingRecorder, Layout), String> {
         let words = |error: FolderError| error.to_string();
         let kept = folder.keep(&settings.file, &settings.resolved, &settings.inputs);
         kept.map_err(words)?;
@@ -157,7 +160,7 @@ impl SessionRecord {
         };
         let writer = Writer::spawn(reader, samples, events, None, clocks, writer, None);
         let writer = writer.map_err(|error| error.to_string())?;
-        Ok((writer, recorder, width))
+        Ok((writer, recorder, layout))
     }
 
     pub(crate) fn path(&self) -> &Path {

@@ -1,4 +1,4 @@
-//! A clock of paced commands in tests: it is that of one thread, and advances by calls only.
+//! A clock of commands in a replay and in tests: it is that of one thread, and advances by calls only.
 
 use std::cell::Cell;
 

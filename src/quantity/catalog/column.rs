@@ -20,6 +20,8 @@ pub enum Each {
     Axis,
     /// A coordinate of a loading unit.
     Coordinate,
+    /// A displacement that the controller of a server commands.
+    Signal,
     /// A parameter of a compensator of an axis.
     Parameter,
 }
@@ -103,7 +105,7 @@ impl Kind {
         format!("{}_{specimen}", self.stem)
     }
 
-    /// Name of the column of an axis, or of a coordinate, of a specimen.
+    /// Name of the column of an axis, of a coordinate, or of a signal, of a specimen.
     #[must_use]
     pub fn of_axis(&self, specimen: impl Display, axis: impl Display) -> String {
         format!("{}_{specimen}_{axis}", self.stem)
@@ -130,6 +132,7 @@ impl Kind {
             Each::Specimen => format!("{stem}_S"),
             Each::Axis => format!("{stem}_S_A"),
             Each::Coordinate => format!("{stem}_S_C"),
+            Each::Signal => format!("{stem}_S_N"),
             Each::Parameter => format!("{stem}_NAME_S_A"),
         }
     }
@@ -154,7 +157,7 @@ impl Kind {
         (!matches!(self.each, Each::Test | Each::Dof)).then_some(specimen)
     }
 
-    /// Specimen and axis, or coordinate, of the column of this name, if it is of this kind.
+    /// Specimen and axis, coordinate or signal, of the column of this name, if it is of this kind.
     #[must_use]
     pub fn axis_in(&self, name: &str) -> Option<(u32, u32)> {
         let [specimen, axis] = self.numbers(name)?;
@@ -173,7 +176,7 @@ impl Kind {
             Each::Test => return rest.is_empty().then_some([0; 2]),
             Each::Dof => [number(rest)?, 0],
             Each::Specimen => [number(parts()?)?, 0],
-            Each::Axis | Each::Coordinate => {
+            Each::Axis | Each::Coordinate | Each::Signal => {
                 let (specimen, axis) = parts()?.split_once('_')?;
                 [number(specimen)?, number(axis)?]
             }
@@ -432,6 +435,24 @@ kinds! {
     RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
     /// Time of the exchange.
     SERVER_ROUND_TRIP = "round_trip_s", Test, "s", Clock, ALWAYS, "wall time from the command to the specimen's reply";
+    /// Test time of the target that the controller asks for.
+    ASKED_TIME = "asked_time", Test, "s", Controller, ALWAYS, "test time that the controller gave its target, of which a gateway that paces makes several commands";
+    /// Test time since the last commit, as the controller gave it.
+    ASKED_ELAPSED = "asked_elapsed", Test, "s", Controller, ALWAYS, "test time of that target since the last commit";
+    /// What happened between the command before and this one.
+    BETWEEN = "between", Test, "1", Server, ALWAYS,
+        "what happened before this command, as a sum: 1 the specimen came to rest, 2 the controller ended its motion here, 4 the controller does not want \
+         the answer any more, so that the path slows down, 8 the target before was given up on its way, 16 the test tripped between two commands, \
+         32 the target came after the specimen had moved on";
+    /// Time that a command has by the limits of the specimen.
+    ALLOWED = "allowed", Test, "s", Server, ALWAYS, "time that the command has for its motion by the limits of the specimen; NaN where nothing is known of it";
+    /// Time that a command has by the limits that the controller announced.
+    ALLOWED_BY_CONTROLLER = "allowed_by_controller", Test, "s", Server, ALWAYS,
+        "time that the command has for its motion by the limits that the controller announced";
+    /// Displacement that the controller asks for.
+    ASKED = "asked", Signal, "unit of the controller", Controller, ALWAYS, "displacement that the controller asks for, to the last bit";
+    /// Velocity that the controller gives.
+    ASKED_VEL = "asked_vel", Signal, "unit of the controller per s", Controller, ALWAYS, "velocity that the controller gives with it";
     /// Target that the controller asks for.
     SERVER_TARGET = "target", Axis, "m or rad", Controller, ALWAYS, "target displacement from the controller; a translation in m";
     /// Command of an axis.
@@ -467,6 +488,8 @@ kinds! {
     /// Parameter of the compensator of an axis.
     SERVER_COMPENSATION = "comp", Parameter, "of the parameter", Controller, "with a compensator that has parameters",
         "parameter NAME of the compensator";
+    /// Flags of the measurement.
+    RAW_STATUS = "raw_status", Specimen, "1", Measured, ALWAYS, "status flags as the specimen gave them";
     /// Status flags.
     SERVER_STATUS = "status", Specimen, "1", Server, ALWAYS,
         "status flags that the controller received; 262144 if nothing was measured because the command was not passed on";
@@ -483,7 +506,7 @@ mod tests {
                 Each::Test => kind.name().to_owned(),
                 Each::Dof => kind.of_dof(12),
                 Each::Specimen => kind.of_specimen(3),
-                Each::Axis | Each::Coordinate => kind.of_axis(2, 10),
+                Each::Axis | Each::Coordinate | Each::Signal => kind.of_axis(2, 10),
                 Each::Parameter => kind.of_parameter("gain_a", 1, 4),
             };
             let found = find(&name).unwrap();
@@ -494,7 +517,7 @@ mod tests {
                 Each::Test => (None, None, None),
                 Each::Dof => (Some(12), None, None),
                 Each::Specimen => (None, Some(3), None),
-                Each::Axis | Each::Coordinate => (None, Some(2), Some((2, 10))),
+                Each::Axis | Each::Coordinate | Each::Signal => (None, Some(2), Some((2, 10))),
                 Each::Parameter => (None, Some(1), Some((1, 4))),
             };
             assert_eq!(read, expected, "{name}");

@@ -232,6 +232,10 @@ pub const EVENTS: &[EventRow] = events! {
     "ended", Info, Other, "ended", "The test has ended and every specimen is in its end state.", "";
     "controller", Info, Other, "the controller {peer} begins a test[: {test}]",
         "A controller begins a test.", "`peer`: address; `test`: title; `software`", of(Server);
+    "ready", Info, Other, "ready for the first command", "The specimen is ready for the first command of a controller's test.",
+        "what the test begins with, so that it can be replayed: `specimen`; `remembers`, `moves`: of the specimen; `first`: number of the first \
+         command; `rate`, `start`, `limits`: as the controller announced them; `standing`, `measured`, `force`: as the specimen introduced \
+         itself; `at_rest`: displacement and force of each axis", of(Server);
     "armed_again", Info, Other, "{text}", "The controller begins the test again.", TEXT, of(Server);
     "holding", Warning, Other, "{text}", "No command has come for the time of the watchdog: the specimen holds.", TEXT, of(Server);
     "commands_again", Info, Other, "{text}", "Commands come again after a pause.", TEXT, of(Server);

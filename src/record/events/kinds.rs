@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::encoding::{from_one, from_one_if_any, hexadecimal, real};
-use super::payload::{LimitReached, Standing, TripValue, WarmUp, Word};
+use super::payload::{LimitReached, Ready, Standing, TripValue, WarmUp, Word};
 use crate::checksum::Checksum;
 use crate::miss::Evidence;
 use crate::{GridOf, MissCause};
@@ -438,6 +438,8 @@ pub enum Event {
         /// Program and version of the controller.
         software: String,
     },
+    /// A server: the specimen is ready for the first command of a controller's test.
+    Ready(Box<Ready>),
     /// A server: a limit or a fault ends the controller's test and latches.
     Trip {
         /// What happened, in words.

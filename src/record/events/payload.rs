@@ -102,6 +102,33 @@ pub struct TripValue {
     pub bound: f64,
 }
 
+/// What a controller's test begins with: a replay begins with it, too. Numbers are in the units of the server.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ready {
+    /// Name of the specimen.
+    pub specimen: String,
+    /// It keeps its state from test to test.
+    pub remembers: bool,
+    /// It moves, or stands for one that moves.
+    pub moves: bool,
+    /// Number of the first command.
+    pub first: u64,
+    /// Commands per announced number of seconds.
+    pub rate: Option<[u64; 2]>,
+    /// Announced place of the first command; empty if there is none.
+    pub start: Vec<f64>,
+    /// Announced limits of each axis: smallest and largest displacement, largest speed and force. Null where there is no limit.
+    pub limits: Vec<[Option<f64>; 4]>,
+    /// Place of the specimen by its introduction, and whether that was measured.
+    pub standing: Vec<f64>,
+    /// See `standing`.
+    pub measured: bool,
+    /// Force by its introduction; empty without one.
+    pub force: Vec<f64>,
+    /// Displacement and force of each axis before the first command.
+    pub at_rest: Vec<[f64; 2]>,
+}
+
 const fn unknown() -> f64 {
     f64::NAN
 }
