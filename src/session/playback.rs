@@ -85,7 +85,7 @@ impl Recording {
     }
 }
 
-/// What a playback needs of the test whose rows it feeds.
+/// Facts of the test whose rows a playback feeds.
 #[derive(Debug)]
 pub(super) struct Course<'a> {
     columns: Cow<'a, [Column]>,
@@ -96,7 +96,7 @@ pub(super) struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// A test of a server: it has no steps of its own.
+    /// A test of a server, which integrates nothing.
     pub(crate) const fn of_a_server(columns: &'a [Column]) -> Self {
         Self {
             columns: Cow::Borrowed(columns),

@@ -46,7 +46,7 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// What a playback has found.
+    /// The findings of a playback.
     fn of(playback: &mut Playback, layout: &Layout) -> Self {
         Self {
             rows: playback.row,

@@ -202,7 +202,7 @@ pub(super) fn follow(run: &Run, recording: Recording) -> Result<Shared, ReplayEr
     let Some((_, ready)) = beginnings.first() else {
         return Err(ReplayError::Served(run.path().to_owned()));
     };
-    // Of a test file that was served only the file itself says so.
+    // A test file that was served is served again as it was.
     let file = run.path().join("test.toml");
     let file = if is_for_a_server(&file) {
         run.path().join("resolved.toml")

@@ -73,7 +73,7 @@ impl Origin {
     }
 }
 
-/// What the wall clock decides of a command.
+/// The decisions of the wall clock about a command.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ByTheClock {
     /// The specimen has come to rest since the command before.
@@ -104,7 +104,7 @@ pub(super) struct GuardedSpecimen {
     commits: u64,
     /// What happened since the last command.
     pub between: Between,
-    /// What the wall clock decides of the next command, if a record says it: of a replay.
+    /// The recorded decisions of the wall clock about the next command, in a replay.
     pub foretold: Option<ByTheClock>,
     /// The clock of commands that are not paced.
     clock: PaceClock,

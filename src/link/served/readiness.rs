@@ -93,7 +93,7 @@ impl<'a> Readiness<'a> {
         Ok((self.told, ready))
     }
 
-    /// What the test begins with, for its record.
+    /// Everything with which the test begins, for its record.
     fn ready(&self, introduction: Introduction, rest: &Measurement) -> Ready {
         let (controller, identity) = (self.controller, &self.served.identity);
         let limits = controller.limits.iter().map(|axis| {

@@ -46,7 +46,7 @@ pub struct ServedSpecimen {
     stage: Stage,
     /// The specimen was ready for the commands of the controller.
     is_ready: bool,
-    /// What the test began with.
+    /// Everything with which the test began.
     ready: Option<Box<Ready>>,
 }
 
@@ -518,7 +518,7 @@ impl ServedSpecimen {
         self.begin(&controller, &mut || Ok(())).map(|_| ())
     }
 
-    /// What the wall clock decided of the next command of a recorded test: `between` of its row, and the times that it had for its
+    /// The decisions of the wall clock about the next command of a recorded test: `between` of its row, and the times for its
     /// motion. Real-time: yes.
     pub fn foretell(&mut self, between: Between, times: Option<[f64; 2]>) {
         self.guarded.foretold = Some(ByTheClock {

@@ -102,20 +102,20 @@ pub struct TripValue {
     pub bound: f64,
 }
 
-/// What a controller's test begins with: a replay begins with it, too. Numbers are in the units of the server.
+/// Everything with which a controller's test begins, and its replay. Numbers are in the units of the server.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ready {
     /// Name of the specimen.
     pub specimen: String,
     /// It keeps its state from test to test.
     pub remembers: bool,
-    /// It moves, or stands for one that moves.
+    /// It moves, or represents one that moves.
     pub moves: bool,
     /// Number of the first command.
     pub first: u64,
     /// Commands per announced number of seconds.
     pub rate: Option<[u64; 2]>,
-    /// Announced place of the first command; empty if there is none.
+    /// Announced place of the first command; empty if the controller did not announce it.
     pub start: Vec<f64>,
     /// Announced limits of each axis: smallest and largest displacement, largest speed and force. Null where there is no limit.
     pub limits: Vec<[Option<f64>; 4]>,

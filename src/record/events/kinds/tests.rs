@@ -87,6 +87,8 @@ fn examples() -> Vec<Value> {
         json!({"event": "ended"}),
         json!({"event": "controller", "peer": "127.0.0.1:1", "test": "frame", "software": "gusset 0.2.0"}),
         json!({"event": "armed_again", "text": "again"}),
+        json!({"event": "ready", "specimen": "column", "remembers": false, "moves": true, "first": 3, "rate": [1000, 1], "start": [0.01],
+            "limits": [[null, 0.05, 0.2, null]], "standing": [0.01], "measured": true, "force": [], "at_rest": [[0.01, 4e3]]}),
         json!({"event": "holding", "text": "no command"}),
         json!({"event": "commands_again", "text": "they come"}),
         json!({"event": "limit", "text": "a warning"}),

@@ -76,7 +76,7 @@ fn record_keeps_the_fault_script() {
     assert_eq!(forces, [8.0, 508.0]);
     controller.leave(1);
     let (events, summary) = record(root);
-    assert_eq!(events[1], ("faults".into(), SAID.into()));
+    assert_eq!(events[2], ("faults".into(), SAID.into()));
     assert_eq!(summary.status, Ended::Completed);
     assert_eq!(summary.warnings, [SAID]);
     assert_eq!(summary.inputs.len(), 1);
@@ -93,7 +93,7 @@ fn record_of_an_unbegun_test_keeps_faults() {
     let mut served = host.specimen(false).unwrap();
     assert!(served.begin(&controller, &mut || Ok(())).is_err());
     let (events, summary) = record(root.path());
-    assert_eq!(events[1], ("faults".into(), SAID.into()));
+    assert_eq!(events[2], ("faults".into(), SAID.into()));
     assert_eq!(summary.warnings, [SAID]);
 }
 
@@ -112,10 +112,18 @@ fn record_shows_holds_and_lost_commands() {
     let names: Vec<&str> = events.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
         names,
-        ["controller", "holding", "commands_again", "counts", "ended"]
+        [
+            "files",
+            "controller",
+            "ready",
+            "holding",
+            "commands_again",
+            "counts",
+            "ended"
+        ]
     );
-    assert!(events[2].1.ends_with(" 4"), "{events:?}");
-    assert!(events[3].1.contains("2 missed"), "{events:?}");
+    assert!(events[4].1.ends_with(" 4"), "{events:?}");
+    assert!(events[5].1.contains("2 missed"), "{events:?}");
     assert_eq!(
         (summary.link["rig"].missed, summary.link["rig"].sent),
         (2, 3)
