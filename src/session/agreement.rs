@@ -216,7 +216,7 @@ fn has_no_outcome(summary: &Summary) -> bool {
 }
 
 /// Peaks below the `least` or above the `most` of the record, the first of each key. What the record does not have is not checked.
-fn peaks(told: &Peak, least: &Peak, most: &Peak) -> Vec<SummaryDifference> {
+pub(super) fn peaks(told: &Peak, least: &Peak, most: &Peak) -> Vec<SummaryDifference> {
     let [told, least, most] = [told, least, most].map(series);
     let keys: BTreeSet<&String> = least.keys().chain(most.keys()).collect();
     let first = |key: &String| {

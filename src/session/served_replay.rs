@@ -23,6 +23,7 @@ use gusset_quantity::substructure::{
     Unavailable,
 };
 use gusset_quantity::time::Nanos;
+use gusset_record::summary::Peak;
 use gusset_record::{Event, Layout, Ready, Run};
 use gusset_setup::load_served;
 
@@ -195,8 +196,8 @@ fn beginnings(run: &Run) -> Result<Vec<(u64, Ready)>, ReplayError> {
     Ok(found)
 }
 
-/// The test of a server's run folder, and its rows.
-pub(super) fn follow(run: &Run, recording: Recording) -> Result<Shared, ReplayError> {
+/// Replays the test of a server's run folder; returns its rows and its largest forces.
+pub(super) fn follow(run: &Run, recording: Recording) -> Result<(Shared, Peak), ReplayError> {
     check_inputs(run)?;
     let beginnings = beginnings(run)?;
     let Some((_, ready)) = beginnings.first() else {
@@ -237,13 +238,14 @@ pub(super) fn follow(run: &Run, recording: Recording) -> Result<Shared, ReplayEr
     };
     let comparing = Box::new(Comparing(Arc::clone(&playback)));
     let served = served.replaying(ready, Box::new(partner), comparing)?;
-    Driver {
+    let mut driver = Driver {
         served,
         playback: &playback,
         places: &places,
-    }
-    .drive(&beginnings);
-    Ok(playback)
+    };
+    driver.drive(&beginnings);
+    let peak = driver.served.peak();
+    Ok((playback, peak))
 }
 
 /// Gives a served specimen the targets of the record, one after the other.
@@ -259,7 +261,7 @@ impl Driver<'_> {
         with(self.playback, |playback| at(playback.next(), place))
     }
 
-    fn drive(mut self, beginnings: &[(u64, Ready)]) {
+    fn drive(&mut self, beginnings: &[(u64, Ready)]) {
         let mut beginnings = beginnings.iter();
         let begun = beginnings
             .next()

@@ -11,6 +11,7 @@ use super::link_maker::{LinkMaker, Unconnected};
 use super::pacing::Pacing;
 use super::readiness::Readiness;
 use super::session_record::RecordSettings;
+use super::session_summary::peak_of;
 use super::speed_allowance::{SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted, simulated_pace, with_last_words};
 use gusset_config::LimitsSpec;
@@ -23,6 +24,7 @@ use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::substructure::{Command, LinkStats, Measurement, Substructure};
 use gusset_quantity::time::Nanos;
 use gusset_quantity::units::AxisUnits;
+use gusset_record::summary::Peak;
 use gusset_record::{Column, Event, Ready, Recorder};
 use gusset_wire::handshake::Limits;
 
@@ -526,6 +528,12 @@ impl ServedSpecimen {
             late: between.has(Between::LATE),
             times: times.map(|[own, announced]| Times { own, announced }),
         });
+    }
+
+    /// The largest forces so far, as its summary has them.
+    #[must_use]
+    pub fn peak(&self) -> Peak {
+        peak_of(&self.guarded.test.counts(), &self.guarded.identity.name)
     }
 
     /// Commands that were accepted so far.

@@ -8,6 +8,19 @@ use gusset_record::Summary;
 use gusset_record::rt::wall::Wall;
 use gusset_record::summary::{LinkCounts, Peak, Realtime};
 
+fn some(values: &[f64]) -> Vec<Option<f64>> {
+    values.iter().map(|value| Some(*value)).collect()
+}
+
+/// The largest forces of the specimen `name`.
+pub(super) fn peak_of(counts: &ReceivedCounts, name: &str) -> Peak {
+    let [_, force] = &counts.peaks;
+    Peak {
+        force: BTreeMap::from([(name.to_owned(), some(force))]),
+        ..Peak::default()
+    }
+}
+
 /// The counts of the specimen `name`, whose link counted `stats`; exchanges per second, if they are known, and the begin of the test.
 pub(super) fn summary_of(
     counts: &ReceivedCounts,
@@ -15,16 +28,12 @@ pub(super) fn summary_of(
     stats: &LinkStats,
     (rate_hz, began): (Option<f64>, Wall),
 ) -> Summary {
-    let some = |values: &[f64]| -> Vec<_> { values.iter().map(|value| Some(*value)).collect() };
-    let [disp, force] = &counts.peaks;
+    let [disp, _] = &counts.peaks;
     let links = LinkCounts::of(counts.passed_on, counts.answered, stats);
     Summary {
         dt: counts.dt,
         rate_hz: rate_hz.unwrap_or(0.0),
-        peak: Peak {
-            force: BTreeMap::from([(name.to_owned(), some(force))]),
-            ..Peak::default()
-        },
+        peak: peak_of(counts, name),
         realtime: Realtime {
             asked: Some(false),
             role: Some("served to a controller: one row per exchange".to_owned()),
