@@ -154,14 +154,14 @@ fn injected_panic_exits_with_5_and_retires() {
         let far = "[[specimen]]\nname = \"far\"\nlaw.linear.stiffness_n_per_m = 2e5\n\
                    limits = { command_disp_m = { trip = [-0.1, 0.1] }, measured_force_n = { trip = [-1e5, 1e5] } }\n";
         let served = Served::start(folder, far, &["--transport", "udp"]);
-        let text = format!(
-            "{FRAME}drill_\n{}storey = 2\nstiffness_n_per_m = 2e5\nlink = {{ address = \"{}\", transport = \"udp\", coupling = \"lockstep\" }}\n",
-            far.replace("law.linear.stiffness_n_per_m = 2e5\n", ""),
+        let linked = format!(
+            "{far}storey = 2\nstiffness_n_per_m = 2e5\n\
+             link = {{ address = \"{}\", transport = \"udp\", coupling = \"lockstep\" }}\n",
             served.address
         );
-        let text = text
-            .replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.2499\n")
-            .replace("drill_\n", "");
+        let text = FRAME
+            .with("specimen.drill.panic_at_s = 0.2499")
+            .with(&linked.without("specimen.0.law"));
         let test = write(folder, "test.toml", &text);
         let out = folder.join("out");
         let mut arguments = vec![

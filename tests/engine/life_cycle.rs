@@ -1,6 +1,7 @@
 //! The life of a test from the connection to the goodbye: zero, ramp, run, hold, return, retire. Nothing jumps, nothing is lost,
 //! and the cause of the end is known.
 
+use crate::common::test_file::TestFile;
 use std::sync::{Arc, Mutex};
 
 use crate::common::engine::{Run, prepare, run_on, run_under};
@@ -487,7 +488,7 @@ fn confirm_and_continue_do_not_mix() {
         assert!(way[303] > 0.0, "{says:?}");
     }
     // The commands take effect one after the other, after the sensors have been read.
-    let text = text.replace("zero_s = 0.005", "zero_s = 0.001");
+    let text = text.with("safety.zero_s = 0.001");
     let says = &[(0, Hold), (0, Continue), (0, Continue), (300, Confirm)];
     let (run, way) = Lab::new(&text).run_with_operator(says);
     let words = ["read", "hold", "continue", "confirmed", "started"];
@@ -965,16 +966,18 @@ fn two_trips_in_one_tick_are_both_excused() {
     for exit in ["zero_force", "zero_displacement"] {
         let exit = format!("on_trip = \"{exit}\"");
         let one = behind_a_delay(0.0, &exit, &format!("[specimen.limits]\n{force}\n{disp}"));
-        let one = one.replace("transfer.delay_s = 0", "");
-        let both = one.replace(disp, "").replace(
-            "law.linear = { stiffness_n_per_m = 10e6 }",
-            "laws = [{ linear = { stiffness_n_per_m = 10e6 } }, { linear = { stiffness_n_per_m = 10e6 } }]",
-        );
-        let second = "[[excitation.prescribed_displacement]]\nspecimen = \"a\"\naxis = 2\nease_in_s = 0.2\n\
-                      signal.sine = { amplitude = 0.025, frequency_hz = 0.5 }\n[[specimen]]";
-        let both = both
-            .replace("specimen = \"a\"\n", "specimen = \"a\"\naxis = 1\n")
-            .replace("[[specimen]]", second);
+        let one = one.without("specimen.0.transfer");
+        let both = one
+            .without("specimen.0.limits.measured_disp_m")
+            .without("specimen.0.law")
+            .with(
+                "specimen.laws = [{ linear.stiffness_n_per_m = 10e6 }, { linear.stiffness_n_per_m = 10e6 }]\n\
+                 excitation.prescribed_displacement.axis = 1",
+            )
+            .with(
+                "[[excitation.prescribed_displacement]]\nspecimen = \"a\"\naxis = 2\nease_in_s = 0.2\n\
+                 signal.sine = { amplitude = 0.025, frequency_hz = 0.5 }",
+            );
         for text in [one, both] {
             let run = crate::common::engine::run(&text);
             assert!(matches!(
@@ -995,11 +998,10 @@ fn two_trips_in_one_tick_are_both_excused() {
 fn trip_on_one_side_excuses_no_other_side() {
     let exit = "on_trip = \"zero_displacement\"";
     let limits = "[specimen.limits]\nmeasured_force_n = { trip = [-2e3, 104e3] }";
-    let elastic = "linear = { stiffness_n_per_m = 10e6 }";
-    let yields =
-        "bilinear = { stiffness_n_per_m = 10e6, yield_force_n = 100e3, post_yield_ratio = 0.05 }";
-    let text = behind_a_delay(0.0, exit, limits).replace("transfer.delay_s = 0", "");
-    let run = crate::common::engine::run(&text.replace(elastic, yields));
+    let yields = "specimen.law.bilinear = { stiffness_n_per_m = 10e6, yield_force_n = 100e3, post_yield_ratio = 0.05 }";
+    let text = behind_a_delay(0.0, exit, limits).without("specimen.0.transfer");
+    let text = text.without("specimen.0.law").with(yields);
+    let run = crate::common::engine::run(&text);
     let force = run.all("raw_force_1_1");
     let least = force.iter().fold(0.0f64, |least, force| least.min(*force));
     assert!((-2.3e3..-2e3).contains(&least), "{least}");
