@@ -209,12 +209,15 @@ fn overflowing_mass_is_refused() {
 /// The matrices of the structure are bounded when they are read: what overflows is a specimen.
 #[test]
 fn impossible_stiffness_names_the_specimen() {
-    let stiff =
-        "[[specimen]]\nname = \"stiff\"\nstorey = 2\nlaw.linear = { stiffness_n_per_m = 1e308 }\n";
+    let soft = "[[specimen]]\nname = 'soft'\nstorey = 1\nlaw.linear.stiffness_n_per_m = 1e5";
     let line = "[[specimen]]";
-    let text = format!("{stiff}{}", FRAME.without("structure.damping"))
+    let text = FRAME
+        .without("structure.damping")
+        .without("specimen.0.law")
         .without("time.rate_hz")
-        .with("time = { step_s = 100, duration_s = 1000 }");
+        .with("specimen = { name = 'stiff', storey = 2, law.linear.stiffness_n_per_m = 1e308 }")
+        .with("time = { step_s = 100, duration_s = 1000 }")
+        .with(soft);
     let words = ["100 s", "4 M + 2 Δt", "overflows"];
     refused(&text, &[], line, line, &words);
 }

@@ -72,7 +72,7 @@ fn merge(into: &mut Value, from: Value) {
                 }
             }
         }
-        (Value::Array(into), Value::Array(from)) if from.iter().all(Value::is_table) => {
+        (Value::Array(into), Value::Array(from)) if from.first().is_some_and(Value::is_table) => {
             into.extend(from);
         }
         (into, from) => *into = from,
