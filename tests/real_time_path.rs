@@ -8,6 +8,7 @@
 
 mod common;
 
+use common::test_file::TestFile;
 use std::collections::BTreeMap;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command, ExitStatus};
@@ -279,8 +280,7 @@ fn in_the_child() {
         return;
     };
     // The static load comes in few exchanges: the extra call is in the test.
-    let short = FRAME.replace("duration_s = 2.5", "duration_s = 1");
-    let short = format!("safety.ramp_s = 0\n{short}");
+    let short = FRAME.with("time.duration_s = 1\nsafety.ramp_s = 0");
     let mut experiment = prepare(&short).experiment;
     // The machine may be busy: lateness is not what this is about.
     for limit in [Limit::MissesInARow, Limit::Misses] {

@@ -31,6 +31,7 @@ pub(crate) fn wanted_in_words(found: Option<Unexpected<'_>>, wanted: &dyn Expect
         return range;
     }
     let words = match name.as_str() {
+        "f32" | "f64" if found.is_some_and(overflows) => "a finite number",
         "f32" | "f64" => "a number",
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, zero or greater",
         "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number",
@@ -92,6 +93,11 @@ pub(crate) fn number_in_quotes(found: Unexpected<'_>, wanted: &dyn Expected) -> 
         let readings = listed(&readings, "or");
         format!("a decimal number has a point and no quotes: {readings}")
     })
+}
+
+/// True for a number that is too large for a float, such as 1e999.
+fn overflows(found: Unexpected<'_>) -> bool {
+    matches!(found, Unexpected::Other(text) if text.parse().is_ok_and(f64::is_infinite))
 }
 
 /// Range of a whole number, where the found number is outside it: too large, negative or with a point.

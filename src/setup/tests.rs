@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gusset_config::*;
+use test_file::TestFile;
 
 mod certificate;
 mod critical_delays;
@@ -15,6 +16,8 @@ mod overrides;
 mod places;
 mod renamed;
 mod stability;
+#[path = "../../tests/common/test_file.rs"]
+mod test_file;
 mod values;
 mod waits;
 mod way;

@@ -1,6 +1,7 @@
 //! Every mistake of the list is explained: file, line, caret, what was found, what is allowed; exit code 2, no panic, and no run
 //! folder. `check` and `run` both refuse it, and nothing moves.
 
+use crate::common::test_file::TestFile;
 use std::fs;
 use std::path::Path;
 
@@ -96,10 +97,9 @@ fn missing_file_suggests_a_similar_name() {
         "\"elcntro.at2\"",
         &words,
     );
-    let matrix = MATRICES.replace(
-        "stiffness = [[2e5, -1e5], [-1e5, 1e5]]",
-        "stiffness_file = \"stifness.csv\"",
-    );
+    let matrix = MATRICES
+        .without("structure.matrices.stiffness")
+        .with("structure.matrices.stiffness_file = 'stifness.csv'");
     let words = ["no file", "`stiffness.csv`"];
     refused(
         &matrix,
@@ -153,7 +153,9 @@ fn nan_and_infinity_are_refused_everywhere() {
         "\"a.at2\"",
         &words,
     );
-    let text = MATRICES.replace("mass = [[1000, 0], [0, 1000]]", "mass_file = \"m.csv\"");
+    let text = MATRICES
+        .without("structure.matrices.mass")
+        .with("structure.matrices.mass_file = 'm.csv'");
     let words = ["m.csv, line 2, field 1: \"-inf\""];
     refused(
         &text,
@@ -424,10 +426,9 @@ fn control_characters_never_reach_terminal() {
 fn impossible_rate_is_refused() {
     let words = ["too fast", "1e9 Hz"];
     wrong_line(FRAME, "rate_hz = 200", "rate_hz = 1e10", "1e10", &words);
-    let long = FRAME.replace("rate_hz = 200", "rate_hz = 1e7");
-    let long = long.replace("duration_s = 0.5", "duration_s = 1e-4");
     let folder = tempfile::tempdir().unwrap();
-    let text = format!("{long}\n[timing]\nmisses.window_s = 3600\n");
+    let text =
+        FRAME.with("time = { rate_hz = 1e7, duration_s = 1e-4 }\ntiming.misses.window_s = 3600");
     let test = write(folder.path(), "test.toml", &text);
     let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);

@@ -245,10 +245,8 @@ fn static_friction_does_not_slow_the_motion() {
         let element = text(law, "");
         assert!(drift(&element) < 0.01, "{law}");
         // The law of a specimen is treated as that of an element.
-        let specimen = element.replace(
-            "[[structure.element]]\nfrom = \"ground\"\nto = 1\n",
-            "[[specimen]]\nname = \"law\"\nrows = [[1]]\n",
-        );
+        let specimen = format!("[[specimen]]\nname = 'law'\nrows = [[1]]\nlaw.{law}");
+        let specimen = element.without("structure.element").with(&specimen);
         assert!(drift(&specimen) < 0.01, "{law}");
     }
     // All damping at rest in C0 adds Δt/2 · 4e7 N s/m = 19.5 t to 50 t.

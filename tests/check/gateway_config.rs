@@ -142,7 +142,9 @@ fn limits_of_a_test_are_kept_by_its_loop() {
 fn judged(serve: &str, table: &str, link: &str) -> (serde_json::Value, i32, Option<i32>) {
     let folder = tempfile::tempdir().unwrap();
     let text = gateway("127.0.0.1:1", &format!("{KNOWN}{table}"), "");
-    let text = text.replace(COMPUTED, link);
+    let text = text
+        .without("specimen.0.link.computed")
+        .with(&format!("[specimen.link]\n{link}"));
     let path = write(
         folder.path(),
         "serve.toml",

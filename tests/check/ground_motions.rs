@@ -2,6 +2,7 @@
 //! the file with the reason.
 
 use crate::common::refusal::{plain, with_record};
+use crate::common::test_file::TestFile;
 use crate::common::{Said, say, write};
 use gusset_motion::STANDARD_GRAVITY;
 use serde_json::Value;
@@ -10,9 +11,8 @@ use serde_json::Value;
 fn check(name: &str, bytes: &[u8], keys: &str, options: &[&str]) -> Said {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(name), bytes).unwrap();
-    let path = format!("path = \"{name}\"");
-    let text = with_record(name).replace(&path, &format!("{path}\n{keys}"));
-    let test = write(folder.path(), "test.toml", &text);
+    let keys = format!("[excitation.ground_acceleration.signal.file]\n{keys}");
+    let test = write(folder.path(), "test.toml", &with_record(name).with(&keys));
     let mut arguments = vec!["check".into(), test.into_os_string()];
     arguments.extend(options.iter().map(Into::into));
     say(arguments)

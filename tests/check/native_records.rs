@@ -1,5 +1,6 @@
 //! `gusset check` with a record of each strong-motion network: the samples of `tests/records`.
 
+use crate::common::test_file::TestFile;
 use std::fs;
 use std::path::Path;
 
@@ -12,9 +13,8 @@ const RECORDS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/records");
 fn check(name: &str, more: &str) -> crate::common::Said {
     let folder = tempfile::tempdir().unwrap();
     fs::copy(Path::new(RECORDS).join(name), folder.path().join(name)).unwrap();
-    let path = format!("path = \"{name}\"");
-    let text = with_record(name).replace(&path, &format!("{path}\n{more}"));
-    let test = write(folder.path(), "test.toml", &text);
+    let keys = format!("[excitation.ground_acceleration.signal.file]\n{more}");
+    let test = write(folder.path(), "test.toml", &with_record(name).with(&keys));
     say(["check".as_ref(), test.as_os_str()])
 }
 
@@ -119,9 +119,9 @@ fn component_facts_come_from_its_file() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         fs::copy(Path::new(RECORDS).join(name), folder.path().join(name)).unwrap();
-        let path = format!("path = \"{name}\"");
-        let column = format!("{path}\ncolumn = {{ name = \"{column}\" }}");
-        let text = with_record(name).replace(&path, &column);
+        let text = with_record(name).with(&format!(
+            "excitation.ground_acceleration.signal.file.column.name = \"{column}\""
+        ));
         let test = write(folder.path(), "test.toml", &text);
         let said = say(["check".as_ref(), "--json".as_ref(), test.as_os_str()]);
         let told: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();

@@ -233,7 +233,7 @@ fn declared_stand_in_replaces_link_specimen() {
         "{test}stiffness_n_per_m = 5e5\n{}{LIMITS}",
         laws("law")
     ));
-    let far = Found::of(&behind_a_link("").replace(LIMITS, &format!("{}{LIMITS}", laws("law"))));
+    let far = Found::of(&behind_a_link("").with(&laws("law")));
     assert_eq!(far.0["stand_in"], "stand_in");
     same(&itself, &far);
     let linear = Found::of(&format!(

@@ -51,17 +51,17 @@ pub const TASKS: u64 = 24;
 pub fn planned() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("campaign");
-    let said = say([
-        "campaign".as_ref(),
-        "plan".as_ref(),
-        study(folder.path()).as_os_str(),
-        "--out".as_ref(),
-        out.as_os_str(),
-        "--tasks-per-chunk".as_ref(),
-        "5".as_ref(),
-    ]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    plan(&study(folder.path()), &out, "5");
     (folder, out)
+}
+
+/// Plans the study into `out`.
+#[track_caller]
+pub fn plan(study: &Path, out: &Path, tasks_per_chunk: &str) {
+    let out = out.to_str().unwrap();
+    let more = ["--out", out, "--tasks-per-chunk", tasks_per_chunk];
+    let said = campaign("plan", study, &more);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
 }
 
 pub fn campaign(command: &str, folder: &Path, more: &[&str]) -> Said {

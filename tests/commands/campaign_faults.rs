@@ -3,6 +3,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "other processes are waited for")]
 
+use crate::common::test_file::TestFile;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -10,7 +11,7 @@ use std::time::{Duration, SystemTime};
 
 use serde_json::Value;
 
-use super::campaign::{campaign, complete, parts, planned, undisturbed};
+use super::campaign::{campaign, complete, parts, plan, planned, undisturbed};
 use crate::common::{FRAME, Said, gusset, say};
 
 /// 10 000 short tests: 100 values of one key times 100 of another.
@@ -26,19 +27,9 @@ log = { from = 500, to = 5000, count = 100 }
 [measure]
 residual = true
 "#;
-    let frame = FRAME.replace("duration_s = 0.5", "duration_s = 0.02");
+    let frame = FRAME.with("time.duration_s = 0.02");
     fs::write(&path, frame + more).unwrap();
     path
-}
-
-fn plan(study: &Path, out: &Path, tasks_per_chunk: &str) {
-    let out = out.to_str().unwrap();
-    let said = campaign(
-        "plan",
-        study,
-        &["--out", out, "--tasks-per-chunk", tasks_per_chunk],
-    );
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
 }
 
 fn worker(out: &Path, chunk: u64) -> Child {
@@ -233,7 +224,7 @@ fn record_changed_midway_changes_no_result() {
     let folder = tempfile::tempdir().unwrap();
     let path = super::campaign::study(folder.path());
     let text = fs::read_to_string(&path).unwrap();
-    fs::write(&path, text.replace("replicates = 2", "replicates = 150")).unwrap();
+    fs::write(&path, text.with("campaign.replicates = 150")).unwrap();
     let out = folder.path().join("out");
     plan(&path, &out, "10000");
     let record = folder.path().join("records/b.csv");
@@ -383,11 +374,7 @@ fn a_status_counts_only_its_own_parts() {
     let study = folder.path().join("study.toml");
     let text = fs::read_to_string(&study).unwrap();
     let other = folder.path().join("other.toml");
-    fs::write(
-        &other,
-        text.replace("replicates = 2", "replicates = 2\nseed = 9"),
-    )
-    .unwrap();
+    fs::write(&other, text.with("campaign.seed = 9")).unwrap();
     let elsewhere = folder.path().join("elsewhere");
     plan(&other, &elsewhere, "5");
     assert!(worker(&elsewhere, 1).wait().unwrap().success());

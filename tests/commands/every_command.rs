@@ -1,6 +1,7 @@
 //! Every command as a lab's script uses it: help with an example, one JSON document on stdout and nothing else there, no privileges
 //! needed, and exit code 2 for wrong usage.
 
+use crate::common::test_file::TestFile;
 use std::fs;
 
 use crate::common::{FRAME, PATIENT, completed, gusset, json, names, say, write};
@@ -184,7 +185,7 @@ fn topics_are_listed_as_json() {
 #[test]
 fn injected_panic_spares_the_rehearsal() {
     let folder = tempfile::tempdir().unwrap();
-    let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.1\n");
+    let text = FRAME.with("specimen.drill.panic_at_s = 0.1");
     let test = write(folder.path(), "test.toml", &text);
     let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);

@@ -5,6 +5,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "other processes are waited for")]
 
+use crate::common::test_file::TestFile;
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::fs;
@@ -20,7 +21,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::campaign::{campaign, complete};
+use crate::campaign::{campaign, complete, plan};
 use crate::common::{FRAME, Said, gusset, say};
 
 /// Nothing takes this long unless it hangs.
@@ -253,17 +254,6 @@ impl Drop for Slurm {
     }
 }
 
-/// Plans the study into `out`.
-fn planned(study: &Path, out: &Path, tasks_per_chunk: &str) {
-    let out = out.to_str().unwrap();
-    let said = campaign(
-        "plan",
-        study,
-        &["--out", out, "--tasks-per-chunk", tasks_per_chunk],
-    );
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-}
-
 /// The table of an undisturbed run of the study.
 fn local_table(study: &Path, out: &Path) -> Vec<u8> {
     let said = campaign(
@@ -282,7 +272,7 @@ fn slurm_gives_the_local_table() {
     let folder = tempfile::tempdir().unwrap();
     let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/campaigns/ida-frame.toml");
     let out = folder.path().join("ida");
-    planned(&study, &out, "12");
+    plan(&study, &out, "12");
     slurm.submit(&out, &["--", "--job-name=frames"]);
     assert_eq!(
         slurm.says("squeue", &["-h", "-o", "%j"]).lines().next(),
@@ -302,7 +292,7 @@ fn slurm_gives_the_local_table() {
 
 /// A study of 24 tests of several tenths of a second each.
 fn slow_study(folder: &Path) -> PathBuf {
-    let frame = FRAME.replace("duration_s = 0.5", "duration_s = 600.0");
+    let frame = FRAME.with("time.duration_s = 600");
     fs::write(folder.join("frame.toml"), frame).unwrap();
     let path = folder.join("study.toml");
     let text = "test = \"frame.toml\"\n[[vary]]\nkey = \"structure.damping.rayleigh_ratio.ratio\"\n\
@@ -357,7 +347,7 @@ fn killed_slurm_elements_are_resubmitted() {
     fs::create_dir(&folder).unwrap();
     let study = slow_study(&folder);
     let out = folder.join("campaign");
-    planned(&study, &out, "4");
+    plan(&study, &out, "4");
     let job = slurm.submit(&out, &["--tasks-per-job", "8"]);
     let killed = Pid::from_raw(busy_worker(&out, "1-2")).unwrap();
     kill_process(killed, Signal::KILL).unwrap();

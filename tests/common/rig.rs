@@ -174,6 +174,17 @@ pub fn attach(
     attach_of(experiment, (axis, 2), coupling, log, act);
 }
 
+/// Adds the next rig as the next storey.
+pub fn attach_storey(
+    experiment: &mut Experiment,
+    coupling: Coupling,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) {
+    let axis = storey(experiment.ports.len());
+    attach(experiment, axis, coupling, log, act);
+}
+
 /// Adds the next rig behind an axis of a structure with `dofs` degrees of freedom.
 pub fn attach_of(
     experiment: &mut Experiment,

@@ -106,8 +106,8 @@ fn interrupted(signal: &str, code: i32) {
     assert!(said.stderr.contains("interrupted"), "{}", said.stderr);
     let summary = json(&out, "summary.json");
     assert_eq!(
-        (&summary["status"], &summary["reason"]),
-        (&"interrupted".into(), &"stopped by the operator".into())
+        (&summary["status"], &summary["cause"]),
+        (&"interrupted".into(), &"operator".into())
     );
     let rows = Run::open(&out)
         .unwrap()

@@ -1,5 +1,6 @@
 //! Folders that cannot be written: reported before anything moves, or at the end, and never by a panic.
 
+use crate::common::test_file::{NEVER_LATE, TestFile};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -63,13 +64,9 @@ fn read_only_folder_is_reported_early() {
 
 /// A long test in real time; the tests do not wait for its end.
 fn long() -> String {
-    let text = FRAME
-        .replace("duration_s = 0.5", "duration_s = 600")
-        .replace("\"simulated\"", "\"real\"");
-    format!(
-        "{text}[timing]\npolicy = \"ordinary\"\nmisses.in_total.trip = 1000000\nmisses.in_a_row.trip = 1000000\n\
-         misses.in_window.trip = 1000000\n"
-    )
+    FRAME
+        .with("time = { duration_s = 600, clock = 'real' }")
+        .with(NEVER_LATE)
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! A disk that fills up does not end a test: it runs to its end, whole rows stay whole, and every loss is counted and shouted.
 
+use crate::common::test_file::TestFile;
 use std::fs;
 use std::io::Write;
 use std::os::unix::net::UnixStream;
@@ -9,9 +10,9 @@ use std::process::Command;
 use crate::common::{FRAME, PATIENT, Said, completed, gusset, json, say, write};
 use gusset_record::Run;
 
-/// The binary with this limit on the size of a file, in kB.
-fn under_limit(kilobytes: u32) -> Command {
-    let script = format!("ulimit -f {kilobytes}; exec \"$0\" \"$@\"");
+/// The binary with a limit on its resources: `f` is the size of a file in kB, `n` the number of open files.
+fn under_limit(resource: char, most: u32) -> Command {
+    let script = format!("ulimit -{resource} {most}; exec \"$0\" \"$@\"");
     let mut command = Command::new("bash");
     command
         .args(["-c", &script])
@@ -21,7 +22,7 @@ fn under_limit(kilobytes: u32) -> Command {
 
 /// `gusset run` under that limit.
 fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Said {
-    let mut command = under_limit(kilobytes);
+    let mut command = under_limit('f', kilobytes);
     command
         .arg("run")
         .arg(test)
@@ -40,15 +41,8 @@ fn too_few_files_are_refused_early() {
     let test = write(folder.path(), "test.toml", FRAME);
     let out = folder.path().join("out");
     for files in [6, 7, 8, 16, 63] {
-        let script = format!("ulimit -n {files}; exec \"$0\" \"$@\"");
-        let mut command = Command::new("bash");
-        command
-            .args(["-c", &script])
-            .arg(assert_cmd::cargo::cargo_bin!("gusset"))
-            .arg("run")
-            .arg(&test)
-            .arg("--out")
-            .arg(&out);
+        let mut command = under_limit('n', files);
+        command.arg("run").arg(&test).arg("--out").arg(&out);
         let said: Said = command.output().unwrap().into();
         assert_eq!(said.code, Some(2), "{files}: {}", said.stderr);
         assert!(said.stderr.contains("ulimit -n"), "{}", said.stderr);
@@ -59,11 +53,8 @@ fn too_few_files_are_refused_early() {
 #[test]
 fn full_disk_counts_every_lost_row() {
     let folder = tempfile::tempdir().unwrap();
-    let test = write(
-        folder.path(),
-        "test.toml",
-        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
-    );
+    let text = FRAME.with("time.duration_s = 20");
+    let test = write(folder.path(), "test.toml", &text);
     let out = folder.path().join("out");
     let said = on_a_full_disk(64, &test, &out, &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
@@ -105,11 +96,8 @@ fn full_disk_counts_every_lost_row() {
 #[test]
 fn required_record_stops_at_lost_rows() {
     let folder = tempfile::tempdir().unwrap();
-    let test = write(
-        folder.path(),
-        "test.toml",
-        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
-    );
+    let text = FRAME.with("time.duration_s = 20");
+    let test = write(folder.path(), "test.toml", &text);
     let out = folder.path().join("out");
     let said = on_a_full_disk(64, &test, &out, &["--set", "record.required=true"]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);
@@ -149,7 +137,7 @@ fn every_command_reports_the_file_limit() {
     let commands = [&["schema".as_ref()][..], &export, &report];
     for arguments in commands {
         let schema = fs::File::create(folder.path().join("schema.json")).unwrap();
-        let mut command = under_limit(8);
+        let mut command = under_limit('f', 8);
         command.args(arguments).stdout(schema);
         let said: Said = command.output().unwrap().into();
         assert_eq!(said.code, Some(2), "{arguments:?}: {}", said.stderr);
@@ -208,13 +196,10 @@ fn unwritable_log_ends_nothing() {
     assert_eq!(json(&out, "summary.json")["status"], "completed");
     assert!(out.join("report.html").exists());
     // The log writes most when the disk is full, and is often on that disk.
-    let test = write(
-        folder.path(),
-        "long.toml",
-        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
-    );
+    let text = FRAME.with("time.duration_s = 20");
+    let test = write(folder.path(), "long.toml", &text);
     let out = folder.path().join("full");
-    let mut command = under_limit(64);
+    let mut command = under_limit('f', 64);
     command.arg("run").arg(&test).arg("--out").arg(&out);
     let status = command.stdout(full()).stderr(full()).status().unwrap();
     assert_eq!(status.code(), Some(0));

@@ -5,6 +5,7 @@
 //!
 //! `GUSSET_KILLS=5000 cargo test --test crash_safety kills -- --nocapture` for more of them; `GUSSET_KILL_SEED` for others.
 
+use crate::common::test_file::TestFile;
 use std::fs;
 use std::path::Path;
 use std::process::Stdio;
@@ -141,14 +142,10 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> FolderStat
 fn kill_costs_only_the_last_instant() {
     let home = tempfile::tempdir().unwrap();
     // Two minutes at 1 kHz: on the simulated clock as many rows as a disk takes in a moment.
-    let text = FRAME
-        .replace("rate_hz = 200", "rate_hz = 1000")
-        .replace("duration_s = 0.5", "duration_s = 120");
-    let test = write(
-        home.path(),
-        "test.toml",
-        &format!("{text}[safety]\nzero_s = 0.02\n[timing]\npolicy = \"ordinary\"\n"),
+    let text = FRAME.with(
+        "time = { rate_hz = 1000, duration_s = 120 }\nsafety.zero_s = 0.02\ntiming.policy = 'ordinary'",
     );
+    let test = write(home.path(), "test.toml", &text);
     let began = monotonic_ns();
     let out = home.path().join("whole");
     completed(&test, &out, &["--quiet"]);

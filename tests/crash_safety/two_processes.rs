@@ -1,5 +1,6 @@
 //! `gusset run` and `gusset serve` in real time, over UDP and TCP; one of them is killed or stops.
 
+use crate::common::test_file::{NEVER_LATE, TestFile};
 use std::path::Path;
 
 use gusset_record::summary::Status;
@@ -27,12 +28,8 @@ fn in_real_time(steps: u32, address: &str, transport: &str, keys: &str) -> Strin
         address,
         &format!("transport = \"{transport}\"\nwatchdog_s = 0.2\nprobe = \"none\"\n{keys}"),
     )
-    .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
-    .replace(
-        "[timing]",
-        "[timing]\npolicy = \"ordinary\"\nmisses.in_a_row.trip = 100000\nmisses.in_total.trip = 100000\n\
-         misses.in_window.trip = 100000",
-    )
+    .with("time = { clock = 'real', scale = 5 }")
+    .with(NEVER_LATE)
 }
 
 /// As soon as the specimen takes one, the next test runs to its end.
@@ -219,11 +216,7 @@ fn killed_on(folder: &Path, remembers: bool) -> Served {
 fn far_from_its_start(folder: &Path, served: &Served) -> Running {
     let keys = "max_stale = 100000";
     let text = in_real_time(LONG, &served.address, "tcp", keys);
-    let text = text.replace(
-        "[safety]\n",
-        &format!("[safety]\nresume_within_m = {NEAR}\n"),
-    );
-    assert!(text.contains("resume_within_m"));
+    let text = text.with(&format!("safety.resume_within_m = {NEAR}"));
     let test = Running::start(folder, "killed", &text);
     served.hears("armed for");
     while commands(folder).last().copied().unwrap_or(0.0).abs() < 3.0 * NEAR {

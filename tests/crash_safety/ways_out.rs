@@ -1,5 +1,6 @@
 //! Every ending retires the specimens in one place: over real links and after a panic on the loop's thread, too.
 
+use crate::common::test_file::TestFile;
 use std::path::Path;
 
 use gusset_control::engine::{Control, Ending, Operator};
@@ -11,7 +12,7 @@ use gusset_record::summary::Status;
 use gusset_session::{self as session, Watches};
 
 use crate::common::engine::{prepare, run_on};
-use crate::common::rig::{Act, Log, Phase, attach, storey, two_floors};
+use crate::common::rig::{Act, Log, Phase, attach_storey, two_floors};
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, test_file, write};
 
 const STEPS: u32 = 60;
@@ -36,27 +37,21 @@ fn leave(
     transport: &str,
     way: Way,
 ) -> session::Finished {
-    let mut text = linked(
+    let text = linked(
         STEPS,
         address,
         &format!("transport = \"{transport}\"\nprobe = \"none\"\n"),
     );
-    match way {
-        Way::Limit => {
-            text = text.replace(
-                "[specimen.link]",
-                "[specimen.limits]\ncommand_disp_m = { trip = [-1e-4, 1e-4] }\n[specimen.link]",
-            );
-        }
-        Way::Divergence => text = text.replace("[safety]\n", "[safety]\ndivergence_m = 1e-4\n"),
-        _ => {}
-    }
+    let text = text.with(match way {
+        Way::Limit => "specimen.limits.command_disp_m.trip = [-1e-4, 1e-4]",
+        Way::Divergence => "safety.divergence_m = 1e-4",
+        _ => "",
+    });
     let file = write(folder, &format!("{number}.toml"), &text);
     let loaded = gusset_config::load(&file, &[]).unwrap_or_else(|error| panic!("{error}"));
     let mut test = gusset_setup::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
-    attach(
+    attach_storey(
         &mut test.experiment,
-        storey(1),
         Coupling::Lockstep,
         &Log::default(),
         move |phase, sequence| match (way, phase) {
@@ -245,9 +240,8 @@ fn panic_at_any_command_keeps_every_row() {
              [structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n",
         );
         let mut experiment = two_floors(50, "timing.warmup_ticks = 0");
-        attach(
+        attach_storey(
             &mut experiment,
-            storey(0),
             Coupling::Lockstep,
             &Log::default(),
             move |phase, sequence| {

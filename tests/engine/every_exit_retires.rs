@@ -2,7 +2,9 @@
 //! is: issue to all, collect from all, accept.
 
 use crate::common::engine::{Run, prepare, run_on, run_under};
-use crate::common::rig::{self, Act, Call, Log, Phase, attach, attach_of, storey, two_floors};
+use crate::common::rig::{
+    self, Act, Call, Log, Phase, attach, attach_of, attach_storey, storey, two_floors,
+};
 use gusset_control::engine::{Control, EndPosition, Ending, Experiment, Operator, Stop};
 use gusset_control::port::{Axis, Exit};
 use gusset_quantity::catalog::ending::Cause;
@@ -31,9 +33,8 @@ fn run_with(
     let mut experiment = floors();
     for number in 0..2 {
         let act = act.clone();
-        attach(
+        attach_storey(
             &mut experiment,
-            storey(number),
             Coupling::Lockstep,
             &log,
             move |phase, sequence| {
@@ -228,14 +229,8 @@ fn overflowing_response_is_never_sent() {
         };
         let log = Log::default();
         let mut experiment = floors();
-        attach(&mut experiment, storey(0), Coupling::Lockstep, &log, act);
-        attach(
-            &mut experiment,
-            storey(1),
-            Coupling::Lockstep,
-            &log,
-            |_, _| Act::Serve,
-        );
+        attach_storey(&mut experiment, Coupling::Lockstep, &log, act);
+        attach_storey(&mut experiment, Coupling::Lockstep, &log, |_, _| Act::Serve);
         experiment.limits.divergence = 1.0;
         let run = run_on(experiment, SimClock::new());
         let Ending::Stopped(Stop::Diverged {
@@ -271,9 +266,8 @@ fn a_command_that_is_no_number_is_not_sent() {
         let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
         experiment.limits.divergence = f64::MAX;
         let hit = u64::from(step);
-        attach(
+        attach_storey(
             &mut experiment,
-            storey(0),
             Coupling::Lockstep,
             &log,
             move |phase, sequence| {
@@ -318,9 +312,8 @@ fn stop_at_any_tick_ends_cleanly() {
         let log = Log::default();
         let (ask, requests) = crossbeam_channel::bounded(1);
         let mut experiment = floors();
-        attach(
+        attach_storey(
             &mut experiment,
-            storey(0),
             Coupling::Lockstep,
             &log,
             move |phase, sequence| {
@@ -330,13 +323,7 @@ fn stop_at_any_tick_ends_cleanly() {
                 Act::Serve
             },
         );
-        attach(
-            &mut experiment,
-            storey(1),
-            Coupling::Lockstep,
-            &log,
-            |_, _| Act::Serve,
-        );
+        attach_storey(&mut experiment, Coupling::Lockstep, &log, |_, _| Act::Serve);
         let run = run_under(experiment, SimClock::new(), &Control::from(requests));
         let calls = log.lock().unwrap().clone();
         let (wanted, how) = if at + 1 == issued {
@@ -402,19 +389,12 @@ fn a_panic_in_the_loop_retires_all() {
              [structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n",
         );
         let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
-        attach(
+        attach_storey(&mut experiment, Coupling::Lockstep, &log, |phase, _| {
+            assert!(phase != Phase::Retire, "no final message");
+            Act::Serve
+        });
+        attach_storey(
             &mut experiment,
-            storey(0),
-            Coupling::Lockstep,
-            &log,
-            |phase, _| {
-                assert!(phase != Phase::Retire, "no final message");
-                Act::Serve
-            },
-        );
-        attach(
-            &mut experiment,
-            storey(1),
             Coupling::Lockstep,
             &log,
             move |phase, sequence| {

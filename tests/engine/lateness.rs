@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::common::engine::{Run, run_on};
-use crate::common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
+use crate::common::rig::{Act, Call, Log, Phase, attach_storey, two_floors};
 use gusset_control::engine::{Ending, Gaps, OnMiss, Stop, TestHit};
 use gusset_control::port::limits::Bound;
 use gusset_quantity::catalog::limit::Limit;
@@ -66,9 +66,8 @@ fn run_warm(
     experiment.limits.on_miss = on_miss;
     more(&mut experiment.limits);
     let (present, answering) = (clock.clone(), stalls.to_vec());
-    attach(
+    attach_storey(
         &mut experiment,
-        storey(0),
         Coupling::Lockstep,
         &log,
         move |phase, sequence| {

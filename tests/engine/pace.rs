@@ -287,8 +287,7 @@ fn resume_repeats_a_silent_ones_target() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01";
-    let patience = "reply_timeout_s = 0.3, commands";
-    let partner = far("far").replace("commands", patience);
+    let partner = far("far").with("specimen.link.reply_timeout_s = 0.3");
     let text = format!("{}{SPRING}{partner}", frame(10, safety));
     let [whole, silent] = [0, u32::MAX].map(|asked| {
         let home = at(&format!("asked-{asked}"));
@@ -662,8 +661,7 @@ fn stop_during_a_wait_is_replayed() {
         ((200, 40), (230, 70), leaves),
     ] {
         let home = tempfile::tempdir().unwrap();
-        let names =
-            ["far", "farther"].map(|name| far(name).replace(", commands = \"every_step\"", ""));
+        let names = ["far", "farther"].map(|name| far(name).without("specimen.0.link.commands"));
         let text = format!(
             "{}{SPRING}{}",
             frame(10, &format!("{safety}{exits}")),
@@ -757,7 +755,7 @@ fn loss_outside_an_exchange_is_replayed() {
     let leaves = "safety.on_trip = \"zero_displacement\"\nsafety.exit_speed_m_per_s = 0.05";
     let mut words = vec![Operator::Continue; 400];
     words.extend([Operator::Hold; 120]);
-    let by_ticks = far("far").replace(", commands = \"every_step\"", "");
+    let by_ticks = far("far").without("specimen.0.link.commands");
     for (dies_at, calls, partner, exits) in [
         (Call::Attend, 120, far("far"), leaves),
         (Call::Attend, 121, far("far"), leaves),

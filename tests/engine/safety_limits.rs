@@ -644,7 +644,7 @@ fn warnings_of_two_axes_are_both_reported() {
 
 #[test]
 fn force_trip_shows_the_specimens_report() {
-    use crate::common::rig::{Act, Log, Phase, attach, storey, two_floors};
+    use crate::common::rig::{Act, Log, Phase, attach_storey, two_floors};
     let port = 0;
     for (status, stop) in [
         (Status::SATURATED, Stop::Saturated { port }),
@@ -656,13 +656,7 @@ fn force_trip_shows_the_specimens_report() {
             30 if phase == Phase::Collect => Act::Says(status),
             _ => Act::Serve,
         };
-        attach(
-            &mut experiment,
-            storey(0),
-            coupling,
-            &Log::default(),
-            script,
-        );
+        attach_storey(&mut experiment, coupling, &Log::default(), script);
         let limits = AxisLimits::NONE.with(Limit::ForceStep, Bound::trip(1e3));
         experiment.ports[0].set_limits(1e-3, |_| (limits, (1.0, 1.0)));
         let run = run_on(experiment, SimClock::new());

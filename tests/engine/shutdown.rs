@@ -1,6 +1,7 @@
 //! A shutdown begins with a stop that no limit checks: neither the controller's nor those of the specimen's end, which limits the
 //! acceleration.
 
+use crate::common::test_file::TestFile;
 use crate::link_common::{ONE_AXIS_LAW, Served, linked, run, summary};
 use gusset_control::engine::Phase;
 use gusset_record::{Run, summary::Status};
@@ -24,8 +25,8 @@ fn acceleration_limit_allows_the_shutdown() {
             &served.address,
             &format!("transport = \"{transport}\"\n{limits}"),
         );
-        let led = "[safety]\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
-        let text = text.replace("[safety]\n", led);
+        let text =
+            text.with("safety = { at_end = 'zero_displacement', exit_speed_m_per_s = 0.05 }");
         let (code, said) = run(folder.path(), "run", &text);
         assert_eq!(code, 0, "{transport}: {said}");
         let summary = summary(folder.path(), "run");

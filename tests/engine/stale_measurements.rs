@@ -4,7 +4,9 @@
 use std::collections::BTreeMap;
 
 use crate::common::engine::{Run, run_on};
-use crate::common::rig::{self, Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
+use crate::common::rig::{
+    self, Act, Call, Log, Phase, STIFFNESS, attach_storey, storey, two_floors,
+};
 use gusset_control::engine::{EndPosition, Ending, Phase as Ended, Stop};
 use gusset_control::port::{Exit, Exits, Pace, WiringCheck, Zero};
 use gusset_quantity::substructure::{Coupling, Retirement, Status};
@@ -20,9 +22,8 @@ fn run(script: &[(u64, Act)], extrapolate: bool, bound: u64) -> (Run, Vec<(usize
     let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
     experiment.limits.extrapolate_stale = extrapolate;
     experiment.limits.stale_in_a_row = bound;
-    attach(
+    attach_storey(
         &mut experiment,
-        storey(0),
         Coupling::Sampled,
         &log,
         move |phase, sequence| match script.get(&sequence) {
@@ -276,19 +277,13 @@ fn sampled_specimen_has_until_the_next_edge() {
     let present = clock.clone();
     let edges = Log::default();
     let noted = edges.clone();
-    attach(
-        &mut experiment,
-        storey(0),
-        Coupling::Sampled,
-        &log,
-        move |phase, _| {
-            if phase == Phase::Issue {
-                let deadline = present.now();
-                noted.lock().unwrap().push((0, Call::Collect { deadline }));
-            }
-            Act::Serve
-        },
-    );
+    attach_storey(&mut experiment, Coupling::Sampled, &log, move |phase, _| {
+        if phase == Phase::Issue {
+            let deadline = present.now();
+            noted.lock().unwrap().push((0, Call::Collect { deadline }));
+        }
+        Act::Serve
+    });
     run_on(experiment, clock);
     let deadlines = |log: &Log| -> Vec<u64> {
         let calls = log.lock().unwrap();
@@ -380,9 +375,8 @@ fn wiring_check_uses_the_right_answers() {
         let log = Log::default();
         let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 3");
         experiment.limits.stale_in_a_row = 20;
-        attach(
+        attach_storey(
             &mut experiment,
-            storey(0),
             Coupling::Sampled,
             &log,
             move |phase, sequence| match phase {

@@ -1,6 +1,7 @@
 //! The wiring check changes no number of the test that follows, even if its motion went far beyond yielding. A formula restarts
 //! (native protocol) or forgets uncommitted motion (OpenFresco).
 
+use crate::common::test_file::TestFile;
 use std::path::Path;
 
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, gateway, run, test_file};
@@ -89,7 +90,7 @@ fn gateway_checks_its_specimen_itself() {
     assert_eq!(run(folder, "local", &local).0, 0);
     let specimen = Served::start(folder, &local, &[]);
     let file = gateway(&specimen.address, "stiffness_n_per_m = 4e5\n", PROBE)
-        .replace("probe = \"none\"\n", "");
+        .without("specimen.0.link.probe");
     let between = Served::start(folder, &yielding(&file), &[]);
     for (name, keys) in [("plain", ""), ("tried", PROBE)] {
         let (code, said) = run(folder, name, &linked(&between.address, keys));
@@ -110,7 +111,7 @@ fn gateway_does_not_arm_a_reversed_specimen() {
         );
     });
     let file =
-        gateway(&address, "stiffness_n_per_m = 4e5\n", PROBE).replace("probe = \"none\"\n", "");
+        gateway(&address, "stiffness_n_per_m = 4e5\n", PROBE).without("specimen.0.link.probe");
     let between = Served::start(folder, &file, &[]);
     let (code, said) = run(folder, "run", &linked(&between.address, ""));
     assert_eq!(code, 3, "{said}");

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gusset_config::fault_script::{Fault, Kind, Script};
-use gusset_config::{load, parse};
+use gusset_config::load;
 use gusset_control::engine::{GIVEN_UP, Operator, Phase};
 use gusset_record::Journal;
 
@@ -78,10 +78,11 @@ fn hold_in_the_wiring_check_is_replayed() {
 #[test]
 fn test_given_up_at_a_command_is_replayed() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
-    let text = std::fs::read_to_string(folder.join("no-misses.toml")).unwrap();
-    let moves = "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
-    let text = text.replace("[safety]\n", moves);
-    let loaded = parse(&folder.join("no-misses.toml"), text, &[]).unwrap();
+    let moves = [
+        "safety.on_trip=zero_displacement",
+        "safety.exit_speed_m_per_s=0.05",
+    ];
+    let loaded = load(&folder.join("no-misses.toml"), &moves.map(str::to_owned)).unwrap();
     let late = Fault {
         at: Some(60),
         lasts: None,

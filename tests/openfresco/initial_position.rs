@@ -1,6 +1,7 @@
 //! The position of a specimen before its first command, over protocols that cannot report it or do not limit that command. The test
 //! file states it, and the specimen is held there and ramped from there. A served machine never jumps.
 
+use crate::test_file::TestFile;
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
@@ -60,7 +61,7 @@ fn without_it_only_computed_ones_move() {
     assert_eq!(code, 0, "{said}");
     assert!(said.contains("POSITION IS"), "{said}");
     assert_eq!(told.lock().unwrap()[0], 0.0);
-    let text = text.replace("computed = true\n", "");
+    let text = text.without("specimen.0.link.computed");
     let (code, said) = run(folder.path(), "refused", &text);
     assert_eq!(code, 2, "{said}");
     for words in ["is unknown", "`stands_at_m = [0.0]`"] {
@@ -201,7 +202,7 @@ fn file_gives_an_unreported_native_position() {
 
     let (address, told) = silent();
     let table = format!("stiffness_n_per_m = {K}\n");
-    let file = gateway(&address, &table, "").replace("computed = true\n", "");
+    let file = gateway(&address, &table, "").without("specimen.0.link.computed");
     let served = Served::start(folder.path(), &file, &["--protocol", "openfresco"]);
     let settings = RemoteSettings::new(Peer::Element, Carrier::Stream, served.address.clone(), 1);
     assert!(Remote::new(settings).unwrap().open().is_err());

@@ -4,6 +4,8 @@
 mod link_common;
 #[path = "../openfresco_ends/mod.rs"]
 mod openfresco_ends;
+#[path = "../common/test_file.rs"]
+mod test_file;
 
 mod bad_input;
 mod captures;

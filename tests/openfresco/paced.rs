@@ -1,6 +1,7 @@
 //! A gateway that paces and compensates a client of OpenFresco's protocols in front of a rig with a lag: its record, and its end
 //! when either side ends.
 
+use crate::test_file::TestFile;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
@@ -487,8 +488,7 @@ fn accepted_speed_is_in_the_summary() {
     let rig = Served::start(folder.path(), RIG, &[]);
     let out = folder.path().join("kept");
     let text = gateway(&rig, "ticks_per_step = 20, rate_hz = 2000", "", INVERSE)
-        .replace("similitude", "damping_n_s_per_m = 100\nsimilitude")
-        .replace("[safety]", "[safety]\naccept_speed = \"hardly damped\"");
+        .with("specimen.damping_n_s_per_m = 100\nsafety.accept_speed = \"hardly damped\"");
     let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];
     let gateway = Served::start(folder.path(), &text, &arguments);
     let bench = Bench {

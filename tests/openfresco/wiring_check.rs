@@ -1,6 +1,7 @@
 //! The wiring check works over OpenFresco's dialects, too. A gateway connects OpenSees' adapter to a controller with the native
 //! protocol.
 
+use crate::test_file::TestFile;
 use std::io::Write;
 use std::net::TcpStream;
 use std::path::Path;
@@ -73,7 +74,7 @@ fn gateway_does_not_arm_a_miswired_adapter() {
                 "stiffness_n_per_m = 4e5\n",
                 &format!("{ADAPTER}{PROBE}"),
             );
-            let between = Served::start(folder, &file.replace("probe = \"none\"\n", ""), serve);
+            let between = Served::start(folder, &file.without("specimen.0.link.probe"), serve);
             let keys = format!("protocol = \"{}\"\nprobe = \"none\"", serve[1]);
             let (code, said) = run(folder, "run", &linked(&between.address, &keys));
             assert_eq!(code, 3, "{said}");
@@ -91,21 +92,18 @@ fn irreversible_rig_is_checked() {
         "[serve.openfresco]\nphysical = true\n[[specimen]]\nname = \"rig\"\n{ONE_AXIS_LAW}"
     );
     let rig = || Served::start(folder, &rig, &["--protocol", "openfresco-actor"]);
-    let no_computation = |text: String| {
-        text.replace("computed = true\n", "")
-            .replace("clock = \"simulated\"", "clock = \"real\"")
-    };
+    let no_computation = |text: String| text.without("specimen.0.link.computed");
     let link = format!("protocol = \"openfresco-shadow\"\nstands_at_m = [0.0]\n{PROBE}");
     let direct = rig();
     let (code, said) = run(
         folder,
         "direct",
-        &no_computation(linked(&direct.address, &link)),
+        &no_computation(linked(&direct.address, &link)).with("time.clock = 'real'"),
     );
     assert_eq!(code, 0, "{said}");
     let far = rig();
     let file = gateway(&far.address, "stiffness_n_per_m = 4e5\n", &link);
-    let file = no_computation(file.replace("probe = \"none\"\n", ""));
+    let file = no_computation(file.without("specimen.0.link.probe"));
     let between = Served::start(folder, &file, &[]);
     let (code, said) = run(
         folder,
@@ -136,7 +134,7 @@ fn trying(
     });
     let keys = format!("{ADAPTER}probe_m = 1e-4\nprobe_ramp_s = 10\n");
     let file = gateway(&address, "stiffness_n_per_m = 4e5\n", &keys);
-    let file = file.replace("probe = \"none\"\n", "");
+    let file = file.without("specimen.0.link.probe");
     let out = folder.join("kept");
     let out = ["--out", out.to_str().unwrap()];
     let arguments = ["--protocol", protocol, "--transport", transport];

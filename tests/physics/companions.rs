@@ -215,29 +215,29 @@ stiffness_n_per_m = 1e7
 hardening_bound = 1.5
 link = { address = "127.0.0.1:1", connect_timeout_s = 0.2 }
 limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e7, 1e7] } }
-
-[integrator]
 "#;
 
 #[test]
 fn growing_alpha_method_moves_no_link() {
-    let method = "method = \"kr_alpha\"\nrho_infinity = 1";
+    let method = "integrator = { method = 'kr_alpha', rho_infinity = 1 }";
     let grows = "the response grows by a factor of";
-    let hardening = HARDENING.replace("\"simulated\"", "\"real\"");
-    let light = hardening
-        .replace("hardening_bound = 1.5", "mass_in_force_kg = 60")
-        .replace("[1e3, 6e3]", "[20, 6e3]")
-        .replace("stiffness_n_per_m = 1e7", "stiffness_n_per_m = 1e4");
+    let hardening = HARDENING.with("time.clock = 'real'");
+    let light = hardening.without("specimen.0.hardening_bound").with(
+        "specimen = { mass_in_force_kg = 60, stiffness_n_per_m = 1e4 }\n\
+         structure.shear_building.mass_kg = [20, 6e3]",
+    );
     for text in [&hardening, &light] {
         // The refusal of the equivalent linear method of the family, λ = 4.
-        let (code, _, said) = gusset("check", &format!("{text}lambda = 4\n"));
+        let (code, _, said) = gusset("check", &text.with("integrator.lambda = 4"));
         assert_eq!(code, 1, "{said}");
         for (command, refused) in [("check", 1), ("run", 2)] {
-            let (code, _, said) = gusset(command, &format!("{text}{method}\n"));
+            let (code, _, said) = gusset(command, &text.with(method));
             assert_eq!(code, refused, "{said}");
             assert!(said.contains(grows), "{said}");
         }
-        let allowed = format!("{text}{method}\nallow_unstable_lambda = true\n");
+        let allowed = text
+            .with(method)
+            .with("integrator.allow_unstable_lambda = true");
         let (code, facts, said) = gusset("check", &allowed);
         assert_eq!(code, 0, "{said}");
         assert!(said.contains(grows), "{said}");
@@ -250,10 +250,9 @@ fn growing_alpha_method_moves_no_link() {
         );
     }
     // A law of this program moves nothing that can break: the test runs, and `check` exits with 1.
-    let (_, rest) = HARDENING.split_once("stiffness_n_per_m = 1e7").unwrap();
-    let law = "reach_disp_m = 1.0\nlaw.square_root = { stiffness_n_per_m = 1e7, hardening_per_sqrt_m = 0.5 }\n[integrator]\n";
-    let own = HARDENING.replace(&format!("stiffness_n_per_m = 1e7{rest}"), law);
-    let (code, found, said) = gusset("check", &format!("{own}{method}\n"));
+    let (before, _) = HARDENING.split_once("stiffness_n_per_m = 1e7").unwrap();
+    let law = "reach_disp_m = 1.0\nlaw.square_root = { stiffness_n_per_m = 1e7, hardening_per_sqrt_m = 0.5 }\n";
+    let (code, found, said) = gusset("check", &format!("{before}{law}").with(method));
     assert_eq!(
         (code, &found["verdict"]["outcome"]),
         (1, &"simulated".into())
@@ -279,8 +278,8 @@ fn check_states_what_is_known_of_alpha() {
     let method = "method = \"mkr_alpha\"\nrho_infinity = 0.5\n";
     // At its estimates, and half beyond them where the step is short enough.
     let linear = look(&format!("{TEST}{method}{SPECIMEN}"));
-    let short = HARDENING.replace("step_s = 0.05", "step_s = 0.001");
-    let hardening = look(&format!("{short}{method}"));
+    let short = HARDENING.with("time.step_s = 0.001");
+    let hardening = look(&format!("{short}[integrator]\n{method}"));
     for text in [&linear, &hardening] {
         assert!(text.contains("no proof"), "{text}");
         assert!(text.contains("continuous time"), "{text}");

@@ -1,6 +1,7 @@
 //! Specimens whose axes are the actuators of a loading unit. The work is the same on both sides, so a hybrid test with them is the
 //! monolithic one. They are served, replayed, resumed and refused like any other specimen.
 
+use crate::common::test_file::TestFile;
 use std::path::Path;
 
 use crate::common::engine::{distance, prepare, run};
@@ -300,7 +301,7 @@ fn replay_and_resume_find_the_same_bits() {
 fn pose_beyond_reach_is_named_early() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
-    let text = column(2.0, "", "").replace("0.15] }", "0.15], length_m = [1.19, 1.21] }");
+    let text = column(2.0, "", "").with("specimen.geometry.plane.0.length_m = [1.19, 1.21]");
     let test = write(home, "test.toml", &text);
     let said = say(["check".as_ref(), test.as_os_str(), "--verbose".as_ref()]);
     assert_eq!(said.code, Some(1), "{}", said.stderr);

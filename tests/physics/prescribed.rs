@@ -1,6 +1,7 @@
 //! A prescribed displacement without any structure, the test before every hybrid test: the specimen follows its history, shows the
 //! loop of its law, and the test reads its stiffness from it.
 
+use crate::common::test_file::TestFile;
 use std::f64::consts::TAU;
 
 use crate::common::engine::{Run, distance, run};
@@ -155,7 +156,7 @@ fn stroke(axis: usize, at: &str, amplitude: f64) -> String {
 
 #[test]
 fn one_actuator_moves_the_other_stays() {
-    let alone = TWO.replace("geometry = {", "geometry = { law_at = \"actuators\",");
+    let alone = TWO.with("specimen.geometry.law_at = 'actuators'");
     let run = run(&(alone + &stroke(2, "at = \"actuators\"", 0.3)));
     let [x, y] = [run.column("pose_1_1"), run.column("pose_1_2")];
     let [one, other] = [run.column("target_1_1"), run.column("target_1_2")];
@@ -184,10 +185,7 @@ fn impossible_strokes_are_refused() {
     let mixed = TWO.to_owned() + &stroke(1, "", 0.1) + &stroke(2, here, 0.1);
     let text = refused(&mixed);
     assert!(text.contains("`point`"), "{text}");
-    let three = TWO.replace(
-        "{ base_m = [0, -3] }",
-        "{ base_m = [0, -3] }, { base_m = [3, 1] }",
-    );
+    let three = TWO.with("[[specimen.geometry.plane]]\nbase_m = [3, 1]\n");
     let text = refused(&(three + &stroke(1, here, 0.1)));
     assert!(text.contains("3 actuators hold 2"), "{text}");
     let text = refused(&(TWO.to_owned() + &stroke(3, here, 0.1)));

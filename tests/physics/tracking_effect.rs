@@ -469,12 +469,9 @@ fn benchmark_has_its_published_delay() {
 #[test]
 fn late_axis_grows_at_its_tables_delay() {
     // The table treats the coupling between axes as on time: here the axes are not coupled.
-    let floors = FLOORS
-        .replace("2e4", "0")
-        .replace("duration_s = 1", "duration_s = 4");
-    let run = crate::common::engine::run(&format!(
-        "{floors}[safety]\ndelay_used = {{ trip = 10.0 }}\n"
-    ));
+    let floors =
+        FLOORS.with("specimen.stiffness_n_per_m = [[1.5e5, 0], [0, 1e5]]\ntime.duration_s = 4");
+    let run = crate::common::engine::run(&floors.with("safety.delay_used.trip = 10.0"));
     for (axis, name) in ["1_1", "2_1", "2_2"].into_iter().enumerate() {
         let last = |kind: &str| *run.column(&format!("{kind}_{name}")).last().unwrap();
         let (critical, stiffness) = (last("margin") + last("lag"), last("stiffness"));

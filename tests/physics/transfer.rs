@@ -1,5 +1,6 @@
 //! A test whose specimen is behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
 
+use crate::common::test_file::TestFile;
 use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::transfer::BetweenTicks;
@@ -21,10 +22,8 @@ fn actuators_give_the_same_bits_over_udp() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     // Zeroed on what is read, noise and all, and ramped: the readings of holds are the same on both sides, too.
-    let text = |specimen: &str| {
-        let text = test_file(600, specimen);
-        text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05")
-    };
+    let text =
+        |specimen: &str| test_file(600, specimen).with("safety = { zero_s = 0.02, ramp_s = 0.05 }");
     let seen =
         format!("{ONE_AXIS}mass_in_force_kg = 29.13\n[[specimen.axis]]\nunit_disp = \"mm\"\n");
     let local = text(&format!("{seen}{ONE_AXIS_LAW}{ACTUATOR}{COMPENSATION}"));
@@ -69,19 +68,14 @@ fn takes_the_course_of_the_benchmark(between_ticks: BetweenTicks) {
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
     // Eight seconds, perfect sensors.
-    let text: String = text
-        .replace("duration_s = 41", "duration_s = 8")
-        .lines()
-        .filter(|line| !line.contains("_sensor = "))
-        .map(|line| format!("{line}\n"))
-        .collect();
+    let text = text
+        .with("time.duration_s = 8")
+        .without("specimen.0.transfer.disp_sensor")
+        .without("specimen.0.transfer.force_sensor");
     // A file without the key ramps.
     let text = match between_ticks {
         BetweenTicks::Ramped => text,
-        BetweenTicks::Held => text.replace(
-            "[specimen.transfer]\n",
-            "[specimen.transfer]\nbetween_ticks = \"held\"\n",
-        ),
+        BetweenTicks::Held => text.with("specimen.transfer.between_ticks = 'held'"),
     };
     let file = crate::common::write(folder, "vrths.toml", &text);
     crate::common::completed(&file, &folder.join("run"), &["--clock", "simulated"]);
@@ -154,7 +148,7 @@ fn actuator_test_replays_and_resumes() {
             600,
             &format!("{ONE_AXIS}{ONE_AXIS_LAW}{ACTUATOR}{compensation}"),
         );
-        let text = text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05\nease_s = 0");
+        let text = text.with("safety = { zero_s = 0.02, ramp_s = 0.05, ease_s = 0 }");
         let test = crate::common::write(home.path(), "test.toml", &text);
         crate::common::completed(&test, &at("whole"), &[]);
         let found = replay(&at("whole")).unwrap();
@@ -450,8 +444,9 @@ fn check_refuses_a_provably_unstable_loop() {
     let folder = folder.path();
     let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
     let text = std::fs::read_to_string(config).unwrap();
-    let text = text.replace("duration_s = 41", "duration_s = 2");
-    let (test, _) = text.split_once("[specimen.compensation.ats]").unwrap();
+    let test = text
+        .with("time.duration_s = 2")
+        .without("specimen.0.compensation");
     for (name, compensation, code, words) in [
         ("none", "", 1, "UNSTABLE"),
         (
@@ -473,11 +468,7 @@ fn check_refuses_a_provably_unstable_loop() {
             "not proven",
         ),
     ] {
-        let file = crate::common::write(
-            folder,
-            &format!("{name}.toml"),
-            &format!("{test}{compensation}"),
-        );
+        let file = crate::common::write(folder, &format!("{name}.toml"), &test.with(compensation));
         let said = crate::common::say([
             "check".as_ref(),
             file.as_os_str(),

@@ -1,6 +1,7 @@
 //! The state of a resumed test goes back to its last step that counts. Its largest magnitudes keep what came after that step.
 
 use super::*;
+use crate::common::test_file::TestFile;
 use gusset_setup::Prepared;
 
 /// Runs a test that is stopped after this number of ticks.
@@ -54,10 +55,9 @@ fn force_after_the_checkpoint_is_a_peak() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     // It grows.
-    let text = frame(200, 1, 2.0, 0.0).replace(
-        "file]\npath = \"motion.csv\"\nunit = \"m/s2\"",
-        "sine]\namplitude = 2\nfrequency_hz = 1.4",
-    );
+    let text = frame(200, 1, 2.0, 0.0)
+        .without("excitation.ground_acceleration.signal.file")
+        .with("excitation.ground_acceleration.signal.sine = { amplitude = 2, frequency_hz = 1.4 }");
     let test = test_in(home.path(), &text);
     completed(&test, &at("whole"), &[]);
     killed(&at("whole"), &at("gap"), 380);

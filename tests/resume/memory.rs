@@ -1,5 +1,6 @@
 //! Resuming a long record takes no more memory than a short one.
 
+use crate::common::test_file::TestFile;
 use serde_json::json;
 
 use super::*;
@@ -9,7 +10,7 @@ use super::*;
 fn resume_uses_constant_memory() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    let text = frame(500, 1, 20.0, 0.0).replace("checkpoint_s = 0.1", "checkpoint_s = 0.01");
+    let text = frame(500, 1, 20.0, 0.0).with("record.checkpoint_s = 0.01");
     let motion = |k: i32| {
         format!(
             "{:.3},{:.6}\n",

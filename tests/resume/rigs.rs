@@ -1,6 +1,7 @@
 //! Two rigs, one of which ends the test: where both are, and how the test resumes.
 
 use super::*;
+use crate::common::test_file::TestFile;
 
 /// How the link of a rig ends, after a number of commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -225,12 +226,13 @@ fn goes_on_within_its_limits(pace: &str) {
         home.path(),
         "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n",
     );
-    let limits =
-        "limits = { command_vel_m_per_s = { trip = 1.5 }, following_error_m = { trip = 1e-3 } }";
-    let text = std::fs::read_to_string(&test).unwrap();
-    let text = text.replace("[[specimen]]\n", &format!("[[specimen]]\n{limits}\n"));
-    let text = text.replace("probe = ", &format!("commands = \"{pace}\", probe = "));
-    let text = text.replace("duration_s", "ticks_per_step = 2\nduration_s");
+    let mut text = std::fs::read_to_string(&test).unwrap();
+    for specimen in [0, 1] {
+        text = text.with(&format!(
+            "time.ticks_per_step = 2\n[specimen.{specimen}]\nlink.commands = \"{pace}\"\n\
+             limits = {{ command_vel_m_per_s.trip = 1.5, following_error_m.trip = 1e-3 }}"
+        ));
+    }
     std::fs::write(&test, text).unwrap();
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
     let rigs = || places.each_ref().map(Rig::mute);

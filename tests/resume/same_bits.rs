@@ -1,6 +1,7 @@
 //! A resumed test continues with the same bits as without an interruption, whatever was interrupted.
 
 use super::*;
+use crate::common::test_file::TestFile;
 
 #[test]
 fn repeated_resumes_give_the_same_bits() {
@@ -167,15 +168,10 @@ fn per_step_specimen_gets_its_next_target() {
     let at = |name: &str| home.path().join(name);
     let seen = link_common::ONE_AXIS;
     let text = |ticks: u32, specimen: &str| {
-        link_common::test_file(600, specimen)
-            .replace(
-                "rate_hz = 1000",
-                &format!("rate_hz = 100\nticks_per_step = {ticks}"),
-            )
-            .replace(
-                "zero_s = 0\n",
-                "zero_s = 0\nease_s = 0\nresume_within_m = 1\n",
-            )
+        link_common::test_file(600, specimen).with(&format!(
+            "time = {{ rate_hz = 100, ticks_per_step = {ticks} }}\n\
+             safety = {{ ease_s = 0, resume_within_m = 1 }}"
+        ))
     };
     let law = "law.linear = { stiffness_n_per_m = 4e5 }\n";
     // Targets are the same whatever the ticks.

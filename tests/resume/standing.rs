@@ -1,6 +1,7 @@
 //! The position of a specimen behind a link, and the force that it carries there.
 
 use super::*;
+use crate::common::test_file::TestFile;
 
 /// A spring behind a private link, whose sensor reads `off` more than its command.
 struct Far {
@@ -34,20 +35,22 @@ impl Substructure for Far {
     fn retire(&mut self, _: Retirement) {}
 }
 
+/// The frame whose bottom storey is behind a link, with these keys.
+fn linked(keys: &str) -> String {
+    let frame = frame(200, 1, 2.0, 0.0).without("specimen.0.law");
+    let link = "link = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }";
+    frame.with(&format!(
+        "{keys}\n[specimen]\nstiffness_n_per_m = 5e5\n{link}\n"
+    ))
+}
+
 #[test]
 fn specimen_at_another_place_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    let law = frame(200, 1, 2.0, 0.0);
-    let linked = law
-        .split("[specimen.law")
-        .next()
-        .unwrap()
-        .replace(
-            "[safety]\n",
-            "[safety]\nunlimited = \"a spring\"\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n",
-        )
-        + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n";
+    let linked = linked(
+        "[safety]\nunlimited = \"a spring\"\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n",
+    );
     let test = test_in(home.path(), &linked);
     let far = |off: f64| -> Port {
         let far = Far {
@@ -183,11 +186,7 @@ fn concluded(mut test: gusset_setup::Prepared, out: &Path) -> session::Finished 
 fn damped(home: &Path, safety: &str, specimen: &str) -> gusset_setup::Prepared {
     // A specimen that carries a force only in motion carries another one at rest.
     let safety = format!("[safety]\nunlimited = \"a damper\"\nresume_within_n = 1e6\n{safety}");
-    let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
-    let linked = law.split("[specimen.law").next().unwrap().to_owned()
-        + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n"
-        + specimen;
-    let test = test_in(home, &linked);
+    let test = test_in(home, &linked(&format!("{safety}{specimen}")));
     let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
     gusset_setup::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -256,10 +255,12 @@ fn readings_at_rest_are_not_checked_to_last() {
 fn relative_zeros_resume_with_the_same_bits() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    let safety = "[safety]\nzero_s = 0.05\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\nresume_takes_force_drift = true\n";
-    let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", safety)
-        + "[[specimen.axis]]\nzero_disp = \"relative\"\nzero_force = \"relative\"\n";
-    let test = test_in(home.path(), &law);
+    let text = frame(200, 1, 2.0, 0.0).with(
+        "[safety]\nzero_s = 0.05\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n\
+         resume_takes_force_drift = true\n[specimen]\n\
+         axis = [{ zero_disp = \"relative\", zero_force = \"relative\" }]",
+    );
+    let test = test_in(home.path(), &text);
     let conclude = |test, out: &str, words: usize| {
         let (says, requests) = crossbeam_channel::bounded(words + 101);
         for _ in 0..100 {

@@ -1,6 +1,7 @@
 //! Faults of a test over TLS while it runs: strangers disturb nothing; a peer that stops, falls silent or leaves ends the test in a
 //! stated way.
 
+use crate::test_file::TestFile;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -215,11 +216,8 @@ fn stalled_peer_ends_a_sampled_tls_test() {
     let keys =
         "coupling = \"sampled\"\non_stale = \"hold\"\nmax_stale = 1000000\nreply_timeout_s = 0.3";
     let text = over_tls(60_000, &address, keys)
-        .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
-        .replace(
-            "[timing]",
-            "[timing]\nmisses.in_a_row.trip = 1000000\nmisses.in_total.trip = 1000000",
-        );
+        .with("time = { clock = 'real', scale = 5 }")
+        .with("timing.misses = { in_a_row.trip = 1000000, in_total.trip = 1000000 }");
     let test = Running::start(folder, "run", &text);
     served.hears("armed for");
     // A specimen that never answered does not enter the first step at all.

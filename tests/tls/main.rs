@@ -4,6 +4,8 @@
 mod link_common;
 #[path = "../openfresco_ends/mod.rs"]
 mod openfresco_ends;
+#[path = "../common/test_file.rs"]
+mod test_file;
 #[path = "../tls_common/mod.rs"]
 mod tls_common;
 

@@ -18,6 +18,11 @@ storey = 1
 law = { linear = { stiffness_n_per_m = 1e5 } }
 "#;
 
+const LINK: &str = r#"[specimen]
+limits = { command_disp_m = { trip = [-0.1, 0.1] }, measured_force_n = { trip = [-1e4, 1e4] } }
+link = { address = "127.0.0.1:4823" }
+"#;
+
 /// Result of the build of the test with one key more: warnings, or the refusal.
 fn said(set: &str) -> Result<String, String> {
     match build(&accepted(TEST, &[set])) {
@@ -67,7 +72,7 @@ fn estimate_far_from_the_law_is_reported() {
 
 #[test]
 fn structure_without_floors_is_refused() {
-    let empty = TEST.replace("[1000]", "[]").replace("[0]", "[]");
+    let empty = TEST.with("structure.shear_building = { mass_kg = [], stiffness_n_per_m = [] }");
     let Err(ConfigError::Invalid(refused)) = build(&accepted(&empty, &[])) else {
         panic!("a structure of nothing");
     };
@@ -78,11 +83,7 @@ fn structure_without_floors_is_refused() {
 
 #[test]
 fn estimate_far_from_stand_in_is_reported() {
-    let linked = TEST.replace(
-        "law = { linear = { stiffness_n_per_m = 1e5 } }",
-        "law = { linear = { stiffness_n_per_m = 1e5 } }\nlimits = { command_disp_m = { trip = [-0.1, 0.1] }, \
-         measured_force_n = { trip = [-1e4, 1e4] } }\nlink = { address = \"127.0.0.1:4823\" }",
-    );
+    let linked = TEST.with(LINK);
     for (given, told) in [("1e8", true), ("1.2e5", false)] {
         let set = format!("specimen.0.stiffness_n_per_m={given}");
         let test = build(&accepted(&linked, &[&set])).unwrap();
@@ -93,11 +94,10 @@ fn estimate_far_from_stand_in_is_reported() {
 
 #[test]
 fn identified_stiffness_above_proof_warns() {
-    let linked = TEST.replace(
-        "law = { linear = { stiffness_n_per_m = 1e5 } }",
-        "stiffness_n_per_m = 1e5\nidentified = { stiffness_n_per_m = 1.3e5 }\nlimits = { command_disp_m = { trip = [-0.1, 0.1] }, \
-         measured_force_n = { trip = [-1e4, 1e4] } }\nlink = { address = \"127.0.0.1:4823\" }",
-    );
+    let linked = TEST
+        .without("specimen.0.law")
+        .with(LINK)
+        .with("specimen = { stiffness_n_per_m = 1e5, identified.stiffness_n_per_m = 1.3e5 }");
     for (set, is_warned) in [
         (None, true),
         (

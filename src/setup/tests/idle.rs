@@ -290,7 +290,7 @@ fn idle_integrator_keys_are_reported() {
 
 #[test]
 fn simulated_clock_reports_machine_keys() {
-    let text = GOOD.replace("duration_s = 20", "duration_s = 20\nclock = \"simulated\"");
+    let text = GOOD.with("time.clock = 'simulated'");
     let asked = [
         "timing.priority=50",
         "timing.misses.in_total.trip=3",

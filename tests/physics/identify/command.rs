@@ -1,5 +1,6 @@
 //! The command end to end, on the simulated clock.
 
+use crate::common::test_file::TestFile;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -191,14 +192,11 @@ fn twin_checks_runs_and_is_identified_alike() {
 
 /// The specimen of `TEST` served in `folder`, and a test behind that link with these limits besides the usual ones.
 pub fn served(folder: &Path, transport: &str, limits: &str) -> (Served, PathBuf) {
-    let specimen = TEST.split("[[specimen]]").nth(1).unwrap();
-    let specimen = specimen.split("[specimen.compensation").next().unwrap();
-    let served = format!(
-        "[[specimen]]{}\n[serve]\n",
-        specimen
-            .replace("storey = 1\n", "")
-            .replace("lag_s = { trip = 0.004 }\n", "")
-    );
+    let (_, specimen) = TEST.split_once("[[specimen]]").unwrap();
+    let served = format!("[serve]\n[[specimen]]{specimen}")
+        .without("specimen.0.storey")
+        .without("specimen.0.limits.lag_s")
+        .without("specimen.0.compensation");
     let server = Served::start(folder, &served, &["--transport", transport]);
     let linked = format!(
         "[time]\nrate_hz = 512\nduration_s = 1\nclock = \"simulated\"\n\n[[excitation.prescribed_displacement]]\n\

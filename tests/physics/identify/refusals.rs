@@ -206,17 +206,15 @@ fn findings_are_not_shown_at_the_users_file() {
 #[test]
 fn link_without_displacement_is_refused() {
     let link = |more: &str| {
-        let (head, _) = TEST.split_once("[specimen.transfer]").unwrap();
-        let head = head
-            .replace(
-                "law.linear = { stiffness_n_per_m = 1.2e6, damping_n_s_per_m = 900.0 }",
-                "stiffness_n_per_m = 1.2e6",
-            )
-            .replace(
-                "lag_s = { trip = 0.004 }",
-                "measured_force_n = { trip = [-1e5, 1e5] }",
-            );
-        format!("{head}\n[specimen.link]\ncomputed = true\n{more}\n")
+        let head = ["law", "limits.lag_s", "transfer", "compensation"]
+            .iter()
+            .fold(TEST.to_owned(), |text, key| {
+                text.without(&format!("specimen.0.{key}"))
+            });
+        head.with(&format!(
+            "[specimen]\nstiffness_n_per_m = 1.2e6\nlimits.measured_force_n.trip = [-1e5, 1e5]\n\
+             [specimen.link]\ncomputed = true\n{more}\n"
+        ))
     };
     let element = "address = \"127.0.0.1:1\"\nprotocol = \"openfresco\"";
     let delay = "`delay_s` in [specimen.identified]";
