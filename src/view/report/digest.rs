@@ -35,6 +35,8 @@ pub struct Digest {
     pub(super) interval: Option<f64>,
     /// Rows that became two entries of a table; 1 if all are there.
     pub(super) every: usize,
+    /// Ticks that are one sample of the tracking metrics: of a long test a sample is the mean of several.
+    pub(super) means_of: usize,
     /// DOFs with a recorded displacement.
     pub(super) dofs: Vec<u32>,
     /// Axes with a recorded force.

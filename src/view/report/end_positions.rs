@@ -109,7 +109,7 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, test: &TestFile, is_whole: bool) -> Str
         let running = axes
             .find(|axis| axis.axis == end.axis)
             .and_then(|axis| axis.peak_force);
-        if running.is_some_and(|peak| force.abs() > peak.value.abs()) {
+        if running.is_some_and(|peak| force.abs() > peak.abs()) {
             text += ", more than in the running test";
         }
     }

@@ -460,7 +460,7 @@ fn listed(axes: &[Tracked<'_>]) -> Markup {
         let peak = axis
             .digest
             .peak_disp
-            .map(|p| quantity(p.value, axis.disp_unit));
+            .map(|disp| quantity(disp, axis.disp_unit));
         let absorbed = axis.digest.absorbed.map(|e| quantity(e, axis.work_unit()));
         let mut row = vec![
             axis.name.clone(),

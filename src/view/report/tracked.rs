@@ -26,12 +26,12 @@ pub(super) struct Tracked<'a> {
 impl<'a> Tracked<'a> {
     /// Peak force of the running test with its unit.
     pub(crate) fn peak_force(&self) -> Option<(f64, &'a str)> {
-        self.digest.peak_force.map(|p| (p.value, self.force_unit))
+        self.digest.peak_force.map(|force| (force, self.force_unit))
     }
 
     /// Largest force of all known parts of the test; without a sign if only the summary contains it.
     pub(crate) fn largest_force(&self) -> Option<(f64, &'a str)> {
-        let own = self.digest.peak_force.map(|p| p.value);
+        let own = self.digest.peak_force;
         let told = self.told_force;
         let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
         Some((told.or(own)?, self.force_unit))
