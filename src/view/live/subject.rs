@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
+use super::marks::{ActuatorEnds, Mark, mark, test_marks};
 use gusset_control::engine::Experiment;
 use gusset_control::port::{DispZero, Exit};
 use gusset_quantity::catalog::column;
@@ -69,7 +69,7 @@ pub struct Subject {
     /// Its specimens.
     pub specimens: Vec<WatchedSpecimen>,
     /// Limits that belong to no specimen alone.
-    pub test: Vec<TestMark>,
+    pub test: Vec<Mark>,
     /// λ.
     pub lambda: Option<LambdaUse>,
     /// Content of every bin of the history, in order: two numbers each.

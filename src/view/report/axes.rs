@@ -3,7 +3,7 @@
 use super::columns::SpecimenAxis;
 use super::series::Points;
 use super::table::Table;
-use gusset_motion::metrics::fourier::{Spectrum, evaluate};
+use gusset_motion::metrics::fourier::{Response, Spectrum, evaluate, response};
 use gusset_motion::metrics::tracking::Noise;
 use gusset_motion::metrics::windows::{self, Histories};
 use gusset_motion::metrics::{self, Identified, Tracking};
@@ -38,6 +38,8 @@ pub(super) struct AxisDigest {
     pub close_up: [Vec<f64>; 3],
     /// Amplitude spectra of target, measured, and their difference: (Hz, m s).
     pub spectra: [Vec<(f64, f64)>; 3],
+    /// Gain and phase of measured over target by frequency.
+    pub response: Vec<Response>,
 }
 
 /// Amplitude spectrum as a page draws it.
@@ -79,6 +81,7 @@ impl AxisDigest {
             subspace: Points::default(),
             close_up: [time, target, meas].map(|v| short(v.get(from..to).unwrap_or_default())),
             spectra: Default::default(),
+            response: Vec::new(),
         };
         if let Some(dt) = dt {
             found.follow(time, target, meas, force, dt);
@@ -112,6 +115,8 @@ impl AxisDigest {
             |s: &Option<Spectrum>| s.as_ref().map(|s| s.envelope(BINS)).unwrap_or_default();
         self.spectra[0] = is_moving(&c);
         self.spectra[1] = is_moving(&m);
+        let both = c.as_ref().zip(m.as_ref());
+        self.response = both.map_or_else(Vec::new, |(c, m)| response(c, m, BINS));
         drop((c, m));
         let error: Vec<f64> = whole.iter().zip(target).map(|(m, c)| m - c).collect();
         self.spectra[2] = envelope(&error, dt).unwrap_or_default();
@@ -132,24 +137,12 @@ impl AxisDigest {
         let [_, measured, difference] = &mut self.spectra;
         measured.clear();
         difference.clear();
+        self.response.clear();
     }
 
     /// Lag of measured behind target in s.
     pub(crate) fn lag(&self) -> Option<f64> {
         self.tracking.as_ref()?.lag_s.map(|lag| lag.value)
-    }
-
-    /// Amplitude of measured over that of target by frequency, where the target has a hundredth of its largest amplitude.
-    pub(crate) fn gain(&self) -> Vec<(f64, f64)> {
-        let [target, measured, _] = &self.spectra;
-        let most = target.iter().map(|point| point.1).fold(0.0, f64::max);
-        let both = target
-            .iter()
-            .zip(measured)
-            .filter(|(c, _)| c.1 > 0.01 * most);
-        both.map(|(c, m)| (c.0, m.1 / c.1))
-            .filter(|(hz, gain)| *hz > 0.0 && gain.is_finite())
-            .collect()
     }
 
     /// True if there is a loop to be drawn.

@@ -10,7 +10,7 @@ use super::row_filter::Passed;
 use super::shaking::Shaking;
 use super::source::Earlier;
 use super::table::Table;
-use super::worst::WorstTick;
+use super::worst::Tick;
 use gusset_motion::metrics::falsified::Scale;
 
 /// Everything a page needs of the rows.
@@ -55,7 +55,7 @@ pub struct Digest {
     pub(super) energy: Table,
     /// Scale of energy errors; `None` without a model.
     pub(super) scale: Option<Scale>,
-    pub(super) worst: Vec<WorstTick>,
+    pub(super) worst: Vec<Tick>,
     /// Mean displacement of the last part of the test, by DOF.
     pub(super) residuals: Vec<(u32, f64)>,
 }
