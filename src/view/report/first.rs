@@ -21,6 +21,16 @@ const MOST_READINGS: usize = 1 << 17;
 /// Products that an energy balance may cost; a larger structure has none.
 const MOST_WORK: f64 = 2e10;
 
+/// Columns of the energy balance.
+const ENERGIES: [(&str, fn(&Energies) -> f64); 6] = [
+    ("input", |now| now.input),
+    ("kinetic", |now| now.kinetic),
+    ("damping", |now| now.damping),
+    ("springs", |now| now.springs),
+    ("specimens", |now| now.specimens),
+    ("remainder", Energies::remainder),
+];
+
 /// The measurements of an axis while the rows pass.
 #[derive(Debug)]
 pub(super) struct Measured {
@@ -386,11 +396,10 @@ impl<'a> First<'a> {
                     .iter()
                     .map(|&(d, f)| (block[d][row], block[f][row]));
                 if let Some(now) = energy.balance.take(*step as u64, disp, axes) {
-                    let values = energies(*time, &now);
-                    found
-                        .iter_mut()
-                        .zip(values)
-                        .for_each(|(to, value)| to.push(value));
+                    let values = ENERGIES.iter().map(|(_, value)| value(&now));
+                    let values = std::iter::once(*time).chain(values);
+                    let all = found.iter_mut().zip(values);
+                    all.for_each(|(to, value)| to.push(value));
                 }
             }
             let slices: Vec<&[f64]> = found.iter().map(Vec::as_slice).collect();
@@ -418,48 +427,18 @@ impl<'a> First<'a> {
         digest.largest = largest.collect();
         if let Some(energy) = self.energy.filter(|_| whole) {
             digest.scale = Some(energy.balance.scale);
-            digest.energy = self.energy_thinner.table(energy_columns());
+            let column = |name: &str, unit: &str| Column {
+                name: name.to_owned(),
+                unit: unit.to_owned(),
+                meaning: String::new(),
+                timing: false,
+            };
+            let names = ENERGIES.iter().map(|(name, _)| column(name, "J"));
+            let columns = std::iter::once(column("time", "s")).chain(names);
+            digest.energy = self.energy_thinner.table(columns);
         }
         let [table, ticks] = self.parts.map(|part| part.finish(&self.columns));
         (digest.table, digest.ticks) = (table, ticks);
         (self.measured, self.evenness)
     }
-}
-
-fn energies(time: f64, now: &Energies) -> [f64; 7] {
-    let Energies {
-        input,
-        kinetic,
-        damping,
-        springs,
-        specimens,
-    } = *now;
-    [
-        time,
-        input,
-        kinetic,
-        damping,
-        springs,
-        specimens,
-        now.remainder(),
-    ]
-}
-
-fn energy_columns() -> Vec<Column> {
-    let column = |name: &str, unit: &str| Column {
-        name: name.to_owned(),
-        unit: unit.to_owned(),
-        meaning: String::new(),
-        timing: false,
-    };
-    let names = [
-        "input",
-        "kinetic",
-        "damping",
-        "springs",
-        "specimens",
-        "remainder",
-    ];
-    let of_time = std::iter::once(column("time", "s"));
-    of_time.chain(names.map(|name| column(name, "J"))).collect()
 }
