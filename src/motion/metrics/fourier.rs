@@ -121,14 +121,14 @@ pub fn evaluate(command: &Spectrum, measured: &Spectrum) -> Option<Evaluation> {
     })
 }
 
-/// A frequency with the gain and the phase (rad) of the measured over the command: the frequency response of what lies between.
+/// One point of the frequency response of an actuator: gain and phase of the measured over the command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// Hz.
     pub frequency_hz: f64,
     /// Measured over command.
     pub gain: f64,
-    /// Negative where the measured one is behind.
+    /// In rad; negative where the measured one is behind.
     pub phase: f64,
 }
 

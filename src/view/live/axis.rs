@@ -12,7 +12,7 @@ use gusset_quantity::catalog::phase::Part;
 /// Points of the loop in one bin at most: a longer bin is thinned while it is filled.
 const MOST_POINTS: usize = 512;
 
-/// Values of one axis as they are drawn, SI at the specimen's scale; NaN where nothing was measured.
+/// Drawn values of one axis, SI at the specimen's scale; NaN where nothing was measured.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Drawn {
     pub command: f64,

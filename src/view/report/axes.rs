@@ -151,7 +151,7 @@ impl AxisDigest {
     }
 }
 
-/// Noise of the means of so many readings.
+/// Noise of a mean of several readings.
 fn of_means(noise: Noise, readings: usize) -> Noise {
     let less = (readings as f64).sqrt();
     Noise {

@@ -113,7 +113,7 @@ pub(super) fn balance(run: &RunView, rows: &Digest) -> Option<Markup> {
 fn audit(rows: &Digest) -> Markup {
     let values = rows.get("step_audit");
     let Some((values, peak)) = values.and_then(|values| {
-        let peak = metrics::peak(&values)?;
+        let peak = metrics::peak(values)?;
         Some((values, peak))
     }) else {
         return note("The steps of this test were not audited (column step_audit).");

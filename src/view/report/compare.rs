@@ -91,7 +91,7 @@ pub fn compare(runs: &[(&str, &RunView)], matched: &[Result<Matched, String>]) -
 
 fn of<'a>(order: &'static str, run: &'a RunView, digest: &'a Digest) -> Of<'a> {
     let rows = digest;
-    let axes = tracked::tracking(run, &rows);
+    let axes = tracked::tracking(run, rows);
     Of {
         order,
         run,
@@ -329,7 +329,7 @@ fn key_figures(all: &[Of<'_>], found: &[&Matched]) -> Markup {
         .flat_map(|found| differences(found))
         .collect();
     let peak = |of: &Of<'_>| {
-        let peak = response::largest_displacement(of.run, &of.rows);
+        let peak = response::largest_displacement(of.run, of.rows);
         peak.map(|(_, value, unit)| quantity(value.abs(), unit))
     };
     let force = |of: &Of<'_>| {

@@ -21,8 +21,11 @@ const MOST_READINGS: usize = 1 << 17;
 /// Products that an energy balance may cost; a larger structure has none.
 const MOST_WORK: f64 = 2e10;
 
+/// One energy of a balance.
+type EnergyOf = fn(&Energies) -> f64;
+
 /// Columns of the energy balance.
-const ENERGIES: [(&str, fn(&Energies) -> f64); 6] = [
+const ENERGIES: [(&str, EnergyOf); 6] = [
     ("input", |now| now.input),
     ("kinetic", |now| now.kinetic),
     ("damping", |now| now.damping),

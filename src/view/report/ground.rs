@@ -43,8 +43,8 @@ pub(super) fn ground(run: &RunView, rows: &Digest) -> Option<Markup> {
     let ((time_before, ground_before), peak) = before(rows);
     let is_whole = !ground_before.is_empty();
     let (time, ground) = (
-        [&time_before, &*time].concat(),
-        [&ground_before, &*ground].concat(),
+        [&time_before, time].concat(),
+        [&ground_before, ground].concat(),
     );
     let peaks = peak.into_iter().chain(rows.marks("ground").peak);
     // The first of equals.

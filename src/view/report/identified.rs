@@ -64,7 +64,7 @@ pub fn identified(run: &RunView) -> Vec<IdentifiedAxis> {
     if !rows.dofs.is_empty() {
         return Vec::new();
     }
-    let axes = tracking(run, &rows);
+    let axes = tracking(run, rows);
     axes.into_iter()
         .map(|axis| {
             let (whole, initial) = (axis.digest.whole, axis.digest.initial);
@@ -83,7 +83,7 @@ pub fn identified(run: &RunView) -> Vec<IdentifiedAxis> {
 pub fn followed(run: &RunView) -> Vec<String> {
     let digest = run.digested();
     let rows = &*digest;
-    let axes = tracking(run, &rows).into_iter();
+    let axes = tracking(run, rows).into_iter();
     let lines = axes.filter_map(|axis| {
         let found = axis.digest.tracking.as_ref()?;
         if axis.is_ideal() {

@@ -28,7 +28,7 @@ pub fn render(run: &RunView) -> String {
 
 fn page(run: &RunView, digest: &Digest) -> String {
     let rows = digest;
-    let axes = tracked::tracking(run, &rows);
+    let axes = tracked::tracking(run, rows);
     let timings = timing::read(run.timings());
     let is_untitled = run.title.trim().is_empty();
     let title = if is_untitled {
@@ -39,19 +39,19 @@ fn page(run: &RunView, digest: &Digest) -> String {
     let part = rows.part().map(|part| format!("This page is of {part}."));
     let more: Vec<String> = part
         .into_iter()
-        .chain(end_positions::sentences(run, &rows))
+        .chain(end_positions::sentences(run, rows))
         .collect();
-    let head = html! { (banner(run, rows.after(), &more)) (tiles(run, &rows, &axes, &timings)) };
-    let effect = effect_of_errors(run, &rows, &axes);
+    let head = html! { (banner(run, rows.after(), &more)) (tiles(run, rows, &axes, &timings)) };
+    let effect = effect_of_errors(run, rows, &axes);
     let results = [
-        identified::identification(&rows, &axes),
-        response(run, &rows, &axes),
-        tracking(run, &rows, &axes, &effect),
-        balance(run, &rows),
-        Some(timing::timing(run, &rows, &timings)),
-        Some(model(run, &rows)),
-        ground(run, &rows),
-        limits(run, &rows, &digest.largest).map(|limits| section("Limits", limits)),
+        identified::identification(rows, &axes),
+        response(run, rows, &axes),
+        tracking(run, rows, &axes, &effect),
+        balance(run, rows),
+        Some(timing::timing(run, rows, &timings)),
+        Some(model(run, rows)),
+        ground(run, rows),
+        limits(run, rows, &digest.largest).map(|limits| section("Limits", limits)),
     ];
     let body = html! {
         (header("· hybrid test report", title, head))

@@ -549,7 +549,7 @@ pub(super) fn largest_displacement<'a>(
     let peak = run.summary.as_ref().map(|summary| &summary.peak);
     let recorded = rows.dofs.iter().copied().filter_map(|dof| {
         let name = format!("x{dof}");
-        let peak = metrics::peak(&rows.get(&name)?)?;
+        let peak = metrics::peak(rows.get(&name)?)?;
         Some((dof, peak.value, rows.unit(&name)))
     });
     let listed = peak
