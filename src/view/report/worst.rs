@@ -48,8 +48,8 @@ impl Worst {
         let Some(places) = self.places else {
             return;
         };
-        for row in 0..block[places[0]].len() {
-            let tick = places.map(|place| block[place][row]);
+        let rows = 0..block[places[0]].len();
+        for tick in rows.map(|row| places.map(|place| block[place][row])) {
             let took = total(&tick);
             let is_worse =
                 self.kept.len() < KEPT || self.kept.last().is_some_and(|last| took > total(last));
