@@ -10,6 +10,7 @@ use super::source::Source;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;
+use gusset_motion::metrics::absorbed_energy;
 use gusset_motion::metrics::energy::{Balance, Energies, Model};
 use gusset_motion::metrics::tracking::Noise;
 use gusset_quantity::catalog::column::{self, COMMAND, DISP, Each, FORCE, JUDGED, MEASURED};
@@ -89,10 +90,10 @@ impl Measured {
             return;
         }
         if let Some((disp_before, force_before)) = self.before.replace((disp, force)) {
-            let work = 0.5 * (force_before + force) * (disp - disp_before);
-            if work.is_finite() {
-                *self.absorbed.get_or_insert(0.0) += work;
-            }
+            let work = absorbed_energy(&[disp_before, disp], &[force_before, force]);
+            self.absorbed = work
+                .map(|work| self.absorbed.unwrap_or(0.0) + work)
+                .or(self.absorbed);
         }
     }
 
