@@ -1,6 +1,6 @@
 //! report.html: made from the run folder and nothing else, now or years later.
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ use gusset_view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, effect, followed, hero_svg, identified,
     missing_metrics, render, storeys, tracking_metrics, without_disp,
 };
-use gusset_view::{Flaws, ResolvedTest, RunView, TestFile, Trials};
+use gusset_view::{Flaws, ResolvedTest, RunView, TestFile};
 
 /// Its name in the run folder.
 const PAGE: &str = "report.html";
@@ -111,8 +111,8 @@ struct OnDisk<'a> {
     without_disp: Vec<u32>,
     /// How the rows ended where they ended.
     end: Cell<Option<RowsEnd>>,
-    /// Steps of a served test with several exchanges.
-    trials: RefCell<Vec<Trials>>,
+    /// Exchanges of a served test that a later one of their step replaced.
+    replaced: Cell<u64>,
 }
 
 /// How rows ended that were read from the first to the last.
@@ -158,15 +158,15 @@ impl Source for OnDisk<'_> {
         let place = |name: &str| self.run.layout().index_of(name);
         let (time_at, state_at, commits_at) = (place("time"), place("state"), place(COMMITS));
         let (mut time, mut step) = (None, None);
-        let mut trials = Vec::new();
+        let mut replaced = 0;
         while let Some(row) = journal.next_row()? {
             let at = |place: Option<usize>| row.values.get(place?).copied();
             time = at(time_at);
             // The last exchange of a step counts; the others are trials and repeated requests.
             let running = at(state_at).filter(|state| *state == Phase::Running.code());
             let next = running.and(at(commits_at)).zip(time);
-            if let Some((_, time_s)) = next.filter(|_| next == step) {
-                count_trial(&mut trials, time_s);
+            if next.is_some() && next == step {
+                replaced += 1;
                 filled -= 1;
                 block.iter_mut().for_each(|column| {
                     let _ = column.pop();
@@ -182,7 +182,7 @@ impl Source for OnDisk<'_> {
             }
             filled += 1;
         }
-        *self.trials.borrow_mut() = trials;
+        self.replaced.set(replaced);
         if filled > 0 {
             take(&block);
         }
@@ -192,17 +192,6 @@ impl Source for OnDisk<'_> {
             lost: journal.lost(),
         }));
         Ok(())
-    }
-}
-
-/// Counts an exchange that a later one of its step replaces.
-fn count_trial(trials: &mut Vec<Trials>, time_s: f64) {
-    match trials.last_mut().filter(|last| last.time_s == time_s) {
-        Some(last) => last.replaced += 1,
-        None => trials.push(Trials {
-            time_s,
-            replaced: 1,
-        }),
     }
 }
 
@@ -261,7 +250,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         earlier,
         without_disp: without_disp(&told.events),
         end: Cell::new(None),
-        trials: RefCell::default(),
+        replaced: Cell::new(0),
         run: &run,
     };
     let model = model.as_mut().map(|model| model as &mut dyn Model);
@@ -290,7 +279,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         columns: run.layout().columns().to_vec(),
         data: Vec::new(),
         digest: Some(digest),
-        trials: on_disk.trials.take(),
+        replaced: on_disk.replaced.get(),
         no_balance,
         no_margin: known.no_margin,
         no_modes: known.modes.as_ref().err().cloned(),

@@ -64,15 +64,6 @@ impl<T: Into<String>> From<T> for ResolvedTest {
     }
 }
 
-/// A step of a served test with several exchanges.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Trials {
-    /// Test time of the step.
-    pub time_s: f64,
-    /// Exchanges that a later one of the step replaced.
-    pub replaced: u64,
-}
-
 /// A recorded run: the files of its folder, each read once.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RunView {
@@ -84,8 +75,8 @@ pub struct RunView {
     pub data: Vec<Vec<f64>>,
     /// Digest of rows that are not held in memory.
     pub digest: Option<Digest>,
-    /// Steps of a served test with exchanges beside the last one; the digest leaves these out.
-    pub trials: Vec<Trials>,
+    /// Exchanges of a served test that a later one of their step replaced; the digest leaves these out.
+    pub replaced: u64,
     /// Reason for a missing energy balance.
     pub no_balance: Option<String>,
     /// Modes of the structure with the effect of delays on their damping; empty without a structure.

@@ -514,6 +514,5 @@ fn a_history_of_trials_has_one_row_a_step() {
     let page = gusset_session::write_report(&kept).unwrap();
     let page = std::fs::read_to_string(page.path).unwrap();
     assert!(page.contains("400\u{a0}exchanges beside the last exchange of each step"));
-    assert!(page.contains("Trials and repeated requests: 200\u{a0}steps"));
     assert!(!page.contains("MISSING") && !page.contains("Identified specimen"));
 }

@@ -62,16 +62,19 @@ impl Spectrum {
         lines.map(|(j, line)| (j as f64 * self.spacing_hz, line.norm() * self.dt))
     }
 
+    /// Which of `bins` equal parts of a logarithmic frequency axis a line is in.
+    fn bin_of(&self, line: usize, bins: usize) -> usize {
+        let place = libm::log(line as f64) / libm::log(self.lines.len() as f64) * bins as f64;
+        (place as usize).min(bins.max(1) - 1)
+    }
+
     /// The largest amplitude in each of `bins` equal parts of a logarithmic frequency axis; empty parts are left out. No
     /// peak is lost.
     #[must_use]
     pub fn envelope(&self, bins: usize) -> Vec<(f64, f64)> {
-        let lowest = self.spacing_hz;
-        let span = libm::log(self.lines.len() as f64);
         let mut best: Vec<Option<(f64, f64)>> = vec![None; bins.max(1)];
-        for (frequency, amplitude) in self.amplitudes() {
-            let place = libm::log(frequency / lowest) / span * bins as f64;
-            let cell = (place as usize).min(bins.max(1) - 1);
+        for (line, (frequency, amplitude)) in (1..).zip(self.amplitudes()) {
+            let cell = self.bin_of(line, bins);
             if best[cell].is_none_or(|(_, top)| amplitude > top) {
                 best[cell] = Some((frequency, amplitude));
             }
@@ -118,6 +121,52 @@ pub fn evaluate(command: &Spectrum, measured: &Spectrum) -> Option<Evaluation> {
     })
 }
 
+/// One point of the frequency response of an actuator: gain and phase of the measured over the command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Response {
+    /// Hz.
+    pub frequency_hz: f64,
+    /// Measured over command.
+    pub gain: f64,
+    /// In rad; negative where the measured one is behind.
+    pub phase: f64,
+}
+
+/// Share of the command's largest amplitude below which a line counts for nothing.
+const HEARD: f64 = 0.01;
+
+/// The frequency response in each of `bins` equal parts of a logarithmic frequency axis, Σ Y_m Ȳ_c / Σ |Y_c|² over the lines at
+/// which the command has more than a hundredth of its largest amplitude. Parts without such a line are left out.
+#[must_use]
+pub fn response(command: &Spectrum, measured: &Spectrum, bins: usize) -> Vec<Response> {
+    let largest = command
+        .lines
+        .iter()
+        .skip(1)
+        .map(|c| c.norm_sqr())
+        .fold(0.0, f64::max);
+    let mut sums = vec![(Complex64::ZERO, 0.0, 0.0); bins.max(1)];
+    let pairs = command
+        .lines
+        .iter()
+        .zip(&measured.lines)
+        .enumerate()
+        .skip(1);
+    for (j, (c, m)) in pairs.filter(|(_, (c, _))| c.norm_sqr() > HEARD * HEARD * largest) {
+        let (sum, power, moment) = &mut sums[command.bin_of(j, bins)];
+        *sum += m * c.conj();
+        *power += c.norm_sqr();
+        *moment += j as f64 * command.spacing_hz * c.norm_sqr();
+    }
+    let heard = sums.into_iter().filter(|(_, power, _)| *power > 0.0);
+    let found = heard.map(|(sum, power, moment)| Response {
+        frequency_hz: moment / power,
+        gain: sum.norm() / power,
+        phase: libm::atan2(sum.im, sum.re),
+    });
+    found.filter(|found| found.gain.is_finite()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -151,6 +200,23 @@ mod tests {
             .map(|p| p.1)
             .sum();
         assert!(rest < 1e-9 * top.1);
+    }
+
+    #[test]
+    fn response_has_gain_and_phase_where_the_command_moves() {
+        // 0.9 at 2 Hz and 0.5 at 8 Hz, both 3.1 ms late.
+        let dt = 1.0 / 1024.0;
+        let wave = |gains: [f64; 2], late: f64| {
+            let at = |t: f64, hz: f64| libm::sin(TAU * hz * (t - late));
+            let all = sampled(8192, dt, |t| gains[0] * at(t, 2.0) + gains[1] * at(t, 8.0));
+            Spectrum::of(&all, dt).unwrap()
+        };
+        let found = response(&wave([1.0, 0.3], 0.0), &wave([0.9, 0.15], 3.1e-3), 200);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (one, (hz, gain)) in found.iter().zip([(2.0, 0.9), (8.0, 0.5)]) {
+            assert!((one.frequency_hz - hz).abs() < 1e-9 && (one.gain - gain).abs() < 1e-9);
+            assert!((one.phase + TAU * hz * 3.1e-3).abs() < 1e-9, "{one:?}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use gusset_view::report::{Chart, Scale};
 
 /// A chart of the page.
 pub(super) fn chart<'a>(title: String, across: Scale<'a>, up: Scale<'a>) -> Chart<'a> {
-    Chart::new(title, across, up).sized(640.0, 420.0)
+    Chart::new(title, across, up).sized(760.0, 400.0)
 }
 
 /// The axis of a measure.

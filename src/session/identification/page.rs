@@ -260,7 +260,11 @@ fn delay(axis: &Axis, found: &Identification) -> Picture<'static> {
         point.trusted && point.delay_std_s < KNOWN * point.delay_s.abs().max(axis.tick)
     };
     let points = found.response.iter().filter(is_known);
-    let measured = points.map(|point| (point.hz, 1e3 * point.delay_s)).unzip();
+    let measured: (Vec<f64>, Vec<f64>) =
+        points.map(|point| (point.hz, 1e3 * point.delay_s)).unzip();
+    // Roundoff is no delay.
+    let has_delay = measured.1.iter().any(|delay| delay.abs() > 1e-6);
+    let range = (!has_delay).then_some((-0.1, 0.1));
     let of_model = |fit: &Fit, hz: f64| {
         let response = fit.response(hz, axis.tick);
         // The slow delay gives the number of full turns of the phase.
@@ -272,7 +276,7 @@ fn delay(axis: &Axis, found: &Identification) -> Picture<'static> {
     compared(
         "delay",
         "Delay over frequency",
-        Scale::new("delay", "ms"),
+        Scale::new("delay", "ms").within(range),
         found,
         measured,
         &of_model,

@@ -19,8 +19,14 @@ pub fn with_error(estimate: Estimate, unit: &str) -> String {
         5
     };
     let unit = if unit == "1" { "" } else { unit };
-    let text = format!("{value:.shown$} ± {std:.shown$} {prefix}{unit}");
-    text.trim_end().to_owned()
+    // An error of which no digit would be shown is left out, and so are the zeros of an exact number.
+    let number = if std < 0.5e-5 {
+        let text = format!("{value:.shown$}");
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        format!("{value:.shown$} ± {std:.shown$}")
+    };
+    format!("{number} {prefix}{unit}").trim_end().to_owned()
 }
 
 /// A factor of a thousand to a power, and its prefix.

@@ -4,7 +4,6 @@
 
 use super::board::AxisView;
 use super::history::corners;
-use super::marks::Mark;
 use super::subject::{WatchedAxis, at};
 use gusset_control::engine::Phase;
 use gusset_quantity::catalog::limit::Limit;
@@ -13,9 +12,9 @@ use gusset_quantity::catalog::phase::Part;
 /// Points of the loop in one bin at most: a longer bin is thinned while it is filled.
 const MOST_POINTS: usize = 512;
 
-/// Values of one axis in one row, SI at the specimen's scale.
+/// Drawn values of one axis, SI at the specimen's scale; NaN where nothing was measured.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Now {
+pub(super) struct Drawn {
     pub command: f64,
     pub measured: f64,
     pub force: f64,
@@ -36,25 +35,16 @@ pub(super) struct Told {
 /// Past values of an axis.
 #[derive(Debug, Clone)]
 pub(super) struct AxisTap {
-    /// The command, and the last measurement.
-    pub now: Now,
-    /// Values as drawn; NaN where nothing was measured.
-    pub drawn: Now,
+    /// The command, the last measurement and the values of its limits.
+    view: AxisView,
+    pub drawn: Drawn,
     /// Command at which the deformation is zero, in the specimen's unit; none before it is known.
     zero: Option<f64>,
     /// Command at which the sensor's zero is being read.
     zeroing: Option<f64>,
-    stiffness: f64,
-    tangent_damping: f64,
-    added: f64,
     /// Largest tangents of the window before, and of this one.
     stiffest: [f64; 2],
     damping: [f64; 2],
-    lag: f64,
-    gain_error: f64,
-    /// Present and smallest so far.
-    margin: [f64; 2],
-    limits: Vec<[f64; 3]>,
     /// Points of the loop in the open bin.
     points: Vec<[f32; 2]>,
 }
@@ -62,34 +52,33 @@ pub(super) struct AxisTap {
 impl AxisTap {
     pub(crate) fn new(axis: &WatchedAxis) -> Self {
         let none = f64::NAN;
-        let nothing = Now {
+        let view = AxisView {
             command: none,
             measured: none,
             force: none,
             error: none,
-        };
-        Self {
-            now: nothing,
-            drawn: nothing,
-            zero: (!axis.zero.is_awaited).then_some(axis.zero.command),
-            zeroing: None,
             stiffness: none,
-            tangent_damping: none,
+            stiffest: none,
+            damping: none,
             added: none,
-            stiffest: [none; 2],
-            damping: [none; 2],
-            lag: none,
-            gain_error: none,
             margin: [none; 2],
             limits: vec![[none; 3]; axis.marks.len()],
+        };
+        Self {
+            drawn: Drawn::of(&view),
+            view,
+            zero: (!axis.zero.is_awaited).then_some(axis.zero.command),
+            zeroing: None,
+            stiffest: [none; 2],
+            damping: [none; 2],
             points: Vec::new(),
         }
     }
 
     /// Takes the command of a row. Commands count from the one at which the sensor's zero is read.
     pub(crate) fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, part: Part) {
-        let command = at(row, axis.places.command);
-        self.now.command = command * axis.metres;
+        let [command, ..] = axis.values(row);
+        self.view.command = command * axis.metres;
         if self.zero.is_some() {
             return;
         }
@@ -102,37 +91,55 @@ impl AxisTap {
 
     /// Takes the rest of a row.
     pub(crate) fn row(&mut self, row: &[f64], axis: &WatchedAxis, told: Told) {
-        let places = &axis.places;
+        let [
+            _,
+            meas,
+            disp,
+            force,
+            stiffness,
+            damping,
+            added,
+            lag,
+            gain,
+            margin,
+        ] = axis.values(row);
         if told.is_fresh {
-            let measured = at(row, places.raw_disp) * axis.metres;
-            let force = at(row, places.raw_force) * axis.newtons;
             // The measured displacement of the column counts from the sensor's zero.
-            let stands = axis.zero.gain * at(row, places.measured);
-            let stands = self.zero.map_or(f64::NAN, |zero| stands + zero);
-            self.now = Now {
-                command: self.now.command,
-                measured,
-                force,
-                error: stands * axis.metres - self.now.command,
-            };
+            let stands = self
+                .zero
+                .map_or(f64::NAN, |zero| axis.zero.gain * meas + zero);
+            let view = &mut self.view;
+            (view.measured, view.force) = (disp * axis.metres, force * axis.newtons);
+            view.error = stands * axis.metres - view.command;
+            let (measured, force) = (view.measured, view.force);
             self.take_point(measured, force);
         }
-        self.drawn = self.now;
+        self.drawn = Drawn::of(&self.view);
         if told.is_silent {
             let none = f64::NAN;
             (self.drawn.measured, self.drawn.force, self.drawn.error) = (none, none, none);
         }
-        self.stiffness = at(row, places.stiffness);
-        self.stiffest[1] = self.stiffest[1].max(self.stiffness);
-        self.tangent_damping = at(row, places.damping);
-        self.damping[1] = self.damping[1].max(self.tangent_damping);
-        self.added = at(row, places.added);
-        self.lag = at(row, places.lag).abs();
-        self.gain_error = (at(row, places.gain) - 1.0).abs();
-        let margin = at(row, places.margin);
-        self.margin = [margin, self.margin[1].min(margin)];
+        self.stiffest[1] = self.stiffest[1].max(stiffness);
+        self.damping[1] = self.damping[1].max(damping);
+        (self.view.stiffness, self.view.added) = (stiffness, added);
+        self.view.margin = [margin, self.view.margin[1].min(margin)];
         for (place, mark) in axis.marks.iter().enumerate() {
-            let value = self.value(mark, row, axis, told);
+            let judged = at(row, mark.place);
+            let fresh = |value: f64| told.is_fresh.then_some(value);
+            let value = match mark.quantity {
+                Limit::CommandDisp => told.is_told.then_some(self.view.command),
+                Limit::MeasuredDisp | Limit::SensorDisp => fresh(self.view.measured),
+                Limit::MeasuredForce | Limit::SensorForce => fresh(self.view.force),
+                Limit::StiffnessRatio => fresh(stiffness / axis.stiffness_bound),
+                Limit::DampingRatio => fresh(damping / axis.damping_bound),
+                Limit::AddedEnergy => fresh(added),
+                Limit::Lag => fresh(lag.abs()),
+                Limit::GainError => fresh((gain - 1.0).abs()),
+                _ if judged.is_nan() => None,
+                // Within the share of motion there is no following error.
+                Limit::FollowingError => Some(judged.max(0.0)),
+                _ => Some(judged),
+            };
             if let Some(value) = value {
                 self.keep(Some(place), value);
             }
@@ -140,7 +147,7 @@ impl AxisTap {
     }
 
     fn keep(&mut self, place: Option<usize>, value: f64) {
-        if let Some(kept) = place.and_then(|place| self.limits.get_mut(place)) {
+        if let Some(kept) = place.and_then(|place| self.view.limits.get_mut(place)) {
             *kept = [value, kept[1].min(value), kept[2].max(value)];
         }
     }
@@ -148,30 +155,6 @@ impl AxisTap {
     /// Takes the value at which a limit tripped, which may be in no row.
     pub(crate) fn judged(&mut self, axis: &WatchedAxis, key: &str, value: f64) {
         self.keep(axis.marks.iter().position(|mark| mark.key == key), value);
-    }
-
-    /// The value that a limit judged in this row; none where it judged nothing.
-    fn value(&self, mark: &Mark, row: &[f64], axis: &WatchedAxis, told: Told) -> Option<f64> {
-        let value = match mark.quantity {
-            Limit::CommandDisp => return told.is_told.then_some(self.now.command),
-            Limit::MeasuredDisp | Limit::SensorDisp => self.now.measured,
-            Limit::MeasuredForce | Limit::SensorForce => self.now.force,
-            Limit::StiffnessRatio => self.stiffness / axis.stiffness_bound,
-            Limit::DampingRatio => self.tangent_damping / axis.damping_bound,
-            Limit::AddedEnergy => self.added,
-            Limit::Lag => self.lag,
-            Limit::GainError => self.gain_error,
-            quantity => {
-                let judged = at(row, mark.place);
-                // Within the share of motion there is no following error.
-                let value = match quantity {
-                    Limit::FollowingError => judged.max(0.0),
-                    _ => judged,
-                };
-                return (!judged.is_nan()).then_some(value);
-            }
-        };
-        told.is_fresh.then_some(value)
     }
 
     /// A point of the loop, of the specimen's own end as the histories beside it are.
@@ -201,23 +184,26 @@ impl AxisTap {
 
     pub(crate) fn view(&self) -> AxisView {
         AxisView {
-            command: self.now.command,
-            measured: self.now.measured,
-            force: self.now.force,
-            error: self.now.error,
-            stiffness: self.stiffness,
             stiffest: self.stiffest[0].max(self.stiffest[1]),
             damping: self.damping[0].max(self.damping[1]),
-            added: self.added,
-            margin: self.margin,
-            limits: self.limits.clone(),
+            ..self.view.clone()
+        }
+    }
+}
+
+impl Drawn {
+    const fn of(view: &AxisView) -> Self {
+        Self {
+            command: view.command,
+            measured: view.measured,
+            force: view.force,
+            error: view.error,
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::subject::AxisPlaces;
     use super::*;
     use gusset_control::port::DispZero;
 
@@ -236,12 +222,7 @@ mod tests {
             },
             stiffness_bound: f64::INFINITY,
             damping_bound: f64::INFINITY,
-            places: AxisPlaces {
-                measured: Some(0),
-                raw_disp: Some(1),
-                raw_force: Some(2),
-                ..AxisPlaces::default()
-            },
+            places: std::array::from_fn(|place| [1, 2, 3].contains(&place).then(|| place - 1)),
         };
         let told = Told {
             is_told: true,

@@ -31,23 +31,6 @@ pub struct Mark {
     pub(super) place: Option<usize>,
 }
 
-/// A limit of the test as a whole.
-#[derive(Debug, Clone, Serialize)]
-pub struct TestMark {
-    /// Key of the test file.
-    pub key: &'static str,
-    /// In words.
-    pub words: &'static str,
-    /// Warned of beyond; null: never.
-    pub warn: f64,
-    /// Trips beyond; null: never.
-    pub trip: f64,
-    #[serde(skip)]
-    pub(super) quantity: Limit,
-    #[serde(skip)]
-    pub(super) place: Option<usize>,
-}
-
 /// A limit, if it has a level; `place` finds the column of a limit of its axis by name.
 pub(super) fn mark(
     (quantity, levels): (Limit, Range),
@@ -123,14 +106,17 @@ impl ActuatorEnds {
 }
 
 /// Every limit of the test as a whole that is judged in it.
-pub(super) fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<TestMark> {
+pub(super) fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<Mark> {
     let marks = Limit::OF_TEST.into_iter().map(|quantity| {
         let Bound { warn, trip } = experiment.limits.test.of_test(quantity);
-        TestMark {
+        Mark {
             key: quantity.key(),
             words: quantity.words(),
-            warn,
-            trip,
+            unit: "1",
+            warn: [f64::NEG_INFINITY, warn],
+            trip: [f64::NEG_INFINITY, trip],
+            size: true,
+            end: f64::INFINITY,
             quantity,
             place: columns.iter().position(|c| c.name == quantity.column()),
         }

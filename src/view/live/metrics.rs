@@ -250,7 +250,7 @@ fn whole(text: &mut Text, board: &Board, latest: &Snapshot) {
     ] {
         text.family(name, "gauge", help);
         for (mark, values) in marks() {
-            let used = share([f64::NEG_INFINITY, mark.trip], values[place]);
+            let used = share(mark.trip, values[place]);
             text.sample(name, &[("limit", mark.key)], used);
         }
     }

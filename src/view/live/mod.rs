@@ -37,7 +37,7 @@ mod trip;
 pub use board::{AxisView, Board, Ended, Margin, Snapshot, SpecimenView};
 pub use history::{Bin, History};
 pub use latency::{BOUNDS as LATENCY_BOUNDS, LatencyView};
-pub use marks::{ActuatorEnds, Mark, TestMark, share};
+pub use marks::{ActuatorEnds, Mark, share};
 pub use metrics::metrics;
 pub use subject::{
     About, Channel, ChannelKind, GoesOn, LambdaUse, Places, Subject, WatchedAxis, WatchedSpecimen,

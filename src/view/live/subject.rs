@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::marks::{ActuatorEnds, Mark, TestMark, mark, test_marks};
+use super::marks::{ActuatorEnds, Mark, mark, test_marks};
 use gusset_control::engine::Experiment;
 use gusset_control::port::{DispZero, Exit};
 use gusset_quantity::catalog::column;
@@ -69,7 +69,7 @@ pub struct Subject {
     /// Its specimens.
     pub specimens: Vec<WatchedSpecimen>,
     /// Limits that belong to no specimen alone.
-    pub test: Vec<TestMark>,
+    pub test: Vec<Mark>,
     /// λ.
     pub lambda: Option<LambdaUse>,
     /// Content of every bin of the history, in order: two numbers each.
@@ -123,7 +123,7 @@ pub struct WatchedAxis {
     #[serde(skip)]
     pub(super) damping_bound: f64,
     #[serde(skip)]
-    pub(super) places: AxisPlaces,
+    pub(super) places: [Option<usize>; 10],
 }
 
 /// Something that is drawn over time.
@@ -199,36 +199,25 @@ impl Places {
     }
 }
 
-/// Places in a row of one axis.
-#[derive(Debug, Clone, Default)]
-pub(super) struct AxisPlaces {
-    pub command: Option<usize>,
-    pub measured: Option<usize>,
-    pub raw_disp: Option<usize>,
-    pub raw_force: Option<usize>,
-    pub stiffness: Option<usize>,
-    pub damping: Option<usize>,
-    pub added: Option<usize>,
-    pub lag: Option<usize>,
-    pub gain: Option<usize>,
-    pub margin: Option<usize>,
-}
+/// Columns of one axis that are read: command, measured displacement, raw displacement and force, tangent stiffness and damping,
+/// energy added, lag, gain and margin.
+const OF_AXIS: [column::Kind; 10] = [
+    column::COMMAND,
+    column::MEASURED,
+    column::RAW_DISP,
+    column::RAW_FORCE,
+    column::TANGENT,
+    column::TANGENT_DAMPING,
+    column::ADDED,
+    column::LAG,
+    column::GAIN,
+    column::MARGIN,
+];
 
-impl AxisPlaces {
-    /// `place` finds the column of a kind for the axis.
-    fn of(place: impl Fn(&column::Kind) -> Option<usize>) -> Self {
-        Self {
-            command: place(&column::COMMAND),
-            measured: place(&column::MEASURED),
-            raw_disp: place(&column::RAW_DISP),
-            raw_force: place(&column::RAW_FORCE),
-            stiffness: place(&column::TANGENT),
-            damping: place(&column::TANGENT_DAMPING),
-            added: place(&column::ADDED),
-            lag: place(&column::LAG),
-            gain: place(&column::GAIN),
-            margin: place(&column::MARGIN),
-        }
+impl WatchedAxis {
+    /// The values of a row, in the order of the columns.
+    pub(super) fn values(&self, row: &[f64]) -> [f64; 10] {
+        self.places.map(|place| at(row, place))
     }
 }
 
@@ -277,7 +266,7 @@ impl Subject {
                             zero,
                             stiffness_bound: bounds.0,
                             damping_bound: bounds.1,
-                            places: AxisPlaces::of(place),
+                            places: OF_AXIS.each_ref().map(place),
                         }
                     })
                     .collect(),

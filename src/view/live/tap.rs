@@ -42,29 +42,18 @@ pub struct Tap {
     specimens: Vec<SpecimenTap>,
     test: Vec<[f64; 2]>,
     timing: Vec<Latency>,
-    seen: Seen,
-    trips: Vec<Trip>,
+    /// Values of the last row, and the causes of a trip.
+    seen: Snapshot,
+    /// Number of the first row.
+    first: Option<u64>,
+    /// A row came since the last turn.
+    is_fresh: bool,
     /// An event has already reported the trip of the next phase.
     is_told: bool,
     recent: RecentMisses,
     last_snapshot_ns: u64,
     last_bin_ns: u64,
     window_ns: u64,
-}
-
-/// Values of the last row.
-#[derive(Debug, Clone, Copy, Default)]
-struct Seen {
-    rows: u64,
-    first: Option<u64>,
-    elapsed: f64,
-    step: f64,
-    time: f64,
-    state: f64,
-    stretched: f64,
-    /// A row came since the last turn.
-    fresh: bool,
-    row_ns: u64,
 }
 
 /// The bin that is being filled.
@@ -126,8 +115,9 @@ impl Tap {
             } else {
                 Vec::new()
             },
-            seen: Seen::default(),
-            trips: Vec::new(),
+            seen: Snapshot::default(),
+            first: None,
+            is_fresh: false,
             is_told: false,
             recent: RecentMisses::default(),
             last_snapshot_ns: 0,
@@ -159,18 +149,10 @@ impl Tap {
     }
 
     fn snapshot(&self, now_ns: u64, progress: &Progress) -> Snapshot {
-        let seen = self.seen;
         let views = KEYS.into_iter().zip(&self.timing);
         Snapshot {
             now_ns,
-            row_ns: seen.row_ns,
-            rows: seen.rows,
-            step: seen.step,
-            steps: seen.step.max(0.0) as u64,
-            time: seen.time,
-            elapsed: seen.elapsed,
-            state: seen.state,
-            stretched: seen.stretched,
+            steps: self.seen.step.max(0.0) as u64,
             rows_written: progress.rows_written,
             rows_lost: progress.rows_lost,
             events: progress.events,
@@ -180,7 +162,7 @@ impl Tap {
             axes: axes(&self.specimens).map(AxisTap::view).collect(),
             specimens: self.specimens.iter().map(|tap| tap.view.clone()).collect(),
             test: self.test_values(progress),
-            trips: self.trips.clone(),
+            ..self.seen.clone()
         }
     }
 
@@ -263,18 +245,13 @@ impl Onlooker for Tap {
         let board = Arc::clone(&self.board);
         let subject = &board.subject;
         let places = &subject.places;
-        let first = *self.seen.first.get_or_insert(sequence);
-        self.seen = Seen {
-            rows: self.seen.rows + 1,
-            first: Some(first),
-            elapsed: sequence.saturating_sub(first) as f64 * subject.tick_s,
-            step: at(row, places.step),
-            time: at(row, places.time),
-            state: at(row, places.state),
-            stretched: at(row, places.stretched),
-            fresh: true,
-            row_ns: self.seen.row_ns,
-        };
+        let first = *self.first.get_or_insert(sequence);
+        self.is_fresh = true;
+        let seen = &mut self.seen;
+        seen.rows += 1;
+        seen.elapsed = sequence.saturating_sub(first) as f64 * subject.tick_s;
+        (seen.step, seen.time) = (at(row, places.step), at(row, places.time));
+        (seen.state, seen.stretched) = (at(row, places.state), at(row, places.stretched));
         let head = RowHead {
             sequence,
             state: self.seen.state,
@@ -301,7 +278,7 @@ impl Onlooker for Tap {
         };
         let is_of_phase = matches!(event.kind, Event::Phase { .. });
         let was_told = std::mem::replace(&mut self.is_told, !is_of_phase);
-        if (is_of_phase && was_told) || self.trips.len() >= MOST_TRIPS {
+        if (is_of_phase && was_told) || self.seen.trips.len() >= MOST_TRIPS {
             return;
         }
         if let (Some(specimen), Some(axis)) = (trip.specimen, trip.axis) {
@@ -313,13 +290,13 @@ impl Onlooker for Tap {
                 tap.judged(watched, &trip.limit, trip.value);
             }
         }
-        self.trips.push(trip);
+        self.seen.trips.push(trip);
     }
 
     fn turn(&mut self, now_ns: u64, progress: &Progress) {
         // The rows of the warm-up are held back: that none comes is no sign of anything.
         let is_held_back = self.board.phase() == Phase::Armed;
-        if std::mem::take(&mut self.seen.fresh) || is_held_back {
+        if std::mem::take(&mut self.is_fresh) || is_held_back {
             self.seen.row_ns = now_ns;
         }
         // Where a test runs faster than in real time, by the wall and by the rows.

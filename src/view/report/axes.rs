@@ -1,44 +1,32 @@
 //! The part of a page about one axis of a specimen, computed from its columns while they are held whole.
 
-use std::borrow::Cow;
-
-use super::axis::is_drawable;
 use super::columns::SpecimenAxis;
-use super::row_filter::{HOLDING, RUNNING, TRIPPED, is_even};
+use super::series::Points;
 use super::table::Table;
-use super::thin;
-use gusset_motion::metrics::fourier::{Spectrum, evaluate};
+use gusset_motion::metrics::fourier::{Response, Spectrum, evaluate, response};
 use gusset_motion::metrics::tracking::Noise;
 use gusset_motion::metrics::windows::{self, Histories};
-use gusset_motion::metrics::{self, Identified, Peak, Tracking};
+use gusset_motion::metrics::{self, Identified, Tracking};
 
 /// Share of the largest displacement that counts as first loading.
 pub(super) const FIRST_LOADING: f64 = 0.2;
 /// Parts of a logarithmic frequency axis.
 const BINS: usize = 420;
-/// Points of the largest picture that a loop is drawn in, and how far an omitted point may lie from the line.
-const WIDTH: f64 = 480.0;
-const TOLERANCE: f64 = 0.12;
-/// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
-const POINTS: usize = 5_000;
 /// Samples of a close-up.
 const CLOSE_UP: usize = 6000;
-
-/// Points of a picture: x and y, NaN where the line is broken.
-pub(super) type Points = (Vec<f64>, Vec<f64>);
 
 /// One axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct AxisDigest {
     pub axis: SpecimenAxis,
-    /// Interval of the rows that everything is made of that needs them at even times; none where they are not.
+    /// Interval of the samples that everything is made of that needs them at even times; none where they are not.
     pub dt: Option<f64>,
     pub tracking: Option<Tracking>,
     pub noise: Option<Noise>,
     /// Phase and amplitude errors over the test, and the times that they belong to.
     pub course: Option<(Vec<f64>, Histories)>,
-    pub peak_disp: Option<Peak>,
-    pub peak_force: Option<Peak>,
+    pub peak_disp: Option<f64>,
+    pub peak_force: Option<f64>,
     pub absorbed: Option<f64>,
     /// Stiffness and damping of the whole test, and of the first loading.
     pub whole: Option<Identified>,
@@ -50,84 +38,8 @@ pub(super) struct AxisDigest {
     pub close_up: [Vec<f64>; 3],
     /// Amplitude spectra of target, measured, and their difference: (Hz, m s).
     pub spectra: [Vec<(f64, f64)>; 3],
-}
-
-/// How far steps and ticks are apart.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Grid {
-    pub step_s: Option<f64>,
-    pub ticks_per_step: u64,
-    /// True if no tick is missing.
-    pub is_whole: bool,
-}
-
-/// Rows at even times.
-enum Even {
-    All,
-    Some(Vec<usize>),
-}
-
-impl Even {
-    fn of<'a>(&self, values: &'a [f64]) -> Cow<'a, [f64]> {
-        match self {
-            Even::All => Cow::Borrowed(values),
-            Even::Some(rows) => rows
-                .iter()
-                .filter_map(|&row| values.get(row).copied())
-                .collect(),
-        }
-    }
-}
-
-impl Grid {
-    /// Rows at even times and their interval. These are all ticks except those of a hold, or the ends of steps where the test
-    /// slowed down. Of several rows at one time, which a waiting controller makes, only the last counts. `None` where some of
-    /// these are missing. A last row that only records a trip at the same time does not count.
-    fn rows(&self, held: &Table, time: &[f64]) -> Option<(Even, f64)> {
-        let step_s = self.step_s?;
-        let tick_s = step_s / self.ticks_per_step.max(1) as f64;
-        if is_even(time, tick_s) {
-            return Some((Even::All, tick_s));
-        }
-        let state = held.get("state")?;
-        let ticks = if repeats(state, time) {
-            state.len() - 1
-        } else {
-            state.len()
-        };
-        let those = |wanted: &dyn Fn(f64) -> bool| {
-            let all = state.iter().take(ticks).enumerate();
-            let rows = all.filter(|(_, s)| wanted(**s)).map(|(row, _)| row);
-            rows.collect::<Vec<usize>>()
-        };
-        let at = |rows: Vec<usize>, dt: f64| {
-            let times: Vec<f64> = rows
-                .iter()
-                .filter_map(|&row| time.get(row).copied())
-                .collect();
-            is_even(&times, dt).then_some((Even::Some(rows), dt))
-        };
-        // Missing rows are replaced by one without a state: it is kept, and its time is not even.
-        at(those(&|state| state != HOLDING), tick_s).or_else(|| {
-            let mut rows = those(&|state| state == RUNNING);
-            rows.dedup_by(|later, kept| {
-                let is_one = time.get(*later) == time.get(*kept);
-                if is_one {
-                    *kept = *later;
-                }
-                is_one
-            });
-            at(rows, step_s)
-        })
-    }
-}
-
-/// True if the last row is that of a trip for which no tick was made: its time is not after that of the row before it.
-fn repeats(state: &[f64], time: &[f64]) -> bool {
-    let times = time
-        .last_chunk()
-        .is_some_and(|[before, last]| last <= before);
-    times && state.last() == Some(&TRIPPED)
+    /// Gain and phase of measured over target by frequency.
+    pub response: Vec<Response>,
 }
 
 /// Amplitude spectrum as a page draws it.
@@ -140,39 +52,43 @@ pub(super) fn envelope(values: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
 }
 
 impl AxisDigest {
-    /// The digest of `axis` from its columns in `held`, which are of every tick; `noise` was read at rest.
+    /// The digest of `axis` from its columns in `held`, of which each entry is the mean of `every` ticks; they are `dt` apart if
+    /// they are at even times. `noise` was read at rest.
     pub(crate) fn of(
         axis: SpecimenAxis,
         held: &Table,
-        time: &[f64],
-        grid: Grid,
+        dt: Option<f64>,
+        every: usize,
         noise: Option<Noise>,
     ) -> Self {
-        let column = |kind: &str| held.get(&axis.column(kind)).unwrap_or_default();
-        let (target, meas, force) = (column("target"), column("meas"), column("force"));
+        let column = |name: &str| held.get(name).unwrap_or_default();
+        let time = column("time");
+        let [target, meas, force] =
+            ["target", "meas", "force"].map(|kind| column(&axis.column(kind)));
+        let (from, to) = close_up(time, target, meas);
         let mut found = Self {
             axis,
-            dt: None,
+            dt,
             tracking: None,
-            noise,
+            noise: noise.map(|noise| of_means(noise, every)),
             course: None,
-            peak_disp: metrics::peak(meas),
-            peak_force: metrics::peak(force),
+            peak_disp: None,
+            peak_force: None,
             absorbed: None,
             whole: None,
             initial: None,
-            hysteresis: drawn(meas, force),
-            subspace: drawn(target, meas),
-            close_up: Default::default(),
+            hysteresis: Points::default(),
+            subspace: Points::default(),
+            close_up: [time, target, meas].map(|v| short(v.get(from..to).unwrap_or_default())),
             spectra: Default::default(),
+            response: Vec::new(),
         };
-        let (from, to) = close_up(time, target, meas);
-        found.close_up = [time, target, meas].map(|v| short(v.get(from..to).unwrap_or_default()));
-        found.absorbed = grid.is_whole.then(|| absorbed(meas, force)).flatten();
-        if let Some((rows, dt)) = grid.rows(held, time) {
-            let [time, target, meas, force] = [time, target, meas, force].map(|v| rows.of(v));
-            found.dt = Some(dt);
-            found.follow(&time, &target, &meas, &force, dt);
+        if let Some(dt) = dt {
+            found.follow(time, target, meas, force, dt);
+        }
+        found.noise = noise;
+        if let Some(tracking) = &mut found.tracking {
+            tracking.noise = noise;
         }
         found
     }
@@ -199,6 +115,8 @@ impl AxisDigest {
             |s: &Option<Spectrum>| s.as_ref().map(|s| s.envelope(BINS)).unwrap_or_default();
         self.spectra[0] = is_moving(&c);
         self.spectra[1] = is_moving(&m);
+        let both = c.as_ref().zip(m.as_ref());
+        self.response = both.map_or_else(Vec::new, |(c, m)| response(c, m, BINS));
         drop((c, m));
         let error: Vec<f64> = whole.iter().zip(target).map(|(m, c)| m - c).collect();
         self.spectra[2] = envelope(&error, dt).unwrap_or_default();
@@ -219,24 +137,12 @@ impl AxisDigest {
         let [_, measured, difference] = &mut self.spectra;
         measured.clear();
         difference.clear();
+        self.response.clear();
     }
 
     /// Lag of measured behind target in s.
     pub(crate) fn lag(&self) -> Option<f64> {
         self.tracking.as_ref()?.lag_s.map(|lag| lag.value)
-    }
-
-    /// Amplitude of measured over that of target by frequency, where the target has a hundredth of its largest amplitude.
-    pub(crate) fn gain(&self) -> Vec<(f64, f64)> {
-        let [target, measured, _] = &self.spectra;
-        let most = target.iter().map(|point| point.1).fold(0.0, f64::max);
-        let both = target
-            .iter()
-            .zip(measured)
-            .filter(|(c, _)| c.1 > 0.01 * most);
-        both.map(|(c, m)| (c.0, m.1 / c.1))
-            .filter(|(hz, gain)| *hz > 0.0 && gain.is_finite())
-            .collect()
     }
 
     /// True if there is a loop to be drawn.
@@ -245,12 +151,14 @@ impl AxisDigest {
     }
 }
 
-/// Energy into the specimen, straight across missing measurements.
-fn absorbed(meas: &[f64], force: &[f64]) -> Option<f64> {
-    let known = meas.iter().zip(force);
-    let known = known.filter(|(d, f)| d.is_finite() && f.is_finite());
-    let (disp, force): (Vec<f64>, Vec<f64>) = known.unzip();
-    metrics::absorbed_energy(&disp, &force)
+/// Noise of a mean of several readings.
+fn of_means(noise: Noise, readings: usize) -> Noise {
+    let less = (readings as f64).sqrt();
+    Noise {
+        disp_std_m: noise.disp_std_m / less,
+        force_std_n: noise.force_std_n / less,
+        ..noise
+    }
 }
 
 /// Every n-th sample of a series that is too long for a close-up: a slow test is smooth.
@@ -260,58 +168,6 @@ fn short(values: &[f64]) -> Vec<f64> {
         .step_by(values.len().div_ceil(CLOSE_UP).max(1))
         .copied()
         .collect()
-}
-
-/// The line through all points, without points whose omission is invisible.
-fn drawn(x: &[f64], y: &[f64]) -> Points {
-    let pairs = || x.iter().copied().zip(y.iter().copied());
-    let drawable = || pairs().filter(|(x, y)| is_drawable(*x) && is_drawable(*y));
-    let range = |values: &mut dyn Iterator<Item = f64>| {
-        let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
-            (v.min(lo), v.max(hi))
-        });
-        if hi > lo { (hi - lo) / WIDTH } else { 1.0 }
-    };
-    let per_x = range(&mut drawable().map(|p| p.0));
-    let per_y = range(&mut drawable().map(|p| p.1));
-    let mut last: Option<(f64, f64)> = None;
-    let mut near: Vec<(f64, f64)> = Vec::new();
-    for (x, y) in pairs() {
-        let at = (x / per_x, y / per_y);
-        if !(is_drawable(x) && is_drawable(y)) {
-            if last.take().is_some() {
-                near.push((f64::NAN, f64::NAN));
-            }
-            continue;
-        }
-        // Half of the later tolerance.
-        let moved =
-            |last: (f64, f64)| (at.0 - last.0).abs().max((at.1 - last.1).abs()) > 0.5 * TOLERANCE;
-        if last.is_none_or(moved) {
-            near.push(at);
-            last = Some(at);
-        }
-    }
-    let mut tolerance = TOLERANCE;
-    let runs = loop {
-        let runs = thin::within(near.iter().copied(), tolerance);
-        if tolerance >= 0.9 || runs.iter().map(Vec::len).sum::<usize>() <= POINTS {
-            break runs;
-        }
-        tolerance *= 2.0;
-    };
-    let mut out: Points = Default::default();
-    for run in runs {
-        if !out.0.is_empty() {
-            out.0.push(f64::NAN);
-            out.1.push(f64::NAN);
-        }
-        for (x, y) in run {
-            out.0.push(x * per_x);
-            out.1.push(y * per_y);
-        }
-    }
-    out
 }
 
 /// Samples around the largest command: about one of its swings, so that a lag can be seen.
@@ -347,22 +203,5 @@ mod tests {
         assert!(from < 990 && to > 990 && to <= 1000 && to - from >= 40);
         assert_eq!(close_up(&[], &[], &[]), (0, 0));
         assert_eq!(close_up(&time[..3], &cmd[..3], &cmd[..3]), (0, 3));
-    }
-
-    #[test]
-    fn noisy_loop_is_drawn_with_few_points() {
-        let n = 400_000;
-        let x: Vec<f64> = (0..n).map(|i| libm::sin(i as f64 * 1e-2)).collect();
-        let y: Vec<f64> = (0..n)
-            .map(|i| libm::cos(i as f64 * 1.7e-2) * (1.0 + 0.1 * libm::sin(i as f64)))
-            .collect();
-        let (dx, dy) = drawn(&x, &y);
-        assert!(dx.len() == dy.len() && dx.len() < 200_000, "{}", dx.len());
-        let top = |v: &[f64]| v.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        assert!((top(&dx) - top(&x)).abs() < 2.0 * 1.0 / WIDTH * 2.0);
-        assert!((top(&dy) - top(&y)).abs() < 2.0 * 1.1 / WIDTH * 2.0);
-        let gap = drawn(&[0.0, 1.0, f64::NAN, 2.0, 3.0], &[0.0; 5]);
-        assert_eq!(gap.0.iter().filter(|v| v.is_nan()).count(), 1);
-        assert_eq!(drawn(&[], &[]), Points::default());
     }
 }

@@ -6,7 +6,6 @@ use super::chart::{Chart, Ink, Look, Scale};
 use super::digest::Digest;
 use super::html::{details, note, paragraph, table};
 use super::response::trips;
-use super::rows::Rows;
 use super::text::{number, or_dash, quantity};
 use super::{RunView, metrics};
 
@@ -51,13 +50,13 @@ fn column<'a>(digest: &'a Digest, name: &str) -> Option<&'a [f64]> {
 }
 
 /// The section; `None` for a test without a structure.
-pub(super) fn balance(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
-    let digest = rows.digest();
-    if rows.dofs().is_empty() || rows.running() == 0 {
+pub(super) fn balance(run: &RunView, rows: &Digest) -> Option<Markup> {
+    let digest = rows;
+    if rows.dofs.is_empty() || rows.passed.steps == 0 {
         return None;
     }
     if column(digest, "time").is_none() {
-        let why = match rows.passed() {
+        let why = match rows.passed {
             passed if passed.missing_steps > 0 => "steps are missing in the record",
             passed if passed.steps < 3 => "it takes three steps",
             _ => {
@@ -111,10 +110,10 @@ pub(super) fn balance(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
 }
 
 /// Result of the program's exact audit.
-fn audit(rows: &Rows<'_>) -> Markup {
+fn audit(rows: &Digest) -> Markup {
     let values = rows.get("step_audit");
     let Some((values, peak)) = values.and_then(|values| {
-        let peak = metrics::peak(&values)?;
+        let peak = metrics::peak(values)?;
         Some((values, peak))
     }) else {
         return note("The steps of this test were not audited (column step_audit).");

@@ -187,6 +187,10 @@ impl<'a> Scale<'a> {
             (_, _, unit) => format!("{} ({unit})", self.words),
         };
         let ticks = match self.spacing {
+            // Counts and numbers of storeys have no fractions.
+            Spacing::Linear if self.unit.is_empty() => {
+                axis.ticks(about.min(axis.hi() - axis.lo()) as usize, 1.0)
+            }
             Spacing::Linear => axis.ticks(about as usize, unit.factor),
             Spacing::Log => axis.decades(decade),
             Spacing::Written => axis.decades(|digit, power| {

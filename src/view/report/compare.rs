@@ -15,14 +15,13 @@ use super::html::{
 use super::matched::{Apart, Matched};
 use super::metrics;
 use super::response;
-use super::rows::Rows;
 use super::tested::clock_word;
 use super::text::{
-    NOTHING, count, exact, lag_words, micros, number, or_dash, percent, plural, quantity, shortened,
+    NOTHING, count, exact, micros, number, or_dash, percent, plural, quantity, shortened,
 };
 use super::timing::{self, words};
 use super::tracked::{self, Tracked};
-use gusset_motion::metrics::{Judged, Tracking};
+use super::tracking;
 use gusset_proof::RecordedVerdict;
 use gusset_quantity::catalog::column::{DISP, FORCE, Kind, MEASURED};
 
@@ -40,7 +39,7 @@ const ORDER: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"
 struct Of<'a> {
     order: &'static str,
     run: &'a RunView,
-    rows: Rows<'a>,
+    rows: &'a Digest,
     axes: Vec<Tracked<'a>>,
 }
 
@@ -79,7 +78,7 @@ pub fn compare(runs: &[(&str, &RunView)], matched: &[Result<Matched, String>]) -
         main {
             p.hint { (HINT) }
             (section("Response", html! { (histories(&all, matched)) (loops(&all)) }))
-            (tracking(&all))
+            (followed(&all))
             (timing(&all))
             (section("Model", html! { (facts(&all)) (settings(&runs)) }))
             @for (found, order) in matched.iter().zip(&ORDER[1..]) {
@@ -91,8 +90,8 @@ pub fn compare(runs: &[(&str, &RunView)], matched: &[Result<Matched, String>]) -
 }
 
 fn of<'a>(order: &'static str, run: &'a RunView, digest: &'a Digest) -> Of<'a> {
-    let rows = Rows::new(digest);
-    let axes = tracked::tracking(run, &rows);
+    let rows = digest;
+    let axes = tracked::tracking(run, rows);
     Of {
         order,
         run,
@@ -330,12 +329,12 @@ fn key_figures(all: &[Of<'_>], found: &[&Matched]) -> Markup {
         .flat_map(|found| differences(found))
         .collect();
     let peak = |of: &Of<'_>| {
-        let peak = response::largest_displacement(of.run, &of.rows);
+        let peak = response::largest_displacement(of.run, of.rows);
         peak.map(|(_, value, unit)| quantity(value.abs(), unit))
     };
     let force = |of: &Of<'_>| {
         let largest = tracked::largest(&of.axes, Tracked::largest_force);
-        largest.map(|(_, (force, unit))| quantity(force.abs(), unit))
+        largest.map(|(axis, force)| quantity(force.abs(), axis.force_unit))
     };
     let orders: Vec<&str> = all.iter().map(|of| of.order).collect();
     let kinds = [
@@ -499,7 +498,7 @@ fn loops(all: &[Of<'_>]) -> Markup {
 }
 
 /// Delay, amplitude error and energy error of the axes that all runs have; further indices are folded.
-fn tracking(all: &[Of<'_>]) -> Markup {
+fn followed(all: &[Of<'_>]) -> Markup {
     let (mut plain, mut more) = (Vec::new(), Vec::new());
     for one in all.first().map_or(&[][..], |first| &first.axes) {
         let Some(axes) = all
@@ -533,36 +532,21 @@ fn tracking(all: &[Of<'_>]) -> Markup {
     )
 }
 
-/// How an index is found and written.
-type Index<'a> = (
-    &'a str,
-    fn(&Tracking) -> Option<Judged>,
-    &'a dyn Fn(f64) -> String,
-);
-
+/// The indices of an axis, with those of the other runs under the names of `one`.
 fn indices(one: &Tracked<'_>, axes: &[&Tracked<'_>]) -> Vec<Vec<String>> {
-    let plain = |v: f64| number(v, 4);
-    let kinds: [Index<'_>; 4] = [
-        (
-            "NRMSE, by the root mean square of the target",
-            |t| Some(t.nrmse),
-            &percent,
-        ),
-        ("delay by cross-correlation", |t| t.delay_s, &lag_words),
-        ("FEI amplitude", |t| t.fei.map(|f| f.amplitude), &plain),
-        ("FEI delay", |t| t.fei.map(|f| f.delay_s), &lag_words),
-    ];
-    let row = |(what, of, write): Index<'_>| {
-        let show = |judged: Judged| match judged.corrected {
-            Some(corrected) => format!("{} (corrected {})", write(judged.value), write(corrected)),
-            None => write(judged.value),
+    let all: Vec<_> = axes.iter().map(|axis| tracking::indices(axis)).collect();
+    let row = |(what, _): (String, _)| {
+        let show = |own: &Vec<(String, [String; 3])>| {
+            let (_, [value, _, corrected]) = own.iter().find(|(name, _)| *name == what)?;
+            Some(match corrected.as_str() {
+                NOTHING => value.clone(),
+                corrected => format!("{value} (corrected {corrected})"),
+            })
         };
-        let values = axes
-            .iter()
-            .map(|axis| axis.digest.tracking.as_ref().and_then(of).map(show));
-        known(format!("{}: {what}", one.name), values)
+        known(format!("{}: {what}", one.name), all.iter().map(show))
     };
-    kinds.into_iter().filter_map(row).collect()
+    let names = tracking::indices(one).into_iter();
+    names.filter_map(row).collect()
 }
 
 /// Deadline misses and percentiles of all runs.

@@ -10,7 +10,7 @@ use super::row_filter::Passed;
 use super::shaking::Shaking;
 use super::source::Earlier;
 use super::table::Table;
-use super::worst::WorstTick;
+use super::worst::Tick;
 use gusset_motion::metrics::falsified::Scale;
 
 /// Everything a page needs of the rows.
@@ -35,6 +35,8 @@ pub struct Digest {
     pub(super) interval: Option<f64>,
     /// Rows that became two entries of a table; 1 if all are there.
     pub(super) every: usize,
+    /// Ticks that are one sample of the tracking metrics: of a long test a sample is the mean of several.
+    pub(super) means_of: usize,
     /// DOFs with a recorded displacement.
     pub(super) dofs: Vec<u32>,
     /// Axes with a recorded force.
@@ -53,7 +55,7 @@ pub struct Digest {
     pub(super) energy: Table,
     /// Scale of energy errors; `None` without a model.
     pub(super) scale: Option<Scale>,
-    pub(super) worst: Vec<WorstTick>,
+    pub(super) worst: Vec<Tick>,
     /// Mean displacement of the last part of the test, by DOF.
     pub(super) residuals: Vec<(u32, f64)>,
 }

@@ -5,7 +5,6 @@ use maud::{Markup, html};
 use super::RunView;
 use super::digest::{Digest, MISSING};
 use super::html::{details, note, table_without};
-use super::rows::Rows;
 use super::text::{NOTHING, percent, plural, quantity};
 use super::tracked::Tracked;
 use super::tracking::MARGIN;
@@ -20,7 +19,7 @@ const FORGETS_S: f64 = 2.0;
 
 /// The smallest margin of every axis that has a column of it.
 fn margins(run: &RunView, digest: &Digest) -> Vec<Margin> {
-    let rows = Rows::new(digest);
+    let rows = digest;
     let measured = digest.axes.iter();
     let measured = measured.filter(|axis| digest.measures_disp(axis.axis));
     let watched = measured.filter_map(|axis| {
@@ -190,7 +189,7 @@ fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> Markup {
 }
 
 /// How far each axis was from the delay at which the test would have grown.
-fn delay_margins(found: &Falsified, rows: &Rows<'_>) -> Markup {
+fn delay_margins(found: &Falsified, rows: &Digest) -> Markup {
     if found.delay_margins.is_empty() {
         return Markup::default();
     }
@@ -253,8 +252,8 @@ fn energy(found: &Falsified) -> Markup {
 }
 
 /// The part of a page; nothing for a test without a structure, without specimens or without any tracking error.
-pub(super) fn effect_of_errors(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
-    let Some(found) = found(run, rows.digest()) else {
+pub(super) fn effect_of_errors(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Markup {
+    let Some(found) = found(run, rows) else {
         return Markup::default();
     };
     if !axes.is_empty() && axes.iter().all(Tracked::is_ideal) {

@@ -2,7 +2,7 @@
 
 use super::RunView;
 use super::axis_end::{AxisEnd, FORCE, MEASURED};
-use super::rows::Rows;
+use super::digest::Digest;
 use super::scale::{AS_SEEN, Scale, own_unit};
 use super::text::{plural, quantity};
 use crate::TestFile;
@@ -11,7 +11,7 @@ use crate::TestFile;
 const MOST_TOLD: usize = 8;
 
 /// The end position of each specimen, the gravest first; empty if the summary does not contain them.
-pub(super) fn sentences(run: &RunView, rows: &Rows<'_>) -> Vec<String> {
+pub(super) fn sentences(run: &RunView, rows: &Digest) -> Vec<String> {
     let test = &run.test.file;
     let left = run.summary.iter().flat_map(|summary| &summary.left);
     let mut left: Vec<(&str, &str)> = left
@@ -20,7 +20,7 @@ pub(super) fn sentences(run: &RunView, rows: &Rows<'_>) -> Vec<String> {
     left.sort_by_key(|(_, how)| gravity(how));
     let is_whole = run.flaws.damaged.is_empty();
     let told = left.iter().take(MOST_TOLD).map(|(name, how)| {
-        let ends = rows.digest().ends.iter();
+        let ends = rows.ends.iter();
         let own: Vec<_> = ends
             .filter(|end| test.specimen_name(end.axis.specimen) == *name)
             .collect();
@@ -75,14 +75,14 @@ fn how_words(how: &str) -> String {
 }
 
 /// The end of one axis in words. If rows are missing, it moved on from the place that they show last.
-fn words(end: &AxisEnd, rows: &Rows<'_>, test: &TestFile, is_whole: bool) -> String {
+fn words(end: &AxisEnd, rows: &Digest, test: &TestFile, is_whole: bool) -> String {
     let own = |value: f64, kind: &str| quantity(value, own_unit(rows, test, end.axis, kind));
     let [command, measured, force] = [
         own(end.command, "cmd"),
         own(end.measured, MEASURED),
         own(end.force, FORCE),
     ];
-    let mut text = if is_whole && !rows.digest().measures_disp(end.axis) {
+    let mut text = if is_whole && !rows.measures_disp(end.axis) {
         format!("last command sent {command}, last force received {force}")
     } else if is_whole {
         format!("last command sent {command}, last measurements received {measured} and {force}")
@@ -100,16 +100,16 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, test: &TestFile, is_whole: bool) -> Str
     let seen = Scale::of(rows, test, end.axis).map_or("", |_| AS_SEEN);
     let seen = |force: f64| quantity(force, rows.unit(&end.axis.column("force"))) + seen;
     // A test that ran has its own forces.
-    if let Some(force) = end.on_the_way_in.filter(|_| rows.passed().ticks == 0) {
+    if let Some(force) = end.on_the_way_in.filter(|_| rows.passed.ticks == 0) {
         text += &format!(", largest force before the first step {}", seen(force));
     }
     if let Some(force) = end.on_the_way_out {
         text += &format!(", largest force during shutdown {}", seen(force));
-        let mut axes = rows.digest().axes.iter();
+        let mut axes = rows.axes.iter();
         let running = axes
             .find(|axis| axis.axis == end.axis)
             .and_then(|axis| axis.peak_force);
-        if running.is_some_and(|peak| force.abs() > peak.value.abs()) {
+        if running.is_some_and(|peak| force.abs() > peak.abs()) {
             text += ", more than in the running test";
         }
     }

@@ -4,21 +4,17 @@ use maud::Markup;
 
 use super::RunView;
 use super::columns::Storey;
+use super::digest::Digest;
 use super::html;
 use super::response;
-use super::rows::Rows;
 use super::text::{count, lag_words, micros, percent, quantity};
 use super::timing::Timing;
 use super::tracked;
 
 /// The largest displacement and the largest force: of the whole test, as far as the summary reports it. Without a
 /// step they are those of the startup.
-fn extremes(
-    run: &RunView,
-    rows: &Rows<'_>,
-    axes: &[tracked::Tracked<'_>],
-) -> Vec<(String, String)> {
-    let has_run = rows.running() > 0
+fn extremes(run: &RunView, rows: &Digest, axes: &[tracked::Tracked<'_>]) -> Vec<(String, String)> {
+    let has_run = rows.passed.steps > 0
         || run
             .summary
             .as_ref()
@@ -39,31 +35,29 @@ fn extremes(
         tiles.push((quantity(value, unit), words));
     }
     if !has_run {
-        let way_in = tracked::largest(axes, tracked::Tracked::force_on_the_way_in);
-        tiles.extend(way_in.map(|(axis, (force, unit))| {
+        let way_in = tracked::largest(axes, |axis| axis.way_in);
+        tiles.extend(way_in.map(|(axis, force)| {
             let words = format!("largest force before the first step, {}", axis.force_of());
-            (quantity(force, unit), words)
+            (quantity(force, axis.force_unit), words)
         }));
-    } else if let Some((axis, (force, unit))) =
-        tracked::largest(axes, tracked::Tracked::largest_force)
-    {
-        let way_out = tracked::largest(axes, tracked::Tracked::force_on_the_way_out);
-        let way_out = way_out.filter(|(_, (later, _))| later.abs() > force.abs());
+    } else if let Some((axis, force)) = tracked::largest(axes, tracked::Tracked::largest_force) {
+        let way_out = tracked::largest(axes, |axis| axis.way_out);
+        let way_out = way_out.filter(|(_, later)| later.abs() > force.abs());
         let words = match way_out {
             None => format!("largest force, {}{of}", axis.force_of()),
-            Some((_, (later, unit))) => format!(
+            Some((other, later)) => format!(
                 "largest force of the running test, {}{of}; {} during shutdown",
                 axis.force_of(),
-                quantity(later, unit)
+                quantity(later, other.force_unit)
             ),
         };
-        tiles.push((quantity(force, unit), words));
+        tiles.push((quantity(force, axis.force_unit), words));
     }
     tiles
 }
 
 /// Which steps a number is of, where they are not all of the test.
-fn of_steps(rows: &Rows<'_>) -> String {
+fn of_steps(rows: &Digest) -> String {
     let steps = rows.steps().map(|steps| format!(", of {steps}"));
     steps.unwrap_or_default()
 }
@@ -71,7 +65,7 @@ fn of_steps(rows: &Rows<'_>) -> String {
 /// The numbers one looks for first.
 pub(super) fn tiles(
     run: &RunView,
-    rows: &Rows<'_>,
+    rows: &Digest,
     axes: &[tracked::Tracked<'_>],
     timings: &[Timing],
 ) -> Markup {
@@ -97,7 +91,7 @@ pub(super) fn tiles(
 }
 
 /// The largest drift and floor acceleration, where there are storeys.
-fn storeys(rows: &Rows<'_>) -> Vec<(String, String)> {
+fn storeys(rows: &Digest) -> Vec<(String, String)> {
     let kinds = [
         (Storey::Drift, "largest drift, storey"),
         (Storey::Floor, "largest absolute acceleration, floor"),
@@ -115,7 +109,7 @@ fn storeys(rows: &Rows<'_>) -> Vec<(String, String)> {
 }
 
 /// Delay and amplitude error of the axis with the largest, and the largest energy error.
-fn tracking(rows: &Rows<'_>, axes: &[tracked::Tracked<'_>]) -> Vec<(String, String)> {
+fn tracking(rows: &Digest, axes: &[tracked::Tracked<'_>]) -> Vec<(String, String)> {
     let largest = |value: &dyn Fn(&tracked::Tracked<'_>) -> Option<f64>| {
         let measured = axes.iter().filter(|axis| !axis.is_ideal());
         let found = measured.filter_map(|axis| Some((axis, value(axis)?)));

@@ -1,38 +1,121 @@
-//! The first pass over the rows: everything that needs each of them once, and the first batch of columns that are held whole.
+//! The first reading of the rows: everything that needs each of them once.
 
-use std::collections::VecDeque;
-
+use super::axis::is_drawable;
 use super::axis_end::Ends;
-use super::columns::{
-    Combination, ERROR, MOST_AXES, MOST_DOFS, MOST_LINES, SpecimenAxis, TAIL, spread,
-};
+use super::columns::{Combination, ERROR, MOST_AXES, MOST_DOFS, MOST_LINES, SpecimenAxis, spread};
 use super::digest::Digest;
-use super::holder::{Holder, Item, row_filter};
 use super::row_filter::{RowFilter, Stretch};
+use super::series::{Evenness, Loop};
 use super::source::Source;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;
+use gusset_motion::metrics::absorbed_energy;
 use gusset_motion::metrics::energy::{Balance, Energies, Model};
 use gusset_motion::metrics::tracking::Noise;
-use gusset_quantity::catalog::column::{self, DISP, Each};
+use gusset_quantity::catalog::column::{self, COMMAND, DISP, Each, FORCE, JUDGED, MEASURED};
 use gusset_quantity::catalog::phase::Phase;
 use gusset_record::Column;
 
 /// Readings at rest that are kept at most.
-const MOST_READINGS: usize = 1 << 20;
+const MOST_READINGS: usize = 1 << 17;
 /// Products that an energy balance may cost; a larger structure has none.
 const MOST_WORK: f64 = 2e10;
 
-/// An axis at rest: the places of its measured displacement and force in a block, and their readings.
-struct Read {
-    axis: SpecimenAxis,
-    places: [usize; 2],
-    disp: Vec<f64>,
-    force: Vec<f64>,
+/// One energy of a balance.
+type EnergyOf = fn(&Energies) -> f64;
+
+/// Columns of the energy balance.
+const ENERGIES: [(&str, EnergyOf); 6] = [
+    ("input", |now| now.input),
+    ("kinetic", |now| now.kinetic),
+    ("damping", |now| now.damping),
+    ("springs", |now| now.springs),
+    ("specimens", |now| now.specimens),
+    ("remainder", Energies::remainder),
+];
+
+/// The measurements of an axis while the rows pass.
+#[derive(Debug)]
+pub(super) struct Measured {
+    pub axis: SpecimenAxis,
+    /// Places of target, measured displacement and force in a block.
+    places: [Option<usize>; 3],
+    /// Their smallest and largest values in ticks of the test.
+    ranges: [Option<(f64, f64)>; 3],
+    /// Readings of displacement and force at rest.
+    rest: [Vec<f64>; 2],
+    /// The last measurement, and the energy into the specimen so far, straight across missing ones.
+    before: Option<(f64, f64)>,
+    pub absorbed: Option<f64>,
 }
 
-/// The first pass: everything that needs every row once, and the first batch of whole columns.
+impl Measured {
+    fn new(axis: SpecimenAxis, at: impl Fn(&str) -> Option<usize>) -> Self {
+        Self {
+            axis,
+            places: ["target", "meas", "force"].map(|kind| at(&axis.column(kind))),
+            ranges: [None; 3],
+            rest: Default::default(),
+            before: None,
+            absorbed: None,
+        }
+    }
+
+    fn values(&self, block: &[Vec<f64>], row: usize) -> [f64; 3] {
+        let value = |place: usize| block[place][row];
+        self.places.map(|place| place.map_or(f64::NAN, value))
+    }
+
+    /// Takes a row at rest.
+    fn rests(&mut self, block: &[Vec<f64>], row: usize) {
+        let [_, disp, force] = self.values(block, row);
+        if self.rest[0].len() < MOST_READINGS {
+            self.rest[0].push(disp);
+            self.rest[1].push(force);
+        }
+    }
+
+    /// Takes a tick of the test.
+    fn moves(&mut self, block: &[Vec<f64>], row: usize) {
+        let values = self.values(block, row);
+        for (range, value) in self.ranges.iter_mut().zip(values) {
+            if is_drawable(value) {
+                let (lo, hi) = range.unwrap_or((value, value));
+                *range = Some((value.min(lo), value.max(hi)));
+            }
+        }
+        let [_, disp, force] = values;
+        if !(disp.is_finite() && force.is_finite()) {
+            return;
+        }
+        if let Some((disp_before, force_before)) = self.before.replace((disp, force)) {
+            let work = absorbed_energy(&[disp_before, disp], &[force_before, force]);
+            self.absorbed = work
+                .map(|work| self.absorbed.unwrap_or(0.0) + work)
+                .or(self.absorbed);
+        }
+    }
+
+    /// Noise at rest.
+    pub(crate) fn noise(&self) -> Option<Noise> {
+        Noise::of(&self.rest[0], &self.rest[1])
+    }
+
+    /// Empty lines of force over measured displacement, and of measured over target.
+    pub(crate) fn loops(&self) -> [Loop; 2] {
+        let [target, meas, force] = self.ranges;
+        [Loop::new(meas, force), Loop::new(target, meas)]
+    }
+}
+
+/// True of a column that a limit of an axis is about.
+fn is_limited(column: &Column) -> bool {
+    let kinds = [&JUDGED, &COMMAND, &MEASURED, &FORCE];
+    kinds.iter().any(|kind| kind.fits(&column.name))
+}
+
+/// The first reading.
 pub(super) struct First<'a> {
     /// Places of the required columns.
     pub wanted: Vec<usize>,
@@ -42,19 +125,18 @@ pub(super) struct First<'a> {
     step: Option<usize>,
     time: Option<usize>,
     row_filter: RowFilter,
-    holder: Holder,
     /// Columns at the ends of steps, and at every tick.
     parts: [Part; 2],
     energy: Option<EnergyPass<'a>>,
     energy_thinner: Thinner,
     worst: Worst,
-    readings: Vec<Read>,
+    measured: Vec<Measured>,
+    evenness: Evenness,
+    /// Places of the columns that a limit is about, and their values farthest from zero.
+    largest: Vec<(usize, f64)>,
     ends: Ends,
     stale: Stale,
     recorded: u64,
-    /// Displacements of the last steps: DOF, place in a block, values; and how many are kept.
-    tails: Vec<(u32, usize, VecDeque<f64>)>,
-    tail: usize,
 }
 
 /// Columns that are kept thinned, side by side.
@@ -128,7 +210,6 @@ impl<'a> First<'a> {
         combinations: &[Combination],
         model: Option<&'a mut dyn Model>,
         digest: &Digest,
-        batch: &[Item],
     ) -> Self {
         let all = source.columns();
         // Those that are listed, and those of which histories are drawn.
@@ -150,7 +231,7 @@ impl<'a> First<'a> {
                 let is_made_of = terms.any(|(of, _)| of == name);
                 return listed.contains(&dof) || is_made_of || (needs_all && DISP.fits(name));
             }
-            let of_axis = kind.axis_in(name);
+            let of_axis = kind.axis_in(name).filter(|_| !is_limited(column));
             of_axis.is_none_or(|(specimen, axis)| drawn.contains(&SpecimenAxis { specimen, axis }))
         };
         let wanted: Vec<usize> = (0..all.len())
@@ -205,7 +286,6 @@ impl<'a> First<'a> {
                     axes,
                 })
             });
-        let holder = Holder::new(&columns, batch);
         let places = |of_ticks: bool| {
             let all = columns.iter().enumerate();
             let mine = all.filter(move |(_, c)| c.name == "time" || is_of_tick(c) == of_ticks);
@@ -216,35 +296,22 @@ impl<'a> First<'a> {
             Part::new(&columns, places(false), drifts, steps),
             Part::new(&columns, places(true), errors, rows),
         ];
-        let tails = spread(&digest.dofs, MOST_DOFS);
-        let tails: Vec<_> = tails
-            .into_iter()
-            .filter_map(|dof| Some((dof, at(&format!("x{dof}"))?, VecDeque::new())))
-            .collect();
-        let readings = drawn.iter().filter_map(|a| {
-            Some(Read {
-                axis: *a,
-                places: [at(&a.column("meas"))?, at(&a.column("force"))?],
-                disp: Vec::new(),
-                force: Vec::new(),
-            })
-        });
+        let limited = (0..columns.len()).filter(|&place| is_limited(&columns[place]));
         Self {
             state: at("state"),
             step: at("step"),
             time: at("time"),
-            row_filter: row_filter(source, &columns),
-            holder,
+            row_filter: RowFilter::of(source, &columns),
             parts,
             energy_thinner: Thinner::new(steps, 7, Some(0)),
             worst: Worst::new(&columns),
-            readings: readings.collect(),
+            measured: drawn.iter().map(|axis| Measured::new(*axis, at)).collect(),
+            evenness: Evenness::new(),
+            largest: limited.map(|place| (place, 0.0)).collect(),
             ends: Ends::new(&drawn, at),
             stale: Stale::new(&columns),
             energy: pass,
             recorded: 0,
-            tails,
-            tail: steps as usize / TAIL + 1,
             wanted,
             columns,
         }
@@ -260,25 +327,44 @@ impl<'a> First<'a> {
                 .is_some_and(|at| block[at][*row] == Phase::Zeroing.code())
         };
         for row in (0..rows).filter(is_zeroing) {
-            for read in &mut self.readings {
-                if read.disp.len() < MOST_READINGS {
-                    let [disp, force] = read.places;
-                    read.disp.push(measured[disp][row]);
-                    read.force.push(measured[force][row]);
+            self.measured
+                .iter_mut()
+                .for_each(|one| one.rests(measured, row));
+        }
+        for (place, most) in &mut self.largest {
+            for value in &block[*place] {
+                if value.abs() > most.abs() {
+                    *most = *value;
                 }
             }
         }
         let sorted = self.row_filter.sort(block);
         for (kind, (stretches, block)) in sorted.iter().zip([block, measured]).enumerate() {
             for stretch in stretches {
-                self.holder.take(kind, stretch, block);
                 self.stretch(kind, stretch, block);
             }
         }
         for stretch in &sorted[1] {
             self.stale.count(stretch, block);
+            self.ticks(stretch, measured);
         }
         self.ends.take(measured, self.row_filter.ways());
+    }
+
+    /// Takes ticks of the test.
+    fn ticks(&mut self, stretch: &Stretch, block: &[Vec<f64>]) {
+        if let (Some(gap), Some(_)) = (stretch.gap, self.time) {
+            self.evenness.take(gap.time, f64::NAN);
+        }
+        for &row in &stretch.rows {
+            if let Some(time) = self.time {
+                let state = self.state.map_or(f64::NAN, |place| block[place][row]);
+                self.evenness.take(block[time][row], state);
+            }
+            self.measured
+                .iter_mut()
+                .for_each(|one| one.moves(block, row));
+        }
     }
 
     /// `kind` 0 for ends of steps, 1 for ticks.
@@ -305,11 +391,6 @@ impl<'a> First<'a> {
     }
 
     fn step_rows(&mut self, block: &[&[f64]]) {
-        for (_, place, kept) in &mut self.tails {
-            kept.extend(block[*place]);
-            let more = kept.len().saturating_sub(self.tail);
-            kept.drain(..more);
-        }
         if let (Some(energy), Some(step), Some(time)) = (&mut self.energy, self.step, self.time) {
             let mut found: [Vec<f64>; 7] = Default::default();
             for (row, (step, time)) in block[step].iter().zip(block[time]).enumerate() {
@@ -319,11 +400,10 @@ impl<'a> First<'a> {
                     .iter()
                     .map(|&(d, f)| (block[d][row], block[f][row]));
                 if let Some(now) = energy.balance.take(*step as u64, disp, axes) {
-                    let values = energies(*time, &now);
-                    found
-                        .iter_mut()
-                        .zip(values)
-                        .for_each(|(to, value)| to.push(value));
+                    let values = ENERGIES.iter().map(|(_, value)| value(&now));
+                    let values = std::iter::once(*time).chain(values);
+                    let all = found.iter_mut().zip(values);
+                    all.for_each(|(to, value)| to.push(value));
                 }
             }
             let slices: Vec<&[f64]> = found.iter().map(Vec::as_slice).collect();
@@ -331,14 +411,8 @@ impl<'a> First<'a> {
         }
     }
 
-    pub(crate) fn noise(&self) -> Vec<(SpecimenAxis, Option<Noise>)> {
-        let readings = self.readings.iter();
-        readings
-            .map(|read| (read.axis, Noise::of(&read.disp, &read.force)))
-            .collect()
-    }
-
-    pub(crate) fn finish(self, digest: &mut Digest) -> [Table; 2] {
+    /// The measurements of the axes, and which ticks are at even times.
+    pub(crate) fn finish(self, digest: &mut Digest) -> (Vec<Measured>, Evenness) {
         digest.recorded = self.recorded;
         digest.ends = self.ends.finish();
         digest.stale = self.stale.found();
@@ -352,56 +426,23 @@ impl<'a> First<'a> {
         digest.worst = self.worst.finish();
         // A balance with missing steps is not valid.
         let whole = digest.passed.missing_steps == 0;
-        let last = digest.passed.steps as usize / TAIL;
-        let residuals = self.tails.iter().filter_map(|(dof, _, kept)| {
-            let kept: Vec<f64> = kept.iter().copied().collect();
-            Some((*dof, gusset_motion::metrics::residual(&kept, last)?))
-        });
-        digest.residuals = residuals.collect();
+        let largest = self.largest.iter();
+        let largest = largest.map(|(place, most)| (self.columns[*place].name.clone(), *most));
+        digest.largest = largest.collect();
         if let Some(energy) = self.energy.filter(|_| whole) {
             digest.scale = Some(energy.balance.scale);
-            digest.energy = self.energy_thinner.table(energy_columns());
+            let column = |name: &str, unit: &str| Column {
+                name: name.to_owned(),
+                unit: unit.to_owned(),
+                meaning: String::new(),
+                timing: false,
+            };
+            let names = ENERGIES.iter().map(|(name, _)| column(name, "J"));
+            let columns = std::iter::once(column("time", "s")).chain(names);
+            digest.energy = self.energy_thinner.table(columns);
         }
         let [table, ticks] = self.parts.map(|part| part.finish(&self.columns));
         (digest.table, digest.ticks) = (table, ticks);
-        self.holder.finish(&self.columns)
+        (self.measured, self.evenness)
     }
-}
-
-fn energies(time: f64, now: &Energies) -> [f64; 7] {
-    let Energies {
-        input,
-        kinetic,
-        damping,
-        springs,
-        specimens,
-    } = *now;
-    [
-        time,
-        input,
-        kinetic,
-        damping,
-        springs,
-        specimens,
-        now.remainder(),
-    ]
-}
-
-fn energy_columns() -> Vec<Column> {
-    let column = |name: &str, unit: &str| Column {
-        name: name.to_owned(),
-        unit: unit.to_owned(),
-        meaning: String::new(),
-        timing: false,
-    };
-    let names = [
-        "input",
-        "kinetic",
-        "damping",
-        "springs",
-        "specimens",
-        "remainder",
-    ];
-    let of_time = std::iter::once(column("time", "s"));
-    of_time.chain(names.map(|name| column(name, "J"))).collect()
 }

@@ -3,18 +3,19 @@
 use maud::{Markup, html};
 
 use super::chart::{Chart, HALF, Ink, Look, Scale};
+use super::digest::Digest;
 use super::html::{beside, definitions, details, note, section};
 use super::response::{amplitudes, trips};
-use super::rows::{History, Rows};
+use super::rows::History;
 use super::shaking::{RATIO, Shaking};
 use super::table::{Mark, Thinner};
 use super::text::{number, quantity};
 use super::{RunView, metrics};
 
 /// The ground at the steps before the first of the rows, if it is known: times, values, and the largest of them.
-fn before(rows: &Rows<'_>) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
-    let ground = rows.digest().ground_before();
-    let step = rows.passed().step_s.unwrap_or(f64::NAN);
+fn before(rows: &Digest) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
+    let ground = rows.ground_before();
+    let step = rows.passed.step_s.unwrap_or(f64::NAN);
     let time: Vec<f64> = (0..ground.len()).map(|k| k as f64 * step).collect();
     let peak = metrics::peak(ground).map(|peak| Mark {
         time: peak.index as f64 * step,
@@ -34,7 +35,7 @@ fn before(rows: &Rows<'_>) -> ((Vec<f64>, Vec<f64>), Option<Mark>) {
 }
 
 /// Ground motion, if there was one: of the whole test, also where its first steps are in another folder.
-pub(super) fn ground(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
+pub(super) fn ground(run: &RunView, rows: &Digest) -> Option<Markup> {
     let History {
         time,
         values: ground,
@@ -42,8 +43,8 @@ pub(super) fn ground(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
     let ((time_before, ground_before), peak) = before(rows);
     let is_whole = !ground_before.is_empty();
     let (time, ground) = (
-        [&time_before, &*time].concat(),
-        [&ground_before, &*ground].concat(),
+        [&time_before, time].concat(),
+        [&ground_before, ground].concat(),
     );
     let peaks = peak.into_iter().chain(rows.marks("ground").peak);
     // The first of equals.
@@ -73,7 +74,7 @@ pub(super) fn ground(run: &RunView, rows: &Rows<'_>) -> Option<Markup> {
         name.to_owned(),
         format!("{largest}{in_g} at {}", rows.moment(peak.time)),
     )];
-    let shaking = rows.digest().shaking.as_ref();
+    let shaking = rows.shaking.as_ref();
     facts.extend(shaking.into_iter().flat_map(measures));
     let spectra = shaking.map(spectra).unwrap_or_default();
     let markup = html! {

@@ -4,9 +4,8 @@ use maud::{Markup, html};
 
 use super::RunView;
 use super::axes::FIRST_LOADING;
-use super::digest::{MISSING, NOT_MEASURED, WITHOUT_DISP};
+use super::digest::{Digest, MISSING, NOT_MEASURED, WITHOUT_DISP};
 use super::html::{note, table};
-use super::rows::Rows;
 use super::text::{NOTHING, lag_words, number, or_dash, plural, quantity};
 use super::tracked::{Tracked, tracking};
 use gusset_motion::metrics::{Estimate, Tracking};
@@ -61,11 +60,11 @@ pub struct IdentifiedAxis {
 #[must_use]
 pub fn identified(run: &RunView) -> Vec<IdentifiedAxis> {
     let digest = run.digested();
-    let rows = Rows::new(&digest);
-    if !rows.dofs().is_empty() {
+    let rows = &*digest;
+    if !rows.dofs.is_empty() {
         return Vec::new();
     }
-    let axes = tracking(run, &rows);
+    let axes = tracking(run, rows);
     axes.into_iter()
         .map(|axis| {
             let (whole, initial) = (axis.digest.whole, axis.digest.initial);
@@ -83,8 +82,8 @@ pub fn identified(run: &RunView) -> Vec<IdentifiedAxis> {
 #[must_use]
 pub fn followed(run: &RunView) -> Vec<String> {
     let digest = run.digested();
-    let rows = Rows::new(&digest);
-    let axes = tracking(run, &rows).into_iter();
+    let rows = &*digest;
+    let axes = tracking(run, rows).into_iter();
     let lines = axes.filter_map(|axis| {
         let found = axis.digest.tracking.as_ref()?;
         if axis.is_ideal() {
@@ -134,10 +133,10 @@ pub fn missing_metrics(run: &RunView) -> Vec<String> {
 }
 
 /// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
-pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<Markup> {
+pub(super) fn identification(rows: &Digest, axes: &[Tracked<'_>]) -> Option<Markup> {
     // A server does not know its controller's test.
     let is_served = rows.get(COMMITS).is_some();
-    if axes.is_empty() || !rows.dofs().is_empty() || is_served {
+    if axes.is_empty() || !rows.dofs.is_empty() || is_served {
         return None;
     }
     let mut lines = Vec::new();

@@ -5,10 +5,10 @@ use maud::{Markup, html};
 
 use super::RunView;
 use super::columns::SpecimenAxis;
+use super::digest::Digest;
 use super::html::{details, note, paragraph, table_without};
-use super::rows::Rows;
 use super::scale::{Scale, own_unit};
-use super::text::{NOTHING, exact, number, or_dash, quantity};
+use super::text::{NOTHING, exact, named_once, number, or_dash, quantity};
 use super::tracked::Tracked;
 use gusset_quantity::catalog::column::JUDGED;
 use gusset_quantity::catalog::limit::Limit;
@@ -19,7 +19,7 @@ use gusset_record::summary::{LimitFact, LimitFacts, SpecimenLimits};
 /// `largest` has the farthest value from zero of each column that a limit of an axis is about.
 pub(super) fn limits(
     run: &RunView,
-    recorded: &Rows<'_>,
+    recorded: &Digest,
     largest: &[(String, f64)],
 ) -> Option<Markup> {
     let limits = run.summary.as_ref()?.limits.as_ref()?;
@@ -65,7 +65,7 @@ pub(super) fn limits(
 /// The trip levels of an axis as the structure sees them, each with its name, for a chart of that quantity.
 pub(super) fn levels(
     run: &RunView,
-    rows: &Rows<'_>,
+    rows: &Digest,
     axis: &Tracked<'_>,
     of: &[Limit],
 ) -> Vec<(String, f64)> {
@@ -100,7 +100,7 @@ fn farthest(
     limit: &LimitFact,
     axis: SpecimenAxis,
     run: &RunView,
-    recorded: &Rows<'_>,
+    recorded: &Digest,
     largest: &[(String, f64)],
 ) -> Option<f64> {
     let of = |column: String| {
@@ -153,8 +153,7 @@ fn one_line(text: &str) -> String {
 
 /// Facts about specimens beside the sizes; equal ones are shown once.
 fn of_specimens(specimens: &[SpecimenLimits]) -> Vec<String> {
-    let mut told: Vec<(String, Vec<&str>)> = Vec::new();
-    for specimen in specimens {
+    let facts = specimens.iter().map(|specimen| {
         let parts = [
             ("limits checked by", Some(&specimen.checked_by)),
             ("stale answers:", Some(&specimen.stale)),
@@ -173,16 +172,9 @@ fn of_specimens(specimens: &[SpecimenLimits]) -> Vec<String> {
         let safe = safe.collect::<Vec<_>>().join(", ");
         let safe = (!safe.is_empty()).then(|| format!("safe displacement: {safe}"));
         let text = parts.chain(safe).collect::<Vec<_>>().join("; ");
-        let name = specimen.name.as_str();
-        match told.iter_mut().find(|(known, _)| *known == text) {
-            _ if text.is_empty() => {}
-            Some((_, names)) => names.push(name),
-            None => told.push((text, vec![name])),
-        }
-    }
-    told.iter()
-        .map(|(text, names)| format!("{}: {}.", names.join(", "), one_line(text)))
-        .collect()
+        (specimen.name.clone(), one_line(&text))
+    });
+    named_once(facts.filter(|(_, text)| !text.is_empty()))
 }
 
 fn row(who: &str, limit: &LimitFact, largest: Option<f64>) -> Vec<String> {
@@ -242,7 +234,7 @@ mod tests {
             }}).into()),
             ..RunView::default()
         };
-        let markup = limits(&run, &Rows::new(&Digest::default()), &[]).unwrap().0;
+        let markup = limits(&run, &Digest::default(), &[]).unwrap().0;
         for part in [
             "<th>how it is checked</th>",
             "<td>at rest; in motion 0.02 s of it more</td>",
@@ -268,9 +260,7 @@ mod tests {
             ..RunView::default()
         };
         let largest = [("judged_following_error_1_1".to_owned(), 0.0125)];
-        let markup = limits(&run, &Rows::new(&Digest::default()), &largest)
-            .unwrap()
-            .0;
+        let markup = limits(&run, &Digest::default(), &largest).unwrap().0;
         assert!(markup.contains("<td>12.5\u{a0}mm</td>"), "{markup}");
     }
 

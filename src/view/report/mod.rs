@@ -17,7 +17,7 @@
 //! | `response`, `tracking`, `effect`, `identified`, `balance`, `timing` | sections of results |
 //! | `tested`, `sketch`, `scale`, `ground`, `limits`, `events` | sections of the test: model, ends, ground motion, limits, events |
 //! | `compare`, `matched` | the page of several runs; their rows, number against number |
-//! | `source`, `row_filter`, `holder`, `stale`, `digest`, `passes`, `first` | rows read in blocks, and the kept results |
+//! | `source`, `row_filter`, `stale`, `digest`, `passes`, `first`, `series` | rows read in blocks, and the kept results |
 //! | `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | kept results of axes, specimens and columns |
 //! | `columns`, `rows`, `text` | columns a digest reads; columns by name; numbers as text |
 //! | `pictures` | the separate pictures |
@@ -36,7 +36,6 @@ mod events;
 mod figures;
 mod first;
 mod ground;
-mod holder;
 mod html;
 mod identified;
 mod limits;
@@ -51,6 +50,7 @@ mod response;
 mod row_filter;
 mod rows;
 mod scale;
+mod series;
 mod shaking;
 mod sketch;
 mod source;

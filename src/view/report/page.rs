@@ -8,21 +8,15 @@ use super::digest::Digest;
 use super::effect::effect_of_errors;
 use super::figures::tiles;
 use super::ground::ground;
-use super::html::{
-    HINT, banner_with, beside, definitions, details, frame, header, note, section, table,
-};
+use super::html::{HINT, banner_with, beside, definitions, details, frame, header, note, section};
 use super::limits::limits;
 use super::outcome::{Tone, refused, verdict};
 use super::response::response;
-use super::rows::Rows;
 use super::sketch::sketch;
-use super::text::{number, plural};
+use super::text::plural;
 use super::tracking::tracking;
 use super::{end_positions, events, identified, scale, tested, timing, tracked};
-use crate::Trials;
 
-/// Steps with trials that are listed.
-const LISTED_TRIALS: usize = 20;
 /// Sentences of a verdict that are always open, if no more are warnings.
 const MOST_SENTENCES: usize = 6;
 
@@ -33,8 +27,8 @@ pub fn render(run: &RunView) -> String {
 }
 
 fn page(run: &RunView, digest: &Digest) -> String {
-    let rows = Rows::new(digest);
-    let axes = tracked::tracking(run, &rows);
+    let rows = digest;
+    let axes = tracked::tracking(run, rows);
     let timings = timing::read(run.timings());
     let is_untitled = run.title.trim().is_empty();
     let title = if is_untitled {
@@ -45,19 +39,19 @@ fn page(run: &RunView, digest: &Digest) -> String {
     let part = rows.part().map(|part| format!("This page is of {part}."));
     let more: Vec<String> = part
         .into_iter()
-        .chain(end_positions::sentences(run, &rows))
+        .chain(end_positions::sentences(run, rows))
         .collect();
-    let head = html! { (banner(run, rows.after(), &more)) (tiles(run, &rows, &axes, &timings)) };
-    let effect = effect_of_errors(run, &rows, &axes);
+    let head = html! { (banner(run, rows.after(), &more)) (tiles(run, rows, &axes, &timings)) };
+    let effect = effect_of_errors(run, rows, &axes);
     let results = [
-        identified::identification(&rows, &axes),
-        response(run, &rows, &axes),
-        tracking(run, &rows, &axes, &effect),
-        balance(run, &rows),
-        Some(timing::timing(run, &rows, &timings)),
-        Some(model(run, &rows)),
-        ground(run, &rows),
-        limits(run, &rows, &digest.largest).map(|limits| section("Limits", limits)),
+        identified::identification(rows, &axes),
+        response(run, rows, &axes),
+        tracking(run, rows, &axes, &effect),
+        balance(run, rows),
+        Some(timing::timing(run, rows, &timings)),
+        Some(model(run, rows)),
+        ground(run, rows),
+        limits(run, rows, &digest.largest).map(|limits| section("Limits", limits)),
     ];
     let body = html! {
         (header("· hybrid test report", title, head))
@@ -72,14 +66,13 @@ fn page(run: &RunView, digest: &Digest) -> String {
 }
 
 /// Facts of the tested model, and its sketch.
-fn model(run: &RunView, rows: &Rows<'_>) -> Markup {
+fn model(run: &RunView, rows: &Digest) -> Markup {
     let mut facts = tested::facts(run);
     facts.push(("Recorded".to_owned(), recorded(rows)));
     if run.is_served() {
-        let replaced = run.trials.iter().map(|one| one.replaced).sum();
         let trials = format!(
             "{} beside the last exchange of each step. The histories leave them out; `gusset export --rate tick` has all exchanges",
-            plural(replaced, "exchange", "exchanges")
+            plural(run.replaced, "exchange", "exchanges")
         );
         facts.push(("Trials and repeated requests".to_owned(), trials));
     }
@@ -87,30 +80,8 @@ fn model(run: &RunView, rows: &Rows<'_>) -> Markup {
     let markup = html! {
         (beside("model", html! { (definitions(&facts)) (sketch) }))
         (scale::of_both_ends(rows, &run.test.file))
-        (trials(&run.trials))
     };
     section("Model", markup)
-}
-
-/// The steps of a served test with most trials and repeated requests; nothing without any.
-fn trials(trials: &[Trials]) -> Markup {
-    if trials.is_empty() {
-        return Markup::default();
-    }
-    let mut most = trials.to_vec();
-    most.sort_by(|a, b| {
-        b.replaced
-            .cmp(&a.replaced)
-            .then(a.time_s.total_cmp(&b.time_s))
-    });
-    most.truncate(LISTED_TRIALS);
-    let row = |one: &Trials| vec![number(one.time_s, 6), (one.replaced + 1).to_string()];
-    let rows: Vec<Vec<String>> = most.iter().map(row).collect();
-    let title = format!(
-        "Trials and repeated requests: {}",
-        plural(trials.len() as u64, "step", "steps")
-    );
-    details(&title, table(&["Test time (s)", "Exchanges"], &rows))
 }
 
 /// The machine, its grants, and the configuration.
@@ -127,8 +98,8 @@ fn machine(run: &RunView) -> Markup {
 }
 
 /// The number of rows of each kind, and whether some are missing between them.
-fn recorded(rows: &Rows<'_>) -> String {
-    let passed = rows.passed();
+fn recorded(rows: &Digest) -> String {
+    let passed = rows.passed;
     // A server records its commands: only the controller knows which of them is a step.
     let (step, steps, of) = match rows.get("commits") {
         Some(_) => ("command", "commands", "a controller"),
@@ -136,7 +107,7 @@ fn recorded(rows: &Rows<'_>) -> String {
     };
     let mut text = format!(
         "{}: {} of {of}",
-        plural(rows.recorded(), "row", "rows"),
+        plural(rows.recorded, "row", "rows"),
         plural(passed.steps, step, steps)
     );
     let others = passed.ticks - passed.steps;
@@ -147,7 +118,7 @@ fn recorded(rows: &Rows<'_>) -> String {
         );
     }
     let known = passed.ticks + passed.before + passed.leaving + passed.kept_back;
-    let rest = rows.recorded() - known;
+    let rest = rows.recorded - known;
     for (count, of) in [
         (passed.before, "before the test"),
         (passed.leaving, "of the shutdown"),
@@ -178,7 +149,7 @@ fn recorded(rows: &Rows<'_>) -> String {
             "; no {step} is missing between the first and the last, but {} BETWEEN THEM",
             plural(passed.missing_ticks, "TICK IS", "TICKS ARE")
         );
-    } else if rows.digest().counted {
+    } else if rows.counted {
         text += &format!("; no {step} is missing between the first and the last");
     }
     text

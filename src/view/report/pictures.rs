@@ -4,7 +4,7 @@
 
 use super::RunView;
 use super::chart::{Area, Chart, Ink, Look, Scale, picture};
-use super::rows::{History, Rows};
+use super::rows::History;
 use super::timing;
 use gusset_record::rt::timing::Percentiles;
 
@@ -12,12 +12,12 @@ use gusset_record::rt::timing::Percentiles;
 #[must_use]
 pub fn hero_svg(run: &RunView) -> String {
     let digest = run.digested();
-    let rows = Rows::new(&digest);
-    let tops = rows.dofs().iter().copied().rev();
+    let rows = &*digest;
+    let tops = rows.dofs.iter().copied().rev();
     let top = tops
         .map(|dof| (dof, rows.history(&format!("x{dof}"))))
         .find(|(_, of)| of.is_some());
-    let axis = rows.axes().first().copied();
+    let axis = rows.all_axes.first().copied();
     let column = |kind: &str| axis.map_or_else(String::new, |axis| axis.column(kind));
     let name = axis.map_or_else(
         || "no specimen".to_owned(),

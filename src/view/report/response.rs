@@ -4,9 +4,8 @@ use maud::{Markup, html};
 
 use super::chart::{Chart, Ink, Look, Scale, WHOLE};
 use super::columns::{MOST_DOFS, MOST_LINES, Storey, TAIL, spread};
-use super::digest::WITHOUT_DISP;
+use super::digest::{Digest, WITHOUT_DISP};
 use super::html::{beside, details, note, paragraph, table};
-use super::rows::Rows;
 use super::text::{count, or_dash, quantity};
 use super::tracked::Tracked;
 use super::{RunView, limits, metrics};
@@ -22,8 +21,8 @@ pub(super) const MOST_DRAWN: usize = 8;
 const MOST_TRIPS: usize = 3;
 
 /// The section; `None` for a test without a structure and without specimens.
-pub(super) fn response(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<Markup> {
-    let dofs = rows.dofs();
+pub(super) fn response(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Option<Markup> {
+    let dofs = &rows.dofs;
     if dofs.is_empty() && axes.is_empty() {
         return None;
     }
@@ -32,14 +31,14 @@ pub(super) fn response(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> 
     } else {
         "response"
     };
-    let says = if rows.running() == 0 {
+    let says = if rows.passed.steps == 0 {
         format!("No row was recorded while the test was running, so there is no {what} to show.")
     } else if rows.get("time").is_none() {
         "The rows have no time column, so no history can be drawn.".to_owned()
     } else {
         String::new()
     };
-    if !says.is_empty() && (rows.running() == 0 || !dofs.is_empty()) {
+    if !says.is_empty() && (rows.passed.steps == 0 || !dofs.is_empty()) {
         return Some(rows.section("Response", paragraph(&says)));
     }
     let shown = spread(dofs, MOST_LINES);
@@ -90,7 +89,7 @@ pub(super) fn trips(run: &RunView) -> Vec<(String, f64, Ink)> {
 /// A history of columns under their names; empty where none has a number.
 pub(super) fn history<'a>(
     run: &RunView,
-    rows: &Rows<'a>,
+    rows: &'a Digest,
     title: String,
     up: Scale<'a>,
     columns: impl IntoIterator<Item = (String, String)>,
@@ -108,7 +107,7 @@ pub(super) fn history<'a>(
 /// The histories of one quantity of the DOFs, one chart per unit.
 fn of_dofs(
     run: &RunView,
-    rows: &Rows<'_>,
+    rows: &Digest,
     shown: &[u32],
     (letter, name, words): (&str, &str, &str),
 ) -> Markup {
@@ -125,7 +124,7 @@ fn of_dofs(
 }
 
 /// The reference of displacements, velocities and accelerations, to be added to a title. Empty where the ground rests.
-fn measured_against(rows: &Rows<'_>) -> &'static str {
+fn measured_against(rows: &Digest) -> &'static str {
     let shakes = rows.marks("ground").peak.is_some_and(|p| p.value != 0.0);
     match rows.unit("ground") {
         // Coordinates are absolute where the base is displaced.
@@ -146,13 +145,13 @@ fn units<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
 }
 
 /// Storeys that have the column.
-fn numbers(rows: &Rows<'_>, kind: Storey) -> Vec<u32> {
+fn numbers(rows: &Digest, kind: Storey) -> Vec<u32> {
     let has = |storey: &u32| rows.filled(&kind.column(*storey as usize)).is_some();
     (1..).take_while(has).collect()
 }
 
 /// Floor acceleration, drift and shear over time, and the profile of the largest drifts.
-fn storeys(run: &RunView, rows: &Rows<'_>) -> Markup {
+fn storeys(run: &RunView, rows: &Digest) -> Markup {
     let kinds = [
         (
             Storey::Floor,
@@ -182,7 +181,7 @@ fn storeys(run: &RunView, rows: &Rows<'_>) -> Markup {
 }
 
 /// The largest drift of each storey to either side, over the height; only of several storeys.
-fn profile(rows: &Rows<'_>) -> Markup {
+fn profile(rows: &Digest) -> Markup {
     let storeys = numbers(rows, Storey::Drift);
     if storeys.len() < 2 {
         return Markup::default();
@@ -213,7 +212,7 @@ fn profile(rows: &Rows<'_>) -> Markup {
 }
 
 /// Largest floor acceleration, drift and shear of each storey, the roof first.
-fn storey_peaks(rows: &Rows<'_>) -> Markup {
+fn storey_peaks(rows: &Digest) -> Markup {
     let all = numbers(rows, Storey::Drift);
     if all.is_empty() {
         return Markup::default();
@@ -250,7 +249,7 @@ fn storey_peaks(rows: &Rows<'_>) -> Markup {
 }
 
 /// Poses of loading units over time, target and measured, one chart per unit of measure.
-fn poses(run: &RunView, rows: &Rows<'_>) -> Markup {
+fn poses(run: &RunView, rows: &Digest) -> Markup {
     let names = rows.names();
     let targets = names.iter().filter(|name| {
         name.strip_prefix("pose_")
@@ -281,8 +280,8 @@ fn poses(run: &RunView, rows: &Rows<'_>) -> Markup {
 }
 
 /// Fourier amplitudes of the displacements.
-fn spectra(rows: &Rows<'_>) -> Markup {
-    let spectra = &rows.digest().spectra;
+fn spectra(rows: &Digest) -> Markup {
+    let spectra = &rows.spectra;
     let unit_of = |dof: u32| rows.unit(&format!("x{dof}"));
     let drawn = units(spectra.iter().map(|(dof, _)| unit_of(*dof)))
         .into_iter()
@@ -330,7 +329,7 @@ pub(super) fn amplitudes<'a>(
     chart.sized(width, height).figure()
 }
 
-fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> Markup {
+fn peaks(run: &RunView, rows: &Digest, dofs: &[u32]) -> Markup {
     // A test that was stopped in motion has no residual displacement.
     let ending = run.summary.as_ref().map(|summary| summary.status);
     let is_completed = ending == Some(Status::Completed);
@@ -350,7 +349,7 @@ fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> Markup {
             value("a"),
         ];
         if is_completed {
-            let residual = rows.digest().residuals.iter().find(|(of, _)| of == dof);
+            let residual = rows.residuals.iter().find(|(of, _)| of == dof);
             let unit = rows.unit(&format!("x{dof}"));
             line.push(or_dash(residual.map(|(_, value)| quantity(*value, unit))));
         }
@@ -388,13 +387,13 @@ fn peaks(run: &RunView, rows: &Rows<'_>, dofs: &[u32]) -> Markup {
 }
 
 /// Loops of the force over the measured displacement, or over the command where none is measured.
-fn loops(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
+fn loops(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Markup {
     let drawn = axes
         .iter()
         .filter(|axis| axis.digest.is_drawable())
         .take(MOST_DRAWN);
     let hysteresis = |axis: &Tracked<'_>| {
-        let across = match rows.digest().measures_disp(axis.digest.axis) {
+        let across = match rows.measures_disp(axis.digest.axis) {
             true => "measured displacement",
             false => "command",
         };
@@ -414,12 +413,12 @@ fn loops(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
 }
 
 /// Peaks and energy of every axis, losses on the link, and the end that the numbers belong to.
-fn specimens(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
+fn specimens(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Markup {
     if axes.is_empty() {
         return Markup::default();
     }
-    let all = rows.axes().len();
-    let without = |axis: &&Tracked<'_>| !rows.digest().measures_disp(axis.digest.axis);
+    let all = rows.all_axes.len();
+    let without = |axis: &&Tracked<'_>| !rows.measures_disp(axis.digest.axis);
     html! {
         (unanswered(run, rows))
         (listed(axes))
@@ -435,8 +434,8 @@ fn specimens(run: &RunView, rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
 }
 
 /// The specimens that did not answer in every tick, and the consequences for the section; empty if all did.
-fn unanswered(run: &RunView, rows: &Rows<'_>) -> Markup {
-    let digest = rows.digest();
+fn unanswered(run: &RunView, rows: &Digest) -> Markup {
+    let digest = rows;
     if digest.stale.is_empty() {
         return Markup::default();
     }
@@ -454,22 +453,22 @@ fn unanswered(run: &RunView, rows: &Rows<'_>) -> Markup {
 }
 
 fn listed(axes: &[Tracked<'_>]) -> Markup {
-    let force = |found: Option<(f64, &str)>| or_dash(found.map(|(f, unit)| quantity(f, unit)));
     let has_way_out = axes.iter().any(|axis| axis.way_out.is_some());
     let row = |axis: &Tracked<'_>| {
         let peak = axis
             .digest
             .peak_disp
-            .map(|p| quantity(p.value, axis.disp_unit));
+            .map(|disp| quantity(disp, axis.disp_unit));
+        let force = |found: Option<f64>| or_dash(found.map(|f| quantity(f, axis.force_unit)));
         let absorbed = axis.digest.absorbed.map(|e| quantity(e, axis.work_unit()));
         let mut row = vec![
             axis.name.clone(),
             or_dash(peak),
-            force(axis.peak_force()),
+            force(axis.digest.peak_force),
             or_dash(absorbed),
         ];
         if has_way_out {
-            row.push(force(axis.force_on_the_way_out()));
+            row.push(force(axis.way_out));
         }
         row
     };
@@ -520,8 +519,8 @@ fn traffic(run: &RunView) -> Markup {
 }
 
 /// A note on the rows that the histories show.
-fn note_on_histories(rows: &Rows<'_>) -> Markup {
-    let every = rows.digest().every;
+fn note_on_histories(rows: &Digest) -> Markup {
+    let every = rows.every;
     if every <= 1 {
         return note(&format!(
             "A history differs from the recorded rows by at most 0.1 % of its largest value, at their times; one that would need \
@@ -529,8 +528,8 @@ fn note_on_histories(rows: &Rows<'_>) -> Markup {
             count(super::thin::MOST as u64)
         ));
     }
-    let ticks = rows.digest().ticks_per_step.max(1) as f64;
-    let apart = rows.passed().step_s.map(|step| step / ticks * every as f64);
+    let ticks = rows.ticks_per_step.max(1) as f64;
+    let apart = rows.passed.step_s.map(|step| step / ticks * every as f64);
     let apart = apart.map_or_else(String::new, |apart| format!(" ({})", quantity(apart, "s")));
     note(&format!(
         "The histories of this long test show the smallest and the largest of every {} rows{apart}, each at its time: no peak is \
@@ -545,12 +544,12 @@ fn note_on_histories(rows: &Rows<'_>) -> Markup {
 /// The summary's peaks cover DOFs that were not recorded; its magnitudes are without a sign.
 pub(super) fn largest_displacement<'a>(
     run: &RunView,
-    rows: &Rows<'a>,
+    rows: &'a Digest,
 ) -> Option<(u32, f64, &'a str)> {
     let peak = run.summary.as_ref().map(|summary| &summary.peak);
-    let recorded = rows.dofs().iter().copied().filter_map(|dof| {
+    let recorded = rows.dofs.iter().copied().filter_map(|dof| {
         let name = format!("x{dof}");
-        let peak = metrics::peak(&rows.get(&name)?)?;
+        let peak = metrics::peak(rows.get(&name)?)?;
         Some((dof, peak.value, rows.unit(&name)))
     });
     let listed = peak

@@ -8,7 +8,9 @@
 //! has no shutdown: in its record rows of state 8 are commands that were not passed on. Missing rows separate the rows before
 //! them from those behind.
 
+use super::source::Source;
 use gusset_quantity::catalog::phase::{Part, Phase, Stage};
+use gusset_record::{COMMITS, Column};
 
 pub(super) const RUNNING: f64 = Phase::Running.code();
 pub(super) const HOLDING: f64 = Phase::Holding.code();
@@ -79,9 +81,7 @@ impl Course {
         if self.interval.is_none() {
             self.interval = Some(apart).filter(|dt| *dt > 0.0 && dt.is_finite());
         }
-        let is_even = self
-            .interval
-            .is_some_and(|dt| (apart - dt).abs() <= EVEN * dt);
+        let is_even = self.interval.is_some_and(|dt| is_apart(apart, dt));
         self.is_uneven |= !is_even;
         let steps = (step - step_before).round();
         let missing = match self.interval {
@@ -104,10 +104,9 @@ impl Course {
 /// Share of an interval by which rows of an even grid may be off.
 const EVEN: f64 = 1e-3;
 
-/// True if these times are `dt` apart, each from the next.
-pub(super) fn is_even(time: &[f64], dt: f64) -> bool {
-    time.windows(2)
-        .all(|pair| (pair[1] - pair[0] - dt).abs() <= EVEN * dt)
+/// True if a time is one interval after another.
+pub(super) fn is_apart(apart: f64, dt: f64) -> bool {
+    (apart - dt).abs() <= EVEN * dt
 }
 
 /// Sorts rows as they pass.
@@ -136,6 +135,8 @@ pub(super) struct RowFilter {
 pub(super) struct Passed {
     /// Steps that were made, by their ends.
     pub steps: u64,
+    /// Ends of steps: these, and a trip at the end of a step.
+    pub ends: u64,
     /// Ticks of the test, these among them.
     pub ticks: u64,
     /// Rows before the test, and of the shutdown.
@@ -156,11 +157,7 @@ pub(super) struct Passed {
 
 impl RowFilter {
     /// For blocks with state, step and time at these places; without a state all rows are ends of steps.
-    pub(crate) fn new(
-        places: [Option<usize>; 3],
-        step_s: Option<f64>,
-        ticks_per_step: u64,
-    ) -> Self {
+    fn new(places: [Option<usize>; 3], step_s: Option<f64>, ticks_per_step: u64) -> Self {
         let [state, step, time] = places;
         let ticks_per_step = ticks_per_step.max(1) as f64;
         let interval = step_s.filter(|dt| *dt > 0.0 && dt.is_finite());
@@ -188,10 +185,17 @@ impl RowFilter {
         }
     }
 
-    /// For a server's record, if it is one.
-    pub(crate) const fn of_a_server(mut self, is_served: bool) -> Self {
-        self.is_served = is_served;
-        self
+    /// For blocks of these columns of `source`.
+    pub(crate) fn of(source: &dyn Source, columns: &[Column]) -> Self {
+        let at = |name: &str| columns.iter().position(|column| column.name == name);
+        let is_served = source.columns().iter().any(|column| column.name == COMMITS);
+        // A server numbers exchanges; the steps are those of its controller.
+        let step = if is_served { COMMITS } else { "step" };
+        let places = ["state", step, "time"].map(at);
+        Self {
+            is_served,
+            ..Self::new(places, source.step_s(), source.ticks_per_step())
+        }
     }
 
     /// The ends of steps, and the ticks, of the next block.
@@ -247,6 +251,7 @@ impl RowFilter {
     pub(crate) fn passed(&self) -> Passed {
         Passed {
             steps: self.steps.rows - self.cut_short,
+            ends: self.steps.rows,
             ticks: self.ticks.rows,
             before: self.before,
             leaving: self.leaving,

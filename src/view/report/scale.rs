@@ -4,10 +4,10 @@
 use maud::Markup;
 
 use super::columns::SpecimenAxis;
+use super::digest::Digest;
 use super::html::note;
-use super::rows::Rows;
 use super::tested::axis_name;
-use super::text::trimmed;
+use super::text::{named_once, trimmed};
 use crate::TestFile;
 use gusset_config::AxisTable;
 
@@ -31,7 +31,7 @@ fn entry(test: &TestFile, axis: SpecimenAxis) -> Option<&AxisTable> {
 
 /// Unit of the column of this kind, which is of the specimen's own end.
 pub(super) fn own_unit<'a>(
-    rows: &Rows<'a>,
+    rows: &'a Digest,
     test: &'a TestFile,
     axis: SpecimenAxis,
     kind: &str,
@@ -49,7 +49,7 @@ pub(super) fn own_unit<'a>(
 
 impl Scale {
     /// Scale of an axis; `None` where both ends are one to one, or the record has only the specimen's.
-    pub(crate) fn of(rows: &Rows<'_>, test: &TestFile, axis: SpecimenAxis) -> Option<Self> {
+    pub(crate) fn of(rows: &Digest, test: &TestFile, axis: SpecimenAxis) -> Option<Self> {
         if rows.unit(&axis.column("cmd")) != OWN {
             return None;
         }
@@ -72,27 +72,18 @@ impl Scale {
 }
 
 /// Which numbers are of which end, and the scale of every axis that is not one to one; nothing where all are.
-pub(super) fn of_both_ends(rows: &Rows<'_>, test: &TestFile) -> Markup {
-    let mut told: Vec<(String, Vec<String>)> = Vec::new();
-    for &axis in rows.axes() {
-        let Some(scale) = Scale::of(rows, test, axis) else {
-            continue;
-        };
-        let (name, words) = (axis_name(test, axis, rows.axes()), scale.words());
-        match told.iter_mut().find(|(known, _)| *known == words) {
-            Some((_, names)) => names.push(name),
-            None => told.push((words, vec![name])),
-        }
-    }
+pub(super) fn of_both_ends(rows: &Digest, test: &TestFile) -> Markup {
+    let scales = rows.all_axes.iter().filter_map(|&axis| {
+        let scale = Scale::of(rows, test, axis)?;
+        Some((axis_name(test, axis, &rows.all_axes), scale.words()))
+    });
+    let told = named_once(scales);
     if told.is_empty() {
         return Markup::default();
     }
-    let each = told
-        .iter()
-        .map(|(words, names)| format!("{}: {words}.", names.join(", ")));
     note(&format!(
         "Limits, warnings and where a specimen was left are of the specimen itself; histories, loops and peaks are as the structure \
          sees them. {}",
-        each.collect::<Vec<_>>().join(" ")
+        told.join(" ")
     ))
 }

@@ -135,7 +135,7 @@ mod tests {
         let answered = force.iter().enumerate();
         let answered = answered.filter(|(row, _)| !(from..from + 4).contains(row));
         let largest = answered.map(|(_, f)| f.abs()).fold(0.0, f64::max);
-        assert_eq!(axis.peak_force.unwrap().value.abs(), largest);
+        assert_eq!(axis.peak_force.unwrap().abs(), largest);
         let tracking = axis.tracking.as_ref().unwrap();
         assert_eq!(tracking.samples, force.len() as u64 - 4);
         assert_eq!(

@@ -211,11 +211,11 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunView {
     let misses = events.len() - 1;
     events.push(json!({"tick": steps, "time": seconds, "wall": "2025-03-04T09:12:47.123456789Z", "clock_ns": 2, "event": "ended"}));
     RunView {
-        trials: Vec::new(),
         title: "Three storeys on a Bouc–Wen column".to_owned(),
         columns: columns(&NAMES),
         data,
         digest: None,
+        replaced: 0,
         no_balance: None,
         modes: Vec::new(),
         no_modes: None,

@@ -212,6 +212,20 @@ pub(super) fn or_dash(text: Option<String>) -> String {
     text.unwrap_or_else(|| NOTHING.to_owned())
 }
 
+/// Equal texts once, each after the names that it belongs to: "a, b: text.".
+pub(super) fn named_once(all: impl IntoIterator<Item = (String, String)>) -> Vec<String> {
+    let mut told: Vec<(String, Vec<String>)> = Vec::new();
+    for (name, text) in all {
+        match told.iter_mut().find(|(known, _)| *known == text) {
+            Some((_, names)) => names.push(name),
+            None => told.push((text, vec![name])),
+        }
+    }
+    let each = told.iter();
+    each.map(|(text, names)| format!("{}: {text}.", names.join(", ")))
+        .collect()
+}
+
 /// "1 tick", "2 ticks".
 pub(super) fn plural(n: u64, one: &str, many: &str) -> String {
     format!("{}\u{a0}{}", count(n), if n == 1 { one } else { many })

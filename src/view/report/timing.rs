@@ -7,9 +7,9 @@ use maud::{Markup, html};
 use super::RunView;
 use super::axis::is_drawable;
 use super::chart::{Chart, Ink, Look, Scale};
+use super::digest::Digest;
 use super::html::{beside, definitions, details, note, paragraph, section, table, table_of};
 use super::outcome::{class_of, class_words, is_miss};
-use super::rows::Rows;
 use super::text::{NOTHING, count, micros, plural};
 use gusset_quantity::catalog::column;
 use gusset_record::miss::Evidence;
@@ -248,7 +248,7 @@ fn percentile_marks(
 }
 
 /// Histograms, their percentiles and lateness over test time.
-pub(super) fn timing(run: &RunView, rows: &Rows<'_>, timings: &[Timing]) -> Markup {
+pub(super) fn timing(run: &RunView, rows: &Digest, timings: &[Timing]) -> Markup {
     let heading = "Timing";
     if run.is_simulated() {
         let says =
@@ -305,7 +305,7 @@ fn figure(timing: &Timing, period_us: Option<f64>) -> Markup {
 }
 
 /// The ticks that took longest, each with the evidence around it.
-fn worst(run: &RunView, rows: &Rows<'_>) -> Markup {
+fn worst(run: &RunView, rows: &Digest) -> Markup {
     let miss_at = |step: f64| {
         let near = run.events.iter().filter(|e| is_miss(e));
         near.filter_map(|e| Some((e.tick? as f64 - step, e)))
@@ -318,8 +318,9 @@ fn worst(run: &RunView, rows: &Rows<'_>) -> Markup {
             NOTHING.to_owned()
         }
     };
-    let listed = rows.digest().worst.iter().map(|tick| {
-        let miss = miss_at(tick.step).map(|(_, miss)| miss);
+    let listed = rows.worst.iter().map(|tick| {
+        let [step, time, wakeup, sent, round_trip, compute, stretched] = *tick;
+        let miss = miss_at(step).map(|(_, miss)| miss);
         let evidence = miss.and_then(evidence).unwrap_or_default();
         let mut context = Vec::new();
         if let Some(miss) = miss {
@@ -340,20 +341,20 @@ fn worst(run: &RunView, rows: &Rows<'_>) -> Markup {
                 context.push(plural(n, one, many));
             }
         }
-        if tick.stretched > 0.0 {
+        if stretched > 0.0 {
             context.push(format!(
                 "grid moved by {} so far",
-                plural(tick.stretched as u64, "tick", "ticks")
+                plural(stretched as u64, "tick", "ticks")
             ));
         }
         vec![
-            count(tick.step as u64),
-            format!("{:.4}\u{a0}s", tick.time),
-            show(tick.total),
-            show(tick.wakeup),
-            show(tick.sent - tick.wakeup),
-            show(tick.round_trip),
-            show(tick.compute),
+            count(step as u64),
+            format!("{time:.4}\u{a0}s"),
+            show(super::worst::total(tick)),
+            show(wakeup),
+            show(sent - wakeup),
+            show(round_trip),
+            show(compute),
             context.join(", "),
         ]
     });
@@ -418,7 +419,7 @@ fn percentiles(timings: &[Timing]) -> Markup {
     )
 }
 
-fn over_time(run: &RunView, rows: &Rows<'_>) -> Markup {
+fn over_time(run: &RunView, rows: &Digest) -> Markup {
     let named = [
         (column::WAKEUP.name(), "wake-up lateness", 2),
         (column::ROUND_TRIP.name(), "round trip", 1),

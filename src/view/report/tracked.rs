@@ -4,7 +4,7 @@ use super::RunView;
 use super::axes::AxisDigest;
 use super::chart::Scale as Axis;
 use super::columns::SpecimenAxis;
-use super::rows::Rows;
+use super::digest::Digest;
 use super::scale::{AS_SEEN, Scale};
 use super::tested::axis_name;
 use super::text::{lag_words, percent, quantity};
@@ -19,37 +19,23 @@ pub(super) struct Tracked<'a> {
     told_force: Option<f64>,
     /// None where the numbers of the specimen's own end are those of the structure.
     pub scale: Option<Scale>,
-    way_in: Option<f64>,
+    /// Force of largest magnitude in the startup and in the shutdown, if there was one.
+    pub way_in: Option<f64>,
     pub way_out: Option<f64>,
 }
 
-impl<'a> Tracked<'a> {
-    /// Peak force of the running test with its unit.
-    pub(crate) fn peak_force(&self) -> Option<(f64, &'a str)> {
-        self.digest.peak_force.map(|p| (p.value, self.force_unit))
-    }
-
+impl Tracked<'_> {
     /// Largest force of all known parts of the test; without a sign if only the summary contains it.
-    pub(crate) fn largest_force(&self) -> Option<(f64, &'a str)> {
-        let own = self.digest.peak_force.map(|p| p.value);
+    pub(crate) fn largest_force(&self) -> Option<f64> {
+        let own = self.digest.peak_force;
         let told = self.told_force;
         let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
-        Some((told.or(own)?, self.force_unit))
+        told.or(own)
     }
 
     /// Its name, with the end of a force where that is needed.
     pub(crate) fn force_of(&self) -> String {
         self.name.clone() + self.scale.map_or("", |_| AS_SEEN)
-    }
-
-    /// Force of largest magnitude in the startup with its unit, if there was one.
-    pub(crate) fn force_on_the_way_in(&self) -> Option<(f64, &'a str)> {
-        self.way_in.map(|force| (force, self.force_unit))
-    }
-
-    /// Force of largest magnitude in the shutdown with its unit, if there was one.
-    pub(crate) fn force_on_the_way_out(&self) -> Option<(f64, &'a str)> {
-        self.way_out.map(|force| (force, self.force_unit))
     }
 
     /// Lag of measured behind target in s.
@@ -117,11 +103,11 @@ impl<'a> Tracked<'a> {
 }
 
 /// Every axis with its name, which comes from the configuration.
-pub(super) fn tracking<'a>(run: &RunView, rows: &Rows<'a>) -> Vec<Tracked<'a>> {
+pub(super) fn tracking<'a>(run: &RunView, rows: &'a Digest) -> Vec<Tracked<'a>> {
     let test = &run.test.file;
-    let axes = rows.digest().axes.iter();
+    let axes = rows.axes.iter();
     let end = |axis| {
-        let mut ends = rows.digest().ends.iter();
+        let mut ends = rows.ends.iter();
         ends.find(|end| end.axis == axis)
     };
     let told_force = |axis: SpecimenAxis| {
@@ -130,7 +116,7 @@ pub(super) fn tracking<'a>(run: &RunView, rows: &Rows<'a>) -> Vec<Tracked<'a>> {
         *own.get(axis.axis.checked_sub(1)? as usize)?
     };
     axes.map(|digest| Tracked {
-        name: axis_name(test, digest.axis, rows.axes()),
+        name: axis_name(test, digest.axis, &rows.all_axes),
         disp_unit: rows.unit(&digest.axis.column("meas")),
         force_unit: rows.unit(&digest.axis.column("force")),
         told_force: told_force(digest.axis),
@@ -142,11 +128,11 @@ pub(super) fn tracking<'a>(run: &RunView, rows: &Rows<'a>) -> Vec<Tracked<'a>> {
     .collect()
 }
 
-/// The axis of which a force is largest, with that force and its unit.
+/// The axis of which a force is largest, with that force.
 pub(super) fn largest<'a, 'b>(
     axes: &'b [Tracked<'a>],
-    force: impl Fn(&Tracked<'a>) -> Option<(f64, &'a str)>,
-) -> Option<(&'b Tracked<'a>, (f64, &'a str))> {
+    force: impl Fn(&Tracked<'a>) -> Option<f64>,
+) -> Option<(&'b Tracked<'a>, f64)> {
     let forces = axes.iter().filter_map(|axis| Some((axis, force(axis)?)));
-    forces.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs()))
+    forces.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }

@@ -6,11 +6,10 @@ use maud::{Markup, html};
 use super::RunView;
 use super::chart::{Chart, HALF, Look, Scale};
 use super::columns::ERROR;
-use super::digest::NOT_MEASURED;
+use super::digest::{Digest, NOT_MEASURED};
 use super::html::{beside, details, note, table, table_without};
 use super::limits;
 use super::response::{MOST_DRAWN, amplitudes, history};
-use super::rows::Rows;
 use super::text::{NOTHING, lag_words, number, or_dash, percent, plural, quantity};
 use super::tracked::Tracked;
 use gusset_motion::metrics::Judged;
@@ -22,11 +21,11 @@ pub(super) const MARGIN: &str = "margin";
 /// The section on tracking; `effect` is the effect of the errors on the test. `None` without a specimen that moved.
 pub(super) fn tracking(
     run: &RunView,
-    rows: &Rows<'_>,
+    rows: &Digest,
     axes: &[Tracked<'_>],
     effect: &Markup,
 ) -> Option<Markup> {
-    if axes.is_empty() || rows.running() == 0 {
+    if axes.is_empty() || rows.passed.steps == 0 {
         return None;
     }
     let drawn = axes.iter().filter(|axis| axis.digest.is_drawable());
@@ -51,9 +50,9 @@ pub(super) fn tracking(
 }
 
 /// Delay, amplitude error and energy error of every axis.
-fn figures(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
+fn figures(rows: &Digest, axes: &[Tracked<'_>]) -> Markup {
     let row = |axis: &Tracked<'_>| {
-        let cells = match axis.is_ideal() || !rows.digest().measures_disp(axis.digest.axis) {
+        let cells = match axis.is_ideal() || !rows.measures_disp(axis.digest.axis) {
             true => [NOT_MEASURED; 4].map(str::to_owned),
             false => axis.figures().map(|(_, text)| or_dash(text)),
         };
@@ -77,9 +76,9 @@ fn figures(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Markup {
 }
 
 /// Charts of an axis that did not follow exactly. The record of a link with forces only repeats the command as the measurement.
-fn followed(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
+fn followed(run: &RunView, rows: &Digest, axis: &Tracked<'_>) -> Markup {
     let column = |kind: &str| axis.digest.axis.column(kind);
-    let is_measured = rows.digest().measures_disp(axis.digest.axis);
+    let is_measured = rows.measures_disp(axis.digest.axis);
     let what = if is_measured { "measured" } else { "command" };
     let columns =
         [("target", "target"), (what, "meas")].map(|(name, kind)| (name.to_owned(), column(kind)));
@@ -106,11 +105,8 @@ fn followed(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
     )
     .labelled(axis.label("tracking error over test time"))
     .half(290.0);
-    let is_broken = rows
-        .digest()
-        .broken()
-        .any(|broken| broken == axis.digest.axis);
-    let broken = if rows.passed().missing_ticks > 0 {
+    let is_broken = rows.broken().any(|broken| broken == axis.digest.axis);
+    let broken = if rows.passed.missing_ticks > 0 {
         "Rows are missing in the record: lag, tracking metrics, frequency content and absorbed energy of this axis are left out. \
          Peaks are those of the rows that are there."
     } else {
@@ -118,7 +114,7 @@ fn followed(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
          left out."
     };
     let more = html! {
-        (indices(axis))
+        (table_of_indices(rows, axis))
         (beside("grid", html! { (subspace(axis)) (content(axis)) (response_of(axis)) }))
         (windows(run, axis))
         (estimates(run, rows, axis))
@@ -173,20 +169,26 @@ fn content(axis: &Tracked<'_>) -> Markup {
     )
 }
 
-/// Gain of measured over target by frequency.
+/// Gain and phase of measured over target by frequency.
 fn response_of(axis: &Tracked<'_>) -> Markup {
-    let (hz, gain): (Vec<f64>, Vec<f64>) = axis.digest.gain().into_iter().unzip();
-    if hz.len() < 2 {
+    let found = &axis.digest.response;
+    if found.len() < 2 {
         return Markup::default();
     }
-    Chart::new(
-        "Frequency response: measured over target",
-        Scale::new("frequency", "Hz").log(),
-        Scale::new("gain", "1"),
-    )
-    .labelled(axis.label("gain of measured over target by frequency"))
-    .with("", hz, gain, Look::Dots)
-    .figure()
+    let hz: Vec<f64> = found.iter().map(|one| one.frequency_hz).collect();
+    let gain = found.iter().map(|one| one.gain).collect::<Vec<f64>>();
+    let phase = found.iter().map(|one| one.phase).collect::<Vec<f64>>();
+    let charts = [
+        ("Gain", Scale::new("gain", "1"), gain),
+        ("Phase, negative: behind", Scale::new("phase", "rad"), phase),
+    ];
+    let drawn = charts.into_iter().map(|(what, up, values)| {
+        let title = format!("{what} of measured over target by frequency");
+        Chart::new(title.clone(), Scale::new("frequency", "Hz").log(), up)
+            .labelled(axis.label(&title))
+            .with("", &hz, values, Look::Dots)
+    });
+    html! { @for chart in drawn { (chart.figure()) } }
 }
 
 /// Amplitude and phase errors in moving windows.
@@ -216,7 +218,7 @@ fn windows(run: &RunView, axis: &Tracked<'_>) -> Markup {
 }
 
 /// Delay, gain and margin as estimated while the test ran, if they were estimated.
-fn estimates(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
+fn estimates(run: &RunView, rows: &Digest, axis: &Tracked<'_>) -> Markup {
     let kinds = [
         (
             "Delay as estimated while the test ran",
@@ -247,28 +249,23 @@ fn estimates(run: &RunView, rows: &Rows<'_>, axis: &Tracked<'_>) -> Markup {
 /// How a number is written.
 type Written<'a> = &'a dyn Fn(f64) -> String;
 
-/// The table of indices of one axis; nothing where they are not known.
-fn indices(axis: &Tracked<'_>) -> Markup {
-    let (disp_unit, force_unit) = (axis.disp_unit, axis.force_unit);
+/// The indices of one axis: name, and value, noise floor and corrected value as text; none where they are not known.
+pub(super) fn indices(axis: &Tracked<'_>) -> Vec<(String, [String; 3])> {
     let Some(t) = &axis.digest.tracking else {
-        return Markup::default();
+        return Vec::new();
     };
-    let metre = |v: f64| quantity(v, disp_unit);
+    let metre = |v: f64| quantity(v, axis.disp_unit);
     let second = lag_words;
     let plain = |v: f64| number(v, 4);
     let radian = |v: f64| quantity(v, "rad");
-    let square = |v: f64| format!("{}\u{a0}{disp_unit}²", number(v, 3));
+    let square = |v: f64| format!("{}\u{a0}{}²", number(v, 3), axis.disp_unit);
     let joule = |v: f64| quantity(v, axis.work_unit());
-    let mut rows = Vec::new();
+    let mut all = Vec::new();
     let mut row = |name: &str, judged: Option<Judged>, write: Written<'_>| {
         let Some(judged) = judged else { return };
-        let or_dash = |v: Option<f64>| or_dash(v.map(write));
-        rows.push(vec![
-            name.to_owned(),
-            write(judged.value),
-            or_dash(judged.floor),
-            or_dash(judged.corrected),
-        ]);
+        let others = [judged.floor, judged.corrected].map(|v| or_dash(v.map(write)));
+        let [floor, corrected] = others;
+        all.push((name.to_owned(), [write(judged.value), floor, corrected]));
     };
     row(
         "NRMSE, by the root mean square of the target",
@@ -318,6 +315,19 @@ fn indices(axis: &Tracked<'_>) -> Markup {
         t.energy_error_share,
         &percent,
     );
+    all
+}
+
+/// The table of indices of one axis; nothing where they are not known.
+fn table_of_indices(rows: &Digest, axis: &Tracked<'_>) -> Markup {
+    let (disp_unit, force_unit) = (axis.disp_unit, axis.force_unit);
+    let Some(t) = &axis.digest.tracking else {
+        return Markup::default();
+    };
+    let listed: Vec<Vec<String>> = indices(axis)
+        .into_iter()
+        .map(|(name, cells)| std::iter::once(name).chain(cells).collect())
+        .collect();
     let at = t.fei.map_or_else(String::new, |f| {
         format!(
             " FEI belongs to {}.",
@@ -356,8 +366,12 @@ fn indices(axis: &Tracked<'_>) -> Markup {
         },
     );
     let samples = plural(t.samples, "sample", "samples");
+    let means = match rows.means_of {
+        0 | 1 => String::new(),
+        every => format!(", each the mean of {every} ticks of this long test"),
+    };
     html! {
-        (table_without(NOTHING, "", &["measured against target", "value", "noise floor", "corrected"], &rows))
-        (note(&format!("{samples}.{at}{damping}{noise} `gusset guide mathematics-errors` defines the indices.")))
+        (table_without(NOTHING, "", &["measured against target", "value", "noise floor", "corrected"], &listed))
+        (note(&format!("{samples}{means}.{at}{damping}{noise} `gusset guide mathematics-errors` defines the indices.")))
     }
 }

@@ -89,9 +89,6 @@ function bar(mark, values, whose) {
   return element;
 }
 
-/** A limit of the whole test as a mark. */
-const ofTest = (mark) => ({ ...mark, unit: "1", warn: [null, mark.warn], trip: [null, mark.trip], size: true, end: null });
-
 const testValues = (place) => (now) => {
   const [value, most] = now.test[place] ?? [null, null];
   return [value, 0, most];
@@ -117,8 +114,8 @@ function buildLimits(subject) {
   subject.test.forEach((mark, place) => {
     const isMargin = MARGINS.includes(mark.key);
     // The end of a bar without levels is the whole margin.
-    if (isMargin) margins.push(bar({ ...ofTest(mark), most: 1 / 1.12 }, testValues(place), whole));
-    else if (finite(mark.warn) || finite(mark.trip)) rest.push(bar(ofTest(mark), testValues(place), whole));
+    if (isMargin) margins.push(bar({ ...mark, most: 1 / 1.12 }, testValues(place), whole));
+    else if ([...mark.warn, ...mark.trip].some(finite)) rest.push(bar(mark, testValues(place), whole));
   });
   if (rest.length > 0) all.push(make("h3", "", "whole test"), ...rest);
   $("margin-bars").replaceChildren(...margins);
