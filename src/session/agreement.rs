@@ -13,6 +13,7 @@ use super::origin::Origin;
 use super::row_peaks::{RowPeaks, raise_all};
 use gusset_config::{Time, TimeTable};
 use gusset_control::engine::{Ending, Outcome, Phase, Stop};
+use gusset_link::served::ServedSpecimen;
 use gusset_quantity::catalog::ending::{Cause, Kind};
 use gusset_quantity::catalog::phase::{GIVEN_UP, Part};
 use gusset_quantity::substructure::LinkFault;
@@ -113,6 +114,34 @@ pub(super) fn with_loop(
         all.extend(peaks(&summary.peak, found, found));
     }
     Ok(all)
+}
+
+/// Differences from a served specimen at the end of its replay.
+pub(super) fn with_served(summary: &Summary, served: &ServedSpecimen) -> Vec<SummaryDifference> {
+    let (name, counts, peak) = (served.name(), served.counts(), served.peak());
+    let mut all = peaks(&summary.peak, &peak, &peak);
+    let link = summary.link.get(name).cloned().unwrap_or_default();
+    // The last command may be accepted after its row.
+    let (commits, steps) = (served.commits(), summary.steps);
+    let steps_found = if steps == commits + 1 { steps } else { commits };
+    let counted = [
+        ("steps".to_owned(), steps, steps_found),
+        (format!("link.{name}.sent"), link.sent, counts.passed_on),
+        (
+            format!("link.{name}.received"),
+            link.received,
+            counts.answered,
+        ),
+    ];
+    let differs = counted.into_iter().filter(|(_, told, found)| told != found);
+    all.extend(differs.map(|(key, told, found)| SummaryDifference::new(key, told, found)));
+    if let Some(trip) = served.tripped() {
+        let word = trip.cause().word();
+        if summary.cause.as_deref() != Some(word) {
+            all.push(SummaryDifference::new("cause", &summary.cause, word));
+        }
+    }
+    all
 }
 
 /// True if the rows end in the running test, so that a limit may have tripped after them. No limit tripped if the operator or a
@@ -216,7 +245,7 @@ fn has_no_outcome(summary: &Summary) -> bool {
 }
 
 /// Peaks below the `least` or above the `most` of the record, the first of each key. What the record does not have is not checked.
-pub(super) fn peaks(told: &Peak, least: &Peak, most: &Peak) -> Vec<SummaryDifference> {
+fn peaks(told: &Peak, least: &Peak, most: &Peak) -> Vec<SummaryDifference> {
     let [told, least, most] = [told, least, most].map(series);
     let keys: BTreeSet<&String> = least.keys().chain(most.keys()).collect();
     let first = |key: &String| {

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use super::agreement::{
-    SummaryDifference, is_of_an_earlier_version, may_trip_after_its_rows, peaks, with_loop,
+    SummaryDifference, is_of_an_earlier_version, may_trip_after_its_rows, with_loop, with_served,
 };
 use super::checksum::check_files;
 use super::playback::{Comparing, Course, Difference, Playback, Recording, with};
@@ -107,7 +107,7 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
 /// Runs the targets of a controller through its server's specimen again.
 fn replay_served(run: &Run) -> Result<Replay, ReplayError> {
     let files_proven = check_files(run)?;
-    let (playback, peak) = served_replay::follow(run, Recording::of(run)?)?;
+    let (playback, served) = served_replay::follow(run, Recording::of(run)?)?;
     let mut found = with(&playback, |playback| {
         let end = playback.end().filter(|end| *end != End::Clean);
         let short = playback.short.take();
@@ -118,10 +118,14 @@ fn replay_served(run: &Run) -> Result<Replay, ReplayError> {
         }
     });
     if found.is_exact() {
-        found.short = missing_end(run, &found);
+        let newest = served_replay::newest_exchange(run)?;
+        let missing = newest.filter(|exchange| *exchange >= found.rows);
+        found.short = missing.map(|exchange| {
+            format!("the rows end before exchange {exchange}, which the events name")
+        });
     }
     if let Some(summary) = run.summary().filter(|_| found.is_exact()) {
-        found.summary = peaks(&summary.peak, &peak, &peak);
+        found.summary = with_served(summary, &served);
     }
     Ok(found)
 }

@@ -20,9 +20,12 @@ pub enum ReplayError {
     /// Its rows do not fit the specimens of the test.
     #[error(transparent)]
     Port(#[from] PortError),
+    /// A server wrote it: its commands came from elsewhere.
+    #[error("{}: a server recorded this test, whose commands came from its controller: only the run folder of that controller can go on", .0.display())]
+    Served(PathBuf),
     /// A server wrote it, and its controller's test never began, or an earlier version wrote it.
     #[error("{}: its events have no `ready`: the controller's test ended before its first command, or an earlier version recorded it", .0.display())]
-    Served(PathBuf),
+    NeverBegan(PathBuf),
     /// The specimen of a server cannot be made again.
     #[error("{}: {}", .0.display(), .1)]
     Host(PathBuf, String),

@@ -23,9 +23,8 @@ use gusset_quantity::substructure::{
     Unavailable,
 };
 use gusset_quantity::time::Nanos;
-use gusset_record::summary::Peak;
 use gusset_record::{Event, Layout, Ready, Run};
-use gusset_setup::load_served;
+use gusset_setup::load_served_record;
 
 /// Code of a specimen that is lost, in the column `trip`.
 const LOST: u32 = Trip::Lost(LinkFault::Closed).code();
@@ -145,12 +144,14 @@ impl Substructure for Recorded {
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         self.is_lost(false)?;
         let axes = into.disp.iter_mut().zip(&mut into.force);
-        let mut is_finite = true;
+        let mut is_new = false;
         for ((disp, force), place) in axes.zip(&self.places.raw) {
-            [*disp, *force] = place.map(|place| self.next(place));
-            is_finite &= disp.is_finite() && force.is_finite();
+            let [raw_disp, raw_force] = place.map(|place| self.next(place));
+            is_new |=
+                raw_disp.to_bits() != disp.to_bits() || raw_force.to_bits() != force.to_bits();
+            (*disp, *force) = (raw_disp, raw_force);
         }
-        if is_finite && self.next(self.places.trip) == f64::from(NOT_FINITE) {
+        if !is_new && self.next(self.places.trip) == f64::from(NOT_FINITE) {
             // The link refused the numbers, which no row has.
             return Err(LinkFault::NotFinite);
         }
@@ -196,12 +197,15 @@ fn beginnings(run: &Run) -> Result<Vec<(u64, Ready)>, ReplayError> {
     Ok(found)
 }
 
-/// Replays the test of a server's run folder; returns its rows and its largest forces.
-pub(super) fn follow(run: &Run, recording: Recording) -> Result<(Shared, Peak), ReplayError> {
+/// Replays the test of a server's run folder; returns its rows, and the served specimen at its end.
+pub(super) fn follow(
+    run: &Run,
+    recording: Recording,
+) -> Result<(Shared, ServedSpecimen), ReplayError> {
     check_inputs(run)?;
     let beginnings = beginnings(run)?;
     let Some((_, ready)) = beginnings.first() else {
-        return Err(ReplayError::Served(run.path().to_owned()));
+        return Err(ReplayError::NeverBegan(run.path().to_owned()));
     };
     // A test file that was served is served again as it was.
     let file = run.path().join("test.toml");
@@ -210,7 +214,7 @@ pub(super) fn follow(run: &Run, recording: Recording) -> Result<(Shared, Peak), 
     } else {
         file
     };
-    let hosted = load_served(&file, Some(&ready.specimen))?;
+    let hosted = load_served_record(&file, Some(&ready.specimen))?;
     let served = hosted.host.specimen(ready.remembers);
     let served = served.map_err(|text| ReplayError::Host(run.path().to_owned(), text))?;
     let layout = run.layout();
@@ -244,8 +248,17 @@ pub(super) fn follow(run: &Run, recording: Recording) -> Result<(Shared, Peak), 
         places: &places,
     };
     driver.drive(&beginnings);
-    let peak = driver.served.peak();
-    Ok((playback, peak))
+    let served = driver.served;
+    Ok((playback, served))
+}
+
+/// The newest exchange that an event names.
+pub(super) fn newest_exchange(run: &Run) -> Result<Option<u64>, ReplayError> {
+    let mut newest = None;
+    for line in run.event_lines()? {
+        newest = newest.max(line?.and_then(|line| line.tick));
+    }
+    Ok(newest)
 }
 
 /// Gives a served specimen the targets of the record, one after the other.
@@ -316,16 +329,19 @@ impl Driver<'_> {
             self.served.halt();
         }
         if between.has(Between::TRIPPED) {
-            self.served
-                .trip(if self.next(self.places.trip) == f64::from(LOST) {
-                    Trip::Lost(LinkFault::Closed)
-                } else {
-                    Trip::Trial(TrialFault {
-                        signal: 0,
-                        distance: f64::NAN,
-                        within: None,
-                    })
-                });
+            let code = self.next(self.places.trip);
+            self.served.trip(if code == f64::from(LOST) {
+                Trip::Lost(LinkFault::Closed)
+            } else if code == f64::from(NOT_FINITE) {
+                LinkFault::NotFinite.into()
+            } else {
+                // The program that has the client judges its trials.
+                Trip::Trial(TrialFault {
+                    signal: 0,
+                    distance: f64::NAN,
+                    within: None,
+                })
+            });
         }
         let allowed = self.places.allowed.map(|place| self.next(place));
         let is_known = allowed.iter().all(|time| !time.is_nan());

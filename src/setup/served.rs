@@ -9,7 +9,7 @@ use super::speed;
 use gusset_actuator::specimen::{InUnits, Mounted, Specimen};
 use gusset_actuator::transfer::Transfer;
 use gusset_config::{
-    ConfigError, Finding, KeyPath, Offer, ServedFile, SpecimenTable, load_serve_file,
+    Carrier, ConfigError, Finding, KeyPath, Offer, ServedFile, SpecimenTable, load_serve_file,
 };
 use gusset_link::openfresco::{Role, Transformation};
 use gusset_link::secret::read_key;
@@ -68,7 +68,27 @@ pub const fn openfresco_role(offer: Offer) -> Option<(Role, u16)> {
 /// # Errors
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigError> {
+    served(load_serve_file(path, name)?, path)
+}
+
+/// The same for a record: nothing is connected, so no key and no certificate is read.
+///
+/// # Errors
+/// As [`load_served`].
+pub fn load_served_record(path: &Path, name: Option<&str>) -> Result<Served, ConfigError> {
     let mut source = load_serve_file(path, name)?;
+    source.file.serve.key_file = None;
+    let links = source.file.specimen.iter_mut();
+    for link in links.filter_map(|specimen| specimen.link.as_mut()) {
+        (link.key_file, link.tls) = (None, None);
+        if link.transport == Carrier::Tls {
+            link.transport = Carrier::Tcp;
+        }
+    }
+    served(source, path)
+}
+
+fn served(mut source: ServedFile, path: &Path) -> Result<Served, ConfigError> {
     let refuse = |finding: Finding| source.locator.refusal(finding);
     let at = &source.place;
     let Some(table) = source.specimen() else {

@@ -176,6 +176,7 @@ fn changed_command_of_a_server_is_found() {
     let kept = out.join("test-0001");
     assert_replays(&kept);
     let layout = Run::open(&kept).unwrap().layout().clone();
+    let summary_text = std::fs::read_to_string(kept.join("summary.json")).unwrap();
     let samples = std::fs::read(kept.join("samples.bin")).unwrap();
     for name in ["cmd_1_1", "meas_1_1", "status_1", "asked_1_1"] {
         let place = layout.index_of(name).unwrap();
@@ -193,6 +194,23 @@ fn changed_command_of_a_server_is_found() {
         let difference = found.difference.unwrap();
         assert_eq!(difference.row, 20, "{name}: {difference:?}");
     }
+    // Whole rows are missing at the end, with a summary and without.
+    let stride = layout.stride() as usize;
+    std::fs::write(kept.join("samples.bin"), &samples[..20 * stride]).unwrap();
+    let cut = || gusset_session::replay(&kept).unwrap();
+    let found = cut();
+    assert_eq!((found.rows, found.is_exact()), (20, false), "{found:?}");
+    std::fs::remove_file(kept.join("summary.json")).unwrap();
+    assert!(!cut().is_exact());
+    std::fs::write(kept.join("samples.bin"), &samples).unwrap();
+    assert!(cut().is_exact());
+    let mut summary: serde_json::Value = serde_json::from_str(&summary_text).unwrap();
+    summary["link"]["column"]["sent"] = 7.into();
+    std::fs::write(kept.join("summary.json"), summary.to_string()).unwrap();
+    let [difference] = &cut().summary[..] else {
+        panic!("one number of the summary was changed")
+    };
+    assert_eq!(difference.key, "link.column.sent");
 }
 
 #[test]

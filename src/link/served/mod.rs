@@ -165,7 +165,7 @@ pub enum Trip {
 impl Trip {
     /// Its row in the table of causes. Real-time: yes.
     #[must_use]
-    pub(crate) const fn cause(self) -> Cause {
+    pub const fn cause(self) -> Cause {
         match self {
             Self::Limit(_) | Self::TooFast { .. } | Self::Announced(_) => Cause::Limit,
             Self::NotFinite { measured: true, .. } => Cause::MeasuredNotFinite,

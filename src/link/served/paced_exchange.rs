@@ -81,6 +81,10 @@ impl GuardedSpecimen {
             if !path.has_begun() {
                 // Nothing has moved: the answer at the target before remains.
                 path.rests_on_the_way(self.test.told());
+                if let Some(announced) = &mut self.announced {
+                    let stands = path.rests().part(Vec::as_slice);
+                    announced.begin_at(in_metres(&self.identity.scale.units, stands));
+                }
                 return Ok(false);
             }
             self.between.add(Between::GIVEN_UP);

@@ -260,6 +260,11 @@ impl PacedPath {
         }
     }
 
+    /// The place of the last target, in the client's displacements.
+    pub(crate) const fn rests(&self) -> &AtClient<Vec<f64>> {
+        &self.to
+    }
+
     /// True if a command to the last target was made.
     pub(crate) const fn has_begun(&self) -> bool {
         self.tick > 0

@@ -15,7 +15,7 @@ use super::session_summary::peak_of;
 use super::speed_allowance::{SpeedAllowance, Times};
 use super::{Controller, TestEnd, Trip, USUAL_TICK_S, Wanted, simulated_pace, with_last_words};
 use gusset_config::LimitsSpec;
-use gusset_control::engine::Between;
+use gusset_control::engine::{Between, ReceivedCounts};
 use gusset_control::port::limits::AxisLimits;
 use gusset_control::port::{PortError, PortSpec, ReceivedPort, WiringCheck};
 use gusset_quantity::catalog::ending::{Cause, Status as Ended};
@@ -530,10 +530,22 @@ impl ServedSpecimen {
         });
     }
 
+    /// Name of the specimen.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.guarded.identity.name
+    }
+
+    /// Counts of the exchanges so far.
+    #[must_use]
+    pub fn counts(&self) -> ReceivedCounts {
+        self.guarded.test.counts()
+    }
+
     /// The largest forces so far, as its summary has them.
     #[must_use]
     pub fn peak(&self) -> Peak {
-        peak_of(&self.guarded.test.counts(), &self.guarded.identity.name)
+        peak_of(&self.counts(), self.name())
     }
 
     /// Commands that were accepted so far.

@@ -442,17 +442,17 @@ kinds! {
     /// What happened between the command before and this one.
     BETWEEN = "between", Test, "1", Server, ALWAYS,
         "what happened before this command, as a sum: 1 the specimen came to rest, 2 the controller ended its motion here, 4 the controller does not want \
-         the answer any more, so that the path slows down, 8 the target before was given up on its way, 16 the test tripped between two commands, \
+         the answer any more, so that the path slows down, 8 the target before was given up, on its way or at its end, 16 the test tripped between two commands, \
          32 the target came after the specimen had moved on";
     /// Time that a command has by the limits of the specimen.
-    ALLOWED = "allowed", Test, "s", Server, ALWAYS, "time that the command has for its motion by the limits of the specimen; NaN where nothing is known of it";
+    ALLOWED = "allowed", Test, "s", Server, ALWAYS, "time that the command has for its motion by the limits of the specimen; NaN where nothing is known of it, or it was not judged";
     /// Time that a command has by the limits that the controller announced.
     ALLOWED_BY_CONTROLLER = "allowed_by_controller", Test, "s", Server, ALWAYS,
         "time that the command has for its motion by the limits that the controller announced";
     /// Displacement that the controller asks for.
-    ASKED = "asked", Signal, "unit of the controller", Controller, ALWAYS, "displacement that the controller asks for, to the last bit";
+    ASKED = "asked", Signal, "unit of the controller", Controller, ALWAYS, "displacement that the controller asks for, behind its `rows`, to the last bit";
     /// Velocity that the controller gives.
-    ASKED_VEL = "asked_vel", Signal, "unit of the controller per s", Controller, ALWAYS, "velocity that the controller gives with it";
+    ASKED_VEL = "asked_vel", Signal, "unit of the controller per s", Controller, ALWAYS, "velocity that the controller gives with it, or that the server takes from its displacements";
     /// Target that the controller asks for.
     SERVER_TARGET = "target", Axis, "m or rad", Controller, ALWAYS, "target displacement from the controller; a translation in m";
     /// Command of an axis.

@@ -8,10 +8,16 @@ use super::first::is_of_tick;
 use super::row_filter::{BETWEEN, RUNNING, TRIPPED};
 use super::table::{Table, Thinner};
 use gusset_quantity::catalog::column::{
-    ACCEL, DISP, FORCE, GROUND, MEASURED, SEQUENCE, TARGET, VEL,
+    self, ACCEL, DISP, FORCE, GROUND, Kind, MEASURED, SEQUENCE, TARGET, VEL,
 };
 use gusset_record::Column;
 
+/// Columns of a server that the wall clock decided, although they repeat in a replay.
+const BY_THE_CLOCK: [&Kind; 3] = [
+    &column::BETWEEN,
+    &column::ALLOWED,
+    &column::ALLOWED_BY_CONTROLLER,
+];
 /// Columns that place a row in the test.
 const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];
 /// Rows that are handed on together.
@@ -135,7 +141,9 @@ impl Matcher {
         let time = at("time")?;
         let pairs = first.iter().enumerate().filter_map(|(i, column)| {
             let other = second.iter().position(|c| c.name == column.name)?;
-            let is_compared = !column.timing && column.unit == second.get(other)?.unit;
+            let by_the_clock = BY_THE_CLOCK.iter().any(|kind| kind.fits(&column.name));
+            let is_compared =
+                !column.timing && !by_the_clock && column.unit == second.get(other)?.unit;
             let apart = Apart {
                 column: column.clone(),
                 largest: 0.0,
