@@ -207,7 +207,7 @@ pub(super) fn follow(
     let Some((_, ready)) = beginnings.first() else {
         return Err(ReplayError::NeverBegan(run.path().to_owned()));
     };
-    // A test file that was served is served again as it was.
+    // A test file that was served is served again unchanged.
     let file = run.path().join("test.toml");
     let file = if is_for_a_server(&file) {
         run.path().join("resolved.toml")

@@ -71,7 +71,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     served(load_serve_file(path, name)?, path)
 }
 
-/// The same for a record: nothing is connected, so no key and no certificate is read.
+/// Reads the file of a record as [`load_served`]. Nothing is connected, so no key and no certificate is read.
 ///
 /// # Errors
 /// As [`load_served`].

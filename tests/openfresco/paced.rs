@@ -164,7 +164,7 @@ fn late_targets_replay_with_an_adaptive_compensator() {
         assert!(client.force(disp, 0.02 * f64::from(step)).is_some());
         client.commits();
         if step % 15 == 0 {
-            std::thread::sleep(Duration::from_millis(60));
+            gusset_session::pause(Duration::from_millis(60));
         }
     }
     drop(client);
