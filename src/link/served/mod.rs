@@ -26,6 +26,9 @@ mod recording;
 mod served_specimen;
 mod session_record;
 mod session_summary;
+#[cfg(not(any(test, feature = "test-doubles")))]
+mod simulated_pace;
+#[cfg(any(test, feature = "test-doubles"))]
 pub mod simulated_pace;
 mod speed_allowance;
 #[cfg(test)]
