@@ -158,7 +158,7 @@ impl Layout {
 
     /// The text of `samples.json`, with the lines that open the file in NumPy and MATLAB.
     #[must_use]
-    pub(crate) fn to_json(&self) -> String {
+    pub fn to_json(&self) -> String {
         let count = self.columns.len();
         let stride = self.stride();
         let names = self.columns.iter().map(|column| column.name.as_str());

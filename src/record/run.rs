@@ -51,10 +51,11 @@ pub struct Events {
 
 impl Events {
     /// The lines as JSON, in order.
+    #[cfg(any(test, feature = "test-doubles"))]
     #[must_use]
-    pub fn to_json(&self) -> Vec<Value> {
+    pub fn to_json(&self) -> Vec<serde_json::Value> {
         let lines = self.events.iter();
-        lines.map(|line| Value::Object(line.to_map())).collect()
+        lines.map(|line| line.to_map().into()).collect()
     }
 
     /// The loop said that it was over.
