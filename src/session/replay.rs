@@ -107,7 +107,11 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
 /// Runs the targets of a controller through its server's specimen again.
 fn replay_served(run: &Run) -> Result<Replay, ReplayError> {
     let files_proven = check_files(run)?;
-    let (playback, served) = served_replay::follow(run, Recording::of(run)?)?;
+    let served_replay::Followed {
+        playback,
+        served,
+        newest,
+    } = served_replay::follow(run, Recording::of(run)?)?;
     let mut found = with(&playback, |playback| {
         let end = playback.end().filter(|end| *end != End::Clean);
         let short = playback.short.take();
@@ -118,7 +122,6 @@ fn replay_served(run: &Run) -> Result<Replay, ReplayError> {
         }
     });
     if found.is_exact() {
-        let newest = served_replay::newest_exchange(run)?;
         let missing = newest.filter(|exchange| *exchange >= found.rows);
         found.short = missing.map(|exchange| {
             format!("the rows end before exchange {exchange}, which the events name")

@@ -183,27 +183,42 @@ impl Substructure for Recorded {
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// Each time that the test began: before which row, and with what. An armed test may begin again.
-fn beginnings(run: &Run) -> Result<Vec<(u64, Ready)>, ReplayError> {
-    let mut found = Vec::new();
-    for line in run.event_lines()? {
-        let Some(line) = line? else { continue };
-        if let Event::Ready(ready) = line.event {
-            // The position of an event is that of the exchange before it.
-            let next = line.tick.map_or(0, |exchange| exchange + 1);
-            found.push((next, *ready));
-        }
-    }
-    Ok(found)
+/// Facts of the events of a record.
+struct Told {
+    /// Each time that the test began: before which row, and with what. An armed test may begin again.
+    beginnings: Vec<(u64, Ready)>,
+    /// The newest exchange that an event names.
+    newest: Option<u64>,
 }
 
-/// Replays the test of a server's run folder; returns its rows, and the served specimen at its end.
-pub(super) fn follow(
-    run: &Run,
-    recording: Recording,
-) -> Result<(Shared, ServedSpecimen), ReplayError> {
+impl Told {
+    fn by(run: &Run) -> Result<Self, ReplayError> {
+        let (mut beginnings, mut newest) = (Vec::new(), None);
+        for line in run.event_lines()? {
+            let Some(line) = line? else { continue };
+            newest = newest.max(line.tick);
+            if let Event::Ready(ready) = line.event {
+                // The position of an event is that of the exchange before it.
+                let next = line.tick.map_or(0, |exchange| exchange + 1);
+                beginnings.push((next, *ready));
+            }
+        }
+        Ok(Self { beginnings, newest })
+    }
+}
+
+/// A replayed test at its end.
+pub(super) struct Followed {
+    pub playback: Shared,
+    pub served: ServedSpecimen,
+    /// The newest exchange that an event names.
+    pub newest: Option<u64>,
+}
+
+/// Replays the test of a server's run folder.
+pub(super) fn follow(run: &Run, recording: Recording) -> Result<Followed, ReplayError> {
     check_inputs(run)?;
-    let beginnings = beginnings(run)?;
+    let Told { beginnings, newest } = Told::by(run)?;
     let Some((_, ready)) = beginnings.first() else {
         return Err(ReplayError::NeverBegan(run.path().to_owned()));
     };
@@ -249,16 +264,11 @@ pub(super) fn follow(
     };
     driver.drive(&beginnings);
     let served = driver.served;
-    Ok((playback, served))
-}
-
-/// The newest exchange that an event names.
-pub(super) fn newest_exchange(run: &Run) -> Result<Option<u64>, ReplayError> {
-    let mut newest = None;
-    for line in run.event_lines()? {
-        newest = newest.max(line?.and_then(|line| line.tick));
-    }
-    Ok(newest)
+    Ok(Followed {
+        playback,
+        served,
+        newest,
+    })
 }
 
 /// Gives a served specimen the targets of the record, one after the other.

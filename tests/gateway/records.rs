@@ -1,7 +1,7 @@
 //! `gusset serve --out`: every controller's test has a separate run folder, for a gateway and for a formula alike. It has one row
 //! per exchange in the format of every run folder. The example in config/ works.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::link_common::{
     COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, as_read,
@@ -122,16 +122,23 @@ fn resolved_toml_serves_the_same_again() {
     agrees(&folder.join("again"), &out.join("test-0002"), 1);
 }
 
+/// A server of a formula whose first test has run, and the folder of its records.
+fn kept_of_a_formula(folder: &Path, more: &[&str]) -> (Served, PathBuf) {
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let arguments = [&["--out", out.to_str().unwrap()], more].concat();
+    let served = Served::start(folder, &local, &arguments);
+    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("test over");
+    (served, out)
+}
+
 #[test]
 fn report_and_export_read_the_folder() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let out = folder.join("kept");
-    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
-    let served = Served::start(folder, &local, &["--out", out.to_str().unwrap()]);
-    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
-    assert_eq!(code, 0, "{said}");
-    served.hears("test over");
+    let (_served, out) = kept_of_a_formula(folder, &[]);
     let kept = out.join("test-0001");
     let metric = |key: &str| {
         let metrics = serde_json::to_value(summary(&out, "test-0001").metrics).unwrap();
@@ -167,12 +174,7 @@ fn report_and_export_read_the_folder() {
 fn changed_command_of_a_server_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let out = folder.join("kept");
-    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
-    let served = Served::start(folder, &local, &["--out", out.to_str().unwrap()]);
-    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
-    assert_eq!(code, 0, "{said}");
-    served.hears("test over");
+    let (_, out) = kept_of_a_formula(folder, &[]);
     let kept = out.join("test-0001");
     assert_replays(&kept);
     let layout = Run::open(&kept).unwrap().layout().clone();
@@ -195,7 +197,7 @@ fn changed_command_of_a_server_is_found() {
         assert_eq!(difference.row, 20, "{name}: {difference:?}");
     }
     // Whole rows are missing at the end, with a summary and without.
-    let stride = layout.stride() as usize;
+    let stride = layout.stride();
     std::fs::write(kept.join("samples.bin"), &samples[..20 * stride]).unwrap();
     let cut = || gusset_session::replay(&kept).unwrap();
     let found = cut();
@@ -217,20 +219,9 @@ fn changed_command_of_a_server_is_found() {
 fn injected_faults_are_shown_in_the_folder() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let out = folder.join("kept");
     let script = "title = \"a spike\" # of 7 N\n[[fault]]\nat = 60\nfor = 1\nkind = { bias = { force_n = 7.0 } }\n";
     let path = crate::link_common::write(folder, "spike.toml", script);
-    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
-    let arguments = [
-        "--out",
-        out.to_str().unwrap(),
-        "--fault",
-        path.to_str().unwrap(),
-    ];
-    let served = Served::start(folder, &local, &arguments);
-    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
-    assert_eq!(code, 0, "{said}");
-    served.hears("test over");
+    let (_, out) = kept_of_a_formula(folder, &["--fault", path.to_str().unwrap()]);
     let kept = out.join("test-0001");
     let run = Run::open(&kept).unwrap();
     let summary = run.summary().unwrap();

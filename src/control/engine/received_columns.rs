@@ -351,8 +351,8 @@ fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
         .filter(move |kind| kind.each == each && !is_estimate(kind))
 }
 
-/// The columns of a specimen with this number of signals, whose axes have these units, and which are the actuators of a loading unit with these coordinates, if
-/// there is one.
+/// The columns of a specimen with this number of signals, whose axes have these units, and which are the actuators of a loading unit
+/// with these coordinates, if there is one.
 #[must_use]
 pub fn received_columns(
     signals: usize,

@@ -78,9 +78,8 @@ impl GuardedSpecimen {
         }
         if !is_wanted {
             self.between.remove(Between::UNWANTED);
-            if !path.has_begun() {
-                // Nothing has moved: the answer at the target before remains.
-                path.rests_on_the_way(self.test.told());
+            if !path.rests_on_the_way(self.test.told()) {
+                // The answer at the target before remains.
                 if let Some(announced) = &mut self.announced {
                     let stands = path.rests().part(Vec::as_slice);
                     announced.begin_at(in_metres(&self.identity.scale.units, stands));
@@ -88,7 +87,6 @@ impl GuardedSpecimen {
                 return Ok(false);
             }
             self.between.add(Between::GIVEN_UP);
-            path.rests_on_the_way(self.test.told());
         } else if std::mem::take(&mut path.is_first) {
             self.port.begin_compensation();
         }

@@ -238,16 +238,16 @@ impl PacedPath {
         self.is_on_the_way = false;
     }
 
-    /// The specimen rests after a stop, with its axes at `place`: the next path leads away from there. Real-time: yes.
-    pub(crate) fn rests_on_the_way(&mut self, place: AtAxis<&[f64]>) {
+    /// The specimen rests after a stop, with its axes at `place`: the next path leads away from there. False if nothing has
+    /// moved since the target before. Real-time: yes.
+    pub(crate) fn rests_on_the_way(&mut self, place: AtAxis<&[f64]>) -> bool {
         if self.tick == 0 {
-            // Nothing has moved.
             self.to.copy_from_slice(&self.from);
             self.places.swap(0, 1);
-            return;
+            return false;
         }
         if self.course == Course::Full {
-            return;
+            return true;
         }
         self.is_on_the_way = true;
         // A ramp begins where the port is.
@@ -258,16 +258,12 @@ impl PacedPath {
         for (last, place) in last.iter_mut().zip(*place) {
             *last = *place;
         }
+        true
     }
 
     /// The place of the last target, in the client's displacements.
     pub(crate) const fn rests(&self) -> &AtClient<Vec<f64>> {
         &self.to
-    }
-
-    /// True if a command to the last target was made.
-    pub(crate) const fn has_begun(&self) -> bool {
-        self.tick > 0
     }
 
     /// Ticks of the path.
