@@ -1,7 +1,7 @@
 //! The part of a page about one axis of a specimen, computed from its columns while they are held whole.
 
 use super::columns::SpecimenAxis;
-use super::series::Points;
+use super::loop_line::Points;
 use super::table::Table;
 use gusset_motion::metrics::fourier::{Response, Spectrum, evaluate, response};
 use gusset_motion::metrics::tracking::Noise;

@@ -32,6 +32,7 @@ mod compare;
 mod digest;
 mod effect;
 mod end_positions;
+mod even;
 mod events;
 mod figures;
 mod first;
@@ -39,6 +40,7 @@ mod ground;
 mod html;
 mod identified;
 mod limits;
+mod loop_line;
 mod matched;
 #[cfg(test)]
 mod missing_rows;

@@ -5,139 +5,21 @@
 
 use std::io;
 
-use super::axis::is_drawable;
 use super::columns::{MOST_DOFS, SpecimenAxis, TAIL, spread};
 use super::digest::Digest;
+use super::even::{Chosen, Evenness};
 use super::first::Measured;
-use super::row_filter::{HOLDING, RUNNING, RowFilter, Stretch, TRIPPED, is_apart};
+use super::loop_line::{Loop, Points};
+use super::row_filter::{HOLDING, RUNNING, RowFilter, Stretch};
 use super::source::Source;
 use super::stale::{Stale, status_of};
 use super::table::Table;
-use super::thin;
 use gusset_record::{COMMITS, Column};
 
 /// Numbers that are kept of all columns together, and entries of one column at most and at least.
 const NUMBERS: usize = 1 << 23;
 const LONGEST: usize = 1 << 19;
 const SHORTEST: usize = 1 << 14;
-/// Points of the largest picture that a loop is drawn in, and how far an omitted point may lie from the line.
-pub(super) const WIDTH: f64 = 480.0;
-const TOLERANCE: f64 = 0.12;
-/// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
-const POINTS: usize = 5_000;
-/// Points of a loop that are kept at most before they are thinned.
-const WAITING: usize = 1 << 15;
-
-/// Points of a picture: x and y, NaN where the line is broken.
-pub(super) type Points = (Vec<f64>, Vec<f64>);
-
-/// Ticks that a column at even times is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Chosen {
-    All,
-    /// All but those of a hold.
-    Unheld,
-    /// The ends of steps, where the test slowed down.
-    Steps,
-}
-
-/// Smallest and largest time from one row to the next.
-#[derive(Debug, Clone, Copy)]
-struct Apart {
-    last: f64,
-    least: f64,
-    most: f64,
-    is_known: bool,
-}
-
-impl Apart {
-    const NONE: Self = Self {
-        last: f64::NAN,
-        least: f64::INFINITY,
-        most: f64::NEG_INFINITY,
-        is_known: true,
-    };
-
-    fn take(&mut self, time: f64, is_first: bool) {
-        let apart = time - self.last;
-        self.last = time;
-        if !is_first {
-            self.is_known &= !apart.is_nan();
-            (self.least, self.most) = (self.least.min(apart), self.most.max(apart));
-        }
-    }
-
-    fn is_even(&self, dt: f64) -> bool {
-        let has_none = self.most < self.least;
-        self.is_known && (has_none || (is_apart(self.least, dt) && is_apart(self.most, dt)))
-    }
-}
-
-/// Which ticks are at even times. Of several rows at one time, which a waiting controller makes, only the last counts.
-#[derive(Debug)]
-pub(super) struct Evenness {
-    /// Of all ticks, of those outside a hold, and of the ends of steps.
-    apart: [Apart; 3],
-    counts: [u64; 3],
-    /// Time and state of the last tick.
-    last: Option<(f64, f64)>,
-    /// The last row only records a trip: its time is not after that of the row before it.
-    repeats: bool,
-}
-
-impl Evenness {
-    pub(crate) const fn new() -> Self {
-        Self {
-            apart: [Apart::NONE; 3],
-            counts: [0; 3],
-            last: None,
-            repeats: false,
-        }
-    }
-
-    /// Takes the next tick; the state of missing rows is not a number.
-    pub(crate) fn take(&mut self, time: f64, state: f64) {
-        self.put(0, time);
-        let before = self.last.replace((time, state));
-        self.repeats = state == TRIPPED && before.is_some_and(|(before, _)| time <= before);
-        if let Some((time, state)) = before {
-            self.settle(time, state);
-        }
-    }
-
-    fn settle(&mut self, time: f64, state: f64) {
-        if state != HOLDING {
-            self.put(1, time);
-        }
-        if state == RUNNING && time != self.apart[2].last {
-            self.put(2, time);
-        }
-    }
-
-    fn put(&mut self, which: usize, time: f64) {
-        self.apart[which].take(time, self.counts[which] == 0);
-        self.counts[which] += 1;
-    }
-
-    /// The ticks at even times, their number and their interval; `None` where some of them are missing.
-    fn chosen(&mut self, digest: &Digest, has_state: bool) -> Option<(Chosen, f64)> {
-        let step_s = digest.passed.step_s?;
-        let tick_s = step_s / digest.ticks_per_step.max(1) as f64;
-        if let Some((time, state)) = self.last.take_if(|_| !self.repeats) {
-            self.settle(time, state);
-        }
-        let kinds = [
-            (Chosen::All, tick_s),
-            (Chosen::Unheld, tick_s),
-            (Chosen::Steps, step_s),
-        ];
-        let mut even = kinds.into_iter().zip(self.apart);
-        let found = even.find(|((_, dt), apart)| apart.is_even(*dt));
-        let found = found.map(|(found, _)| found);
-        found.filter(|(kind, _)| has_state || *kind == Chosen::All)
-    }
-}
-
 /// Columns at even times: rows, or the means of every few of them.
 #[derive(Debug)]
 struct Series {
@@ -214,80 +96,6 @@ impl Series {
     }
 }
 
-/// The line of a loop while its points pass, without points whose omission is invisible.
-#[derive(Debug)]
-pub(super) struct Loop {
-    /// A unit of the picture.
-    per: (f64, f64),
-    tolerance: f64,
-    last: Option<(f64, f64)>,
-    near: Vec<(f64, f64)>,
-}
-
-impl Loop {
-    /// For values within these ranges.
-    pub(crate) fn new(x: Option<(f64, f64)>, y: Option<(f64, f64)>) -> Self {
-        let per = |range: Option<(f64, f64)>| {
-            let range = range.filter(|(lo, hi)| hi > lo);
-            range.map_or(1.0, |(lo, hi)| (hi - lo) / WIDTH)
-        };
-        Self {
-            per: (per(x), per(y)),
-            tolerance: TOLERANCE,
-            last: None,
-            near: Vec::new(),
-        }
-    }
-
-    pub(crate) fn take(&mut self, x: f64, y: f64) {
-        if !(is_drawable(x) && is_drawable(y)) {
-            if self.last.take().is_some() {
-                self.near.push((f64::NAN, f64::NAN));
-            }
-            return;
-        }
-        let at = (x / self.per.0, y / self.per.1);
-        // Half of the later tolerance.
-        let least = 0.5 * self.tolerance;
-        let is_far = |last: (f64, f64)| (at.0 - last.0).abs().max((at.1 - last.1).abs()) > least;
-        if self.last.is_none_or(is_far) {
-            self.near.push(at);
-            self.last = Some(at);
-            if self.near.len() >= WAITING {
-                self.thin(WAITING / 4, f64::INFINITY);
-            }
-        }
-    }
-
-    /// Drops points near the line, until few are left or the tolerance is as large as it may be.
-    fn thin(&mut self, few: usize, largest: f64) {
-        loop {
-            let runs = thin::within(self.near.iter().copied(), self.tolerance);
-            let kept: usize = runs.iter().map(Vec::len).sum();
-            if self.tolerance >= largest || kept <= few {
-                let breaks = std::iter::repeat((f64::NAN, f64::NAN));
-                let runs = runs.into_iter().zip(breaks).enumerate();
-                let lines = runs.map(|(place, (mut run, gap))| {
-                    if place > 0 {
-                        run.insert(0, gap);
-                    }
-                    run
-                });
-                self.near = lines.flatten().collect();
-                return;
-            }
-            self.tolerance *= 2.0;
-        }
-    }
-
-    /// The line.
-    pub(crate) fn finish(mut self) -> Points {
-        self.thin(POINTS, 0.9);
-        let (x, y) = self.per;
-        self.near.iter().map(|at| (at.0 * x, at.1 * y)).unzip()
-    }
-}
-
 /// Result of the second reading.
 pub(super) struct Second {
     /// Ground and displacements at the ends of steps, and columns of the axes at even ticks; how many rows an entry is the mean of.
@@ -328,7 +136,10 @@ pub(super) fn second(
     let columns: Vec<Column> = wanted.iter().map(|&place| all[place].clone()).collect();
     let at = |name: &str| columns.iter().position(|column| column.name == name);
     let (state_at, time_at) = (at("state"), at("time"));
-    let chosen = evenness.chosen(digest, state_at.is_some());
+    let chosen = digest
+        .passed
+        .step_s
+        .and_then(|step_s| evenness.chosen(step_s, digest.ticks_per_step, state_at.is_some()));
     let kind = chosen.map_or(Chosen::All, |(kind, _)| kind);
     let (step_rows, tick_rows) = (digest.passed.ends, digest.passed.ticks);
     let rows = if kind == Chosen::Steps {
@@ -417,30 +228,6 @@ mod tests {
     use super::*;
     use crate::RunView;
 
-    fn drawn(x: &[f64], y: &[f64]) -> Points {
-        let range = |values: &[f64]| super::super::axis::extent(values.iter().copied());
-        let mut line = Loop::new(range(x), range(y));
-        x.iter().zip(y).for_each(|(x, y)| line.take(*x, *y));
-        line.finish()
-    }
-
-    #[test]
-    fn noisy_loop_is_drawn_with_few_points() {
-        let n = 400_000;
-        let x: Vec<f64> = (0..n).map(|i| libm::sin(i as f64 * 1e-2)).collect();
-        let y: Vec<f64> = (0..n)
-            .map(|i| libm::cos(i as f64 * 1.7e-2) * (1.0 + 0.1 * libm::sin(i as f64)))
-            .collect();
-        let (dx, dy) = drawn(&x, &y);
-        assert!(dx.len() == dy.len() && dx.len() < WAITING, "{}", dx.len());
-        let top = |v: &[f64]| v.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        assert!((top(&dx) - top(&x)).abs() < 2.0 * 1.0 / WIDTH * 2.0);
-        assert!((top(&dy) - top(&y)).abs() < 2.0 * 1.1 / WIDTH * 2.0);
-        let gap = drawn(&[0.0, 1.0, f64::NAN, 2.0, 3.0], &[0.0; 5]);
-        assert_eq!(gap.0.iter().filter(|v| v.is_nan()).count(), 1);
-        assert_eq!(drawn(&[], &[]), Points::default());
-    }
-
     #[test]
     fn long_test_is_judged_by_means() {
         let n = 2 * LONGEST + 100;
@@ -481,6 +268,6 @@ mod tests {
         let error = meas[70_001] - motion(at(70_001));
         assert!((tracking.peak_error_m.value - error).abs() < 1e-12);
         assert_eq!(digest.axes[0].peak_disp, Some(meas[70_001]));
-        assert!(digest.axes[0].hysteresis.0.len() < WAITING);
+        assert!(digest.axes[0].hysteresis.0.len() < 1 << 15);
     }
 }
