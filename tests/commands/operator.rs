@@ -9,8 +9,8 @@ use gusset_record::Run;
 use rustix::process::{Pid, Signal, kill_process};
 
 const GUSSET: &str = env!("CARGO_BIN_EXE_gusset");
-/// A test in real time, far longer than these tests last.
-const TEST: &str = "title = \"operator\"\n[time]\nrate_hz = 200\nduration_s = 600\nclock = \"real\"\n[structure.shear_building]\n\
+/// A test in real time, longer than these tests last. Before it moves its error is found, which takes as long as some tests of it do.
+const TEST: &str = "title = \"operator\"\n[time]\nrate_hz = 200\nduration_s = 120\nclock = \"real\"\n[structure.shear_building]\n\
     mass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[excitation.ground_acceleration.signal.sine]\namplitude = 1\n\
     frequency_hz = 1\n[[specimen]]\nname = \"rig\"\nstorey = 1\nlaw.linear = { stiffness_n_per_m = 1e5 }\n\
     [timing]\nwarmup_ticks = 5\n[safety]\nzero_s = 0.05\n";
@@ -39,7 +39,7 @@ fn begin(home: &Path, more: &str) -> Child {
 fn until(what: &str, mut done: impl FnMut() -> bool) {
     let began = Instant::now();
     while !done() {
-        assert!(began.elapsed() < Duration::from_secs(60), "{what}");
+        assert!(began.elapsed() < Duration::from_secs(300), "{what}");
         std::thread::yield_now();
     }
 }
