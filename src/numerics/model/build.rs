@@ -221,14 +221,61 @@ impl ShearBuildingSpec {
         if n > 0 && self.mass_kg.iter().all(|&m| m == 0.0) {
             return Err(BuildError::NoMass);
         }
+        let mut stiffness = self.stiffness_n_per_m.clone();
+        for (stiffness, less) in stiffness.iter_mut().zip(self.geometric_stiffness()?) {
+            *stiffness -= less;
+        }
         Ok(Linear {
             mass: SymMatrix::diagonal(&self.mass_kg),
             damping: tied_chain(damping),
-            stiffness: tied_chain(&self.stiffness_n_per_m),
+            stiffness: tied_chain(&stiffness),
             influence: vec![1.0; n],
-            storeys: ("storey", storeys(&self.stiffness_n_per_m, damping)),
+            storeys: ("storey", storeys(&stiffness, damping)),
             damping_given: self.damping_n_s_per_m.as_ref().map(|_| "damping_n_s_per_m"),
         })
+    }
+}
+
+/// Standard gravity in m/s².
+const GRAVITY: f64 = 9.80665;
+
+impl ShearBuildingSpec {
+    /// Weight above each storey over its height, in N/m; empty without P-Δ effect. For a storey whose floors stay level this is the
+    /// whole effect of the weight on a small drift (Wilson & Habibullah 1987, Earthquake Spectra 3(1)).
+    fn geometric_stiffness(&self) -> Result<Vec<f64>, BuildError> {
+        let Some(p_delta) = &self.p_delta else {
+            return Ok(Vec::new());
+        };
+        let own = || self.mass_kg.iter().map(|mass| mass * GRAVITY).collect();
+        let weights: Vec<f64> = p_delta.weight_n.clone().unwrap_or_else(own);
+        let heights = &p_delta.storey_height_m;
+        let expected = self.mass_kg.len();
+        for (key, values) in [("weight_n", &weights), ("storey_height_m", heights)] {
+            if values.len() != expected {
+                return Err(BuildError::Length {
+                    key,
+                    expected,
+                    found: values.len(),
+                });
+            }
+        }
+        for (number, &found) in (1..).zip(&weights) {
+            if !(found >= 0.0 && found.is_finite()) {
+                return Err(BuildError::Value {
+                    key: "weight_n",
+                    place: "floor",
+                    number,
+                    found,
+                });
+            }
+        }
+        let mut above: f64 = weights.iter().sum();
+        let each = weights.iter().zip(heights).map(|(weight, height)| {
+            let lowered = above / positive("storey_height_m", *height)?;
+            above -= weight;
+            Ok(lowered)
+        });
+        each.collect()
     }
 }
 

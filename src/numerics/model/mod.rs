@@ -31,8 +31,8 @@ pub use damping::DampingError;
 pub use error::{BuildError, ModelError};
 pub use parse::{ParseError, ParseFault, parse_matrix};
 pub use spec::{
-    ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ModalSpec, RayleighRatioSpec, RayleighSpec,
-    ShearBuildingSpec, StructureSpec,
+    ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ModalSpec, PDeltaSpec, RayleighRatioSpec,
+    RayleighSpec, ShearBuildingSpec, StructureSpec,
 };
 pub use structure::{Storey, Structure};
 pub use table::MatrixTable;

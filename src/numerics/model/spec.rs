@@ -36,6 +36,24 @@ pub struct ShearBuildingSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = [2.0e4, 2.0e4, 1.5e4])]
     pub damping_n_s_per_m: Option<Vec<f64>>,
+    /// P-Δ effect of the weight of the floors. Default: not included.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub p_delta: Option<PDeltaSpec>,
+}
+
+/// P-Δ effect: the weight above a storey lowers its stiffness by weight over height. A damping rule
+/// refers to the lowered stiffness. The measured force of a specimen must not include the effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct PDeltaSpec {
+    /// Height of each storey, from the bottom.
+    #[schemars(example = [3.5, 3.2, 3.2])]
+    pub storey_height_m: Vec<f64>,
+    /// Vertical load of each floor, from the bottom, with the load of columns that only lean on the
+    /// building. Default: mass times 9.80665 m/s².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = [9.8e5, 9.8e5, 7.0e5])]
+    pub weight_n: Option<Vec<f64>>,
 }
 
 /// Symmetric matrices in SI units. Write each matrix here by rows, or name a .csv, .npy or .mtx

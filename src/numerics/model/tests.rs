@@ -83,6 +83,7 @@ fn building(mass: &[f64], stiffness: &[f64], damping: Option<&[f64]>) -> Structu
         mass_kg: mass.to_vec(),
         stiffness_n_per_m: stiffness.to_vec(),
         damping_n_s_per_m: damping.map(<[f64]>::to_vec),
+        p_delta: None,
     })
 }
 

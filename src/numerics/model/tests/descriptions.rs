@@ -240,3 +240,46 @@ proptest! {
         }
     }
 }
+
+fn leaning(weight_n: Option<&[f64]>, storey_height_m: &[f64]) -> StructureSpec {
+    StructureSpec::ShearBuilding(ShearBuildingSpec {
+        mass_kg: vec![2e4, 1e4],
+        stiffness_n_per_m: vec![3e6, 2e6],
+        damping_n_s_per_m: None,
+        p_delta: Some(PDeltaSpec {
+            storey_height_m: storey_height_m.to_vec(),
+            weight_n: weight_n.map(<[f64]>::to_vec),
+        }),
+    })
+}
+
+/// Equilibrium of the leaning columns: each storey carries what is above it, at its drift.
+#[test]
+fn weight_above_lowers_a_storey() {
+    let spec = leaning(Some(&[3e5, 1e5]), &[4.0, 2.5]);
+    let structure = build(&spec).unwrap();
+    let (first, second) = (3e6 - 4e5 / 4.0, 2e6 - 1e5 / 2.5);
+    let k = structure.stiffness();
+    assert_eq!(k.get(0, 0), first + second);
+    assert_eq!((k.get(0, 1), k.get(1, 1)), (-second, second));
+    let own = build(&leaning(None, &[4.0, 2.5])).unwrap();
+    let given = build(&leaning(Some(&[2e4 * 9.80665, 1e4 * 9.80665]), &[4.0, 2.5])).unwrap();
+    assert_eq!(own.stiffness(), given.stiffness());
+}
+
+#[test]
+fn wrong_weights_and_heights_are_refused() {
+    let refused = |spec: &StructureSpec| build(spec).unwrap_err();
+    assert_is!(
+        refused(&leaning(None, &[4.0]))
+        => BuildError::Length { key: "storey_height_m", expected: 2, found: 1 }
+    );
+    assert_is!(
+        refused(&leaning(None, &[4.0, 0.0]))
+        => BuildError::Parameter(OutOfDomain { name: "storey_height_m", found: 0.0, .. })
+    );
+    assert_is!(
+        refused(&leaning(Some(&[1.0, -2.0]), &[4.0, 3.0]))
+        => BuildError::Value { key: "weight_n", place: "floor", number: 2, found: -2.0, .. }
+    );
+}
