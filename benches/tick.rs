@@ -193,7 +193,7 @@ fn audit_ns() -> f64 {
     let Side::Structure(numerical) = study(&[]).experiment.side else {
         return 0.0;
     };
-    let Some(mut audit) = numerical.audit().cloned() else {
+    let Some(mut audit) = numerical.audit else {
         return 0.0;
     };
     let n = numerical.state.disp.len();

@@ -105,6 +105,7 @@ impl Loaded {
         file.safety.stability_used = None;
         file.safety.delay_used = None;
         file.safety.step_audit = None;
+        file.safety.static_unbalance = None;
         file.safety.added_energy_share = None;
         file.record.dofs = None;
         file

@@ -85,6 +85,11 @@ pub struct SafetyTable {
     /// The input is the work of loads and base motion, plus the largest kinetic energy. Default: no
     /// limit. `limits.added_energy_j` limits a single axis.
     pub added_energy_share: Option<ShareSpec>,
+    /// Unbalance of the DOFs without mass, as a share of the largest forces on them. They follow the
+    /// others statically. The limit judges the least of the last six steps. Default: a warning above
+    /// 1e-3 and a trip above 1e-2.
+    #[schemars(example = serde_json::json!({"warn": 1.0e-3, "trip": 1.0e-2}))]
+    pub static_unbalance: Option<BoundSpec>,
     /// Reason why a specimen with `link` may move without trip levels of `command_disp_m` and
     /// `measured_force_n`. Without a reason, such a test is refused. All other limits stay active.
     #[schemars(example = &"Elastic specimen; the servo controller has its own limits")]
@@ -142,6 +147,7 @@ impl Default for SafetyTable {
             stability_used: None,
             delay_used: None,
             step_audit: None,
+            static_unbalance: None,
             added_energy_share: None,
             unlimited: None,
             accept_unstable: None,

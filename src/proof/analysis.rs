@@ -5,7 +5,7 @@
 use nalgebra::DMatrix;
 
 use gusset_numerics::integrate::Lambda;
-use gusset_numerics::linalg::{self, SymMatrix};
+use gusset_numerics::linalg::{self, Condensation, SymMatrix};
 use gusset_numerics::spectral::delay::{
     Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete,
 };
@@ -34,6 +34,8 @@ pub struct Analysis {
     /// One per specimen; empty where the structure is too large.
     pub loops: Vec<Loop>,
     pub(super) specimens: Vec<Attached>,
+    /// Tangent stiffness at rest of all degrees of freedom.
+    whole: SymMatrix,
 }
 
 /// Tangents before anything moves, specimens included.
@@ -78,6 +80,39 @@ pub struct Matrices {
     pub stiffness: SymMatrix,
     /// C0, as in M_eff.
     pub damping: SymMatrix,
+    /// Degrees of freedom without mass that follow statically, rising.
+    pub massless: Vec<usize>,
+}
+
+impl Matrices {
+    /// The degrees of freedom that remain where those without mass follow statically, and what they see of the specimens. `None` where
+    /// nothing holds one of these.
+    fn condensed(self, specimens: &mut [Attached]) -> Option<Self> {
+        if self.massless.is_empty() {
+            return Some(self);
+        }
+        let mut by_estimate = Condensation::new(&self.stiffness, &self.massless).ok()?;
+        // An open gap may hold nothing at rest.
+        let mut at_rest = Condensation::new(&self.at_rest.stiffness, &self.massless);
+        let at_rest = at_rest.as_mut().unwrap_or(&mut by_estimate);
+        for row in specimens.iter_mut().flat_map(|one| &mut one.rows) {
+            *row = at_rest.row(row);
+        }
+        let (mass, at_rest) = (
+            at_rest.seen_by(&self.mass),
+            AtRest {
+                stiffness: at_rest.seen_by(&self.at_rest.stiffness),
+                damping: at_rest.seen_by(&self.at_rest.damping),
+            },
+        );
+        Some(Self {
+            mass,
+            at_rest,
+            stiffness: by_estimate.complement(),
+            damping: by_estimate.seen_by(&self.damping),
+            massless: Vec::new(),
+        })
+    }
 }
 
 /// A mode of the whole at rest, and what delays do to it.
@@ -213,19 +248,21 @@ impl Analysis {
     #[must_use]
     pub fn new(
         matrices: Matrices,
-        specimens: Vec<Attached>,
+        mut specimens: Vec<Attached>,
         step: Option<(f64, Lambda)>,
     ) -> Option<Self> {
+        if matrices.mass.n() > LARGEST {
+            return None;
+        }
+        let whole = matrices.at_rest.stiffness.clone();
         let Matrices {
             mass,
             at_rest,
             stiffness,
             damping,
-        } = matrices;
+            ..
+        } = matrices.condensed(&mut specimens)?;
         let n = mass.n();
-        if n > LARGEST {
-            return None;
-        }
         let mut analysis = Self {
             mass,
             at_rest,
@@ -234,6 +271,7 @@ impl Analysis {
             step,
             loops: Vec::new(),
             specimens,
+            whole,
         };
         if n <= LARGEST_DELAYED {
             let loops = analysis.specimens.iter().map(|one| analysis.of(one));
@@ -404,7 +442,7 @@ impl Analysis {
     /// ½ xᵀ K x in J, K the tangent stiffness of the structure and its specimens at rest.
     #[must_use]
     pub fn strain_energy(&self, disp: &[f64]) -> f64 {
-        0.5 * self.at_rest.stiffness.quadratic(disp)
+        0.5 * self.whole.quadratic(disp)
     }
 
     /// Modes of the whole at rest, ascending, with the damping that delays of its specimens add.

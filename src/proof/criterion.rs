@@ -19,7 +19,7 @@ use std::fmt;
 use thiserror::Error;
 
 use gusset_numerics::integrate::Lambda;
-use gusset_numerics::linalg::{Spd, SymMatrix};
+use gusset_numerics::linalg::{Condensation, Spd, SymMatrix};
 use gusset_numerics::model::Part;
 use gusset_quantity::units::quantity;
 
@@ -52,6 +52,8 @@ pub struct StabilityProof {
     pub dt: f64,
     /// Mass whose inertia is inside the measured forces: not in M, and a step late. `None` without such mass.
     pub late_mass: Option<SymMatrix>,
+    /// Degrees of freedom without mass that follow statically, rising; empty if there are none, or the method moves them itself.
+    pub massless: Vec<usize>,
 }
 
 /// What sets the limit.
@@ -73,6 +75,9 @@ pub enum Place {
     /// No single part dominates (a structure given by matrices): the degree of freedom, from 0, that moves most energy.
     Dof(usize),
 }
+
+/// 1/λ of a test that counts as stable for every λ, where rows follow statically.
+const LEAST_INVERSE: f64 = 1e-9;
 
 /// Frequency above which the shape moves no mass but that of rounding, rad/s.
 const FASTEST: f64 = 1e9;
@@ -148,12 +153,43 @@ fn resolution(n: usize) -> f64 {
 }
 
 impl StabilityProof {
-    /// S(λ); a finite `gain` g adds −(Δt²/g) K0, which keeps the response to a force error at the sawtooth below g
+    /// S(λ) of all rows; a finite `gain` g adds −(Δt²/g) K0, which keeps the response to a force error at the sawtooth below g
     /// times the static one.
     #[must_use]
     pub fn matrix(&self, lambda: Lambda, gain: f64) -> SymMatrix {
+        self.whole(lambda.inverse(), gain)
+    }
+
+    fn whole(&self, inverse: f64, gain: f64) -> SymMatrix {
         self.without_lambda(gain)
-            .plus(self.per_inverse() * lambda.inverse(), &self.stiffness)
+            .plus(self.per_inverse() * inverse, &self.stiffness)
+    }
+
+    /// S at 1/λ = `inverse`. Rows that follow statically are condensed, those of 4 M_eff and those of the tangents apart; the second
+    /// value then brings them back. None where nothing holds them.
+    fn at(&self, inverse: f64, gain: f64) -> Option<(SymMatrix, Option<Condensation>)> {
+        if self.massless.is_empty() {
+            return Some((self.whole(inverse, gain), None));
+        }
+        let (n, square) = (self.mass.n(), self.dt * self.dt);
+        let effective = SymMatrix::zeros(n)
+            .plus(4.0, &self.mass)
+            .plus(2.0 * self.dt, &self.damping)
+            .plus(self.per_inverse() * inverse, &self.stiffness);
+        let tangents = SymMatrix::zeros(n)
+            .plus(square, &self.stiffness_bound)
+            .plus(2.0 * self.dt, &self.damping_bound)
+            .plus(square / gain, &self.stiffness);
+        let mut effective = Condensation::new(&effective, &self.massless).ok()?;
+        let mut tangents = Condensation::new(&tangents, &self.massless).ok()?;
+        let matrix = effective.complement().plus(-1.0, &tangents.complement());
+        Some((matrix, Some(tangents)))
+    }
+
+    /// The factor of S(λ), and what brings condensed rows back; see [`StabilityProof::at`].
+    pub(super) fn factor(&self, inverse: f64, gain: f64) -> Option<(Spd, Option<Condensation>)> {
+        let (matrix, condensed) = self.at(inverse, gain)?;
+        Some((Spd::factor(&matrix).ok()?, condensed))
     }
 
     /// The terms of S that do not depend on λ.
@@ -179,7 +215,7 @@ impl StabilityProof {
     /// True if S(λ) is positive definite at the declared bounds.
     #[must_use]
     pub fn holds(&self, lambda: Lambda) -> bool {
-        Spd::factor(&self.matrix(lambda, f64::INFINITY)).is_ok()
+        self.factor(lambda.inverse(), f64::INFINITY).is_some()
     }
 
     /// The largest λ that keeps the gain bound `gain` (infinite: stability alone); `None` if every λ does. The value
@@ -193,20 +229,23 @@ impl StabilityProof {
 
     fn limit_of(&self, gain: f64, parts: Parts<'_>) -> Result<Option<f64>, StabilityError> {
         let fixed = self.without_lambda(gain);
-        let admissible = |inverse: f64| {
-            let matrix = fixed.plus(self.per_inverse() * inverse, &self.stiffness);
-            Spd::factor(&matrix).is_ok()
-        };
+        let admissible = |inverse: f64| self.factor(inverse, gain).is_some();
         let is_finite =
             |matrix: &SymMatrix| matrix.entries().all(|(_, _, value)| value.is_finite());
         if !(is_finite(&fixed) && is_finite(&self.stiffness)) {
             return Err(StabilityError::Overflow { dt: self.dt });
         }
-        if admissible(0.0) {
+        // Rows without mass leave M_eff without an inverse at λ = ∞ itself.
+        let largest = if self.massless.is_empty() {
+            0.0
+        } else {
+            LEAST_INVERSE
+        };
+        if admissible(largest) {
             return Ok(None);
         }
         // In 1/λ: not admissible at `low`, admissible at `high`.
-        let (mut low, mut high) = (0.0, 1.0 / ACCURATE_LAMBDA);
+        let (mut low, mut high) = (largest, 1.0 / ACCURATE_LAMBDA);
         while !admissible(high) {
             low = high;
             high *= 2.0;
@@ -283,9 +322,17 @@ impl StabilityProof {
 
     /// Names what carries the near-null vector of S at 1/λ = `inverse`.
     fn governing(&self, inverse: f64, gain: f64, parts: Parts<'_>) -> Option<Governing> {
-        let fixed = self.without_lambda(gain);
-        let shape = near_null(&fixed.plus(self.per_inverse() * inverse, &self.stiffness))?;
-        let n = shape.len();
+        let (matrix, mut condensed) = self.at(inverse, gain)?;
+        let mut shape = near_null(&matrix)?;
+        let n = self.mass.n();
+        if let Some(condensed) = &mut condensed {
+            let mut whole = vec![0.0; n];
+            for (&row, value) in condensed.kept().iter().zip(&shape) {
+                whole[row] = *value;
+            }
+            condensed.follow(&mut whole);
+            shape = whole;
+        }
         let square = self.dt * self.dt;
         let mut pulled = vec![0.0; n];
         let excess = self.damping_bound.plus(-1.0, &self.damping);
@@ -414,6 +461,7 @@ mod tests {
             stiffness_bound: SymMatrix::diagonal(&[1.0, 1.0]),
             dt: 0.01,
             late_mass: None,
+            massless: Vec::new(),
         };
         assert_eq!(
             proof.limit(f64::INFINITY, &[]),

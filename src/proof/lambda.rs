@@ -6,7 +6,7 @@ use super::integration::Stability;
 use super::kind::Kind;
 use super::online::OnlineLimit;
 use gusset_numerics::integrate::Lambda;
-use gusset_numerics::linalg::{Spd, SymMatrix};
+use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Part;
 use gusset_quantity::finding::{Finding, KeyPath};
 
@@ -160,12 +160,15 @@ fn gains(proof: &StabilityProof, lambda: Lambda, specimens: &[Attached]) -> Vec<
     if specimens.is_empty() {
         return Vec::new();
     }
-    let Ok(mut stability) = Spd::factor(&proof.matrix(lambda, f64::INFINITY)) else {
+    let Some((mut stability, mut condensed)) = proof.factor(lambda.inverse(), f64::INFINITY) else {
         return Vec::new();
     };
     let mut gain = |row: &[(usize, f64)]| {
-        let mut shape = vec![0.0; proof.mass.n()];
-        for (dof, entry) in row {
+        let row = condensed
+            .as_mut()
+            .map_or_else(|| row.to_vec(), |by| by.row(row));
+        let mut shape = vec![0.0; proof.mass.n() - proof.massless.len()];
+        for (dof, entry) in &row {
             shape[*dof] += entry;
         }
         stability.solve_in_place(&mut shape);

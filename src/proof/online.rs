@@ -88,6 +88,7 @@ mod tests {
             stiffness_bound: one(k_max),
             dt,
             late_mass: None,
+            massless: Vec::new(),
         };
         let axis = Part {
             name: "specimen".into(),
@@ -135,6 +136,7 @@ mod tests {
             stiffness_bound: chain(6e5, 2e5),
             dt,
             late_mass: None,
+            massless: Vec::new(),
         };
         let axis = Part {
             name: "one".into(),

@@ -289,6 +289,7 @@ mod tests {
             },
             stiffness: one(STIFFNESS[1]),
             damping: one(DAMPING),
+            massless: Vec::new(),
         };
         let specimen = Attached {
             name: "it".to_owned(),

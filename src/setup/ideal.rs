@@ -12,11 +12,11 @@ use gusset_config::{ConfigError, LambdaValue, Loaded};
 use gusset_control::port::Axis;
 use gusset_motion::Excitation;
 use gusset_numerics::integrate::{
-    Forces, Lambda, MethodError, Moment, Newmark, NewmarkBeta, NewtonSettings, State, Stepper,
-    Tangents,
+    Forces, Lambda, Massless, MethodError, Moment, Newmark, NewmarkBeta, NewtonSettings, State,
+    Stepper, Tangents,
 };
 use gusset_numerics::linalg::{Spd, SymMatrix};
-use gusset_numerics::model::{Base, Structure};
+use gusset_numerics::model::{Base, Motion, Structure};
 use gusset_quantity::frame::AtStructure;
 
 /// Parts in which a static load is applied.
@@ -111,7 +111,7 @@ pub fn build_ideal(loaded: &Loaded, lambda: Option<f64>) -> Result<Ideal, Config
 
 fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
     let mut specimens = specimens::specimens(site)?;
-    let structure = structure::structure(site, &specimens)?;
+    let mut structure = structure::structure(site, &specimens)?;
     let n = structure.dofs();
     specimens.check_rows(site, n)?;
     let dt = site.loaded.time.step.value();
@@ -131,11 +131,14 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
                 LambdaValue::Number(value) => Lambda::new(value).unwrap_or(Lambda::Infinite),
                 _ => Lambda::Infinite,
             };
-            method::family(site, &structure, &initial, lambda)?.0
+            method::family(site, &structure, &specimens, &initial, lambda)?.0
         }
     };
     let (excitation, load) = excitation::excitation(site, &structure, &specimens)?;
-    let state = structure::initial_state(site, n)?;
+    let at_rest = structure
+        .stiffness_at_rest()
+        .plus(1.0, &specimens.stiffness_at_rest(n));
+    let state = structure::initial_state(site, &structure, &at_rest)?;
     let specimens = specimens.into_ideal(structure.influence());
     Ok(Ideal {
         system: System {
@@ -195,8 +198,8 @@ impl Ideal {
     /// # Errors
     /// See [`NoCourse`].
     pub fn by_method(mut self) -> Result<IdealCourse, NoCourse> {
-        if let Stepper::Explicit(integrator) = &self.stepper {
-            integrator.prepare(&mut self.state);
+        if let Stepper::Explicit(explicit) = &self.stepper {
+            explicit.integrator.prepare(&mut self.state);
         }
         self.go(u64::MAX)
     }
@@ -247,11 +250,27 @@ impl Ideal {
             }
             let passed = if step == 0 { 0.0 } else { self.dt };
             match &mut self.stepper {
-                Stepper::Explicit(integrator) => {
+                Stepper::Explicit(explicit) => {
                     let at = Moment::at(step);
                     system.residual_into(at, &state.disp, &state.vel, passed, &mut residual);
+                    if let Some(massless) = &mut explicit.massless {
+                        system.weigh(massless, state, step, passed);
+                        massless.note_balance(&residual);
+                    }
                     system.commit();
-                    integrator.advance(state, &residual, &mut reported);
+                    let excitation = &system.excitation;
+                    explicit.advance(
+                        &mut system.structure,
+                        state,
+                        &residual,
+                        &mut reported,
+                        &mut |ahead, out| {
+                            let step = step as usize + usize::from(ahead);
+                            excitation.load_into(step, out);
+                            let (disp, vel) = excitation.base(step);
+                            Base { disp, vel }
+                        },
+                    );
                 }
                 Stepper::Offline(method) => {
                     if step == 0 {
@@ -334,6 +353,27 @@ impl System {
         self.structure.subtract_trial(disp, vel, base, dt, residual);
         for port in &mut self.specimens {
             port.subtract(disp, vel, base, dt, residual);
+        }
+    }
+}
+
+impl System {
+    /// What the rows without mass need of a step: the trial of its forces again, by their origin.
+    fn weigh(&mut self, massless: &mut Massless, state: &State, step: u64, dt: f64) {
+        let (disp, vel) = self.excitation.base(step as usize);
+        let base = Base { disp, vel };
+        let motion = Motion::new(&state.disp, &state.vel, base, dt);
+        self.structure
+            .subtract_weighed(motion, &mut self.spare, &mut massless.gross);
+        massless.specimen_forces.fill(0.0);
+        for port in &mut self.specimens {
+            port.subtract(
+                &state.disp,
+                &state.vel,
+                base,
+                dt,
+                &mut massless.specimen_forces,
+            );
         }
     }
 }

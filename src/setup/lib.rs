@@ -358,10 +358,11 @@ fn numerical(
             None => {
                 let proof = proof::choose(site, &structure, specimens, &initial)?;
                 let (stepper, storage, condition) =
-                    method::family(site, &structure, &initial, proof.lambda)?;
+                    method::family(site, &structure, specimens, &initial, proof.lambda)?;
                 let audit = safety::audits(&site.loaded.file, n).then(|| {
                     let mass = initial.effective_mass(structure.mass(), proof.lambda);
-                    StepAudit::new(mass, site.loaded.time.step.value())
+                    let massless = structure.massless();
+                    StepAudit::new(mass, &massless, site.loaded.time.step.value())
                 });
                 (Some(proof), stepper, Some(storage), Some(condition), audit)
             }
@@ -381,7 +382,7 @@ fn numerical(
         )?),
         None => None,
     };
-    let state = structure::initial_state(site, n)?;
+    let state = structure::initial_state(site, &structure, &at_rest)?;
     let matrices = Matrices {
         mass: structure.mass().clone(),
         at_rest: AtRest {
@@ -390,6 +391,7 @@ fn numerical(
         },
         stiffness: initial_stiffness.clone(),
         damping: initial_damping.clone(),
+        massless: proof::followed(method, &structure),
     };
     let analysis = Analysis::new(
         matrices,

@@ -1,10 +1,11 @@
 //! The integration method of a test file, made of the initial matrices.
 
-use super::{Refused, Site, path};
+use super::specimens::Specimens;
+use super::{Refused, Site, path, proof};
 use gusset_config::{Finding, Method, Start, Weighting};
 use gusset_numerics::integrate::{
-    self, AlphaWeights, CentralDifference, Chang2002, Gui, Integrator, KrAlpha, KrAlphaAtState,
-    Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
+    self, AlphaWeights, CentralDifference, Chang2002, Explicit, Gui, Integrator, KrAlpha,
+    KrAlphaAtState, Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
 };
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Structure;
@@ -32,6 +33,7 @@ impl Initial<'_> {
 pub(super) fn family(
     site: &mut Site<'_>,
     structure: &Structure,
+    specimens: &Specimens,
     initial: &Initial<'_>,
     lambda: Lambda,
 ) -> Result<(Stepper, String, f64), Refused> {
@@ -52,8 +54,12 @@ pub(super) fn family(
         site.refuse(finding)
     })?;
     let (storage, condition) = (gui.storage().to_string(), gui.reciprocal_condition());
-    let method: Box<dyn Integrator> = Box::new(gui);
-    Ok((method.into(), storage, condition))
+    let massless = proof::massless(site, structure, specimens, initial.dt)?;
+    let stepper = Stepper::Explicit(Explicit {
+        integrator: Box::new(gui),
+        massless: massless.map(Box::new),
+    });
+    Ok((stepper, storage, condition))
 }
 
 /// Any other method, and 1/κ of the matrix that it factors for α, if any; `None` for the family.

@@ -4,7 +4,9 @@ use super::method::Initial;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{Finding, LambdaValue, Method, Severity};
-use gusset_numerics::integrate::{AlphaWeights, Gui, Lambda, Start};
+use gusset_numerics::integrate::{
+    AlphaWeights, Gui, GuiError, Lambda, Massless, MasslessBounds, Start,
+};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::{ModelError, Part, Structure};
 use gusset_proof::{
@@ -78,7 +80,8 @@ fn share_is_proven(
             stiffness,
             dt: site.loaded.time.step.value(),
         };
-        let proof = bounds.proof(structure, &initial, specimens.late_mass(structure.dofs()));
+        let late_mass = specimens.late_mass(structure.dofs());
+        let proof = bounds.proof(Method::Gui, structure, &initial, late_mass);
         let limit = proof.limit(gain, &[]).ok()?;
         Some(limit.unwrap_or(f64::INFINITY))
     };
@@ -130,7 +133,7 @@ pub(super) fn choose(
         }
     };
     let late_mass = specimens.late_mass(structure.dofs());
-    let proof = bounds.proof(structure, initial, late_mass);
+    let proof = bounds.proof(Method::Gui, structure, initial, late_mass);
     let wanted = Request {
         lambda: request,
         gain,
@@ -169,6 +172,7 @@ impl Bounds {
     /// The proof at these bounds, K0 and C0 being those of M_eff.
     fn proof(
         self,
+        method: Method,
         structure: &Structure,
         initial: &Initial<'_>,
         late_mass: Option<SymMatrix>,
@@ -181,8 +185,70 @@ impl Bounds {
             stiffness_bound: self.stiffness,
             dt: initial.dt,
             late_mass,
+            massless: followed(method, structure),
         }
     }
+}
+
+/// Degrees of freedom without mass that follow statically: those of the family.
+pub(super) fn followed(method: Method, structure: &Structure) -> Vec<usize> {
+    match method {
+        Method::Gui => structure.massless(),
+        _ => Vec::new(),
+    }
+}
+
+/// What moves the degrees of freedom without mass, if there are any. Refuses a specimen on them whose force would be later than one step.
+pub(super) fn massless(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    dt: f64,
+) -> Result<Option<Massless>, Refused> {
+    let (n, rows) = (structure.dofs(), structure.massless());
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let tables = site.loaded.file.specimen.iter();
+    for (index, (table, attached)) in tables.zip(specimens.attached()).enumerate() {
+        let entries = attached.rows.iter().flatten();
+        let mut on = entries.filter(|(dof, b)| *b != 0.0 && rows.binary_search(dof).is_ok());
+        let late = [
+            (table.link.is_some(), "a `link`"),
+            (
+                table.transfer.is_some() || table.identified.is_some(),
+                "an actuator with dynamics",
+            ),
+            (table.mass_in_force_kg != 0.0, "`mass_in_force_kg`"),
+        ];
+        if let (Some((dof, _)), Some((_, what))) = (on.next(), late.iter().find(|late| late.0)) {
+            let text = format!(
+                "specimen \"{}\" moves with DOF {}, which has no mass: a force with {what} comes too late for it",
+                table.name,
+                dof + 1
+            );
+            let at = path("specimen").index(index);
+            let help = "give this DOF a mass, or attach the specimen to DOFs with mass";
+            return site.refuse(Finding::error(at, text).help(help));
+        }
+    }
+    let bounds = match bounds(site, structure, specimens) {
+        Ok(bounds) => bounds,
+        Err(finding) => {
+            let help = "degrees of freedom without mass follow by the bounds of all tangents";
+            return site.refuse((*finding).help(help));
+        }
+    };
+    let bounds = MasslessBounds {
+        stiffness: bounds.stiffness,
+        damping: bounds.damping,
+        specimens: specimens.stiffness(n),
+    };
+    Massless::new(structure, bounds, dt).or_else(|error| {
+        let error = GuiError::EffectiveMass(error);
+        let finding = super::structure::not_definite(site, structure.mass(), &error);
+        site.refuse(finding)
+    })
 }
 
 /// The stability of KR-α and MKR-α at the declared bounds. Growth and missing proofs become doubts of the site.
@@ -219,7 +285,8 @@ pub(super) fn of_alpha(
             return Stability::NoBound;
         }
     };
-    let proof = bounds.proof(structure, initial, specimens.late_mass(structure.dofs()));
+    let late_mass = specimens.late_mass(structure.dofs());
+    let proof = bounds.proof(method, structure, initial, late_mass);
     let (stability, doubt) = alpha_stability(&proof, weighted, &specimens.advice());
     site.doubts.extend(doubt);
     stability
@@ -258,7 +325,8 @@ pub(super) fn warn_of_limit(
         stiffness: &stiffness,
         dt: site.loaded.time.step.value(),
     };
-    let proof = bounds.proof(structure, &initial, specimens.late_mass(structure.dofs()));
+    let late_mass = specimens.late_mass(structure.dofs());
+    let proof = bounds.proof(method, structure, &initial, late_mass);
     if !proof.holds(lambda) {
         let headline = format!(
             "{name}, and at the declared stiffness a mode of this structure exceeds it: the response can grow as a sawtooth \

@@ -96,6 +96,11 @@ const AUDIT: Bound = Bound {
     warn: 1e-9,
     trip: 1e-6,
 };
+/// What the predictor of rows without mass leaves over in an ordinary test is far less.
+const UNBALANCE: Bound = Bound {
+    warn: 1e-3,
+    trip: 1e-2,
+};
 /// Beyond the stability margin a sawtooth may grow.
 const STABILITY_USED: Bound = Bound {
     warn: 1.0,
@@ -134,6 +139,7 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
             Limit::StabilityUsed => or(safety.stability_used, STABILITY_USED),
             Limit::DelayUsed => or(safety.delay_used, DELAY_USED),
             Limit::StepAudit => or(safety.step_audit, AUDIT),
+            Limit::StaticUnbalance => or(safety.static_unbalance, UNBALANCE),
             Limit::AddedEnergyShare => or(share.map(ShareSpec::levels), Bound::NONE),
             Limit::MissesInARow => counts(misses.in_a_row.warn, misses.max_in_a_row()),
             Limit::MissesInWindow => counts(misses.in_window.warn, most_in_window),
@@ -158,6 +164,11 @@ pub(super) fn unkept(site: &mut Site<'_>, kept: &[Limit]) {
             Limit::StepAudit,
             safety.step_audit.is_some(),
             "the step audit needs the method \"gui\"",
+        ),
+        (
+            Limit::StaticUnbalance,
+            safety.static_unbalance.is_some(),
+            "every degree of freedom of the structure has mass, or the method is not \"gui\"",
         ),
     ] {
         if given && !kept.contains(&quantity) {

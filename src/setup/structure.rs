@@ -4,7 +4,7 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{Finding, KeyPath, StructureTable};
 use gusset_numerics::integrate::{GuiError, State};
-use gusset_numerics::linalg::{self, MatrixError, Spd, SymMatrix};
+use gusset_numerics::linalg::{self, Condensation, MatrixError, Spd, SymMatrix};
 use gusset_numerics::model::{
     BuildError, MatrixFiles, ModelError, SpecimenShare, Structure, StructureSpec, parse_matrix,
 };
@@ -220,14 +220,46 @@ pub(super) fn not_definite(site: &Site<'_>, mass: &SymMatrix, error: &GuiError) 
         )
 }
 
-/// `x[0]` and `v[0]`.
-pub(super) fn initial_state(site: &mut Site<'_>, dofs: usize) -> Result<State, Refused> {
+/// `x[0]` and `v[0]`. Degrees of freedom without mass must be where the others hold them, with the stiffness at rest; their velocity
+/// follows.
+pub(super) fn initial_state(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    at_rest: &SymMatrix,
+) -> Result<State, Refused> {
+    let (dofs, massless) = (structure.dofs(), structure.massless());
     let table = site.loaded.file.structure.as_ref();
     let disp = table.and_then(|table| table.initial_displacement_m.clone());
     let vel = table.and_then(|table| table.initial_velocity_m_per_s.clone());
     let disp = vector(site, "initial_displacement_m", disp, dofs)?;
     let vel = vector(site, "initial_velocity_m_per_s", vel, dofs)?;
-    Ok(State::new(disp, vel))
+    let mut state = State::new(disp, vel);
+    let moves = state
+        .disp
+        .iter()
+        .chain(&*state.vel)
+        .any(|value| *value != 0.0);
+    if let Some(mut held) = Condensation::new(at_rest, &massless).ok().filter(|_| moves) {
+        let given = state.disp.clone();
+        held.follow(&mut state.disp);
+        held.follow(&mut state.vel);
+        let largest = state
+            .disp
+            .iter()
+            .fold(0.0, |most: f64, x| most.max(x.abs()));
+        let apart = |dof: &&usize| (state.disp[**dof] - given[**dof]).abs() > 1e-6 * largest;
+        if let Some(&dof) = massless.iter().find(apart) {
+            let text = format!(
+                "DOF {} has no mass: the others hold it at {:.6e} m, but it begins at {:.6e} m",
+                dof + 1,
+                state.disp[dof],
+                given[dof]
+            );
+            let at = path("structure").key("initial_displacement_m").index(dof);
+            return site.refuse(Finding::error(at, text));
+        }
+    }
+    Ok(state)
 }
 
 /// A vector of the structure with one entry per DOF; zeros if it is absent.

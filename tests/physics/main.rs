@@ -11,6 +11,7 @@ mod geometry;
 mod hybrid_is_monolithic;
 mod identify;
 mod independent;
+mod massless;
 mod paper;
 mod prescribed;
 mod tracking_effect;

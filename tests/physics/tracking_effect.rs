@@ -424,7 +424,7 @@ fn delay_share_warns_and_trips_at_levels() {
         panic!("{:?}", run.outcome.ending);
     };
     assert_eq!((hit.quantity, hit.bound), (Limit::DelayUsed, 0.6));
-    assert_eq!(hit.worst, Some((0, 0)));
+    assert_eq!(hit.worst.unwrap().axis(), Some((0, 0)));
     let used = run.column("delay_used");
     assert_eq!(*used.last().unwrap(), hit.value);
     assert!(

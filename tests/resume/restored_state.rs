@@ -342,6 +342,20 @@ fn static_load_and_given_motion_continue() {
     }
 }
 
+#[test]
+fn rows_without_mass_continue() {
+    let text = "[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n[structure.matrices]\n\
+        mass = [[1000.0, 0], [0, 0]]\nstiffness = [[1e6, -1e6], [-1e6, 1e6]]\n[[structure.element]]\nfrom = \"ground\"\n\
+        to = 2\nlaw.bilinear = { stiffness_n_per_m = 1e7, yield_force_n = 5e3, post_yield_ratio = 0.01 }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 4.0, frequency_hz = 2.3 }\n";
+    let test = Test {
+        make: &|| prepare(text).experiment,
+        checkpoint_ticks: 41,
+        says: SILENT,
+    };
+    test.continues_from_its_states();
+}
+
 /// A spring behind a lag that takes some polls for its answer, or loses answers and finds some of them later.
 struct Partner {
     coupling: Coupling,

@@ -58,7 +58,7 @@ pub(super) const IDLE_SAFETY: &[Idle<OfTest>] = &[
         "for structures only, and the test has no structure",
     ),
     (
-        "stability_used step_audit",
+        "stability_used step_audit static_unbalance",
         no_structure,
         "for structures only, and the test has no structure to integrate",
     ),

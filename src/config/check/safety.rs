@@ -10,6 +10,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
         ("stability_used", safety.stability_used),
         ("delay_used", safety.delay_used),
         ("step_audit", safety.step_audit),
+        ("static_unbalance", safety.static_unbalance),
         (
             "added_energy_share",
             safety.added_energy_share.map(ShareSpec::levels),

@@ -5,7 +5,7 @@
 //! displacements and forces. Their difference is roundoff as long as every step was made with the forces that it closed
 //! with and no state was changed between two steps. It audits this program, not a specimen. Real-time after `new`.
 
-use gusset_numerics::linalg::SymMatrix;
+use gusset_numerics::linalg::{Condensation, SymMatrix};
 use gusset_quantity::state;
 
 /// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
@@ -15,9 +15,12 @@ const ROUNDOFF: f64 = 64.0 * f64::EPSILON;
 const LAST_BIT: f64 = 4.0 * f64::EPSILON;
 
 /// The audit of one run, begun by its first step.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct StepAudit {
     effective_mass: SymMatrix,
+    /// Degrees of freedom without mass, which do not follow the method: in the sums they stand where M_eff holds them.
+    massless: Option<Condensation>,
+    now: [Vec<f64>; 2],
     /// Energy of a motion by roundoff in a step, J per m² of displacement.
     roundoff: Vec<f64>,
     /// `x[i−1]` and `x[i]`.
@@ -36,18 +39,22 @@ pub struct StepAudit {
 
 state! {
     StepAudit as "audit" { older, newer, begun, energy, forgiven, residual, turnover, largest }
-    keeps { effective_mass, roundoff }
+    keeps { effective_mass, massless, now, roundoff }
 }
 
 impl StepAudit {
-    /// For this M_eff = M + (Δt/2) C0 + (Δt²/λ) K0 and this Δt in s.
+    /// For this M_eff = M + (Δt/2) C0 + (Δt²/λ) K0, the degrees of freedom without mass, and this Δt in s.
     #[must_use]
-    pub fn new(effective_mass: SymMatrix, dt: f64) -> Self {
+    pub fn new(effective_mass: SymMatrix, massless: &[usize], dt: f64) -> Self {
         let n = effective_mass.n();
         let per_s = ROUNDOFF / dt;
         let of_disp = |dof| effective_mass.get(dof, dof) * per_s * per_s;
         let roundoff = (0..n).map(of_disp).collect();
         Self {
+            massless: (!massless.is_empty())
+                .then(|| Condensation::new(&effective_mass, massless).ok())
+                .flatten(),
+            now: [vec![0.0; n], vec![0.0; n]],
             effective_mass,
             roundoff,
             older: vec![0.0; n],
@@ -66,6 +73,9 @@ impl StepAudit {
     pub fn before(&mut self, disp: &[f64]) {
         if !self.begun {
             self.newer.copy_from_slice(disp);
+            if let Some(massless) = &mut self.massless {
+                massless.follow(&mut self.newer);
+            }
         }
     }
 
@@ -73,6 +83,17 @@ impl StepAudit {
     /// velocity depends on the start that was chosen. Real-time: yes.
     #[inline]
     pub fn after(&mut self, disp: &[f64], vel: &[f64], residual: &[f64]) {
+        let [now_disp, now_vel] = &mut self.now;
+        let (disp, vel) = match &mut self.massless {
+            None => (disp, vel),
+            Some(massless) => {
+                now_disp.copy_from_slice(disp);
+                now_vel.copy_from_slice(vel);
+                massless.follow(now_disp);
+                massless.follow(now_vel);
+                (&now_disp[..], &now_vel[..])
+            }
+        };
         let energy = 0.5 * self.effective_mass.quadratic(vel);
         let (mut work, mut roundoff, mut forgiven) = (0.0, 0.0, 0.0);
         let ends = disp.iter().zip(&mut self.older).zip(residual);
@@ -134,7 +155,7 @@ mod tests {
         let effective = mass
             .plus(DT / 2.0, &damping)
             .plus(DT * DT / 4.0, &stiffness);
-        let mut audit = StepAudit::new(effective, DT);
+        let mut audit = StepAudit::new(effective, &[], DT);
         let mut state = State::new(vec![0.01, -0.02], vec![0.3, 0.1]);
         let mut reported = [0.0; 2];
         for step in 0..500 {
@@ -191,12 +212,12 @@ mod tests {
             audit.relative().to_bits()
         };
         for taken in [0, 1, 50] {
-            let mut one = StepAudit::new(mass.clone(), DT);
+            let mut one = StepAudit::new(mass.clone(), &[], DT);
             (0..taken).for_each(|k| {
                 step(&mut one, k);
             });
             let state = TestState::of(|visit| one.visit_state(visit)).unwrap();
-            let mut other = StepAudit::new(mass.clone(), DT);
+            let mut other = StepAudit::new(mass.clone(), &[], DT);
             step(&mut other, 7);
             state.restore(|visit| other.visit_state(visit)).unwrap();
             for k in taken..taken + 50 {

@@ -241,8 +241,7 @@ impl Engine<'_> {
                 evidence: None,
             },
         );
-        self.judge
-            .judge_misses(tick, self.ports, self.environment)?;
+        self.judge.judge_misses(tick, self.environment)?;
         let pace = &self.environment.pace;
         let (in_a_row, total) = (
             self.environment.deadlines.in_a_row(),

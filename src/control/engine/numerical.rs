@@ -7,7 +7,9 @@ use super::intake::{Closed, Intake};
 use super::received_columns::Received;
 use crate::port::Port;
 use gusset_motion::{Excitation, Prescribed};
-use gusset_numerics::integrate::{Loaded, RowForces, State, StepError, Stepper};
+use gusset_numerics::integrate::{
+    Explicit, Loaded, Massless, RowForces, State, StepError, Stepper,
+};
 use gusset_numerics::linalg::Aligned;
 use gusset_numerics::model::{Acceleration, Base, Motion, Structure};
 use gusset_quantity::frame::AtStructure;
@@ -52,7 +54,8 @@ pub struct Numerical {
     pub excitation: Excitation,
     acceleration: Acceleration,
     stepper: Stepper,
-    audit: Option<StepAudit>,
+    /// The audit of the steps made so far.
+    pub audit: Option<StepAudit>,
     intake: Option<Intake>,
     /// x and v of the step that is about to be closed.
     pub state: State,
@@ -110,8 +113,8 @@ impl Numerical {
     ) -> Self {
         let n = structure.dofs();
         let stepper = stepper.into();
-        if let Stepper::Explicit(integrator) = &stepper {
-            integrator.prepare(&mut state);
+        if let Stepper::Explicit(explicit) = &stepper {
+            explicit.integrator.prepare(&mut state);
             structure.forget_tangents();
         }
         Self {
@@ -149,18 +152,21 @@ impl Numerical {
         self.intake.as_ref()
     }
 
-    /// The audit of the steps made so far.
-    #[must_use]
-    pub fn audit(&self) -> Option<&StepAudit> {
-        self.audit.as_ref()
-    }
-
     /// Base displacement and velocity at a step.
     #[inline]
     #[must_use]
     pub(crate) fn base(&self, step: u64) -> Base {
         let (disp, vel) = self.excitation.base(index(step));
         Base { disp, vel }
+    }
+
+    /// What moves the degrees of freedom without mass, if there are any.
+    #[must_use]
+    pub(crate) fn massless(&self) -> Option<&Massless> {
+        match &self.stepper {
+            Stepper::Explicit(explicit) => explicit.massless.as_deref(),
+            Stepper::Offline(_) => None,
+        }
     }
 
     /// True if the method needs the forces of the step that it is making: no specimen can hang on it.
@@ -193,10 +199,29 @@ impl Numerical {
         if let Some(intake) = &mut self.intake {
             intake.loaded(residual);
         }
-        self.structure
-            .subtract_internal(disp, vel, base, dt, residual);
-        for port in ports {
-            port.subtract_force(0..residual.len(), residual);
+        let massless = match &mut self.stepper {
+            Stepper::Explicit(explicit) => explicit.massless.as_mut(),
+            Stepper::Offline(_) => None,
+        };
+        if let Some(massless) = massless {
+            let motion = Motion::new(disp, vel, base, dt);
+            self.structure
+                .subtract_weighed(motion, residual, &mut massless.gross);
+            self.structure.commit();
+            massless.specimen_forces.fill(0.0);
+            for port in ports {
+                port.subtract_force(0..residual.len(), &mut massless.specimen_forces);
+            }
+            for (r, force) in residual.iter_mut().zip(&massless.specimen_forces) {
+                *r += force;
+            }
+            massless.note_balance(residual);
+        } else {
+            self.structure
+                .subtract_internal(disp, vel, base, dt, residual);
+            for port in ports {
+                port.subtract_force(0..residual.len(), residual);
+            }
         }
         if let Some(intake) = &mut self.intake {
             intake.note(&Closed {
@@ -220,11 +245,18 @@ impl Numerical {
     #[inline]
     pub fn advance(&mut self, step: u64) -> Result<(), StepError> {
         match &mut self.stepper {
-            Stepper::Explicit(integrator) => {
+            Stepper::Explicit(explicit) => {
                 if let Some(audit) = &mut self.audit {
                     audit.before(&self.state.disp);
                 }
-                integrator.advance(&mut self.state, &self.inertia, &mut self.reported_vel);
+                let excitation = &self.excitation;
+                explicit.advance(
+                    &mut self.structure,
+                    &mut self.state,
+                    &self.inertia,
+                    &mut self.reported_vel,
+                    &mut |ahead, out| loaded(excitation, step + u64::from(ahead), out),
+                );
                 if let Some(audit) = &mut self.audit {
                     audit.after(&self.state.disp, &self.state.vel, &self.inertia);
                 }
@@ -237,9 +269,7 @@ impl Numerical {
                 }
                 let excitation = &self.excitation;
                 let mut forces = Loaded::new(&mut self.structure, |step, out: &mut [f64]| {
-                    excitation.load_into(index(step), out);
-                    let (disp, vel) = excitation.base(index(step));
-                    Base { disp, vel }
+                    loaded(excitation, step, out)
                 });
                 method.step(
                     step + 1,
@@ -264,7 +294,14 @@ impl Numerical {
         ports: &mut [Port],
     ) -> Result<(), StepError> {
         // The account of energy looks at the whole of a closed step.
-        let (Stepper::Explicit(integrator), None) = (&mut self.stepper, &self.intake) else {
+        let (
+            Stepper::Explicit(Explicit {
+                integrator,
+                massless: None,
+            }),
+            None,
+        ) = (&mut self.stepper, &self.intake)
+        else {
             self.close(step, dt, ports);
             return self.advance(step);
         };
@@ -308,7 +345,7 @@ impl Numerical {
         if self.is_offline() {
             return None;
         }
-        let memory = TestState::of(|visit| self.structure.visit_state(visit)).ok()?;
+        let memory = TestState::of(|visit| self.visit_memory(visit)).ok()?;
         let state = self.state.clone();
         Some(Scratch { state, memory })
     }
@@ -335,17 +372,29 @@ impl Numerical {
         (self.audit, self.intake) = (audit, intake);
     }
 
+    /// What a step changes besides the state of the integration.
+    fn visit_memory(&mut self, visit: &mut dyn Visit) {
+        self.structure.visit_state(visit);
+        self.stepper.visit_state(visit);
+    }
+
     /// Takes back what was only tried. Real-time: yes.
     pub(super) fn undo(&mut self, scratch: &Scratch) {
         self.state.copy_from(&scratch.state);
         // It is the structure's own.
-        let _ = scratch
-            .memory
-            .restore(|visit| self.structure.visit_state(visit));
+        let _ = scratch.memory.restore(|visit| self.visit_memory(visit));
         for output in [&mut self.inertia, &mut self.reported_vel, &mut self.accel] {
             output.fill(0.0);
         }
     }
+}
+
+/// F of a step into `out`, and the base there. Real-time: yes.
+#[inline]
+fn loaded(excitation: &Excitation, step: u64, out: &mut [f64]) -> Base {
+    excitation.load_into(index(step), out);
+    let (disp, vel) = excitation.base(index(step));
+    Base { disp, vel }
 }
 
 /// r of one step, some rows at a time.

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::test_hit::TestHit;
+use super::test_limits::Worst;
 use crate::port::limits::Hit;
 use crate::port::{Port, WiringFault};
 use gusset_actuator::geometry::Fault;
@@ -317,7 +318,7 @@ impl Stop {
     pub fn with_name(&self, name: impl FnOnce(usize) -> String) -> String {
         let text = self.to_string();
         let worst = match self {
-            Self::TestLimit(hit) => hit.worst.map(|(port, _)| port),
+            Self::TestLimit(hit) => hit.worst.and_then(Worst::axis).map(|(port, _)| port),
             _ => None,
         };
         match self.port().or(worst) {

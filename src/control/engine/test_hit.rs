@@ -1,5 +1,6 @@
 //! A limit of the test as a whole that was reached, and its sentence.
 
+use super::test_limits::Worst;
 use gusset_quantity::catalog::limit::{Judges, Limit};
 use gusset_quantity::units::compared;
 
@@ -12,8 +13,8 @@ pub struct TestHit {
     pub value: f64,
     /// Level of the limit.
     pub bound: f64,
-    /// Specimen and axis, from 0, that have the most of it, where that can be said.
-    pub worst: Option<(usize, usize)>,
+    /// What has the most of it, where that can be said.
+    pub worst: Option<Worst>,
     /// It was found in the warm-up, and the test was not begun.
     pub in_warm_up: bool,
 }
@@ -40,14 +41,14 @@ impl std::fmt::Display for TestHit {
             limit if limit.row().judges == Judges::Step => {
                 let [value, bound] = compared(*value, *bound, limit.unit());
                 write!(f, "{words}: {value}, allowed {bound} ({key})")?;
-                worst.map_or(Ok(()), |(port, axis)| {
-                    write!(
-                        f,
-                        ", most of it of specimen {}, axis {}",
-                        port + 1,
-                        axis + 1
-                    )
-                })
+                match worst {
+                    None => Ok(()),
+                    Some(Worst::Axis(port, axis)) => {
+                        let (port, axis) = (port + 1, axis + 1);
+                        write!(f, ", most of it of specimen {port}, axis {axis}")
+                    }
+                    Some(Worst::Dof(dof)) => write!(f, ", most of it at DOF {}", dof + 1),
+                }
             }
             _ => write!(f, "{words}: {value}, allowed {bound} ({key})"),
         }

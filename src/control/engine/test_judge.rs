@@ -4,7 +4,7 @@ use super::environment::Environment;
 use super::numerical::Side;
 use super::stop::Stop;
 use super::test_hit::TestHit;
-use super::test_limits::{TestLimits, value, worst};
+use super::test_limits::{TestLimits, Worst, value, worst};
 use super::tick::Tick;
 use crate::port::Port;
 use crate::port::limits::Level;
@@ -62,7 +62,8 @@ impl TestJudge {
             } else {
                 bound.judge(value)
             };
-            result = result.and(self.heed(tick, limit, value, judged, ports, environment));
+            let from = || worst(limit, side, ports);
+            result = result.and(self.heed(tick, limit, value, judged, &from, environment));
         }
         result
     }
@@ -74,7 +75,6 @@ impl TestJudge {
     pub(crate) fn judge_misses(
         &mut self,
         tick: &Tick,
-        ports: &[Port],
         environment: &mut Environment,
     ) -> Result<(), Stop> {
         let mut result = Ok(());
@@ -92,7 +92,7 @@ impl TestJudge {
             }
             let value = found as f64;
             let judged = bound.judge(value);
-            result = result.and(self.heed(tick, limit, value, judged, ports, environment));
+            result = result.and(self.heed(tick, limit, value, judged, &|| None, environment));
         }
         result
     }
@@ -113,7 +113,7 @@ impl TestJudge {
         limit: Limit,
         value: f64,
         judged: Option<(Level, f64)>,
-        ports: &[Port],
+        from: &dyn Fn() -> Option<Worst>,
         environment: &mut Environment,
     ) -> Result<(), Stop> {
         match judged {
@@ -121,7 +121,7 @@ impl TestJudge {
                 self.warned &= !limit.bit();
                 Ok(())
             }
-            Some(beyond) => self.heed_hit(tick, limit, value, beyond, ports, environment),
+            Some(beyond) => self.heed_hit(tick, limit, value, beyond, from, environment),
         }
     }
 
@@ -132,17 +132,18 @@ impl TestJudge {
         quantity: Limit,
         value: f64,
         (level, bound): (Level, f64),
-        ports: &[Port],
+        from: &dyn Fn() -> Option<Worst>,
         environment: &mut Environment,
     ) -> Result<(), Stop> {
         let bit = quantity.bit();
         let trip = level == Level::Trip;
-        let worst = worst(quantity, ports);
+        let worst = from();
+        let axis = worst.and_then(Worst::axis);
         if trip || self.warned & bit == 0 {
             self.warned |= bit;
             let reached = LimitReached {
-                port: worst.map(|(port, _)| port as u32),
-                axis: worst.map(|(_, axis)| axis as u32),
+                port: axis.map(|(port, _)| port as u32),
+                axis: axis.map(|(_, axis)| axis as u32),
                 limit: quantity.key().into(),
                 value,
                 bound,

@@ -3,10 +3,11 @@
 use super::numerical::Side;
 use crate::port::Port;
 use crate::port::limits::Bound;
+use gusset_numerics::integrate::Massless;
 use gusset_quantity::catalog::limit::{AXIS_LIMITS, Judges, LIMITS, Limit};
 
 /// Limits of the test that are judged at every step, in the order of their columns.
-const OF_STEPS: [Limit; 4] = Limit::judging(&[Judges::Step]);
+const OF_STEPS: [Limit; 5] = Limit::judging(&[Judges::Step]);
 
 /// Whether a limit is judged in such a test.
 fn is_kept(limit: Limit, side: &Side, ports: &[Port]) -> bool {
@@ -17,10 +18,11 @@ fn is_kept(limit: Limit, side: &Side, ports: &[Port]) -> bool {
         (Limit::DelayUsed, Side::Structure(_)) => {
             ports.iter().any(|port| port.tracking().knows_margin())
         }
-        (Limit::StepAudit, Side::Structure(numerical)) => numerical.audit().is_some(),
+        (Limit::StepAudit, Side::Structure(numerical)) => numerical.audit.as_ref().is_some(),
         (Limit::AddedEnergyShare, Side::Structure(numerical)) => {
             numerical.intake().is_some() && !ports.is_empty()
         }
+        (Limit::StaticUnbalance, Side::Structure(numerical)) => numerical.massless().is_some(),
         _ => false,
     }
 }
@@ -39,7 +41,8 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
             ports.fold(f64::NAN, f64::max)
         }
         (Limit::StepAudit, Side::Structure(numerical)) => numerical
-            .audit()
+            .audit
+            .as_ref()
             .map_or(f64::NAN, super::audit::StepAudit::relative),
         (Limit::AddedEnergyShare, Side::Structure(numerical)) => {
             let added = ports
@@ -48,7 +51,11 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
             let intake = numerical.intake();
             intake.map_or(f64::NAN, |intake| intake.share(added))
         }
-        (Limit::StepAudit | Limit::AddedEnergyShare, _) => f64::NAN,
+        (Limit::StaticUnbalance, Side::Structure(numerical)) => {
+            let massless = numerical.massless();
+            massless.map_or(f64::NAN, Massless::lasting_unbalance)
+        }
+        (Limit::StepAudit | Limit::AddedEnergyShare | Limit::StaticUnbalance, _) => f64::NAN,
         // No limits of the steps of a test. A new limit of these must be computed above.
         (
             Limit::CommandDisp
@@ -76,8 +83,31 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
     }
 }
 
-/// Specimen and axis, from 0, with the largest part of the value, where it is a sum or a maximum over them.
-pub(super) fn worst(limit: Limit, ports: &[Port]) -> Option<(usize, usize)> {
+/// Where a value comes from that is a sum or a maximum, from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Worst {
+    /// Specimen and axis with the largest part.
+    Axis(usize, usize),
+    /// Degree of freedom with the largest part.
+    Dof(usize),
+}
+
+impl Worst {
+    /// Specimen and axis.
+    #[must_use]
+    pub fn axis(self) -> Option<(usize, usize)> {
+        match self {
+            Self::Axis(port, axis) => Some((port, axis)),
+            Self::Dof(_) => None,
+        }
+    }
+}
+
+/// Where the largest part of the value comes from.
+pub(super) fn worst(limit: Limit, side: &Side, ports: &[Port]) -> Option<Worst> {
+    if let (Limit::StaticUnbalance, Side::Structure(numerical)) = (limit, side) {
+        return Some(Worst::Dof(numerical.massless()?.worst_dof()));
+    }
     let mut worst: Option<(f64, usize, usize)> = None;
     let mut note = |port: usize, shares: &mut dyn Iterator<Item = f64>| {
         for (axis, share) in shares.enumerate() {
@@ -93,7 +123,7 @@ pub(super) fn worst(limit: Limit, ports: &[Port]) -> Option<(usize, usize)> {
             _ => {}
         }
     }
-    worst.map(|(_, port, axis)| (port, axis))
+    worst.map(|(_, port, axis)| Worst::Axis(port, axis))
 }
 
 /// The limits that are judged at every step of such a test. Each has a column, in this order.

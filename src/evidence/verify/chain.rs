@@ -82,6 +82,7 @@ pub(super) fn limits() -> Vec<Check> {
         stiffness_bound: tridiagonal(n, STIFFNESS),
         dt: DT,
         late_mass: None,
+        massless: Vec::new(),
     };
     vec![
         Check::holds(

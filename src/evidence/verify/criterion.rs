@@ -52,6 +52,7 @@ pub(super) fn random_system(random: &mut Random, damped: bool) -> StabilityProof
         stiffness_bound: storeys(random, n, 1000.0 * hardening),
         dt: random.between(0.02, 0.5),
         late_mass: None,
+        massless: Vec::new(),
     }
 }
 

@@ -64,7 +64,8 @@ impl Method {
             Self::Family(lambda) => {
                 let lambda = Lambda::new(lambda)?;
                 let gui = Gui::new(mass, &damping, &stiffness, dt, lambda, Start::Published)?;
-                Stepper::Explicit(Box::new(gui))
+                let method: Box<dyn Integrator> = Box::new(gui);
+                method.into()
             }
             Self::Newmark(member) => {
                 let newmark = Newmark::new(mass, &damping, &stiffness, dt, member, newton)?;
@@ -112,7 +113,7 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
         forces.residual_into(Moment::at(0), &state.disp, &state.vel, 0.0, &mut residual);
         forces.commit();
         match &mut stepper {
-            Stepper::Explicit(integrator) => integrator.prepare(&mut state),
+            Stepper::Explicit(explicit) => explicit.integrator.prepare(&mut state),
             Stepper::Offline(method) => method.begin(&state, &residual),
         }
         Self {
@@ -131,8 +132,10 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
     pub(super) fn step(&mut self) {
         self.step += 1;
         match &mut self.stepper {
-            Stepper::Explicit(integrator) => {
-                integrator.advance(&mut self.state, &self.residual, &mut self.reported);
+            Stepper::Explicit(explicit) => {
+                explicit
+                    .integrator
+                    .advance(&mut self.state, &self.residual, &mut self.reported);
                 self.forces.residual_into(
                     Moment::at(self.step),
                     &self.state.disp,
@@ -253,6 +256,7 @@ pub(super) fn transition(
             stiffness_bound: scalar(k),
             dt,
             late_mass: None,
+            massless: Vec::new(),
         },
         lambda,
     )?;

@@ -60,6 +60,7 @@ impl TwoStoreys {
             stiffness_bound: Self::matrix(tangents),
             dt,
             late_mass: None,
+            massless: Vec::new(),
         }
     }
 

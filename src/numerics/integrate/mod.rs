@@ -22,6 +22,7 @@ mod chang_2002;
 mod equilibrium;
 mod gui;
 mod kr_alpha;
+mod massless;
 mod newmark;
 mod offline;
 mod peaks;
@@ -41,8 +42,11 @@ pub use chang_2002::Chang2002;
 pub use equilibrium::NewtonSettings;
 pub use gui::{Gui, GuiError};
 pub use kr_alpha::{AlphaWeights, KrAlpha, KrAlphaAtState};
+pub use massless::{Massless, MasslessBounds};
 pub use newmark::{Newmark, NewmarkBeta};
-pub use offline::{Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents};
+pub use offline::{
+    Explicit, Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents,
+};
 pub use peaks::{Peaks, first_beyond};
 
 /// Displacement and velocity of one step, and what moved them there. One entry per degree of freedom.

@@ -7,7 +7,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::{GuiError, Integrator, LambdaError, State};
+use super::{GuiError, Integrator, LambdaError, Massless, State};
 use crate::linalg::{NotPositiveDefinite, SymMatrix};
 use crate::model::{Base, Structure};
 use gusset_quantity::domain::OutOfDomain;
@@ -145,7 +145,7 @@ pub(super) fn check_mass(mass: &SymMatrix) -> Result<(), MethodError> {
 #[derive(Debug)]
 pub enum Stepper {
     /// May command a specimen.
-    Explicit(Box<dyn Integrator>),
+    Explicit(Explicit),
     /// May not.
     Offline(Box<dyn Offline>),
 }
@@ -153,15 +153,48 @@ pub enum Stepper {
 impl Stateful for Stepper {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         match self {
-            Self::Explicit(_) => {}
+            Self::Explicit(explicit) => visit.configured(&mut explicit.massless),
             Self::Offline(method) => method.visit_state(visit),
         }
     }
 }
 
 impl From<Box<dyn Integrator>> for Stepper {
-    fn from(method: Box<dyn Integrator>) -> Self {
-        Self::Explicit(method)
+    fn from(integrator: Box<dyn Integrator>) -> Self {
+        Self::Explicit(Explicit {
+            integrator,
+            massless: None,
+        })
+    }
+}
+
+/// An explicit method, and what moves the degrees of freedom without mass.
+#[derive(Debug)]
+pub struct Explicit {
+    /// The method.
+    pub integrator: Box<dyn Integrator>,
+    /// `None` where every degree of freedom has mass, or the method moves those without mass itself.
+    pub massless: Option<Box<Massless>>,
+}
+
+impl Explicit {
+    /// `state` at step n, whose r this is, goes to n + 1; see [`Integrator::advance`] and [`Massless::follow`]. Real-time: yes, if `load`
+    /// is.
+    pub fn advance(
+        &mut self,
+        structure: &mut Structure,
+        state: &mut State,
+        residual: &[f64],
+        reported_vel: &mut [f64],
+        load: &mut dyn FnMut(u8, &mut [f64]) -> Base,
+    ) {
+        let Some(massless) = &mut self.massless else {
+            return self.integrator.advance(state, residual, reported_vel);
+        };
+        massless.before(state);
+        self.integrator.advance(state, residual, reported_vel);
+        massless.report(reported_vel);
+        massless.follow(structure, state, residual, load);
     }
 }
 

@@ -8,7 +8,7 @@
 use nalgebra::{Cholesky, DMatrix};
 use thiserror::Error;
 
-use super::{NotPositiveDefinite, Spd, SymMatrix, dot};
+use super::{Condensation, NotPositiveDefinite, Spd, SymMatrix, dot};
 
 /// Largest number of degrees of freedom for which all modes are computed.
 pub(crate) const LARGEST_DENSE: usize = 300;
@@ -78,28 +78,8 @@ pub fn modes(stiffness: &SymMatrix, mass: &SymMatrix) -> Result<Modes, EigenErro
         dof: of[failure.dof],
         ..failure
     };
-    // K_mm − K_ms K_ss⁻¹ K_sm, and the rows −K_ss⁻¹ K_sm that bring the massless ones back.
-    let mut condensed = stiffness.block(&massive).to_dense();
-    let mut follow = DMatrix::zeros(massless.len(), massive.len());
-    if !massless.is_empty() {
-        let mut factor = Spd::factor(&stiffness.block(&massless))
-            .map_err(|failure| EigenError::Massless(in_user_numbering(failure, &massless)))?;
-        for (j, &column) in massive.iter().enumerate() {
-            let mut solved: Vec<f64> = massless.iter().map(|&i| stiffness.get(i, column)).collect();
-            factor.solve_in_place(&mut solved);
-            for (i, &row) in massive.iter().enumerate() {
-                let through: f64 = massless
-                    .iter()
-                    .zip(&solved)
-                    .map(|(&s, x)| stiffness.get(row, s) * x)
-                    .sum();
-                condensed[(i, j)] -= through;
-            }
-            for (row, x) in solved.iter().enumerate() {
-                follow[(row, j)] = -x;
-            }
-        }
-    }
+    let mut condensation = Condensation::new(stiffness, &massless).map_err(EigenError::Massless)?;
+    let condensed = condensation.complement().to_dense();
     let inner_mass = mass.block(&massive);
     Spd::factor(&inner_mass)
         .map_err(|failure| EigenError::Mass(in_user_numbering(failure, &massive)))?;
@@ -119,17 +99,13 @@ pub fn modes(stiffness: &SymMatrix, mass: &SymMatrix) -> Result<Modes, EigenErro
         frequencies.push(if value <= roundoff { 0.0 } else { value.sqrt() });
     }
     let mut shapes = DMatrix::zeros(n, massive.len());
+    let mut shape = vec![0.0; n];
     for j in 0..massive.len() {
         for (i, &row) in massive.iter().enumerate() {
-            shapes[(row, j)] = inner[(i, j)];
+            shape[row] = inner[(i, j)];
         }
-        for (s, &row) in massless.iter().enumerate() {
-            let mut value = 0.0;
-            for i in 0..massive.len() {
-                value += follow[(s, i)] * inner[(i, j)];
-            }
-            shapes[(row, j)] = value;
-        }
+        condensation.follow(&mut shape);
+        shapes.column_mut(j).copy_from_slice(&shape);
         let peak = (0..n).fold(0.0f64, |peak, i| {
             let value: f64 = shapes[(i, j)];
             // A later component must be clearly larger: roundoff does not decide the sign of a symmetric shape.

@@ -20,6 +20,7 @@
 mod aligned;
 mod banded;
 mod checked;
+mod condensation;
 mod condition;
 mod dense;
 mod dissection;
@@ -39,7 +40,9 @@ use std::ops::Range;
 use thiserror::Error;
 
 pub use aligned::Aligned;
+pub(crate) use banded::Banded;
 pub use checked::MatrixError;
+pub use condensation::Condensation;
 pub(crate) use eigen::LARGEST_DENSE;
 pub use eigen::{EigenError, Modes, frequencies, highest_frequency, lowest_modes, modes};
 pub use lanes::Lanes;

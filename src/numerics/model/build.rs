@@ -8,7 +8,7 @@ use super::{
     ModelError, ShearBuildingSpec, Storey, Structure, StructureSpec,
 };
 use crate::law::Reach;
-use crate::linalg::SymMatrix;
+use crate::linalg::{Condensation, SymMatrix};
 use gusset_quantity::domain::{OutOfDomain, not_negative, positive};
 
 /// Parsed matrix files by the name that the description uses.
@@ -155,7 +155,18 @@ impl StructureSpec {
                 at_rest = at_rest.plus(1.0, share.stiffness_at_rest);
                 mass = mass.plus(1.0, share.mass_in_force);
             }
-            structure.set_damping(damping_matrix(rule, &mass, &at_rest)?)?;
+            let mut damping = damping_matrix(rule, &mass, &at_rest)?;
+            let massless = structure.massless();
+            // A rule damps the motion of masses: where nothing has mass, it makes no force (Chopra & McKenna 2016).
+            if let Ok(mut held) = Condensation::new(&at_rest, &massless)
+                && !massless.is_empty()
+            {
+                let seen = held.seen_by(&damping);
+                let kept = held.kept();
+                let entries = seen.entries().map(|(i, j, c)| (kept[i], kept[j], c));
+                damping = SymMatrix::from_triplets(damping.n(), entries);
+            }
+            structure.set_damping(damping)?;
         }
         Ok(structure)
     }

@@ -64,10 +64,12 @@ impl Seen<'_> {
 }
 
 impl Elements {
-    /// Checks each element against a structure of `n` degrees of freedom and takes it in.
+    /// Checks each element against a structure of `n` degrees of freedom and takes it in. With `apart` all of them are single
+    /// ones, whose forces and tangents can be asked for one by one.
     pub(super) fn new(
         elements: impl IntoIterator<Item = Element>,
         n: usize,
+        apart: bool,
     ) -> Result<Self, ModelError> {
         let mut all = Self {
             groups: Vec::new(),
@@ -78,6 +80,10 @@ impl Elements {
         let mut waiting: Vec<(Connection, Facts)> = Vec::new();
         for element in elements {
             let next = split(element, n)?;
+            if apart {
+                all.singles(std::iter::once(next));
+                continue;
+            }
             if waiting.is_empty() {
                 // Only a run that everything before has joined can be continued.
                 let refused = match all.groups.last_mut() {
@@ -99,6 +105,9 @@ impl Elements {
             }
         }
         all.singles(waiting.into_iter());
+        if apart {
+            return Ok(all);
+        }
         let groups = std::mem::take(&mut all.groups);
         all.groups = groups.into_iter().flat_map(|g| in_strips(g, n)).collect();
         Ok(all)
@@ -255,12 +264,14 @@ impl Elements {
         }
     }
 
-    /// residual ← residual − force for all other groups, one trial each; with a commit if `COMMIT`. Real-time: yes.
+    /// residual ← residual − force for all other groups, one trial each; with a commit if `COMMIT`. `gross` gains the size of each
+    /// force of a single element where it has an entry for its row. Real-time: yes.
     #[inline]
     pub(super) fn subtract_rest<const COMMIT: bool>(
         &mut self,
         motion: Motion<'_>,
         residual: &mut [f64],
+        gross: &mut [f64],
     ) {
         let (keep, lanes) = (self.keeps_tangents, self.lanes);
         let count = self.row_by_row();
@@ -292,6 +303,11 @@ impl Elements {
                         }
                         if let Some(r) = residual.get_mut(*from as usize) {
                             *r += force;
+                        }
+                        for end in [from, to] {
+                            if let Some(gross) = gross.get_mut(*end as usize) {
+                                *gross += force.abs();
+                            }
                         }
                     }
                 }

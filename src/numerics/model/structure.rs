@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::element::{row, stamp};
 use super::elements::{Elements, Seen, bound};
 use super::rows::{Alone, EvenChain};
-use super::{Base, Element, ModelError, Motion, Part, sound};
+use super::{Base, Element, End, ModelError, Motion, Part, sound};
 use crate::law::Tangent;
 use crate::linalg::{Lanes, SymMatrix};
 use gusset_quantity::state;
@@ -51,13 +51,14 @@ impl Structure {
         ];
         sound::check(matrices, &influence)?;
         let tied_to_base = sound::tied_to_base(&stiffness, &damping, &influence);
+        let has_massless = (0..n).any(|dof| mass.row_is_zero(dof));
         Ok(Self {
             mass,
             damping,
             stiffness,
             influence,
             tied_to_base,
-            elements: Elements::new(elements, n)?,
+            elements: Elements::new(elements, n, has_massless)?,
             lanes: Lanes::best_for(n),
             storeys: ("", Vec::new()),
         })
@@ -82,6 +83,13 @@ impl Structure {
     #[must_use]
     pub fn mass(&self) -> &SymMatrix {
         &self.mass
+    }
+
+    /// Degrees of freedom without mass, rising.
+    #[must_use]
+    pub fn massless(&self) -> Vec<usize> {
+        let rows = 0..self.dofs();
+        rows.filter(|&dof| self.mass.row_is_zero(dof)).collect()
     }
 
     /// The linear C, without elements.
@@ -273,7 +281,54 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        self.walk::<true>(Motion::new(disp, vel, base, dt), residual);
+        self.walk::<true>(Motion::new(disp, vel, base, dt), residual, &mut []);
+    }
+
+    /// [`Structure::subtract_trial`] of a structure with massless degrees of freedom, which also tells how large the forces on each
+    /// row are: `gross` ← |K x + C v| + Σ |force of an element|. Real-time: yes.
+    pub fn subtract_weighed(
+        &mut self,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+        gross: &mut [f64],
+    ) {
+        gross.fill(0.0);
+        self.subtract_linear(0..gross.len(), motion, gross);
+        gross.iter_mut().for_each(|force| *force = force.abs());
+        self.walk::<false>(motion, residual, gross);
+    }
+
+    /// out ← out − K_t d − C_t v with the tangents at the last trial of every element. `change` holds d and v, and those of the
+    /// base. For structures with massless degrees of freedom. Real-time: yes.
+    pub(crate) fn subtract_tangent(&self, change: Motion<'_>, out: &mut [f64]) {
+        self.subtract_linear(0..out.len(), change, out);
+        for element in self.elements.iter() {
+            let of = |end: End, of_dofs: &[f64], of_base: f64| match end {
+                End::Dof(dof) => of_dofs.get(dof).copied().unwrap_or(f64::NAN),
+                End::Ground => of_base,
+                End::Fixed => 0.0,
+            };
+            let between = |of_dofs: &[f64], of_base: f64| {
+                of(element.to, of_dofs, of_base) - of(element.from, of_dofs, of_base)
+            };
+            let tangent = element.tangent();
+            let force = tangent.stiffness * between(change.disp, change.base.disp)
+                + tangent.damping * between(change.vel, change.base.vel);
+            for (end, sign) in [(element.from, 1.0), (element.to, -1.0)] {
+                if let End::Dof(dof) = end
+                    && let Some(out) = out.get_mut(dof)
+                {
+                    *out += sign * force;
+                }
+            }
+        }
+    }
+
+    /// Hands the tangents of every element to `visit`, at its last trial. Real-time: yes, if `visit` is.
+    pub(crate) fn for_each_tangent(&self, visit: &mut dyn FnMut(End, End, Tangent)) {
+        for element in self.elements.iter() {
+            visit(element.from, element.to, element.tangent());
+        }
     }
 
     /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, which may be
@@ -286,7 +341,7 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        self.walk::<false>(Motion::new(disp, vel, base, dt), residual);
+        self.walk::<false>(Motion::new(disp, vel, base, dt), residual, &mut []);
     }
 
     /// The last trial of every element becomes its committed state.
@@ -302,7 +357,12 @@ impl Structure {
 
     /// Some rows at a time while they are near, then what does not act row by row. Real-time: yes.
     #[inline]
-    fn walk<const COMMIT: bool>(&mut self, motion: Motion<'_>, residual: &mut [f64]) {
+    fn walk<const COMMIT: bool>(
+        &mut self,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+        gross: &mut [f64],
+    ) {
         let n = residual.len();
         let mut first = 0;
         while first < n {
@@ -314,7 +374,8 @@ impl Structure {
             }
         }
         if !self.elements.is_empty() {
-            self.elements.subtract_rest::<COMMIT>(motion, residual);
+            self.elements
+                .subtract_rest::<COMMIT>(motion, residual, gross);
         }
     }
 
@@ -373,7 +434,7 @@ impl Structure {
             if fresh {
                 residual.fill(0.0);
             }
-            return self.walk::<true>(motion, residual);
+            return self.walk::<true>(motion, residual, &mut []);
         }
         if !self.subtract_even(rows.clone(), motion, residual, fresh) {
             if fresh && let Some(residual) = residual.get_mut(rows.clone()) {

@@ -147,6 +147,7 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
                     stiffness,
                     dt,
                     late_mass: None,
+                    massless: Vec::new(),
                 }
             })
     })

@@ -53,6 +53,8 @@ pub enum Limit {
     StepAudit,
     /// Energy that the transfer systems have added, relative to the energy that the test has taken in.
     AddedEnergyShare,
+    /// Unbalance of the degrees of freedom without mass, relative to their forces: the least of the last six steps.
+    StaticUnbalance,
     /// Deadline misses in a row.
     MissesInARow,
     /// Deadline misses in a stretch of time.
@@ -163,7 +165,7 @@ pub struct Row {
 /// Number of limits of an axis.
 pub const AXIS_LIMITS: usize = 17;
 /// Number of all limits.
-pub const LIMITS: usize = 24;
+pub const LIMITS: usize = 25;
 /// Page of the guide that explains the limits.
 pub const PAGE: &str = "limit-table";
 
@@ -487,6 +489,15 @@ const ROWS: [Row; LIMITS] = [
         words: "energy added by tracking errors over the energy that the test has taken in",
         judged: "energy added by all tracking errors over the energy that the test has taken in",
         needs_measured_disp: true,
+        ..TEST
+    },
+    Row {
+        limit: Limit::StaticUnbalance,
+        key: "static_unbalance",
+        name: "static_unbalance",
+        words: "unbalance of the degrees of freedom without mass, over their forces",
+        judged: "unbalance of the DOFs without mass over their forces, least of six steps",
+        default: "warns above 1e-3, trips above 1e-2",
         ..TEST
     },
     Row {

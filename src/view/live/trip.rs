@@ -104,7 +104,7 @@ fn limit_words(names: &[String], reached: &LimitReached) -> String {
             quantity: limit,
             value,
             bound,
-            worst: place,
+            worst: None,
             in_warm_up: false,
         }
         .to_string(),

@@ -39,7 +39,7 @@ impl Way {
         );
         let newton = NewtonSettings::default();
         let offline = |method: Box<dyn Offline>| Stepper::Offline(method);
-        let explicit = |method: Box<dyn Integrator>| Stepper::Explicit(method);
+        let explicit = |method: Box<dyn Integrator>| Stepper::from(method);
         match self {
             Way::Newmark(member) => offline(Box::new(
                 Newmark::new(m, &c, &k, dt, member, newton).unwrap(),
@@ -106,7 +106,9 @@ fn course(
                     .unwrap();
             }
         }
-        Stepper::Explicit(method) => {
+        Stepper::Explicit(Explicit {
+            integrator: method, ..
+        }) => {
             method.prepare(&mut state);
             let mut reported = vec![0.0; n];
             for step in 0..=steps {

@@ -46,6 +46,7 @@ fn changed_tangent_has_the_published_bound() {
             stiffness_bound: scalar(k),
             dt,
             late_mass: None,
+            massless: Vec::new(),
         };
         let largest = |k: f64| {
             let mut gui = sdof(1.0, c0, k0, dt, lambda, Start::Published);
@@ -92,6 +93,7 @@ impl TwoStoreys {
             stiffness_bound: storeys(&self.k),
             dt: 0.05,
             late_mass: None,
+            massless: Vec::new(),
         }
     }
 
@@ -224,6 +226,7 @@ fn automatic_lambda_names_what_governs() {
             stiffness_bound: scalar(1e4),
             dt: 1.0,
             late_mass: None,
+            massless: Vec::new(),
         };
         let limit = single.limit(gain, &[]).unwrap().unwrap();
         let exact = 4e4 / (1e4 * (1.0 + 1.0 / gain) - 4.0);
@@ -267,6 +270,7 @@ fn massless_critical_shape_has_no_frequency() {
         stiffness_bound: stiffness.clone(),
         dt: 1.0 / 1024.0,
         late_mass: None,
+        massless: Vec::new(),
     };
     for (mass, said) in [
         (0.0, "no mass)"),
@@ -294,6 +298,7 @@ fn case_without_a_stable_lambda_is_an_error() {
         stiffness_bound: SymMatrix::diagonal(&[100.0, 0.0]),
         dt: 0.1,
         late_mass: None,
+        massless: Vec::new(),
     };
     let damper = Part {
         name: "damper".to_owned(),

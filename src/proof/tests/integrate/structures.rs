@@ -37,6 +37,7 @@ fn free_chain_keeps_its_momentum() {
         stiffness_bound: k.clone(),
         dt: 0.2,
         late_mass: None,
+        massless: Vec::new(),
     };
     let limit = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
     let w = gusset_numerics::linalg::highest_frequency(&k, &proof.mass).unwrap();
@@ -141,6 +142,7 @@ fn limit_of_long_chain_is_its_highest_mode() {
         stiffness_bound: k,
         dt,
         late_mass: None,
+        massless: Vec::new(),
     };
     let angle = (2 * n - 1) as f64 * PI / (2 * (2 * n + 1)) as f64;
     let o2 = 4.0 * libm::sin(angle) * libm::sin(angle) * dt * dt;

@@ -33,6 +33,7 @@ const SHORT = {
   delay_used: "share of critical delay",
   step_audit: "energy error of steps",
   added_energy_share: "energy share of tracking errors",
+  static_unbalance: "unbalance without mass",
   max_consecutive_misses: "deadline misses in a row",
   max_misses_in_window: "deadline misses in the window",
   max_total_misses: "deadline misses in total",
@@ -42,7 +43,7 @@ const SHORT = {
 const MARGINS = ["stability_used", "delay_used"];
 
 /** Limits that are shares, shown in per cent. */
-const SHARES = [...MARGINS, "step_audit", "added_energy_share"];
+const SHARES = [...MARGINS, "step_audit", "added_energy_share", "static_unbalance"];
 
 /** The bars of limits and margins. */
 let bars = [];

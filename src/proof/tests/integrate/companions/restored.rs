@@ -31,7 +31,7 @@ impl Test {
         forces.commit();
         match &mut stepper {
             Stepper::Offline(method) => method.begin(&state, &inertia),
-            Stepper::Explicit(method) => method.prepare(&mut state),
+            Stepper::Explicit(explicit) => explicit.integrator.prepare(&mut state),
         }
         Self {
             structure,
@@ -57,8 +57,8 @@ impl Test {
             Stepper::Offline(method) => {
                 method.step(step + 1, state, &mut forces, inertia).unwrap();
             }
-            Stepper::Explicit(method) => {
-                method.advance(state, inertia, &mut reported);
+            Stepper::Explicit(explicit) => {
+                explicit.integrator.advance(state, inertia, &mut reported);
                 let next = Moment::at(step + 1);
                 forces.residual_into(next, &state.disp, &state.vel, DT, inertia);
                 forces.commit();
