@@ -94,6 +94,12 @@ pub struct StructureTable {
 }
 
 impl StructureTable {
+    /// True if a static load acts before t = 0.
+    #[must_use]
+    pub fn has_static_load(&self) -> bool {
+        self.static_load_n.is_some() || self.gravity.is_some()
+    }
+
     /// The kind that is given, with its key; a checked file has exactly one.
     #[must_use]
     pub fn kind(&self) -> Option<(&'static str, StructureSpec)> {

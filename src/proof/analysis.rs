@@ -85,9 +85,12 @@ pub struct Matrices {
 }
 
 impl Matrices {
-    /// The degrees of freedom that remain where those without mass follow statically, and what they see of the specimens. `None` where
-    /// nothing holds one of these.
-    fn condensed(self, specimens: &mut [Attached]) -> Option<Self> {
+    /// The degrees of freedom that remain where those without mass follow statically, and what they see of the specimens. Rows with a
+    /// dashpot do not follow statically and remain. `None` where nothing holds a row.
+    fn condensed(mut self, specimens: &mut [Attached]) -> Option<Self> {
+        let (damping, at_rest) = (&self.damping, &self.at_rest.damping);
+        let is_static = |row: &usize| damping.row_is_zero(*row) && at_rest.row_is_zero(*row);
+        self.massless.retain(is_static);
         if self.massless.is_empty() {
             return Some(self);
         }

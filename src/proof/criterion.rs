@@ -152,6 +152,14 @@ fn resolution(n: usize) -> f64 {
     if n <= 1000 { 1e-11 } else { 1e-6 }
 }
 
+/// What the tangents take from S.
+pub(super) enum Tangents {
+    /// Every row has its own motion.
+    Whole,
+    /// The matrix of the rows that remain, and what brings the others back.
+    Condensed(SymMatrix, Box<Condensation>),
+}
+
 impl StabilityProof {
     /// S(λ) of all rows; a finite `gain` g adds −(Δt²/g) K0, which keeps the response to a force error at the sawtooth below g
     /// times the static one.
@@ -165,31 +173,46 @@ impl StabilityProof {
             .plus(self.per_inverse() * inverse, &self.stiffness)
     }
 
-    /// S at 1/λ = `inverse`. Rows that follow statically are condensed, those of 4 M_eff and those of the tangents apart; the second
-    /// value then brings them back. None where nothing holds them.
-    fn at(&self, inverse: f64, gain: f64) -> Option<(SymMatrix, Option<Condensation>)> {
+    /// The share of the tangents in S where rows follow statically, condensed by them: Δt² K_t + 2 Δt C_t + (Δt²/g) K0. `None` where
+    /// nothing holds these rows.
+    fn tangents(&self, gain: f64) -> Option<Tangents> {
         if self.massless.is_empty() {
-            return Some((self.whole(inverse, gain), None));
+            return Some(Tangents::Whole);
         }
-        let (n, square) = (self.mass.n(), self.dt * self.dt);
-        let effective = SymMatrix::zeros(n)
-            .plus(4.0, &self.mass)
-            .plus(2.0 * self.dt, &self.damping)
-            .plus(self.per_inverse() * inverse, &self.stiffness);
-        let tangents = SymMatrix::zeros(n)
+        let square = self.dt * self.dt;
+        let matrix = SymMatrix::zeros(self.mass.n())
             .plus(square, &self.stiffness_bound)
             .plus(2.0 * self.dt, &self.damping_bound)
             .plus(square / gain, &self.stiffness);
+        let mut condensation = Condensation::new(&matrix, &self.massless).ok()?;
+        Some(Tangents::Condensed(
+            condensation.complement(),
+            Box::new(condensation),
+        ))
+    }
+
+    /// S at 1/λ = `inverse`. Rows that follow statically are condensed, those of 4 M_eff and those of the tangents apart. `None` where
+    /// nothing holds them.
+    fn at(&self, inverse: f64, gain: f64, tangents: &Tangents) -> Option<SymMatrix> {
+        let Tangents::Condensed(tangents, _) = tangents else {
+            return Some(self.whole(inverse, gain));
+        };
+        let mut effective = SymMatrix::zeros(self.mass.n())
+            .plus(4.0, &self.mass)
+            .plus(2.0 * self.dt, &self.damping)
+            .plus(self.per_inverse() * inverse, &self.stiffness);
+        if let Some(late) = &self.late_mass {
+            effective = effective.plus(-4.0, late);
+        }
         let mut effective = Condensation::new(&effective, &self.massless).ok()?;
-        let mut tangents = Condensation::new(&tangents, &self.massless).ok()?;
-        let matrix = effective.complement().plus(-1.0, &tangents.complement());
-        Some((matrix, Some(tangents)))
+        Some(effective.complement().plus(-1.0, tangents))
     }
 
     /// The factor of S(λ), and what brings condensed rows back; see [`StabilityProof::at`].
-    pub(super) fn factor(&self, inverse: f64, gain: f64) -> Option<(Spd, Option<Condensation>)> {
-        let (matrix, condensed) = self.at(inverse, gain)?;
-        Some((Spd::factor(&matrix).ok()?, condensed))
+    pub(super) fn factor(&self, lambda: Lambda) -> Option<(Spd, Tangents)> {
+        let tangents = self.tangents(f64::INFINITY)?;
+        let matrix = self.at(lambda.inverse(), f64::INFINITY, &tangents)?;
+        Some((Spd::factor(&matrix).ok()?, tangents))
     }
 
     /// The terms of S that do not depend on λ.
@@ -215,7 +238,7 @@ impl StabilityProof {
     /// True if S(λ) is positive definite at the declared bounds.
     #[must_use]
     pub fn holds(&self, lambda: Lambda) -> bool {
-        self.factor(lambda.inverse(), f64::INFINITY).is_some()
+        self.factor(lambda).is_some()
     }
 
     /// The largest λ that keeps the gain bound `gain` (infinite: stability alone); `None` if every λ does. The value
@@ -229,7 +252,12 @@ impl StabilityProof {
 
     fn limit_of(&self, gain: f64, parts: Parts<'_>) -> Result<Option<f64>, StabilityError> {
         let fixed = self.without_lambda(gain);
-        let admissible = |inverse: f64| self.factor(inverse, gain).is_some();
+        let tangents = self.tangents(gain);
+        let admissible = |inverse: f64| {
+            let matrix = self.at(inverse, gain, tangents.as_ref()?);
+            Spd::factor(&matrix?).ok()
+        };
+        let admissible = |inverse: f64| admissible(inverse).is_some();
         let is_finite =
             |matrix: &SymMatrix| matrix.entries().all(|(_, _, value)| value.is_finite());
         if !(is_finite(&fixed) && is_finite(&self.stiffness)) {
@@ -322,10 +350,10 @@ impl StabilityProof {
 
     /// Names what carries the near-null vector of S at 1/λ = `inverse`.
     fn governing(&self, inverse: f64, gain: f64, parts: Parts<'_>) -> Option<Governing> {
-        let (matrix, mut condensed) = self.at(inverse, gain)?;
-        let mut shape = near_null(&matrix)?;
+        let mut tangents = self.tangents(gain)?;
+        let mut shape = near_null(&self.at(inverse, gain, &tangents)?)?;
         let n = self.mass.n();
-        if let Some(condensed) = &mut condensed {
+        if let Tangents::Condensed(_, condensed) = &mut tangents {
             let mut whole = vec![0.0; n];
             for (&row, value) in condensed.kept().iter().zip(&shape) {
                 whole[row] = *value;

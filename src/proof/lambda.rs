@@ -1,7 +1,7 @@
 //! λ of a test, chosen or requested, and the proof of its stability.
 
 use super::analysis::Attached;
-use super::criterion::{LambdaChoice, Parts, StabilityError, StabilityProof};
+use super::criterion::{LambdaChoice, Parts, StabilityError, StabilityProof, Tangents};
 use super::integration::Stability;
 use super::kind::Kind;
 use super::online::OnlineLimit;
@@ -160,13 +160,14 @@ fn gains(proof: &StabilityProof, lambda: Lambda, specimens: &[Attached]) -> Vec<
     if specimens.is_empty() {
         return Vec::new();
     }
-    let Some((mut stability, mut condensed)) = proof.factor(lambda.inverse(), f64::INFINITY) else {
+    let Some((mut stability, mut tangents)) = proof.factor(lambda) else {
         return Vec::new();
     };
     let mut gain = |row: &[(usize, f64)]| {
-        let row = condensed
-            .as_mut()
-            .map_or_else(|| row.to_vec(), |by| by.row(row));
+        let row = match &mut tangents {
+            Tangents::Whole => row.to_vec(),
+            Tangents::Condensed(_, condensation) => condensation.row(row),
+        };
         let mut shape = vec![0.0; proof.mass.n() - proof.massless.len()];
         for (dof, entry) in &row {
             shape[*dof] += entry;

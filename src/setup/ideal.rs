@@ -138,7 +138,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
     let at_rest = structure
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));
-    let state = structure::initial_state(site, &structure, &at_rest)?;
+    let state = structure::initial_state(site, &mut structure, &at_rest)?;
     let specimens = specimens.into_ideal(structure.influence());
     Ok(Ideal {
         system: System {
@@ -255,7 +255,6 @@ impl Ideal {
                     system.residual_into(at, &state.disp, &state.vel, passed, &mut residual);
                     if let Some(massless) = &mut explicit.massless {
                         system.weigh(massless, state, step, passed);
-                        massless.note_balance(&residual);
                     }
                     system.commit();
                     let excitation = &system.excitation;
@@ -358,23 +357,13 @@ impl System {
 }
 
 impl System {
-    /// What the rows without mass need of a step: the trial of its forces again, by their origin.
+    /// The forces of the structure in a step again, for the balance of the rows without mass.
     fn weigh(&mut self, massless: &mut Massless, state: &State, step: u64, dt: f64) {
-        let (disp, vel) = self.excitation.base(step as usize);
-        let base = Base { disp, vel };
-        let motion = Motion::new(&state.disp, &state.vel, base, dt);
-        self.structure
-            .subtract_weighed(motion, &mut self.spare, &mut massless.gross);
-        massless.specimen_forces.fill(0.0);
-        for port in &mut self.specimens {
-            port.subtract(
-                &state.disp,
-                &state.vel,
-                base,
-                dt,
-                &mut massless.specimen_forces,
-            );
-        }
+        let step = step as usize;
+        let (disp, vel) = self.excitation.base(step);
+        let motion = Motion::new(&state.disp, &state.vel, Base { disp, vel }, dt);
+        self.excitation.load_into(step, &mut self.spare);
+        massless.close(&mut self.structure, motion, &mut self.spare);
     }
 }
 

@@ -382,7 +382,7 @@ fn numerical(
         )?),
         None => None,
     };
-    let state = structure::initial_state(site, &structure, &at_rest)?;
+    let state = structure::initial_state(site, &mut structure, &at_rest)?;
     let matrices = Matrices {
         mass: structure.mass().clone(),
         at_rest: AtRest {

@@ -198,37 +198,28 @@ pub(super) fn followed(method: Method, structure: &Structure) -> Vec<usize> {
     }
 }
 
-/// What moves the degrees of freedom without mass, if there are any. Refuses a specimen on them whose force would be later than one step.
+/// What moves the degrees of freedom without mass, if there are any. Refuses a specimen on them.
 pub(super) fn massless(
     site: &mut Site<'_>,
     structure: &Structure,
     specimens: &Specimens,
     dt: f64,
 ) -> Result<Option<Massless>, Refused> {
-    let (n, rows) = (structure.dofs(), structure.massless());
+    let rows = structure.massless();
     if rows.is_empty() {
         return Ok(None);
     }
-    let tables = site.loaded.file.specimen.iter();
-    for (index, (table, attached)) in tables.zip(specimens.attached()).enumerate() {
-        let entries = attached.rows.iter().flatten();
-        let mut on = entries.filter(|(dof, b)| *b != 0.0 && rows.binary_search(dof).is_ok());
-        let late = [
-            (table.link.is_some(), "a `link`"),
-            (
-                table.transfer.is_some() || table.identified.is_some(),
-                "an actuator with dynamics",
-            ),
-            (table.mass_in_force_kg != 0.0, "`mass_in_force_kg`"),
-        ];
-        if let (Some((dof, _)), Some((_, what))) = (on.next(), late.iter().find(|late| late.0)) {
+    for (index, attached) in specimens.attached().iter().enumerate() {
+        let mut entries = attached.rows.iter().flatten();
+        let on = |(dof, b): &&(usize, f64)| *b != 0.0 && rows.binary_search(dof).is_ok();
+        if let Some((dof, _)) = entries.find(on) {
             let text = format!(
-                "specimen \"{}\" moves with DOF {}, which has no mass: a force with {what} comes too late for it",
-                table.name,
+                "specimen \"{}\" moves with DOF {}, which has no mass: its force comes a step too late there",
+                attached.name,
                 dof + 1
             );
             let at = path("specimen").index(index);
-            let help = "give this DOF a mass, or attach the specimen to DOFs with mass";
+            let help = "give this DOF the mass that it has; a law that is only computed can be a `[[structure.element]]`";
             return site.refuse(Finding::error(at, text).help(help));
         }
     }
@@ -242,7 +233,6 @@ pub(super) fn massless(
     let bounds = MasslessBounds {
         stiffness: bounds.stiffness,
         damping: bounds.damping,
-        specimens: specimens.stiffness(n),
     };
     Massless::new(structure, bounds, dt).or_else(|error| {
         let error = GuiError::EffectiveMass(error);

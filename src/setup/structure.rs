@@ -1,12 +1,14 @@
 //! The numerical structure of a test file, its initial state and its natural frequencies.
 
+use super::proof::followed;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{Finding, KeyPath, StructureTable};
 use gusset_numerics::integrate::{GuiError, State};
 use gusset_numerics::linalg::{self, Condensation, MatrixError, Spd, SymMatrix};
 use gusset_numerics::model::{
-    BuildError, MatrixFiles, ModelError, SpecimenShare, Structure, StructureSpec, parse_matrix,
+    Base, BuildError, MatrixFiles, ModelError, SpecimenShare, Structure, StructureSpec,
+    parse_matrix,
 };
 
 /// Number of frequencies that are looked for.
@@ -220,46 +222,61 @@ pub(super) fn not_definite(site: &Site<'_>, mass: &SymMatrix, error: &GuiError) 
         )
 }
 
-/// `x[0]` and `v[0]`. Degrees of freedom without mass must be where the others hold them, with the stiffness at rest; their velocity
-/// follows.
+/// `x[0]` and `v[0]`. Degrees of freedom without mass that follow statically must be where they balance, and move with the others.
 pub(super) fn initial_state(
     site: &mut Site<'_>,
-    structure: &Structure,
+    structure: &mut Structure,
     at_rest: &SymMatrix,
 ) -> Result<State, Refused> {
-    let (dofs, massless) = (structure.dofs(), structure.massless());
+    let dofs = structure.dofs();
     let table = site.loaded.file.structure.as_ref();
+    let is_loaded = table.is_some_and(StructureTable::has_static_load);
     let disp = table.and_then(|table| table.initial_displacement_m.clone());
     let vel = table.and_then(|table| table.initial_velocity_m_per_s.clone());
     let disp = vector(site, "initial_displacement_m", disp, dofs)?;
     let vel = vector(site, "initial_velocity_m_per_s", vel, dofs)?;
-    let mut state = State::new(disp, vel);
-    let moves = state
-        .disp
-        .iter()
-        .chain(&*state.vel)
-        .any(|value| *value != 0.0);
-    if let Some(mut held) = Condensation::new(at_rest, &massless).ok().filter(|_| moves) {
-        let given = state.disp.clone();
-        held.follow(&mut state.disp);
-        held.follow(&mut state.vel);
-        let largest = state
-            .disp
-            .iter()
-            .fold(0.0, |most: f64, x| most.max(x.abs()));
-        let apart = |dof: &&usize| (state.disp[**dof] - given[**dof]).abs() > 1e-6 * largest;
-        if let Some(&dof) = massless.iter().find(apart) {
+    let massless = followed(site.loaded.file.integrator.method, structure);
+    let held = Condensation::new(at_rest, &massless).ok();
+    if let Some(mut held) = held.filter(|_| !massless.is_empty()) {
+        let mut forces = vec![0.0; dofs];
+        let still = vec![0.0; dofs];
+        structure.subtract_trial(&disp, &still, Base::default(), 0.0, &mut forces);
+        let mut follows = vel.clone();
+        held.follow(&mut follows);
+        // Displacements count from the place under the static load, where forces are not known yet.
+        let far = |dof: &&usize| {
+            let own = at_rest.get(**dof, **dof);
+            let largest = disp.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            !is_loaded && (forces[**dof] / own).abs() > 1e-6 * largest
+        };
+        let fast = |dof: &&usize| {
+            let largest = vel.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+            (follows[**dof] - vel[**dof]).abs() > 1e-6 * largest
+        };
+        let wrong = massless.iter().find(far).map(|dof| {
             let text = format!(
-                "DOF {} has no mass: the others hold it at {:.6e} m, but it begins at {:.6e} m",
+                "DOF {} has no mass, and its forces do not balance at the start: {:.4e} N are left over",
                 dof + 1,
-                state.disp[dof],
-                given[dof]
+                forces[*dof]
             );
-            let at = path("structure").key("initial_displacement_m").index(dof);
+            ("initial_displacement_m", *dof, text)
+        });
+        let wrong = wrong.or_else(|| {
+            let dof = massless.iter().find(fast)?;
+            let text = format!(
+                "DOF {} has no mass and moves with the others, at {:.6e} m/s, but it begins with {:.6e} m/s",
+                dof + 1,
+                follows[*dof],
+                vel[*dof]
+            );
+            Some(("initial_velocity_m_per_s", *dof, text))
+        });
+        if let Some((key, dof, text)) = wrong {
+            let at = path("structure").key(key).index(dof);
             return site.refuse(Finding::error(at, text));
         }
     }
-    Ok(state)
+    Ok(State::new(disp, vel))
 }
 
 /// A vector of the structure with one entry per DOF; zeros if it is absent.
@@ -310,12 +327,19 @@ pub(super) fn definite(
     let kind = kind.and_then(StructureTable::kind).map(|(key, _)| key);
     let at = path("structure").key(kind.unwrap_or("matrices"));
     let is_refused = !is_held(structure.stiffness()) && !is_held(initial);
+    let table = site.loaded.file.structure.as_ref();
+    let building = table.and_then(|table| table.shear_building.as_ref());
+    let leans = building.is_some_and(|building| building.p_delta.is_some());
     indefinite(
         site,
         is_refused.then(|| given(site, &at, "stiffness")),
         [
             "the stiffness has a negative eigenvalue: the structure is unstable",
-            "a spring k between two DOFs adds +k to both diagonal entries and −k beside the diagonal",
+            if leans {
+                "`p_delta` lowers the stiffness of each storey by the weight above it over its height"
+            } else {
+                "a spring k between two DOFs adds +k to both diagonal entries and −k beside the diagonal"
+            },
         ],
         [
             "the stiffness at rest has a negative eigenvalue: the response grows from rest",

@@ -2,8 +2,7 @@
 
 use crate::common::engine::{Run, distance, prepare, run};
 use crate::common::test_file::TestFile;
-use gusset_control::engine::{Ending, Stop};
-use gusset_quantity::catalog::limit::Limit;
+use gusset_control::engine::Ending;
 
 /// A mass on a spring, on a joint without mass that a law holds, under a sine. The joint is DOF 2.
 const SERIES: &str = r#"
@@ -104,29 +103,79 @@ fn yielding_joint_is_right_at_every_step() {
     }
 }
 
-/// An ideal specimen on the joint is the element: its force is a step late, and its estimate makes up for that as far as it is right.
-/// Once it yields, it lags a little.
+fn refusal(text: String) -> String {
+    let read = gusset_config::parse(std::path::Path::new("test.toml"), text, &[]).unwrap();
+    gusset_setup::build(&read).unwrap_err().to_string()
+}
+
 #[test]
-fn specimen_on_a_joint_is_the_element() {
-    let both = |law: &str, more: &str| {
-        let rows = format!("[[specimen]]\nname = \"joint\"\nrows = [[0, 1]]\nlaw.{law}\n");
-        [format!("{SERIES}{rows}"), held(law)].map(|text| run(&text.with(more)))
+fn specimen_on_a_joint_is_refused() {
+    let rows = format!("[[specimen]]\nname = \"joint\"\nrows = [[0, 1]]\nlaw.{ELASTIC}\n");
+    let refused = refusal(format!("{SERIES}{rows}"));
+    assert!(refused.contains("DOF 2"), "{refused}");
+}
+
+/// The forces of springs of K alone are the scale, wherever the structure stands.
+#[test]
+fn balance_is_judged_without_elements() {
+    let building = "
+        [time]
+        rate_hz = 512
+        duration_s = 4
+        [structure.shear_building]
+        mass_kg = [1000.0, 0.0, 1000.0, 0.0, 500.0]
+        stiffness_n_per_m = [1e6, 2e6, 1e6, 3e6, 1e6]
+        [structure.damping.rayleigh]
+        mass_coefficient_per_s = 0.3
+        stiffness_coefficient_s = 1e-3
+        [excitation.base_displacement.signal.sine]
+        amplitude = 0.02
+        frequency_hz = 1.5";
+    let run = run(building);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    assert!(peak(&run, "static_unbalance") < 1e-9);
+}
+
+/// KR-α moves the joint by its own weights, with the forces of every element.
+#[test]
+fn elements_act_in_every_method() {
+    let alpha = |kind: &str| {
+        let method = "integrator = { method = 'kr_alpha', rho_infinity = 0.8 }";
+        run(&held(kind).without("integrator").with(method))
     };
-    let soft =
-        "bilinear = { stiffness_n_per_m = 5e5, yield_force_n = 5000.0, post_yield_ratio = 0.1 }";
-    for (law, most) in [(ELASTIC, 1e-9), (soft, 3e-2)] {
-        let wide = "safety.static_unbalance = { warn = 0.1, trip = 0.2 }";
-        let [hybrid, whole] = both(law, wide);
-        let off = distance(&hybrid.column("x1"), &whole.column("x1"));
-        assert!(off < most, "{law}: {off:e}");
+    for law in [ELASTIC, STEEL] {
+        let off = peak(&alpha(law), "x1") / peak(&run(&held(law)), "x1") - 1.0;
+        assert!(off.abs() < 5e-3, "{law}: {off:e}");
     }
-    // Ten times as stiff as the spring before it yields, a tenth as stiff afterwards: the joint comes too late, and the test ends.
-    let [hybrid, _] = both(STEEL, "");
-    let Ending::Stopped(Stop::TestLimit(hit)) = hybrid.outcome.ending else {
-        panic!("{:?}", hybrid.outcome.ending);
+}
+
+/// A mass in a force is late, with a joint elsewhere as without one.
+#[test]
+fn late_mass_counts_beside_a_joint() {
+    let text = |mass: &str, stiffness: &str, rows: &str| {
+        format!(
+            "[time]\nrate_hz = 100\nduration_s = 1\n[structure.matrices]\nmass = {mass}\nstiffness = {stiffness}\n\
+             [excitation.ground_acceleration.signal.sine]\namplitude = 1\nfrequency_hz = 1\n[[specimen]]\nname = \"rig\"\n\
+             rows = [{rows}]\nstiffness_n_per_m = 1e6\nmass_in_force_kg = 900\nlaw.linear = {{ stiffness_n_per_m = 1e6 }}\n"
+        )
     };
-    assert_eq!(hit.quantity, Limit::StaticUnbalance);
-    assert!(hit.to_string().contains("DOF 2"), "{hit}");
+    let lambda = |text: String| {
+        prepare(&text)
+            .facts
+            .structure
+            .unwrap()
+            .lambda
+            .unwrap()
+            .value()
+    };
+    let alone = lambda(text("[[1000]]", "[[2e6]]", "[1]"));
+    // Two springs in series between the ground and a joint, and a third one to the mass: 2e6 N/m.
+    let joint = lambda(text(
+        "[[1000, 0], [0, 0]]",
+        "[[4e6, -4e6], [-4e6, 8e6]]",
+        "[1, 0]",
+    ));
+    assert!((joint / alone - 1.0).abs() < 1e-6, "{joint} {alone}");
 }
 
 #[test]
@@ -147,10 +196,13 @@ fn initial_place_without_mass_must_balance() {
     let begun = |x: &str| held(ELASTIC).with(&format!("structure.initial_displacement_m = {x}"));
     let free = run(&begun("[0.011, 0.001]"));
     assert!((free.column("x2")[0] - 1e-3).abs() < 1e-15);
-    let text = begun("[0.011, 0.0]");
-    let read = gusset_config::parse(std::path::Path::new("test.toml"), text, &[]).unwrap();
-    let refused = gusset_setup::build(&read).unwrap_err().to_string();
+    let refused = refusal(begun("[0.011, 0.0]"));
     assert!(refused.contains("initial_displacement_m"), "{refused}");
+    let moving = |v: &str| held(ELASTIC).with(&format!("structure.initial_velocity_m_per_s = {v}"));
+    let free = run(&moving("[0.11, 0.01]"));
+    assert_eq!(free.outcome.ending, Ending::Completed);
+    let refused = refusal(moving("[0.11, 0.0]"));
+    assert!(refused.contains("initial_velocity_m_per_s"), "{refused}");
 }
 
 /// ω² = (k − W/h)/m, with the weight of a leaning column beside the mass.

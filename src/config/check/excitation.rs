@@ -113,8 +113,7 @@ fn check_motionless(file: &TestFile, findings: &mut Findings) {
     let still = file.excitation == ExcitationTable::default()
         && structure.initial_displacement_m.is_none()
         && structure.initial_velocity_m_per_s.is_none()
-        && structure.static_load_n.is_none()
-        && structure.gravity.is_none();
+        && !structure.has_static_load();
     if still {
         findings.push(
             Finding::warning(

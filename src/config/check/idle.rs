@@ -7,7 +7,7 @@ use super::rules::Idle;
 use crate::axis_table::AxisTable;
 use crate::link_table::{Carrier, LinkCoupling, LinkSpec, Protocol, StaleChoice};
 use crate::safety::{ExitChoice, ZeroChoice};
-use crate::schema::TestFile;
+use crate::schema::{StructureTable, TestFile};
 use crate::specimen::SpecimenTable;
 use crate::timing_table::{OnMiss, Policy, TimingSpec};
 use crate::value::LambdaValue;
@@ -77,7 +77,7 @@ pub(super) const IDLE_SAFETY: &[Idle<OfTest>] = &[
         "ramp_s",
         |test| {
             let loaded = test.structure.as_ref();
-            let loaded = loaded.is_some_and(|s| s.static_load_n.is_some() || s.gravity.is_some());
+            let loaded = loaded.is_some_and(StructureTable::has_static_load);
             no_specimen(test) && !loaded
         },
         "the test has no startup ramp: neither a specimen nor a static load",

@@ -75,7 +75,7 @@ pub use static_load::StaticLoad;
 pub use step_progress::Pacing;
 pub use stop::{Ending, Stop};
 pub use test_hit::TestHit;
-pub use test_limits::{TestLimits, kept_limits};
+pub use test_limits::{TestLimits, Worst, kept_limits};
 pub use tick::Tick;
 
 pub use gusset_quantity::catalog::phase::{GIVEN_UP, NOT_AWAITED};

@@ -203,25 +203,16 @@ impl Numerical {
             Stepper::Explicit(explicit) => explicit.massless.as_mut(),
             Stepper::Offline(_) => None,
         };
+        let motion = Motion::new(disp, vel, base, dt);
         if let Some(massless) = massless {
-            let motion = Motion::new(disp, vel, base, dt);
-            self.structure
-                .subtract_weighed(motion, residual, &mut massless.gross);
+            massless.close(&mut self.structure, motion, residual);
             self.structure.commit();
-            massless.specimen_forces.fill(0.0);
-            for port in ports {
-                port.subtract_force(0..residual.len(), &mut massless.specimen_forces);
-            }
-            for (r, force) in residual.iter_mut().zip(&massless.specimen_forces) {
-                *r += force;
-            }
-            massless.note_balance(residual);
         } else {
             self.structure
                 .subtract_internal(disp, vel, base, dt, residual);
-            for port in ports {
-                port.subtract_force(0..residual.len(), residual);
-            }
+        }
+        for port in ports {
+            port.subtract_force(0..residual.len(), residual);
         }
         if let Some(intake) = &mut self.intake {
             intake.note(&Closed {

@@ -10,8 +10,8 @@
 //! Balance is measured by φ = r_sᵀ K_0⁻¹ r_s, with K_0 the upper bound of the tangents, in parts of ψ = Σ f²/K_0 with the largest
 //! force f so far on each row.
 //!
-//! A dashpot on such a row acts at the backward difference (x_s\[n+1\] − x_s\[n\])/Δt, and counts as the stiffness C/Δt. A measured
-//! force is a step late: the specimen counts as its estimated stiffness about the last command.
+//! A dashpot on such a row acts at the backward difference (x_s\[n+1\] − x_s\[n\])/Δt, and counts as the stiffness C/Δt. A specimen
+//! cannot hang on such a row: its force is a step late.
 
 use super::State;
 use crate::linalg::{Banded, NotPositiveDefinite, Spd, SymMatrix};
@@ -35,7 +35,6 @@ pub struct Massless {
     rows: Vec<usize>,
     /// Place of a degree of freedom among them.
     place: Vec<Option<usize>>,
-    bounds: MasslessBounds,
     /// K_0 + C_0/Δt of these rows: its factor and its diagonal.
     safe: Spd,
     diagonal: Vec<f64>,
@@ -45,14 +44,14 @@ pub struct Massless {
     constant: Vec<(usize, usize, f64)>,
     tangent: Banded,
     is_tangent: bool,
-    /// Force of the specimens on each degree of freedom, with its sign in r, at the step last closed (n).
-    pub specimen_forces: Vec<f64>,
+    /// No element has a tangent that changes.
+    is_linear: bool,
     /// Size of the forces on each degree of freedom at the step last closed (n).
-    pub gross: Vec<f64>,
+    gross: Vec<f64>,
     /// The largest such force so far (s).
     largest: Vec<f64>,
-    /// φ of the step last closed, and ψ.
-    energies: (f64, f64),
+    /// ψ.
+    scale: f64,
     /// √(φ/ψ) of the last steps, the newest first, and the degree of freedom with the largest part of it.
     shares: [f64; 6],
     worst_dof: usize,
@@ -65,7 +64,7 @@ pub struct Massless {
     /// Loads, and forces of a trial (n).
     load: Vec<f64>,
     forces: Vec<f64>,
-    /// F − Bᵀf of the next step (s).
+    /// F of the next step (s).
     external: Vec<f64>,
     /// A place that is tried, the one that a step leads there from, and the best (s).
     tried: Trial,
@@ -79,7 +78,7 @@ pub struct Massless {
 state! {
     Massless as "rows without mass" { largest, shares }
     keeps {
-        dt, rows, place, bounds, safe, diagonal, stiffest, constant, tangent, is_tangent, specimen_forces, gross, energies, worst_dof, disp, vel, change,
+        dt, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, scale, worst_dof, disp, vel, change,
         rate, load, forces, external, tried, from, best, step, work
     }
 }
@@ -87,12 +86,10 @@ state! {
 /// Matrices of [`Massless`], n × n in SI units.
 #[derive(Debug)]
 pub struct MasslessBounds {
-    /// K_0: upper bound of the tangent stiffness, specimens included.
+    /// K_0: upper bound of the tangent stiffness.
     pub stiffness: SymMatrix,
-    /// C_0: upper bound of the tangent damping, specimens included.
+    /// C_0: upper bound of the tangent damping.
     pub damping: SymMatrix,
-    /// Estimated stiffness of the specimens.
-    pub specimens: SymMatrix,
 }
 
 /// Displacements of the rows without mass, and the forces that are left over there.
@@ -159,24 +156,20 @@ impl Massless {
             dof: rows.get(failure.dof).copied().unwrap_or(failure.dof),
             ..failure
         })?;
-        let constant = structure
-            .stiffness()
-            .plus(1.0 / dt, structure.damping())
-            .plus(1.0, &bounds.specimens);
+        let constant = structure.stiffness().plus(1.0 / dt, structure.damping());
         Ok(Some(Self {
             dt,
             place,
-            bounds,
             safe,
             diagonal: (0..s).map(|i| block.get(i, i)).collect(),
             stiffest: block.entries().collect(),
             constant: constant.block(&rows).entries().collect(),
             tangent: Banded::like(&block),
             is_tangent: false,
-            specimen_forces: vec![0.0; n],
+            is_linear: structure.element_names().next().is_none(),
             gross: vec![0.0; n],
             largest: vec![0.0; s],
-            energies: (0.0, 0.0),
+            scale: 0.0,
             shares: [0.0; 6],
             worst_dof: 0,
             disp: vec![0.0; n],
@@ -195,9 +188,13 @@ impl Massless {
         }))
     }
 
-    /// Notes √(φ/ψ) of the step last closed, whose r this is (n), with ψ = Σ f²/K_0 of the largest force f on each row so far.
-    /// Real-time: yes.
-    pub fn note_balance(&mut self, residual: &[f64]) {
+    /// `residual` ← F − R for the step that is closed, where it holds F (n): [`Structure::subtract_trial`]. Notes how well the rows
+    /// without mass balance. Real-time: yes.
+    pub fn close(&mut self, structure: &mut Structure, motion: Motion<'_>, residual: &mut [f64]) {
+        for (to, force) in self.gross.iter_mut().zip(residual.iter()) {
+            *to = force.abs();
+        }
+        structure.subtract_weighed(motion, residual, &self.rows, &mut self.gross);
         let (mut scale, mut worst) = (0.0, (0.0, 0));
         let rows = self.rows.iter().zip(&self.diagonal);
         let rows = rows.zip(&mut self.largest).zip(&mut self.tried.residual);
@@ -210,23 +207,29 @@ impl Massless {
                 worst = (own, row);
             }
         }
+        self.scale = scale;
+        self.worst_dof = worst.1;
         let found = self.energy();
-        self.energies = (found, scale);
-        let share = if found == 0.0 {
+        self.shares.rotate_right(1);
+        // Where nothing has acted yet, nothing is left over.
+        self.shares[0] = if scale == 0.0 {
             0.0
         } else {
             (found / scale).sqrt()
         };
-        self.worst_dof = worst.1;
-        self.shares.rotate_right(1);
-        self.shares[0] = share;
     }
 
     /// The least √(φ/ψ) of the last six steps: what one step leaves over at a kink, the next ones remove. Real-time: yes.
     #[must_use]
     pub fn lasting_unbalance(&self) -> f64 {
         // What is not a number lasts.
-        let least = |least: f64, share: &f64| if least < *share { least } else { *share };
+        let least = |least: f64, share: &f64| {
+            if least.is_nan() || least < *share {
+                least
+            } else {
+                *share
+            }
+        };
         self.shares.iter().fold(f64::INFINITY, least)
     }
 
@@ -277,7 +280,7 @@ impl Massless {
         let rows = self.step.iter_mut().zip(&mut self.external);
         for ((to, external), &row) in rows.zip(&self.rows) {
             *to += at(&self.load, row);
-            *external = at(&self.load, row) + at(&self.specimen_forces, row);
+            *external = at(&self.load, row);
         }
         self.note_change(state);
         let base_change = Base {
@@ -287,22 +290,25 @@ impl Massless {
         self.predict(structure, base_change);
         self.evaluate(structure, state, base);
         self.best.copy_from(&self.tried);
-        self.next(structure);
+        let mut is_far = false;
         for _ in 1..PLACES {
-            if self.best.energy <= BALANCED * self.energies.1 {
+            if self.best.energy <= BALANCED * self.scale {
                 break;
+            }
+            if is_far {
+                self.tried.go(&self.from, &self.step);
+            } else {
+                self.next(structure);
             }
             self.evaluate(structure, state, base);
             if self.tried.energy < self.best.energy || self.best.energy.is_nan() {
                 self.best.copy_from(&self.tried);
             }
             let [ahead, behind] = [&self.from, &self.tried].map(|trial| trial.along(&self.step));
-            if ahead > 0.0 && behind < -OVERSHOOT * ahead {
+            is_far = ahead > 0.0 && behind < -OVERSHOOT * ahead;
+            if is_far {
                 let share = ahead / (ahead - behind);
                 self.step.iter_mut().for_each(|by| *by *= share);
-                self.tried.go(&self.from, &self.step);
-            } else {
-                self.next(structure);
             }
         }
         std::mem::swap(&mut self.best, &mut self.tried);
@@ -330,9 +336,6 @@ impl Massless {
         self.forces.fill(0.0);
         let change = Motion::new(&self.change, &self.rate, base, self.dt);
         structure.subtract_tangent(change, &mut self.forces);
-        self.bounds
-            .specimens
-            .subtract_product(&self.change, &mut self.forces);
         for (to, &row) in self.step.iter_mut().zip(&self.rows) {
             *to += at(&self.forces, row);
         }
@@ -356,6 +359,9 @@ impl Massless {
     /// The factor of the tangents at the last trial. Where they are not positive definite, a little of the bounds is added; where
     /// that does not suffice, the bounds serve. Real-time: yes.
     fn take_tangents(&mut self, structure: &Structure) {
+        if self.is_linear && self.is_tangent {
+            return;
+        }
         self.is_tangent = self.factor(structure, 0.0) || self.factor(structure, LEAST_STIFFNESS);
     }
 
@@ -419,9 +425,6 @@ impl Massless {
     fn evaluate(&mut self, structure: &mut Structure, state: &mut State, base: Base) {
         self.put(state);
         self.forces.fill(0.0);
-        self.bounds
-            .specimens
-            .subtract_product(&self.change, &mut self.forces);
         structure.subtract_trial(&state.disp, &state.vel, base, self.dt, &mut self.forces);
         let external = self.external.iter().zip(&self.rows);
         for (to, (external, &row)) in self.tried.residual.iter_mut().zip(external) {
@@ -481,7 +484,6 @@ mod tests {
         let bounds = MasslessBounds {
             stiffness: structure.bound_stiffness().unwrap(),
             damping: structure.bound_damping().unwrap(),
-            specimens: SymMatrix::zeros(structure.dofs()),
         };
         Massless::new(structure, bounds, dt).unwrap().unwrap()
     }
@@ -523,9 +525,8 @@ mod tests {
             let own = method.massless.as_mut().unwrap();
             let passed = if step == 0 { 0.0 } else { dt };
             let motion = Motion::new(&state.disp, &state.vel, Base::default(), passed);
-            structure.subtract_weighed(motion, &mut r, &mut own.gross);
+            own.close(&mut structure, motion, &mut r);
             structure.commit();
-            own.note_balance(&r);
             worst = f64::max(worst, own.lasting_unbalance());
             all.push(state.disp.to_vec());
             method.advance(
@@ -652,9 +653,8 @@ mod tests {
             for _ in 0..8 {
                 r.fill(0.0);
                 let motion = Motion::new(&state.disp, &[0.0; 2], Base::default(), DT);
-                structure.subtract_weighed(motion, &mut r, &mut own.gross);
+                own.close(&mut structure, motion, &mut r);
                 structure.commit();
-                own.note_balance(&r);
                 own.before(&state);
                 own.follow(&mut structure, &mut state, &r, &mut |_, out| {
                     out.fill(0.0);
@@ -681,7 +681,6 @@ mod tests {
         let bounds = MasslessBounds {
             stiffness: structure.bound_stiffness().unwrap(),
             damping: structure.bound_damping().unwrap(),
-            specimens: SymMatrix::zeros(2),
         };
         assert_eq!(Massless::new(&structure, bounds, DT).unwrap_err().dof, 0);
     }

@@ -106,6 +106,16 @@ impl Elements {
         }
         all.singles(waiting.into_iter());
         if apart {
+            for group in &mut all.groups {
+                if let Group::Singles {
+                    connections,
+                    by_rows,
+                    ..
+                } = group
+                {
+                    *by_rows = ByRows::new(connections, n);
+                }
+            }
             return Ok(all);
         }
         let groups = std::mem::take(&mut all.groups);

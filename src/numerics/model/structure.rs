@@ -284,17 +284,25 @@ impl Structure {
         self.walk::<true>(Motion::new(disp, vel, base, dt), residual, &mut []);
     }
 
-    /// [`Structure::subtract_trial`] of a structure with massless degrees of freedom, which also tells how large the forces on each
-    /// row are: `gross` ← |K x + C v| + Σ |force of an element|. Real-time: yes.
-    pub fn subtract_weighed(
+    /// [`Structure::subtract_trial`] of a structure with massless degrees of freedom, which also tells how large the forces on its
+    /// `rows` are: `gross` of such a row gains the size of what each spring and dashpot of K and C and each element bears. Real-time:
+    /// yes.
+    pub(crate) fn subtract_weighed(
         &mut self,
         motion: Motion<'_>,
         residual: &mut [f64],
+        rows: &[usize],
         gross: &mut [f64],
     ) {
-        gross.fill(0.0);
-        self.subtract_linear(0..gross.len(), motion, gross);
-        gross.iter_mut().for_each(|force| *force = force.abs());
+        for &row in rows {
+            let sizes = [(&self.stiffness, motion.disp), (&self.damping, motion.vel)];
+            if let Some(gross) = gross.get_mut(row) {
+                *gross += sizes
+                    .map(|(matrix, of)| sizes_of(matrix, row, of))
+                    .iter()
+                    .sum::<f64>();
+            }
+        }
         self.walk::<false>(motion, residual, gross);
     }
 
@@ -513,6 +521,21 @@ pub struct Storey {
     pub stiffness: f64,
     /// N s/m.
     pub damping: f64,
+}
+
+/// Σ |force| of the springs of one row: between x_i and each x_j, and to the ground. Real-time: yes.
+fn sizes_of(matrix: &SymMatrix, row: usize, x: &[f64]) -> f64 {
+    let of = |index: usize| x.get(index).copied().unwrap_or(f64::NAN);
+    let (mut between, mut held) = (0.0, 0.0);
+    for (column, k) in matrix.row(row) {
+        if column == row {
+            held += k;
+        } else {
+            held -= k.abs();
+            between += (k.abs() * of(row) + k * of(column)).abs();
+        }
+    }
+    between + (held * of(row)).abs()
 }
 
 /// Rows that are made at a time: their vectors stay in the nearest cache.

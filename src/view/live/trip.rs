@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::subject::Subject;
-use gusset_control::engine::{Phase, TestHit};
+use gusset_control::engine::{Phase, TestHit, Worst};
 use gusset_control::port::limits::{Hit, Level};
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
@@ -104,7 +104,7 @@ fn limit_words(names: &[String], reached: &LimitReached) -> String {
             quantity: limit,
             value,
             bound,
-            worst: None,
+            worst: place.map(|(port, axis)| Worst::Axis(port, axis)),
             in_warm_up: false,
         }
         .to_string(),
