@@ -113,15 +113,19 @@ fn peaks(table: &mut Table, facts: &Facts, finished: &Finished) {
         .ok()
         .and_then(|run| session::floor_peaks(&run).ok());
     let accel = floors.and_then(|floors| floors.accel);
+    let structure = facts.structure.as_ref();
+    let place = |dof: usize| match structure {
+        Some(structure) => structure.dof(dof - 1),
+        None => format!("DOF {dof}"),
+    };
     if let Some((storey, drift)) = floors.and_then(|floors| floors.drift) {
         let text = format!("{} in storey {storey}", quantity(drift, "m"));
         row(table, "peak storey drift", &text);
     }
     if let Some((dof, accel)) = accel {
-        let text = format!("{} at DOF {dof}, absolute", quantity(accel, "m/s²"));
+        let text = format!("{} at {}, absolute", quantity(accel, "m/s²"), place(dof));
         row(table, "peak acceleration", &text);
     }
-    let structure = facts.structure.as_ref();
     let ground = structure.and_then(|structure| structure.peak_ground_accel);
     let against = match ground {
         Some(peak) if peak > 0.0 => ", relative to the ground",
@@ -144,7 +148,7 @@ fn peaks(table: &mut Table, facts: &Facts, finished: &Finished) {
             of_kind.map(|(dof, value)| value.filter(|_| rotations.contains(&dof) == is_rotation));
         if let Some((dof, value)) = largest(of_kind) {
             let against = if is_rotation { "" } else { against };
-            let text = format!("{} at DOF {dof}{against}", quantity(value, unit));
+            let text = format!("{} at {}{against}", quantity(value, unit), place(dof));
             row(table, name, &text);
         }
     }

@@ -79,7 +79,7 @@ impl Loaded {
             .map(|(_, table)| {
                 let mut table = table.clone();
                 let axes = table.axes();
-                (table.storey, table.rows) = (None, None);
+                (table.storey, table.rows, table.deformations) = (None, None, None);
                 // Nothing else gives their number.
                 if table.axes() < axes {
                     table.axis.resize(axes, AxisTable::default());

@@ -19,7 +19,7 @@ const OWN_MEANING: [&str; 1] = ["similitude"];
 const EXCLUSIVE: [&[&str]; 3] = [
     &["law", "laws", "coupled", "link"],
     &["transfer", "link"],
-    &["shear_building", "matrices", "chain"],
+    &["shear_building", "matrices", "chain", "frame"],
 ];
 
 /// The schema of one kind of file.

@@ -13,6 +13,7 @@ use super::specimen::SpecimenTable;
 use super::timetable::TimeTable;
 use super::timing_table::TimingSpec;
 use super::value::{DofChoice, LambdaValue};
+use gusset_numerics::frame::FrameSpec;
 use gusset_numerics::model::{
     ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ShearBuildingSpec, StructureSpec,
 };
@@ -58,7 +59,7 @@ pub struct TestFile {
     pub uncertainty: Vec<UncertaintyTable>,
 }
 
-/// Numerical substructure. Give exactly one of `shear_building`, `matrices` and `chain`.
+/// Numerical substructure. Give exactly one of `shear_building`, `matrices`, `chain` and `frame`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StructureTable {
@@ -68,6 +69,8 @@ pub struct StructureTable {
     pub matrices: Option<MatricesSpec>,
     /// Chain of equal masses, springs and dashpots. Use it to test large models.
     pub chain: Option<ChainSpec>,
+    /// Plane frame: nodes, elastic members, constraints and static loads.
+    pub frame: Option<FrameSpec>,
     /// Viscous damping by a rule, for example Rayleigh damping. Use it instead of the dashpots or
     /// the damping matrix of the structure.
     pub damping: Option<DampingSpec>,
@@ -94,10 +97,28 @@ pub struct StructureTable {
 }
 
 impl StructureTable {
+    /// A degree of freedom, from 1, in words: "DOF 2", or "DOF 2 (A1 x)" in a frame.
+    #[must_use]
+    pub fn dof_in_words(&self, dof: usize) -> String {
+        let places = self
+            .frame
+            .as_ref()
+            .map(FrameSpec::places)
+            .unwrap_or_default();
+        match dof.checked_sub(1).and_then(|place| places.get(place)) {
+            Some((node, direction)) => format!("DOF {dof} ({node} {})", direction.word()),
+            None => format!("DOF {dof}"),
+        }
+    }
+
     /// True if a static load acts before t = 0.
     #[must_use]
     pub fn has_static_load(&self) -> bool {
-        self.static_load_n.is_some() || self.gravity.is_some()
+        let of_frame = self
+            .frame
+            .as_ref()
+            .is_some_and(|frame| !frame.load.is_empty());
+        self.static_load_n.is_some() || self.gravity.is_some() || of_frame
     }
 
     /// The kind that is given, with its key; a checked file has exactly one.
@@ -113,6 +134,7 @@ impl StructureTable {
         building
             .or_else(|| Some(("matrices", matrices()?)))
             .or_else(|| Some(("chain", chain()?)))
+            .or_else(|| Some(("frame", StructureSpec::Frame(self.frame.clone()?))))
     }
 }
 

@@ -12,12 +12,27 @@ use gusset_actuator::compensation::CompensationSpec;
 use gusset_actuator::geometry::{GeometrySpec, LawPlace};
 use gusset_actuator::specimen::{CoupledSpec, SpecimenLaw};
 use gusset_actuator::transfer::TransferSpec;
+use gusset_numerics::frame::Direction;
 use gusset_numerics::law::LawSpec;
 use gusset_quantity::units::AxisUnits;
 use gusset_wire::openfresco::Peer;
 
+/// Deformation of a specimen between the nodes of a frame: the motion of `node` minus that of `from`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DeformationTable {
+    /// Name of the node that moves the specimen.
+    #[schemars(example = &"B1")]
+    pub node: String,
+    /// Direction of the motion.
+    pub direction: Direction,
+    /// Name of the node at its other end. Default: the ground.
+    #[schemars(example = &"B0")]
+    pub from: Option<String>,
+}
+
 /// One specimen: simulated by exactly one of `law`, `laws` and `coupled`, or reached by a `link`. In a
-/// test with a structure, also give exactly one of `storey` and `rows`.
+/// test with a structure, also give exactly one of `storey`, `rows` and `deformations`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenTable {
@@ -33,6 +48,10 @@ pub struct SpecimenTable {
     /// coordinate of the platform with `geometry`. In a file of `gusset serve`, B transforms the
     /// displacements of an OpenFresco client. More: guide, opensees.
     pub rows: Option<Vec<Vec<f64>>>,
+    /// Deformations between nodes of a frame, one for each axis, or for each coordinate of the platform
+    /// with `geometry`. Use it instead of `storey` and `rows`.
+    #[schemars(example = serde_json::json!([{"node": "B1", "direction": "x", "from": "B0"}]))]
+    pub deformations: Option<Vec<DeformationTable>>,
     /// Loading unit: several actuators that hold one platform. The axes are then the actuators, and
     /// `rows` give the pose of the platform. Default: none, each axis is one deformation.
     pub geometry: Option<GeometrySpec>,
@@ -168,6 +187,10 @@ impl SpecimenTable {
         match (&self.geometry, &self.storey, &self.rows) {
             (None, Some(_), _) => 1,
             (None, _, Some(rows)) => rows.len(),
+            (None, ..) => match &self.deformations {
+                Some(deformations) => deformations.len(),
+                None => self.axes_by_itself(),
+            },
             _ => self.axes_by_itself(),
         }
     }

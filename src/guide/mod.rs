@@ -95,6 +95,7 @@ pages! {
     first_test = "first-test", "first-test.md", Learn, false;
     concepts = "concepts", "concepts.md", Learn, false;
     scope = "scope", "scope.md", Learn, false;
+    frames = "frames", "frames.md", Work, false;
     actuators = "actuators", "actuators.md", Work, false;
     limits = "limits", "limits.md", Work, false;
     real_time = "real-time", "real-time.md", Work, false;

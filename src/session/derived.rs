@@ -121,14 +121,15 @@ pub fn floor_peaks(run: &Run) -> Result<FloorPeaks, FloorError> {
         config::load_recorded(&run.path().join("resolved.toml")).map_err(DerivedError::Config)?;
     let test = Described::of(&loaded.file, run)?;
     let place = |name: &str| run.layout().index_of(name);
-    // Places and factors of each sum. A kind without columns has no sums.
-    let placed = |sums: Vec<Sum>, unit: &str| -> Vec<Vec<(usize, f64)>> {
-        let of_unit = sums.iter().filter(|sum| sum.unit == unit);
-        let each = of_unit.map(|sum| {
+    // Number from 1, places and factors of each sum. A kind without columns has no sums.
+    let placed = |sums: Vec<Sum>, unit: &str| -> Vec<(usize, Vec<(usize, f64)>)> {
+        let of_unit = (1..).zip(&sums).filter(|(_, sum)| sum.unit == unit);
+        let each = of_unit.map(|(storey, sum)| {
             let terms = sum.terms.iter();
-            terms
-                .map(|(name, factor)| Some((place(name)?, *factor)))
-                .collect::<Option<Vec<_>>>()
+            let dof = terms.clone().find_map(|(name, _)| ACCEL.dof_in(name));
+            let terms = terms.map(|(name, factor)| Some((place(name)?, *factor)));
+            let number = dof.map_or(storey, |dof| dof as usize);
+            Some((number, terms.collect::<Option<Vec<_>>>()?))
         });
         each.collect::<Option<Vec<_>>>().unwrap_or_default()
     };
@@ -151,7 +152,7 @@ pub fn floor_peaks(run: &Run) -> Result<FloorPeaks, FloorError> {
                 continue;
             }
             for (sums, peaks) in [&drifts, &accels].into_iter().zip(&mut peaks) {
-                for (terms, peak) in sums.iter().zip(peaks) {
+                for ((_, terms), peak) in sums.iter().zip(peaks) {
                     let value: f64 = terms
                         .iter()
                         .map(|(place, factor)| factor * at(*place))
@@ -161,12 +162,16 @@ pub fn floor_peaks(run: &Run) -> Result<FloorPeaks, FloorError> {
             }
         }
     }
-    let [drift, accel] = peaks.map(|peaks| {
-        (1..)
-            .zip(peaks)
+    let largest = |sums: &[(usize, Vec<_>)], peaks: &[f64]| {
+        let numbered = sums
+            .iter()
+            .map(|(number, _)| *number)
+            .zip(peaks.iter().copied());
+        numbered
             .filter(|(_, peak)| *peak > 0.0)
             .max_by(|a, b| a.1.total_cmp(&b.1))
-    });
+    };
+    let (drift, accel) = (largest(&drifts, &peaks[0]), largest(&accels, &peaks[1]));
     Ok(FloorPeaks { drift, accel })
 }
 
@@ -190,6 +195,7 @@ struct Described<'a> {
     run: &'a Run,
     kind: &'static str,
     structure: StructureSpec,
+    influence: Option<Vec<f64>>,
 }
 
 impl<'a> Described<'a> {
@@ -197,6 +203,7 @@ impl<'a> Described<'a> {
         let first = file.structure.as_ref().and_then(|table| table.kind());
         let (kind, structure) = first.ok_or(DerivedError::NoStructure("columns of floors"))?;
         Ok(Self {
+            influence: structure.influence(),
             file,
             run,
             kind,
@@ -213,11 +220,7 @@ impl<'a> Described<'a> {
         let Some(ground) = &self.file.excitation.ground_acceleration else {
             return 0.0;
         };
-        let own = match &self.structure {
-            StructureSpec::Matrices(matrices) => matrices.influence.as_ref(),
-            StructureSpec::ShearBuilding(_) | StructureSpec::Chain(_) => None,
-        };
-        let given = ground.influence.as_ref().or(own);
+        let given = ground.influence.as_ref().or(self.influence.as_ref());
         given.map_or(1.0, |iota| iota.get(dof).copied().unwrap_or(0.0))
     }
 

@@ -376,11 +376,20 @@ fn static_load(site: &mut Site<'_>, structure: &Structure) -> Result<Option<Vec<
     let table = site.loaded.file.structure.as_ref();
     let given = table.and_then(|table| table.static_load_n.clone());
     let gravity = table.and_then(|table| table.gravity.clone());
-    if given.is_none() && gravity.is_none() {
+    let frame = table.and_then(|table| table.frame.as_ref());
+    let of_nodes = frame.filter(|frame| !frame.load.is_empty());
+    let of_nodes = of_nodes.and_then(|frame| frame.model().ok());
+    if given.is_none() && gravity.is_none() && of_nodes.is_none() {
         return Ok(None);
     }
     let n = structure.dofs();
     let mut load = vector(site, "static_load_n", given, n)?;
+    for (to, from) in load
+        .iter_mut()
+        .zip(of_nodes.iter().flat_map(|model| &model.load))
+    {
+        *to += from;
+    }
     if let Some(gravity) = gravity {
         let at = path("structure").key("gravity").key("influence");
         let down = sized(site, &at, gravity.influence, n)?;

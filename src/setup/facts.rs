@@ -79,6 +79,8 @@ pub struct StructureFacts {
     pub dofs: usize,
     /// Those of them, from 0, that are rotations: rad and N m.
     pub rotations: Vec<usize>,
+    /// Node and direction of each degree of freedom of a frame, such as "A1 x"; empty for other structures.
+    pub places: Vec<String>,
     /// The integration method.
     pub method: Method,
     /// How M_eff is stored and factored, for the family.
@@ -112,6 +114,15 @@ pub struct StructureFacts {
 }
 
 impl StructureFacts {
+    /// A degree of freedom, from 0, in words: "DOF 2 (A1 x)".
+    #[must_use]
+    pub fn dof(&self, dof: usize) -> String {
+        match self.places.get(dof) {
+            Some(place) => format!("DOF {} ({place})", dof + 1),
+            None => format!("DOF {}", dof + 1),
+        }
+    }
+
     /// λ, its limit and the part that governs it, where λ has been judged.
     #[must_use]
     pub const fn choice(&self) -> Option<&LambdaChoice> {

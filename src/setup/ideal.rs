@@ -131,7 +131,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Ideal, Refused> {
                 LambdaValue::Number(value) => Lambda::new(value).unwrap_or(Lambda::Infinite),
                 _ => Lambda::Infinite,
             };
-            method::family(site, &structure, &specimens, &initial, lambda)?.0
+            let massless = proof::massless(site, &structure, &specimens, dt)?;
+            method::family(site, &structure, &initial, lambda, massless)?.0
         }
     };
     let (excitation, load) = excitation::excitation(site, &structure, &specimens)?;

@@ -12,6 +12,7 @@
 mod case;
 mod excitation;
 mod facts;
+mod frames;
 mod gateway;
 mod gear;
 mod ideal;
@@ -357,8 +358,9 @@ fn numerical(
             }
             None => {
                 let proof = proof::choose(site, &structure, specimens, &initial)?;
+                let massless = proof::massless(site, &structure, specimens, dt)?;
                 let (stepper, storage, condition) =
-                    method::family(site, &structure, specimens, &initial, proof.lambda)?;
+                    method::family(site, &structure, &initial, proof.lambda, massless)?;
                 let audit = safety::audits(&site.loaded.file, n).then(|| {
                     let mass = initial.effective_mass(structure.mass(), proof.lambda);
                     let massless = structure.massless();
@@ -391,7 +393,7 @@ fn numerical(
         },
         stiffness: initial_stiffness.clone(),
         damping: initial_damping.clone(),
-        massless: proof::followed(method, &structure),
+        massless: structure::followed(method, &structure),
     };
     let analysis = Analysis::new(
         matrices,
@@ -402,6 +404,7 @@ fn numerical(
     let facts = StructureFacts {
         dofs: n,
         rotations: rotations(site, n)?,
+        places: frames::places(site),
         method,
         storage,
         reciprocal_condition: condition,

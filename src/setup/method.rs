@@ -1,11 +1,11 @@
 //! The integration method of a test file, made of the initial matrices.
 
-use super::specimens::Specimens;
-use super::{Refused, Site, path, proof};
+use super::{Refused, Site, path};
 use gusset_config::{Finding, Method, Start, Weighting};
 use gusset_numerics::integrate::{
     self, AlphaWeights, CentralDifference, Chang2002, Explicit, Gui, Integrator, KrAlpha,
-    KrAlphaAtState, Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
+    KrAlphaAtState, Lambda, Massless, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline,
+    Stepper,
 };
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Structure;
@@ -33,9 +33,9 @@ impl Initial<'_> {
 pub(super) fn family(
     site: &mut Site<'_>,
     structure: &Structure,
-    specimens: &Specimens,
     initial: &Initial<'_>,
     lambda: Lambda,
+    massless: Option<Massless>,
 ) -> Result<(Stepper, String, f64), Refused> {
     let start = match site.loaded.file.integrator.start {
         Start::Published => integrate::Start::Published,
@@ -54,7 +54,6 @@ pub(super) fn family(
         site.refuse(finding)
     })?;
     let (storage, condition) = (gui.storage().to_string(), gui.reciprocal_condition());
-    let massless = proof::massless(site, structure, specimens, initial.dt)?;
     let stepper = Stepper::Explicit(Explicit {
         integrator: Box::new(gui),
         massless: massless.map(Box::new),

@@ -185,16 +185,8 @@ impl Bounds {
             stiffness_bound: self.stiffness,
             dt: initial.dt,
             late_mass,
-            massless: followed(method, structure),
+            massless: super::structure::followed(method, structure),
         }
-    }
-}
-
-/// Degrees of freedom without mass that follow statically: those of the family.
-pub(super) fn followed(method: Method, structure: &Structure) -> Vec<usize> {
-    match method {
-        Method::Gui => structure.massless(),
-        _ => Vec::new(),
     }
 }
 

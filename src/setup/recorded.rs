@@ -3,6 +3,7 @@
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{DispUnit, DofChoice, Finding};
+use gusset_numerics::frame::Direction;
 
 /// Largest model whose DOFs are all recorded by default.
 const RECORD_ALL: usize = 64;
@@ -43,10 +44,20 @@ pub(super) fn rotations(site: &mut Site<'_>, dofs: usize) -> Result<Vec<usize>, 
     let Some(table) = &site.loaded.file.structure else {
         return Ok(Vec::new());
     };
+    if let Some(frame) = &table.frame
+        && table.rotations.is_empty()
+    {
+        let places = frame.places();
+        let dofs = places.iter().enumerate();
+        let turns = dofs.filter(|(_, (_, direction))| *direction == Direction::Rz);
+        let turns: Vec<usize> = turns.map(|(dof, _)| dof).collect();
+        refuse_lengths(site, &turns)?;
+        return Ok(turns);
+    }
     let at = path("structure").key("rotations");
     let given = &table.rotations;
     if !given.is_empty() && table.matrices.is_none() {
-        let text = "only a structure of `matrices` has rotations: every DOF of a shear building and of a chain is a translation";
+        let text = "only a structure of `matrices` has rotations: every DOF of a shear building and of a chain is a translation, and a frame knows its own";
         return site.refuse(Finding::error(at, text));
     }
     for (index, dof) in given.iter().enumerate() {

@@ -302,8 +302,7 @@ fn influence(site: &Site<'_>, dofs: usize) -> Vec<f64> {
     let Some(structure) = &site.loaded.file.structure else {
         return Vec::new();
     };
-    let matrices = structure.matrices.as_ref();
-    let given = matrices.and_then(|matrices| matrices.influence.clone());
+    let given = structure.kind().and_then(|(_, spec)| spec.influence());
     given.unwrap_or_else(|| vec![1.0; dofs])
 }
 

@@ -1,9 +1,8 @@
 //! The numerical structure of a test file, its initial state and its natural frequencies.
 
-use super::proof::followed;
 use super::specimens::Specimens;
-use super::{Refused, Site, path};
-use gusset_config::{Finding, KeyPath, StructureTable};
+use super::{Refused, Site, frames, path};
+use gusset_config::{Finding, KeyPath, Method, StructureTable};
 use gusset_numerics::integrate::{GuiError, State};
 use gusset_numerics::linalg::{self, Condensation, MatrixError, Spd, SymMatrix};
 use gusset_numerics::model::{
@@ -141,6 +140,7 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
         BuildError::Model(ModelError::NegativeMass { dof, .. }) => mass_of(site, *dof),
         BuildError::Model(ModelError::Mass(error)) => mass_of(site, error.dof),
         BuildError::Model(ModelError::Influence { dof, .. }) => beneath("influence").index(*dof),
+        BuildError::Frame(error) => frames::place(error),
         BuildError::Model(_) | BuildError::NoSuchStorey { .. } | BuildError::NoStoreys => {
             at.key(kind)
         }
@@ -277,6 +277,14 @@ pub(super) fn initial_state(
         }
     }
     Ok(State::new(disp, vel))
+}
+
+/// Degrees of freedom without mass that follow statically: those of the family.
+pub(super) fn followed(method: Method, structure: &Structure) -> Vec<usize> {
+    match method {
+        Method::Gui => structure.massless(),
+        _ => Vec::new(),
+    }
 }
 
 /// A vector of the structure with one entry per DOF; zeros if it is absent.

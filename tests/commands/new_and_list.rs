@@ -90,7 +90,13 @@ impl Drop for Server {
 
 #[test]
 fn each_template_runs_unchanged() {
-    for template in ["shear-building", "actuator", "prescribed", "benchmark"] {
+    for template in [
+        "shear-building",
+        "actuator",
+        "prescribed",
+        "benchmark",
+        "frame",
+    ] {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         done(at, &["new", "--template", template]);
@@ -248,6 +254,7 @@ fn new_lists_every_template() {
         "actuator",
         "prescribed",
         "benchmark",
+        "frame",
         "remote",
         "python",
         "opensees",

@@ -32,6 +32,8 @@ pub(in crate::cli) enum TemplateArg {
     Prescribed,
     /// Case 1 of the virtual real-time hybrid simulation benchmark.
     Benchmark,
+    /// A plane frame of two storeys with a brace as specimen.
+    Frame,
     /// A specimen behind a network, and a second file that serves one.
     Remote,
     /// A specimen with your own force law, as a program in Python.

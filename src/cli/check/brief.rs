@@ -156,7 +156,7 @@ pub(super) fn of_peak_nodal_force(structure: &StructureFacts) -> Option<String> 
     let (dof, peak) = structure.peak_nodal_force?;
     let turns = structure.rotations.contains(&dof);
     let peak = quantity(peak, if turns { "N m" } else { "N" });
-    Some(format!("peak {peak} at DOF {}", dof + 1))
+    Some(format!("peak {peak} at {}", structure.dof(dof)))
 }
 
 /// The kind of a signal in words.

@@ -52,6 +52,7 @@ fn structure_json(structure: &StructureFacts, spectrum: Option<&Spectrum>) -> Va
     let choice = structure.choice();
     json!({
         "dofs": structure.dofs,
+        "places": structure.places,
         "storage": structure.storage,
         "reciprocal_condition": structure.reciprocal_condition,
         "frequencies_rad_per_s": structure.frequencies,

@@ -85,6 +85,19 @@ fn describe(
                 .unwrap_or_default()
         ),
     );
+    // A node on each line.
+    let mut lines: Vec<(&str, String)> = Vec::new();
+    for (dof, place) in structure.places.iter().enumerate() {
+        let (node, direction) = place.rsplit_once(' ').unwrap_or(("", place));
+        let own = format!("DOF {} {direction}", dof + 1);
+        match lines.last_mut().filter(|(last, _)| *last == node) {
+            Some((_, line)) => *line = format!("{line}, {own}"),
+            None => lines.push((node, own)),
+        }
+    }
+    for (node, line) in lines {
+        table.row(&format!("node {node}"), &line);
+    }
     if let Some(condition) = structure.reciprocal_condition {
         table.row(
             "condition",

@@ -83,6 +83,13 @@ const BENCHMARK: Template = Template {
     next: RUN,
 };
 
+const FRAME: Template = Template {
+    name: "frame",
+    pieces: &[piece!(".toml", "the test", "frame.toml")],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
 const REMOTE: Template = Template {
     name: "remote",
     pieces: &[
@@ -136,6 +143,7 @@ impl Template {
             TemplateArg::Actuator => ACTUATOR,
             TemplateArg::Prescribed => PRESCRIBED,
             TemplateArg::Benchmark => BENCHMARK,
+            TemplateArg::Frame => FRAME,
             TemplateArg::Remote => REMOTE,
             TemplateArg::Python => PYTHON,
             TemplateArg::Opensees => OPENSEES,

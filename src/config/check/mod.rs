@@ -86,7 +86,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     match &file.structure {
         Some(_) => findings.exactly_one(
             &root.key("structure"),
-            &["shear_building", "matrices", "chain"],
+            &["shear_building", "matrices", "chain", "frame"],
             "a test has one structure",
         ),
         None if file.specimen.is_empty() => findings.push(

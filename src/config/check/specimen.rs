@@ -57,9 +57,9 @@ pub(super) fn check_specimen(
     }
     if source == Source::Structure {
         let why = "give the deformation d = B·x that the specimen follows";
-        findings.exactly_one(at, &["storey", "rows"], why);
+        findings.exactly_one(at, &["storey", "rows", "deformations"], why);
     } else {
-        for place in findings.given(at, "storey rows") {
+        for place in findings.given(at, "storey rows deformations") {
             let key = place.last_key().unwrap_or_default();
             if source == Source::Client && key == "rows" {
                 check_served_rows(specimen, at, findings);
@@ -94,7 +94,7 @@ pub(super) fn check_specimen(
             check_rows(rows, &at.key("rows"), findings);
             Some(rows.len())
         }
-        _ => None,
+        _ => specimen.deformations.as_ref().map(Vec::len),
     };
     check_geometry(specimen, axes, at, findings);
     let loaded = specimen.geometry.as_ref();

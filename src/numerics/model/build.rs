@@ -7,6 +7,7 @@ use super::{
     BuildError, ChainSpec, DampingSpec, Element, ElementSpec, End, MatricesSpec, MatrixTable,
     ModelError, ShearBuildingSpec, Storey, Structure, StructureSpec,
 };
+use crate::frame::FrameSpec;
 use crate::law::Reach;
 use crate::linalg::{Condensation, SymMatrix};
 use gusset_quantity::domain::{OutOfDomain, not_negative, positive};
@@ -48,7 +49,9 @@ impl StructureSpec {
                 let named = [&spec.mass_file, &spec.stiffness_file, &spec.damping_file];
                 named.into_iter().filter_map(|f| f.as_deref()).collect()
             }
-            StructureSpec::ShearBuilding(_) | StructureSpec::Chain(_) => Vec::new(),
+            StructureSpec::ShearBuilding(_) | StructureSpec::Chain(_) | StructureSpec::Frame(_) => {
+                Vec::new()
+            }
         }
     }
 
@@ -61,6 +64,7 @@ impl StructureSpec {
             StructureSpec::ShearBuilding(spec) => Ok(spec.mass_kg.len()),
             StructureSpec::Chain(spec) => spec.count(),
             StructureSpec::Matrices(spec) => Ok(spec.mass(files)?.n()),
+            StructureSpec::Frame(spec) => Ok(spec.model()?.dofs.len()),
         }
     }
 
@@ -73,13 +77,25 @@ impl StructureSpec {
         let storeys = match self {
             StructureSpec::ShearBuilding(spec) => spec.mass_kg.len(),
             StructureSpec::Chain(spec) => spec.dofs,
-            StructureSpec::Matrices(_) => return Err(BuildError::NoStoreys),
+            StructureSpec::Matrices(_) | StructureSpec::Frame(_) => {
+                return Err(BuildError::NoStoreys);
+            }
         };
         match storey {
             _ if storeys == 0 => Err(ModelError::Empty.into()),
             1 => Ok(vec![(0, 1.0)]),
             2.. if storey <= storeys => Ok(vec![(storey - 2, -1.0), (storey - 1, 1.0)]),
             _ => Err(BuildError::NoSuchStorey { storey, storeys }),
+        }
+    }
+
+    /// The influence vector ι that the description gives, one number for each degree of freedom; `None` for ones.
+    #[must_use]
+    pub fn influence(&self) -> Option<Vec<f64>> {
+        match self {
+            StructureSpec::Matrices(spec) => spec.influence.clone(),
+            StructureSpec::Frame(spec) => Some(spec.influence()),
+            StructureSpec::ShearBuilding(_) | StructureSpec::Chain(_) => None,
         }
     }
 
@@ -98,6 +114,7 @@ impl StructureSpec {
             StructureSpec::ShearBuilding(spec) => spec.linear()?,
             StructureSpec::Matrices(spec) => spec.linear(files)?,
             StructureSpec::Chain(spec) => spec.linear()?,
+            StructureSpec::Frame(spec) => of_frame(spec)?,
         };
         if let (Some(given), Some(_)) = (linear.damping_given, damping) {
             return Err(BuildError::DampingTwice { given });
@@ -170,6 +187,21 @@ impl StructureSpec {
         }
         Ok(structure)
     }
+}
+
+fn of_frame(spec: &FrameSpec) -> Result<Linear, BuildError> {
+    let model = spec.model()?;
+    if model.mass.is_zero() {
+        return Err(BuildError::NoMass);
+    }
+    Ok(Linear {
+        damping: SymMatrix::zeros(model.dofs.len()),
+        influence: spec.influence(),
+        mass: model.mass,
+        stiffness: model.stiffness,
+        storeys: ("", Vec::new()),
+        damping_given: None,
+    })
 }
 
 impl ElementSpec {

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::{DampingError, End};
+use crate::frame::FrameError;
 use crate::law::LawError;
 use crate::linalg::{MatrixError, NotPositiveDefinite};
 use gusset_quantity::domain::OutOfDomain;
@@ -193,9 +194,12 @@ pub enum BuildError {
         /// Number of storeys.
         storeys: usize,
     },
-    /// Matrices have no storeys.
+    /// Matrices and frames have no storeys.
     #[error(
-        "a structure given by matrices has no storeys: describe the deformation by rows of a transformation"
+        "a structure given by matrices or as a frame has no storeys: describe the deformation by rows of a transformation"
     )]
     NoStoreys,
+    /// The frame is wrong.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
 }

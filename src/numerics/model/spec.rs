@@ -8,9 +8,10 @@ use serde::de::{self, Deserializer, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::End;
+use crate::frame::FrameSpec;
 use crate::law::LawSpec;
 
-/// The numerical structure in one of three forms.
+/// The numerical structure in one of four forms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum StructureSpec {
@@ -22,6 +23,8 @@ pub enum StructureSpec {
     /// Equal masses in a row, connected by equal springs and dashpots. The base carries mass 1, and
     /// the last mass is free.
     Chain(ChainSpec),
+    /// Plane frame: nodes, elastic members, constraints and static loads.
+    Frame(FrameSpec),
 }
 
 /// Shear building: one mass for each floor, one spring and one dashpot for each storey.

@@ -13,6 +13,7 @@ use super::{Staging, StandIn, staged_with};
 use gusset_config::{ConfigError, Loaded};
 use gusset_control::engine::{Control, Ending, Experiment, Phase};
 use gusset_motion::Excitation;
+use gusset_numerics::frame::{Direction as Turn, FrameSpec};
 use gusset_numerics::model::StructureSpec;
 use gusset_proof::{AddedDamping, DriftError, Errors, TestError};
 use gusset_quantity::catalog::column;
@@ -198,15 +199,24 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
     let structure = loaded.file.structure.as_ref();
     let kind = structure.and_then(|table| table.kind());
     let kind = kind.as_ref().map(|(_, spec)| spec);
-    let rotations = structure.map_or(&[][..], |table| table.rotations.as_slice());
+    let frame = structure.and_then(|table| table.frame.as_ref());
+    let places = frame.map(FrameSpec::places).unwrap_or_default();
+    let turns = |dof: usize| match places.get(dof) {
+        Some((_, direction)) => *direction == Turn::Rz,
+        None => structure.is_some_and(|table| table.rotations.contains(&(dof + 1))),
+    };
     let iota = ideal.influence();
     let base = |row: &[(usize, f64)]| -> f64 { row.iter().map(|(dof, b)| b * iota[*dof]).sum() };
     let n = ideal.dofs();
     let mut found: Vec<Direction> = (0..n)
         .map(|dof| {
             let (name, row) = match kind {
-                None | Some(StructureSpec::Matrices(_)) => {
-                    (format!("DOF {}", dof + 1), vec![(dof, 1.0)])
+                None | Some(StructureSpec::Matrices(_) | StructureSpec::Frame(_)) => {
+                    let name = match places.get(dof) {
+                        Some((node, direction)) => format!("{node} {}", direction.word()),
+                        None => format!("DOF {}", dof + 1),
+                    };
+                    (name, vec![(dof, 1.0)])
                 }
                 Some(_) if dof == 0 => ("storey 1".to_owned(), vec![(0, 1.0)]),
                 Some(_) => (
@@ -217,7 +227,7 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
             Direction {
                 base: base(&row),
                 name,
-                rotation: rotations.contains(&(dof + 1)),
+                rotation: turns(dof),
                 specimen: false,
                 row,
             }
@@ -243,7 +253,7 @@ fn directions(loaded: &Loaded, ideal: &Ideal) -> Vec<Direction> {
             found.push(Direction {
                 base: base(&row),
                 name: format!("specimen {}{axis}", table.name),
-                rotation: row.iter().all(|(dof, _)| rotations.contains(&(dof + 1))),
+                rotation: row.iter().all(|(dof, _)| turns(*dof)),
                 specimen: true,
                 row,
             });

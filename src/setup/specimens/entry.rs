@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::super::gear::{Rows, axis, scaled};
-use super::super::{Estimate, Refused, Site, links, path, speed};
+use super::super::{Estimate, Refused, Site, frames, links, path, speed};
 use super::loading::{at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use gusset_actuator::specimen::{Specimen, SpecimenLaw};
@@ -14,6 +14,7 @@ use gusset_config::{
 use gusset_control::port::LoadingUnitSpec;
 use gusset_control::port::{Axis, shares};
 use gusset_numerics::law::Reach;
+
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::BuildError;
 use gusset_numerics::spectral::delay::Weights;
@@ -361,10 +362,16 @@ fn rows(
             };
             Ok(rows.iter().map(sparse).collect())
         }
+        (None, None, Some((_, spec))) if table.deformations.is_some() => frames::rows(
+            site,
+            at,
+            table.deformations.as_deref().unwrap_or_default(),
+            &spec,
+        ),
         // Without a structure there is nothing to transform: the laws or the axis tables give the number of axes.
         (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
         (None, None, Some(_)) => {
-            let text = "give `storey` or `rows`: the deformation of the structure that the specimen follows";
+            let text = "give `storey`, `rows` or `deformations`: the deformation of the structure that the specimen follows";
             site.refuse(Finding::error(at.clone(), text))
         }
     }

@@ -27,10 +27,11 @@ fn extremes(run: &RunView, rows: &Digest, axes: &[tracked::Tracked<'_>]) -> Vec<
     };
     let mut tiles = Vec::new();
     if let Some((dof, value, unit)) = response::largest_displacement(run, rows) {
+        let dof = super::tested::dof(run, dof);
         let words = if has_run {
-            format!("largest displacement, DOF {dof}{of}")
+            format!("largest displacement, {dof}{of}")
         } else {
-            format!("displacement at the start, DOF {dof}: no step was made")
+            format!("displacement at the start, {dof}: no step was made")
         };
         tiles.push((quantity(value, unit), words));
     }

@@ -6,6 +6,7 @@ use super::chart::{Chart, Ink, Look, Scale, WHOLE};
 use super::columns::{MOST_DOFS, MOST_LINES, Storey, TAIL, spread};
 use super::digest::{Digest, WITHOUT_DISP};
 use super::html::{beside, details, note, paragraph, table};
+use super::tested::dof as dof_in_words;
 use super::text::{count, or_dash, quantity};
 use super::tracked::Tracked;
 use super::{RunView, limits, metrics};
@@ -117,7 +118,7 @@ fn of_dofs(
         .into_iter()
         .map(|unit| {
             let own = shown.iter().filter(|dof| rows.unit(&column(dof)) == unit);
-            let own = own.map(|dof| (format!("DOF {dof}"), column(dof)));
+            let own = own.map(|dof| (dof_in_words(run, *dof), column(dof)));
             history(run, rows, title.clone(), Scale::new(words, unit), own)
         });
     html! { @for chart in drawn.filter(|chart| !chart.is_empty()) { (chart.figure()) } }
@@ -342,7 +343,7 @@ fn peaks(run: &RunView, rows: &Digest, dofs: &[u32]) -> Markup {
         let value = |letter: &str| or_dash(peak(letter).map(|(p, unit)| quantity(p.value, unit)));
         let time = or_dash(peak("x").map(|(p, _)| rows.moment(p.time)));
         let mut line = vec![
-            format!("DOF {dof}"),
+            dof_in_words(run, *dof),
             value("x"),
             time,
             value("v"),

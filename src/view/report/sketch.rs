@@ -56,6 +56,7 @@ pub(super) fn sketch(test: &TestFile) -> Markup {
         }
         Some(StructureSpec::Matrices(matrices)) => matrices.mass.as_ref().map(Vec::len),
         Some(StructureSpec::Chain(chain)) => Some(chain.dofs),
+        Some(StructureSpec::Frame(frame)) => Some(frame.places().len()),
         None => None,
     };
     let highest = specimens

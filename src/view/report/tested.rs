@@ -90,6 +90,13 @@ pub(super) fn axis_name(test: &TestFile, axis: SpecimenAxis, all: &[SpecimenAxis
     }
 }
 
+/// A degree of freedom, from 1, in words.
+pub(super) fn dof(run: &RunView, dof: u32) -> String {
+    let structure = run.test.file.structure.as_ref();
+    let words = structure.map(|structure| structure.dof_in_words(dof as usize));
+    words.unwrap_or_else(|| format!("DOF {dof}"))
+}
+
 /// Names and values of the tested model.
 pub(super) fn facts(run: &RunView) -> Vec<(String, String)> {
     let test = &run.test.file;
@@ -195,6 +202,7 @@ fn structure_words(table: &StructureTable) -> Option<String> {
         StructureSpec::ShearBuilding(building) => building.mass_kg.len(),
         StructureSpec::Matrices(matrices) => matrices.mass.as_ref().map_or(0, Vec::len),
         StructureSpec::Chain(chain) => chain.dofs,
+        StructureSpec::Frame(frame) => frame.places().len(),
     };
     let size = (size > 0).then(|| plural(size as u64, "DOF", "DOFs"));
     let damping = table.damping.as_ref();

@@ -1,0 +1,402 @@
+//! From a description to M, K and the static load of the free directions.
+
+use super::member::{Matrix, Member};
+use super::{ConstraintSpec, Direction, FrameError, FrameSpec};
+use crate::linalg::{Spd, SymMatrix};
+
+/// A frame without its constraints: n free directions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameModel {
+    /// M in kg and kg m².
+    pub mass: SymMatrix,
+    /// K in N/m, N and N m, with the P-Δ effect.
+    pub stiffness: SymMatrix,
+    /// Static load in N and N m.
+    pub load: Vec<f64>,
+    /// Node and direction of each degree of freedom.
+    pub dofs: Vec<(String, Direction)>,
+    /// What each direction of each node is made of, in the order of the description.
+    motions: Vec<[Motion; 3]>,
+    names: Vec<String>,
+}
+
+/// A direction of a node: Σ coefficient · degree of freedom; empty for a fixed one.
+type Motion = Vec<(usize, f64)>;
+
+/// Steps of the bisection for a buckling load.
+const HALVINGS: u32 = 40;
+
+impl FrameSpec {
+    /// M, K and static load.
+    ///
+    /// # Errors
+    /// See [`FrameError`].
+    pub fn model(&self) -> Result<FrameModel, FrameError> {
+        let mut model = self.numbered()?;
+        let n = model.dofs.len();
+        let mut mass = Vec::new();
+        for (index, (node, motions)) in self.node.iter().zip(&model.motions).enumerate() {
+            let given = [
+                ("mass_kg", node.mass_kg),
+                ("rotary_mass_kg_m2", node.rotary_mass_kg_m2),
+            ];
+            for (key, found) in given {
+                if !(found >= 0.0 && found.is_finite()) {
+                    let (at, allowed) = (("node", index), "finite and not negative");
+                    return Err(FrameError::Value {
+                        at,
+                        key,
+                        found,
+                        allowed,
+                    });
+                }
+            }
+            let of_direction = [node.mass_kg, node.mass_kg, node.rotary_mass_kg_m2];
+            for (motion, value) in motions.iter().zip(of_direction) {
+                mass.extend(square(motion, value));
+            }
+        }
+        model.mass = SymMatrix::from_triplets(n, mass);
+        model.load = self.load_of(&model)?;
+        let members = self.members(&model)?;
+        let entries = members.iter().flat_map(|(nodes, member)| {
+            let ends = nodes.map(|node| &model.motions[node]);
+            spread(ends, &member.stiffness())
+        });
+        model.stiffness = SymMatrix::from_triplets(n, entries);
+        self.lower(model, &members)
+    }
+
+    /// Node and direction of each degree of freedom; empty for a frame that is not valid.
+    #[must_use]
+    pub fn places(&self) -> Vec<(String, Direction)> {
+        self.numbered()
+            .map_or_else(|_| Vec::new(), |model| model.dofs)
+    }
+
+    /// ι: displacement of each degree of freedom for a unit displacement of the ground to the right.
+    #[must_use]
+    pub fn influence(&self) -> Vec<f64> {
+        let places = self.places();
+        let moves = places
+            .iter()
+            .map(|(_, direction)| *direction == Direction::X);
+        moves.map(f64::from).collect()
+    }
+
+    /// The free directions, with empty matrices.
+    fn numbered(&self) -> Result<FrameModel, FrameError> {
+        for (index, node) in self.node.iter().enumerate() {
+            if self.node[..index]
+                .iter()
+                .any(|other| other.name == node.name)
+            {
+                let name = node.name.clone();
+                return Err(FrameError::SameName { index, name });
+            }
+            if let Some(found) = node.at_m.into_iter().find(|at| !at.is_finite()) {
+                return Err(FrameError::Value {
+                    at: ("node", index),
+                    key: "at_m",
+                    found,
+                    allowed: "finite",
+                });
+            }
+        }
+        let mut ties = vec![[None; 3]; self.node.len()];
+        for (index, constraint) in self.constraint.iter().enumerate() {
+            self.tie(index, constraint, &mut ties)?;
+        }
+        for tie in ties.iter().flatten().flatten() {
+            for (direction, lever) in Direction::ALL.into_iter().zip(tie.levers) {
+                if lever != 0.0 && ties[tie.master][direction as usize].is_some() {
+                    return Err(FrameError::Constrained {
+                        index: tie.constraint,
+                        node: self.node[tie.master].name.clone(),
+                        direction,
+                        why: "is followed, but follows another node itself",
+                    });
+                }
+            }
+        }
+        let mut dofs = Vec::new();
+        let mut motions = vec![<[Motion; 3]>::default(); self.node.len()];
+        for (place, node) in self.node.iter().enumerate() {
+            for (at, direction) in Direction::ALL.into_iter().enumerate() {
+                if ties[place][at].is_none() && !node.fixed.contains(&direction) {
+                    motions[place][at] = vec![(dofs.len(), 1.0)];
+                    dofs.push((node.name.clone(), direction));
+                }
+            }
+        }
+        for (place, ties) in ties.iter().enumerate() {
+            for (at, tie) in ties.iter().enumerate() {
+                let Some(tie) = tie else { continue };
+                let terms = tie.levers.iter().zip(&motions[tie.master]);
+                let terms = terms.filter(|(lever, _)| **lever != 0.0);
+                let terms = terms.flat_map(|(lever, motion)| {
+                    motion.iter().map(move |(dof, share)| (*dof, lever * share))
+                });
+                motions[place][at] = terms.collect();
+            }
+        }
+        if dofs.is_empty() {
+            return Err(FrameError::Empty);
+        }
+        let n = dofs.len();
+        Ok(FrameModel {
+            mass: SymMatrix::zeros(n),
+            stiffness: SymMatrix::zeros(n),
+            load: vec![0.0; n],
+            dofs,
+            motions,
+            names: self.node.iter().map(|node| node.name.clone()).collect(),
+        })
+    }
+
+    /// Notes what follows what.
+    fn tie(
+        &self,
+        index: usize,
+        constraint: &ConstraintSpec,
+        ties: &mut [[Option<Tie>; 3]],
+    ) -> Result<(), FrameError> {
+        let (master, nodes, directions) = match constraint {
+            ConstraintSpec::Equal(equal) => (&equal.master, &equal.nodes, &equal.directions[..]),
+            ConstraintSpec::Rigid(rigid) => (&rigid.master, &rigid.nodes, &Direction::ALL[..]),
+            ConstraintSpec::Diaphragm(floor) => (&floor.master, &floor.nodes, &[Direction::X][..]),
+        };
+        let at = ("constraint", index);
+        let master = self.place(at, master)?;
+        for name in nodes {
+            let node = self.place(at, name)?;
+            for &direction in directions {
+                let which = direction as usize;
+                let wrong = |node: usize, direction: Direction, why| FrameError::Constrained {
+                    index,
+                    node: self.node[node].name.clone(),
+                    direction,
+                    why,
+                };
+                if node == master {
+                    return Err(wrong(node, direction, "would follow itself"));
+                }
+                if self.node[node].fixed.contains(&direction) {
+                    return Err(wrong(node, direction, "is fixed and cannot follow"));
+                }
+                if ties[node][which].is_some() {
+                    return Err(wrong(node, direction, "follows another node already"));
+                }
+                let mut levers = [0.0; 3];
+                levers[which] = 1.0;
+                if matches!(constraint, ConstraintSpec::Rigid(_)) {
+                    let [dx, dy] =
+                        [0, 1].map(|k| self.node[node].at_m[k] - self.node[master].at_m[k]);
+                    levers[2] = match direction {
+                        Direction::X => -dy,
+                        Direction::Y => dx,
+                        Direction::Rz => 1.0,
+                    };
+                }
+                ties[node][which] = Some(Tie {
+                    constraint: index,
+                    master,
+                    levers,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Place of a node by its name.
+    fn place(&self, at: (&'static str, usize), name: &str) -> Result<usize, FrameError> {
+        let found = self.node.iter().position(|node| node.name == name);
+        found.ok_or_else(|| FrameError::NoNode {
+            at,
+            name: name.to_owned(),
+            known: listed(self.node.iter().map(|node| &node.name)),
+        })
+    }
+
+    fn load_of(&self, model: &FrameModel) -> Result<Vec<f64>, FrameError> {
+        let mut load = vec![0.0; model.dofs.len()];
+        for (index, given) in self.load.iter().enumerate() {
+            let at = ("load", index);
+            let node = self.place(at, &given.node)?;
+            let each = [
+                ("x_n", given.x_n),
+                ("y_n", given.y_n),
+                ("rz_n_m", given.rz_n_m),
+            ];
+            for ((key, found), motion) in each.into_iter().zip(&model.motions[node]) {
+                if !found.is_finite() {
+                    let allowed = "finite";
+                    return Err(FrameError::Value {
+                        at,
+                        key,
+                        found,
+                        allowed,
+                    });
+                }
+                for (dof, share) in motion {
+                    load[*dof] += share * found;
+                }
+            }
+        }
+        Ok(load)
+    }
+
+    /// Each member with the places of its nodes.
+    fn members(&self, model: &FrameModel) -> Result<Vec<([usize; 2], Member)>, FrameError> {
+        let mut members = Vec::with_capacity(self.member.len());
+        for (index, spec) in self.member.iter().enumerate() {
+            let at = ("member", index);
+            let [start, end] = &spec.nodes;
+            let nodes = [self.place(at, start)?, self.place(at, end)?];
+            let section = self.section.get(&spec.section);
+            let section = section.ok_or_else(|| FrameError::NoSection {
+                index,
+                name: spec.section.clone(),
+                known: listed(self.section.keys()),
+            })?;
+            let rigidity = section.rigidity(&spec.section)?;
+            let places = nodes.map(|node| self.node[node].at_m);
+            let member = Member::new(spec, places, rigidity);
+            let member = member.ok_or_else(|| FrameError::NoLength {
+                index,
+                member: (spec.name.clone()).unwrap_or_else(|| format!("member {}", index + 1)),
+            })?;
+            members.push((nodes, member));
+        }
+        debug_assert_eq!(model.motions.len(), self.node.len());
+        Ok(members)
+    }
+
+    /// Lowers the stiffness by the axial forces of the static loads, where a member asks for it.
+    fn lower(
+        &self,
+        mut model: FrameModel,
+        members: &[([usize; 2], Member)],
+    ) -> Result<FrameModel, FrameError> {
+        if !self.member.iter().any(|member| member.p_delta) {
+            return Ok(model);
+        }
+        let at = |dof: usize| model.dofs[dof].clone();
+        let mut factor = Spd::factor(&model.stiffness).map_err(|failure| {
+            let (node, direction) = at(failure.dof);
+            FrameError::Loose { node, direction }
+        })?;
+        let mut disp = model.load.clone();
+        factor.solve_in_place(&mut disp);
+        let lowered = self
+            .member
+            .iter()
+            .zip(members)
+            .filter(|(spec, _)| spec.p_delta);
+        let entries = lowered.flat_map(|(_, (nodes, member))| {
+            let ends = nodes.map(|node| &model.motions[node]);
+            let mut moved = [0.0; 6];
+            for (to, motion) in moved.iter_mut().zip(ends.into_iter().flatten()) {
+                *to = motion.iter().map(|(dof, share)| share * disp[*dof]).sum();
+            }
+            spread(
+                ends,
+                &member.geometric_stiffness(member.axial_force(&moved)),
+            )
+        });
+        let geometric = SymMatrix::from_triplets(model.dofs.len(), entries);
+        let stands = |share: f64| Spd::factor(&model.stiffness.plus(share, &geometric));
+        if stands(1.0).is_err() {
+            let (mut low, mut high) = (0.0, 1.0);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                if stands(middle).is_ok() {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            let (node, direction) = at(model.weakest(low, &geometric));
+            return Err(FrameError::Buckles {
+                share: low,
+                node,
+                direction,
+            });
+        }
+        model.stiffness = model.stiffness.plus(1.0, &geometric);
+        Ok(model)
+    }
+}
+
+impl FrameModel {
+    /// What a direction of a node is made of: (degree of freedom from 0, coefficient). `None` without such a node.
+    #[must_use]
+    pub fn motion(&self, node: &str, direction: Direction) -> Option<&[(usize, f64)]> {
+        let place = self.names.iter().position(|name| name == node)?;
+        Some(&self.motions[place][direction as usize])
+    }
+
+    /// Names of the nodes.
+    #[must_use]
+    pub fn nodes(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The degree of freedom that moves most where K + share · K_g nearly has no stiffness.
+    fn weakest(&self, share: f64, geometric: &SymMatrix) -> usize {
+        let n = self.dofs.len();
+        let mut shape: Vec<f64> = (0..n).map(|dof| 1.0 + dof as f64 / n as f64).collect();
+        if let Ok(mut factor) = Spd::factor(&self.stiffness.plus(share, geometric)) {
+            for _ in 0..20 {
+                factor.solve_in_place(&mut shape);
+                let largest = shape.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+                shape.iter_mut().for_each(|x| *x /= largest);
+            }
+        }
+        let moves = |dof: &usize| match self.dofs[*dof].1 {
+            Direction::X | Direction::Y => shape[*dof].abs(),
+            Direction::Rz => 0.0,
+        };
+        let all = 0..n;
+        all.max_by(|a, b| moves(a).total_cmp(&moves(b)))
+            .unwrap_or(0)
+    }
+}
+
+/// A direction that follows those of another node.
+#[derive(Debug, Clone, Copy)]
+struct Tie {
+    constraint: usize,
+    master: usize,
+    /// Coefficients of x, y and rz of the master.
+    levers: [f64; 3],
+}
+
+/// value · a aᵀ of a motion.
+fn square(motion: &Motion, value: f64) -> Vec<(usize, usize, f64)> {
+    let each = motion.iter().enumerate();
+    let pairs = each.flat_map(|(k, a)| motion[k..].iter().map(move |b| (a, b)));
+    let entries = pairs.map(|(a, b)| (a.0, b.0, value * a.1 * b.1));
+    entries.filter(|(.., value)| *value != 0.0).collect()
+}
+
+/// Entries of a matrix of two nodes, at the degrees of freedom that these are made of; each beside the diagonal once.
+fn spread(ends: [&[Motion; 3]; 2], matrix: &Matrix) -> Vec<(usize, usize, f64)> {
+    let motions: Vec<&Motion> = ends.into_iter().flatten().collect();
+    let mut entries = Vec::new();
+    for (row, of_row) in matrix.iter().zip(&motions) {
+        for (value, of_column) in row.iter().zip(&motions) {
+            for (i, a) in of_row.iter() {
+                for (j, b) in of_column.iter().filter(|(j, _)| i <= j) {
+                    entries.push((*i, *j, a * value * b));
+                }
+            }
+        }
+    }
+    entries
+}
+
+fn listed<'a>(names: impl Iterator<Item = &'a String>) -> String {
+    let names: Vec<&str> = names.map(String::as_str).take(12).collect();
+    names.join(", ")
+}

@@ -1,0 +1,21 @@
+//! Plane frames: nodes, elastic members, constraints and static loads become M, K and a load vector.
+//!
+//! Constraints are eliminated while the matrices are assembled, so that M_eff stays positive definite. Members are those of
+//! Bernoulli and Euler; with P-Δ the axial force N of the static loads adds N/L at the displaced ends (linear geometry, small
+//! rotations of the chord). No time step, no file: reading is the configuration's, integrating [`crate::integrate`]'s affair.
+//! Begin with [`FrameSpec::model`].
+
+mod build;
+mod error;
+mod member;
+mod spec;
+
+pub use build::FrameModel;
+pub use error::FrameError;
+pub use spec::{
+    ConstraintSpec, Direction, ElasticSpec, EqualSpec, FollowersSpec, FrameSpec, IShapeSpec,
+    MemberEnd, MemberSpec, NodeLoadSpec, NodeSpec, RectangleSpec, SectionSpec,
+};
+
+#[cfg(test)]
+mod tests;

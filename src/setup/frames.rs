@@ -1,0 +1,87 @@
+//! The frame of a test file: its degrees of freedom by name, the rows of specimens between its nodes, and the places of mistakes.
+
+use super::{Refused, Site, path};
+use gusset_config::{DeformationTable, Finding, KeyPath};
+use gusset_numerics::frame::{FrameError, FrameSpec};
+use gusset_numerics::model::StructureSpec;
+
+/// Rows of B of deformations between nodes.
+pub(super) fn rows(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    deformations: &[DeformationTable],
+    spec: &StructureSpec,
+) -> Result<Vec<Vec<(usize, f64)>>, Refused> {
+    let at = at.key("deformations");
+    let StructureSpec::Frame(frame) = spec else {
+        let text = "only a frame has nodes: give `storey` or `rows` for this structure";
+        return site.refuse(Finding::error(at, text).at_key());
+    };
+    let model = frame
+        .model()
+        .or_else(|error| site.refuse(Finding::error(place(&error), error.to_string())))?;
+    let mut rows = Vec::with_capacity(deformations.len());
+    for (index, deformation) in deformations.iter().enumerate() {
+        let at = at.index(index);
+        let mut row: Vec<(usize, f64)> = Vec::new();
+        let ends = [
+            ("node", Some(&deformation.node), 1.0),
+            ("from", deformation.from.as_ref(), -1.0),
+        ];
+        for (key, node, sign) in ends {
+            let Some(node) = node else { continue };
+            let Some(motion) = model.motion(node, deformation.direction) else {
+                let text = format!(
+                    "there is no node \"{node}\"; the nodes are {}",
+                    model.nodes().join(", ")
+                );
+                return site.refuse(Finding::error(at.key(key), text));
+            };
+            for &(dof, share) in motion {
+                match row.iter_mut().find(|(known, _)| *known == dof) {
+                    Some((_, entry)) => *entry += sign * share,
+                    None => row.push((dof, sign * share)),
+                }
+            }
+        }
+        row.retain(|(_, entry)| *entry != 0.0);
+        if row.is_empty() {
+            let text = "this deformation is always zero: the ground holds both of its ends";
+            return site.refuse(Finding::error(at, text));
+        }
+        row.sort_unstable_by_key(|(dof, _)| *dof);
+        rows.push(row);
+    }
+    Ok(rows)
+}
+
+/// Node and direction of each degree of freedom of a frame.
+pub(super) fn places(site: &Site<'_>) -> Vec<String> {
+    let table = site.loaded.file.structure.as_ref();
+    let frame = table.and_then(|table| table.frame.as_ref());
+    let places = frame.map(FrameSpec::places).unwrap_or_default();
+    let each = places.iter();
+    each.map(|(node, direction)| format!("{node} {}", direction.word()))
+        .collect()
+}
+
+/// Place in the file of a mistake of a frame.
+pub(super) fn place(error: &FrameError) -> KeyPath {
+    let at = path("structure").key("frame");
+    match error {
+        FrameError::Value {
+            at: (list, index),
+            key,
+            ..
+        } => at.key(list).index(*index).key(key),
+        FrameError::Section { section, key, .. } => at.key("section").key(section).key(key),
+        FrameError::SameName { index, .. } => at.key("node").index(*index).key("name"),
+        FrameError::NoNode {
+            at: (list, index), ..
+        } => at.key(list).index(*index),
+        FrameError::NoSection { index, .. } => at.key("member").index(*index).key("section"),
+        FrameError::NoLength { index, .. } => at.key("member").index(*index),
+        FrameError::Constrained { index, .. } => at.key("constraint").index(*index),
+        FrameError::Empty | FrameError::Loose { .. } | FrameError::Buckles { .. } => at,
+    }
+}

@@ -1,0 +1,87 @@
+//! A frame is its condensed matrices: the same steps, and the same rest under its weight.
+
+use crate::common::engine::{distance, prepare, run};
+use crate::common::test_file::TestFile;
+use gusset_control::engine::Ending;
+use gusset_numerics::frame::FrameSpec;
+use gusset_numerics::linalg::{Condensation, SymMatrix};
+
+const STUDY: &str = include_str!("../../config/portal-frame.toml");
+
+fn rows(matrix: &SymMatrix) -> String {
+    let n = matrix.n();
+    let row = |i: usize| {
+        let entries: Vec<String> = (0..n).map(|j| format!("{:e}", matrix.get(i, j))).collect();
+        format!("[{}]", entries.join(", "))
+    };
+    let all: Vec<String> = (0..n).map(row).collect();
+    format!("[{}]", all.join(", "))
+}
+
+/// The study on the simulated clock, of a few seconds.
+fn study() -> String {
+    STUDY.with("time.clock = 'simulated'\ntime.duration_s = 6\nintegrator.lambda = 4")
+}
+
+#[test]
+fn frame_takes_the_steps_of_its_matrices() {
+    let frame = study().without("structure.frame.load");
+    let table: toml::Table = frame.parse().unwrap();
+    let spec: FrameSpec = table["structure"]["frame"].clone().try_into().unwrap();
+    let model = spec.model().unwrap();
+    let massless: Vec<usize> = (0..model.dofs.len())
+        .filter(|dof| model.mass.row_is_zero(*dof))
+        .collect();
+    let mut held = Condensation::new(&model.stiffness, &massless).unwrap();
+    let iota = spec.influence();
+    let iota: Vec<f64> = held.kept().iter().map(|dof| iota[*dof]).collect();
+    let first = model
+        .motion("A1", gusset_numerics::frame::Direction::X)
+        .unwrap();
+    let row = held.row(first);
+    let mut b = vec![0.0; held.kept().len()];
+    row.iter().for_each(|(place, share)| b[*place] = *share);
+    let matrices = frame.without("structure.frame").without("specimen.0.deformations").with(&format!(
+        "specimen.0.rows = [{b:?}]\nstructure.matrices = {{ mass = {}, stiffness = {}, influence = {iota:?} }}",
+        rows(&held.seen_by(&model.mass)),
+        rows(&held.complement()),
+    ));
+    let (whole, condensed) = (run(&frame), run(&matrices));
+    assert_eq!(whole.outcome.ending, Ending::Completed);
+    for (place, dof) in held.kept().iter().enumerate() {
+        for letter in ["x", "v", "a"] {
+            let found = whole.column(&format!("{letter}{}", dof + 1));
+            let expected = condensed.column(&format!("{letter}{}", place + 1));
+            // C1 and C2 hang on columns alone, and move by roundoff.
+            let largest = expected.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            if largest > 1e-9 {
+                let off = distance(&found, &expected);
+                assert!(off < 1e-9, "{letter}{}: {off:e}", dof + 1);
+            }
+        }
+    }
+    assert_eq!(
+        whole.column("meas_1_1").len(),
+        condensed.column("meas_1_1").len()
+    );
+}
+
+#[test]
+fn frame_begins_under_its_weight() {
+    let still = study().with("excitation.ground_acceleration.signal.kanai_tajimi.peak = 1e-9");
+    let facts = prepare(&still).facts.structure.unwrap();
+    let run = run(&still);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let dof = facts
+        .places
+        .iter()
+        .position(|place| place == "C2 y")
+        .unwrap();
+    let x = run.column(&format!("x{}", dof + 1));
+    // N h/(E A) of both columns: 360 kN and 160 kN on 0.0102 m² without fillets.
+    let area = 0.24 * 0.24 - 0.23 * (0.24 - 2.0 * 0.017);
+    let expected = -(360e3 + 160e3) * 3.5 / (2.1e11 * area);
+    assert!((x[0] / expected - 1.0).abs() < 1e-6, "{} {expected}", x[0]);
+    let last = x.last().unwrap();
+    assert!((last / expected - 1.0).abs() < 1e-6, "{last}");
+}
