@@ -52,7 +52,7 @@ pub struct StabilityProof {
     pub dt: f64,
     /// Mass whose inertia is inside the measured forces: not in M, and a step late. `None` without such mass.
     pub late_mass: Option<SymMatrix>,
-    /// Degrees of freedom without mass that follow statically, rising; empty if there are none, or the method moves them itself.
+    /// Degrees of freedom without mass that follow statically, rising. Empty if every one has mass, or the method moves them itself.
     pub massless: Vec<usize>,
 }
 
@@ -152,7 +152,7 @@ fn resolution(n: usize) -> f64 {
     if n <= 1000 { 1e-11 } else { 1e-6 }
 }
 
-/// What the tangents take from S.
+/// The share of the tangents in S.
 pub(super) enum Tangents {
     /// Every row has its own motion.
     Whole,

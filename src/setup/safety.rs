@@ -96,7 +96,7 @@ const AUDIT: Bound = Bound {
     warn: 1e-9,
     trip: 1e-6,
 };
-/// What the predictor of rows without mass leaves over in an ordinary test is far less.
+/// In an ordinary test the rows without mass balance far better.
 const UNBALANCE: Bound = Bound {
     warn: 1e-3,
     trip: 1e-2,

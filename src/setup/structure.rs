@@ -255,7 +255,7 @@ pub(super) fn initial_state(
         };
         let wrong = massless.iter().find(far).map(|dof| {
             let text = format!(
-                "DOF {} has no mass, and its forces do not balance at the start: {:.4e} N are left over",
+                "DOF {} has no mass, and its forces do not balance at the start: {:.4e} N remain",
                 dof + 1,
                 forces[*dof]
             );

@@ -19,7 +19,7 @@ influence = [1, 1]
 signal.sine = { amplitude = 4.0, frequency_hz = 2.3 }
 "#;
 
-/// The same without the joint, where both springs are linear: 1e6 and 1e7 N/m in series.
+/// The structure without the joint, where both springs are linear: 1e6 and 1e7 N/m in series.
 const CONDENSED: &str = "
 [time]
 rate_hz = 1024

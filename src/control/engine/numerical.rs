@@ -363,7 +363,7 @@ impl Numerical {
         (self.audit, self.intake) = (audit, intake);
     }
 
-    /// What a step changes besides the state of the integration.
+    /// The values that a step changes besides the state of the integration.
     fn visit_memory(&mut self, visit: &mut dyn Visit) {
         self.structure.visit_state(visit);
         self.stepper.visit_state(visit);

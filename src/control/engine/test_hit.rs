@@ -13,7 +13,7 @@ pub struct TestHit {
     pub value: f64,
     /// Level of the limit.
     pub bound: f64,
-    /// What has the most of it, where that can be said.
+    /// The largest contributor, where it is known.
     pub worst: Option<Worst>,
     /// It was found in the warm-up, and the test was not begun.
     pub in_warm_up: bool,

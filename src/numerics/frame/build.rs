@@ -329,7 +329,7 @@ impl FrameSpec {
 }
 
 impl FrameModel {
-    /// What a direction of a node is made of: (degree of freedom from 0, coefficient). `None` without such a node.
+    /// The terms of a direction of a node: (degree of freedom from 0, coefficient). `None` without such a node.
     #[must_use]
     pub fn motion(&self, node: &str, direction: Direction) -> Option<&[(usize, f64)]> {
         let place = self.names.iter().position(|name| name == node)?;

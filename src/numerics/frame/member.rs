@@ -44,7 +44,7 @@ impl SectionSpec {
                 let width = positive("flange_width_m", section.flange_width_m)?;
                 let flange = positive("flange_thickness_m", section.flange_thickness_m)?;
                 let web = positive("web_thickness_m", section.web_thickness_m)?;
-                // What is left between the flanges must be a web.
+                // A web remains between the flanges.
                 let clear = positive("depth_m", depth - 2.0 * flange)?;
                 let beside = positive("flange_width_m", width - web)?;
                 let cube = |value: f64| value * value * value;
@@ -63,7 +63,7 @@ impl SectionSpec {
     }
 }
 
-/// A member in its place.
+/// A member between two points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Member {
     length: f64,

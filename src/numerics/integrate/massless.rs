@@ -92,7 +92,7 @@ pub struct MasslessBounds {
     pub damping: SymMatrix,
 }
 
-/// Displacements of the rows without mass, and the forces that are left over there.
+/// Displacements of the rows without mass, and the residual forces there.
 #[derive(Debug, Clone)]
 struct Trial {
     disp: Vec<f64>,
@@ -211,7 +211,7 @@ impl Massless {
         self.worst_dof = worst.1;
         let found = self.energy();
         self.shares.rotate_right(1);
-        // Where nothing has acted yet, nothing is left over.
+        // Before the first force there is no residual.
         self.shares[0] = if scale == 0.0 {
             0.0
         } else {
@@ -222,7 +222,7 @@ impl Massless {
     /// The least √(φ/ψ) of the last six steps: what one step leaves over at a kink, the next ones remove. Real-time: yes.
     #[must_use]
     pub fn lasting_unbalance(&self) -> f64 {
-        // What is not a number lasts.
+        // A share that is not a number lasts.
         let least = |least: f64, share: &f64| {
             if least.is_nan() || least < *share {
                 least
@@ -239,7 +239,7 @@ impl Massless {
         self.worst_dof
     }
 
-    /// φ of the forces that are left over in the trial. Real-time: yes.
+    /// φ of the residual forces of the trial. Real-time: yes.
     fn energy(&mut self) -> f64 {
         self.work.copy_from_slice(&self.tried.residual);
         self.safe.solve_in_place(&mut self.work);
@@ -434,7 +434,7 @@ impl Massless {
     }
 }
 
-/// An entry that is there; none in its place stops the test.
+/// An entry; a missing one is not a number, which stops the test.
 fn at(values: &[f64], index: usize) -> f64 {
     values.get(index).copied().unwrap_or(f64::NAN)
 }
@@ -610,7 +610,7 @@ mod tests {
     }
 
     proptest! {
-        /// Joints of plastic and hardening laws under steps, ramps and sudden loads: what is left over falls below the tolerance
+        /// Joints of plastic and hardening laws under steps, ramps and sudden loads: the residual falls below the tolerance
         /// within a few steps, and never cycles.
         #[test]
         fn plastic_joints_come_to_balance(

@@ -17,7 +17,7 @@ pub(crate) struct Banded {
     original: Vec<f64>,
     old_of_new: Option<Vec<u32>>,
     new_of_old: Vec<u32>,
-    /// Of the row that is eliminated.
+    /// The row that is eliminated.
     row: Vec<f64>,
     /// `width` zeros, then the right-hand side in the new numbering: rows near the top need no special case.
     work: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Static condensation (R. J. Guyan 1965, AIAA Journal 3(2), 380): rows that bear nothing of their own follow the others.
+//! Static condensation (R. J. Guyan 1965, AIAA Journal 3(2), 380): rows without a load follow the others.
 
 use super::{NotPositiveDefinite, Spd, SymMatrix};
 
