@@ -325,7 +325,7 @@ fn limits_but(missing: Limit) -> serde_json::Value {
     let limits = limits.collect::<String>();
     let text = format!(
         "[time]\nstep_s = 0.01\nduration_s = 1\n[safety]\nadded_energy_share = {{ trip = 0.1, floor_j = 1.0 }}\n\
-         [structure.shear_building]\nmass_kg = [1000]\nstiffness_n_per_m = [0]\n\
+         [structure.shear_building]\nmass_kg = [1000, 0, 10]\nstiffness_n_per_m = [0, 1e5, 1e5]\n\
          [excitation.ground_acceleration.signal.sine]\nfrequency_hz = 0.5\namplitude = 3.0\n\
          [integrator]\nlambda = 4\n[[specimen]]\nname = \"column\"\nstorey = 1\n[specimen.limits]\n{limits}\
          [specimen.transfer]\ndelay_s = 0.001\n\

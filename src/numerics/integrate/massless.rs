@@ -2,10 +2,10 @@
 //!
 //! With s the rows without mass and m the others, x_s\[n+1\] is where the forces of these rows balance at the x_m\[n+1\] that the
 //! method has found. The first place is predicted with the tangents of the committed state, P = x_s\[n\] + K_t⁻¹ r. Newton's
-//! places follow, each with the tangents at the one before; where a step goes too far, as at the corner of a plastic law, the
-//! next place is that on its line where the force along it vanishes, by the secant. Each place is a trial of the laws from their
-//! committed state. There are at most eight of them, so that the work of a step is bounded; two are enough where nothing bends.
-//! The best one is kept.
+//! places follow, each with the tangents at the one before. A step that goes too far, as at the corner of a plastic law, is cut to
+//! where the force along it vanishes, by the secant. Where nine places do not suffice, the search begins again at the safe place
+//! S = x_s\[n\] + K_0⁻¹ r, with the upper bound K_0 of the tangents. Each place is a trial of the laws from their committed state. There
+//! are at most fourteen of them, so that the work of a step is bounded; two are enough where nothing bends. The best one is kept.
 //!
 //! Balance is measured by φ = r_sᵀ K_0⁻¹ r_s, with K_0 the upper bound of the tangents, in parts of ψ = Σ f²/K_0 with the largest
 //! force f so far on each row.
@@ -18,8 +18,9 @@ use crate::linalg::{Banded, NotPositiveDefinite, Spd, SymMatrix};
 use crate::model::{Base, End, Motion, Structure};
 use gusset_quantity::state;
 
-/// Places that are tried at most.
-const PLACES: u32 = 8;
+/// Places that are tried at most, and those after which the search begins again.
+const PLACES: u32 = 14;
+const RESTART: u32 = 9;
 /// φ in parts of ψ below which nothing is left to balance.
 const BALANCED: f64 = 1e-20;
 /// Share of the force at its beginning that a step may leave against it at its end.
@@ -290,17 +291,23 @@ impl Massless {
         self.predict(structure, base_change);
         self.evaluate(structure, state, base);
         self.best.copy_from(&self.tried);
-        let mut is_far = false;
-        for _ in 1..PLACES {
+        let (mut places, mut is_far, mut may_restart) = (1, false, true);
+        while places < PLACES {
             if self.best.energy <= BALANCED * self.scale {
                 break;
             }
-            if is_far {
+            if may_restart && places >= RESTART {
+                (may_restart, places) = (false, places + 1);
+                self.stay();
+                self.evaluate(structure, state, base);
+                self.go_safely();
+            } else if is_far {
                 self.tried.go(&self.from, &self.step);
             } else {
                 self.next(structure);
             }
             self.evaluate(structure, state, base);
+            places += 1;
             if self.tried.energy < self.best.energy || self.best.energy.is_nan() {
                 self.best.copy_from(&self.tried);
             }
@@ -353,6 +360,21 @@ impl Massless {
         self.take_tangents(structure);
         self.step.copy_from_slice(&self.from.residual);
         self.solve();
+        self.tried.go(&self.from, &self.step);
+    }
+
+    /// The place of the step last closed. Real-time: yes.
+    fn stay(&mut self) {
+        for (to, &row) in self.tried.disp.iter_mut().zip(&self.rows) {
+            *to = at(&self.disp, row);
+        }
+    }
+
+    /// The next place, from the one that was tried, with the bounds of the tangents: it goes too far for no law. Real-time: yes.
+    fn go_safely(&mut self) {
+        self.from.copy_from(&self.tried);
+        self.step.copy_from_slice(&self.from.residual);
+        self.safe.solve_in_place(&mut self.step);
         self.tried.go(&self.from, &self.step);
     }
 
@@ -615,13 +637,13 @@ mod tests {
         #[test]
         fn plastic_joints_come_to_balance(
             yields in prop::array::uniform3(1e3f64..2e4),
-            ratios in prop::array::uniform3(0.0f64..0.3),
+            ratios in prop::array::uniform3(0.02f64..0.3),
             stiffness in prop::array::uniform3(3e5f64..3e7),
             amplitude in 1.0f64..30.0,
             hz in 0.5f64..20.0,
         ) {
             let law = |i: usize| {
-                let (k, f, a) = (stiffness[i], yields[i], ratios[i].max(1e-3));
+                let (k, f, a) = (stiffness[i], yields[i], ratios[i]);
                 format!("bilinear = {{ stiffness_n_per_m = {k}, yield_force_n = {f}, post_yield_ratio = {a} }}")
             };
             let laws: Vec<String> = (0..3).map(law).collect();
@@ -635,10 +657,10 @@ mod tests {
             prop_assert!(unbalance < 1e-9, "{unbalance:e}");
         }
 
-        /// At a constant command the rows come to rest within three steps, wherever they began, and stay there.
+        /// At a constant command the rows come to rest in one step, wherever they began, and stay there.
         #[test]
         fn nothing_cycles_at_rest(
-            ratio in 0.01f64..1.0,
+            ratio in 0.001f64..1.0,
             start in -3.0f64..3.0,
             force in 0.2f64..3.0,
         ) {
@@ -662,7 +684,7 @@ mod tests {
                 });
                 places.push((state.disp[0], own.shares[0]));
             }
-            for pair in places[3..].windows(2) {
+            for pair in places[1..].windows(2) {
                 prop_assert!((pair[1].0 - pair[0].0).abs() < 1e-9 * 1e-3, "{places:?}");
                 prop_assert!(pair[1].1 < 1e-9, "{places:?}");
             }
