@@ -58,7 +58,7 @@ impl FrameSpec {
         }
         model.mass = SymMatrix::from_triplets(n, mass);
         model.load = self.load_of(&model)?;
-        let members = self.members(&model)?;
+        let members = self.members()?;
         let entries = members.iter().flat_map(|(nodes, member)| {
             let ends = nodes.map(|node| &model.motions[node]);
             spread(ends, &member.stiffness())
@@ -247,7 +247,7 @@ impl FrameSpec {
     }
 
     /// Each member with the places of its nodes.
-    fn members(&self, model: &FrameModel) -> Result<Vec<([usize; 2], Member)>, FrameError> {
+    fn members(&self) -> Result<Vec<([usize; 2], Member)>, FrameError> {
         let mut members = Vec::with_capacity(self.member.len());
         for (index, spec) in self.member.iter().enumerate() {
             let at = ("member", index);
@@ -268,7 +268,6 @@ impl FrameSpec {
             })?;
             members.push((nodes, member));
         }
-        debug_assert_eq!(model.motions.len(), self.node.len());
         Ok(members)
     }
 

@@ -14,7 +14,6 @@ use gusset_config::{
 use gusset_control::port::LoadingUnitSpec;
 use gusset_control::port::{Axis, shares};
 use gusset_numerics::law::Reach;
-
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::BuildError;
 use gusset_numerics::spectral::delay::Weights;
