@@ -7,11 +7,17 @@
 
 mod build;
 mod error;
+#[cfg_attr(
+    not(test),
+    expect(dead_code, reason = "members of fibres will use the rest")
+)]
+mod fibre;
 mod member;
 mod spec;
 
 pub use build::FrameModel;
 pub use error::FrameError;
+pub use fibre::{Concrete01Spec, Concrete02Spec, MaterialSpec, MenegottoPintoSpec, YoungSpec};
 pub use spec::{
     ConstraintSpec, Direction, ElasticSpec, EqualSpec, FollowersSpec, FrameSpec, IShapeSpec,
     MemberEnd, MemberSpec, NodeLoadSpec, NodeSpec, RectangleSpec, SectionSpec,

@@ -1,0 +1,272 @@
+//! Materials of fibres as a test file describes them. Plain data; [`super::material`] computes with them.
+
+use gusset_quantity::domain::{OutOfDomain, finite, inside, not_negative, positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Concrete01, Concrete02, Fibre, Fibres, Material, MenegottoPinto, SectionResponse};
+use crate::linalg::Lanes;
+
+/// Uniaxial material of fibres: stress over strain, tension positive.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum MaterialSpec {
+    /// Linear elastic material.
+    Elastic(YoungSpec),
+    /// Material that is elastic in compression and has no stress in tension.
+    ElasticNoTension(YoungSpec),
+    /// Steel with a curved transition to hardening and Bauschinger effect.
+    MenegottoPinto(MenegottoPintoSpec),
+    /// Concrete without tensile strength.
+    #[serde(rename = "concrete_01")]
+    Concrete01(Concrete01Spec),
+    /// Concrete with tensile strength.
+    #[serde(rename = "concrete_02")]
+    Concrete02(Concrete02Spec),
+}
+
+/// Elastic modulus.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct YoungSpec {
+    /// Young's modulus.
+    #[schemars(example = 2.1e11)]
+    pub young_pa: f64,
+}
+
+/// Steel of Menegotto and Pinto (1973) with the isotropic hardening of Filippou, Popov and Bertero
+/// (1983): OpenSees' Steel02. Each branch between two reversals bends from the elastic line to the
+/// hardening line. Its exponent R decreases with the plastic strain ξ, in yield strains:
+/// R = r0 (1 − cr1 ξ/(cr2 + ξ)).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MenegottoPintoSpec {
+    /// Young's modulus.
+    #[schemars(example = 2.0e11)]
+    pub young_pa: f64,
+    /// Yield stress.
+    #[schemars(example = 4.2e8)]
+    pub yield_pa: f64,
+    /// Stiffness after yield divided by Young's modulus, from 0 to less than 1.
+    #[schemars(example = 0.01)]
+    pub hardening_ratio: f64,
+    /// Exponent R of the first branch. A larger value makes the transition to yielding sharper.
+    /// Default: 20.
+    #[serde(default = "first_exponent")]
+    #[schemars(example = 18.0)]
+    pub r0: f64,
+    /// Largest loss of the exponent, as a share of `r0`. Default: 0.925.
+    #[serde(default = "exponent_loss")]
+    #[schemars(example = 0.925)]
+    pub cr1: f64,
+    /// Plastic strain, in yield strains, at which half of this loss has occurred. Default: 0.15.
+    #[serde(default = "half_loss")]
+    #[schemars(example = 0.15)]
+    pub cr2: f64,
+    /// Isotropic hardening in compression: the hardening line moves outwards by
+    /// `a1` (range/(2 a2))^0.8 yield stresses. The range is that of the reversal strains, in yield
+    /// strains, at least 2. Default: 0.
+    #[serde(default)]
+    #[schemars(example = 0.02)]
+    pub a1: f64,
+    /// Half range, in yield strains, at which the line in compression has moved by `a1`. Default: 1.
+    #[serde(default = "one")]
+    #[schemars(example = 1.0)]
+    pub a2: f64,
+    /// Isotropic hardening in tension, as `a1` in compression. Default: 0.
+    #[serde(default)]
+    #[schemars(example = 0.02)]
+    pub a3: f64,
+    /// Half range, in yield strains, at which the line in tension has moved by `a3`. Default: 1.
+    #[serde(default = "one")]
+    #[schemars(example = 1.0)]
+    pub a4: f64,
+}
+
+fn first_exponent() -> f64 {
+    20.0
+}
+
+fn exponent_loss() -> f64 {
+    0.925
+}
+
+fn half_loss() -> f64 {
+    0.15
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Concrete of Kent and Park (1971) and Scott, Park and Priestley (1982) with the straight unloading of
+/// Karsan and Jirsa (1969): OpenSees' Concrete01. Young's modulus is 2 `strength_pa`/`strain_at_strength`.
+/// Strengths and strains of compression are positive numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Concrete01Spec {
+    /// Compressive strength.
+    #[schemars(example = 3.0e7)]
+    pub strength_pa: f64,
+    /// Strain at this strength.
+    #[schemars(example = 0.002)]
+    pub strain_at_strength: f64,
+    /// Stress that remains after crushing, less than `strength_pa`.
+    #[schemars(example = 6.0e6)]
+    pub crushing_strength_pa: f64,
+    /// Strain at which this stress is reached, greater than `strain_at_strength`.
+    #[schemars(example = 0.01)]
+    pub crushing_strain: f64,
+}
+
+/// Concrete of Mohd Yassin (1994): OpenSees' Concrete02. In compression it is as `concrete_01`, but
+/// unloads along two lines. In tension it softens linearly after cracking.
+/// Strengths and strains of compression are positive numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Concrete02Spec {
+    /// Compressive strength.
+    #[schemars(example = 3.0e7)]
+    pub strength_pa: f64,
+    /// Strain at this strength.
+    #[schemars(example = 0.002)]
+    pub strain_at_strength: f64,
+    /// Stress that remains after crushing, less than `strength_pa`.
+    #[schemars(example = 6.0e6)]
+    pub crushing_strength_pa: f64,
+    /// Strain at which this stress is reached, greater than `strain_at_strength`.
+    #[schemars(example = 0.01)]
+    pub crushing_strain: f64,
+    /// Slope λ of reloading after crushing divided by Young's modulus, less than 1. It is at least the
+    /// secant slope `crushing_strength_pa`/`crushing_strain` divided by Young's modulus, so that
+    /// crushed concrete has no stress before it is in tension.
+    #[schemars(example = 0.1)]
+    pub unloading_ratio: f64,
+    /// Tensile strength.
+    #[schemars(example = 2.0e6)]
+    pub tensile_strength_pa: f64,
+    /// Loss of tensile stress per strain after cracking.
+    #[schemars(example = 1.5e9)]
+    pub tension_softening_pa: f64,
+}
+
+const POSITIVE: &str = "finite and greater than 0; compression is given as a positive number";
+
+impl MaterialSpec {
+    /// The material, after all numbers are checked.
+    pub(in crate::frame) fn build(&self) -> Result<Material, OutOfDomain> {
+        let young = |spec: &YoungSpec| positive("young_pa", spec.young_pa);
+        Ok(match self {
+            Self::Elastic(spec) => Material::Elastic(young(spec)?),
+            Self::ElasticNoTension(spec) => Material::ElasticNoTension(young(spec)?),
+            Self::MenegottoPinto(spec) => Material::MenegottoPinto(spec.build()?),
+            Self::Concrete01(spec) => Material::Concrete01(spec.build()?),
+            Self::Concrete02(spec) => Material::Concrete02(spec.build()?),
+        })
+    }
+
+    /// Stresses of one fibre that takes these strains one after the other, tension positive.
+    ///
+    /// # Errors
+    /// A number outside its domain, or a strain that is not finite.
+    pub fn stresses(&self, strains: &[f64]) -> Result<Vec<f64>, OutOfDomain> {
+        let fibre = Fibre {
+            y: 0.0,
+            area: 1.0,
+            material: 0,
+        };
+        let mut fibres = Fibres::new(1, &[fibre], &[self.build()?]);
+        let lanes = Lanes::best();
+        let mut stress = |strain| {
+            let mut out = [SectionResponse::default()];
+            fibres.trial(lanes, &[[finite("strain", strain)?, 0.0]], &mut out);
+            fibres.commit();
+            Ok(out[0].force[0])
+        };
+        strains.iter().map(|strain| stress(*strain)).collect()
+    }
+}
+
+impl MenegottoPintoSpec {
+    fn build(&self) -> Result<MenegottoPinto, OutOfDomain> {
+        let young = positive("young_pa", self.young_pa)?;
+        let yield_strain = self.yield_pa / young;
+        Ok(MenegottoPinto::new(Self {
+            young_pa: young,
+            yield_pa: inside(
+                "yield_pa",
+                self.yield_pa,
+                1e-9 < yield_strain && yield_strain < 1.0,
+                "greater than 1e-9 and less than 1 times `young_pa`",
+            )?,
+            hardening_ratio: inside(
+                "hardening_ratio",
+                self.hardening_ratio,
+                (0.0..1.0).contains(&self.hardening_ratio),
+                "from 0 to less than 1",
+            )?,
+            r0: positive("r0", self.r0)?,
+            cr1: inside(
+                "cr1",
+                self.cr1,
+                self.cr1 >= 0.0 && self.r0 * (1.0 - self.cr1) >= 0.1,
+                "not negative, and small enough that `r0` (1 − `cr1`) is at least 0.1",
+            )?,
+            cr2: positive("cr2", self.cr2)?,
+            a1: not_negative("a1", self.a1)?,
+            a2: positive("a2", self.a2)?,
+            a3: not_negative("a3", self.a3)?,
+            a4: positive("a4", self.a4)?,
+        }))
+    }
+}
+
+impl Concrete01Spec {
+    fn build(&self) -> Result<Concrete01, OutOfDomain> {
+        let (strength, strain) = (self.strength_pa, self.strain_at_strength);
+        inside("strength_pa", strength, strength > 0.0, POSITIVE)?;
+        inside(
+            "strain_at_strength",
+            strain,
+            1e-9 < strain && strain < 1.0 && (2.0 * strength / strain).is_finite(),
+            "greater than 1e-9 and less than 1; compression is given as a positive number",
+        )?;
+        inside(
+            "crushing_strength_pa",
+            self.crushing_strength_pa,
+            (0.0..strength).contains(&self.crushing_strength_pa),
+            "from 0 to less than `strength_pa`; compression is given as a positive number",
+        )?;
+        inside(
+            "crushing_strain",
+            self.crushing_strain,
+            self.crushing_strain > strain,
+            "finite and greater than `strain_at_strength`; compression is given as a positive number",
+        )?;
+        Ok(Concrete01::new(*self))
+    }
+}
+
+impl Concrete02Spec {
+    fn build(&self) -> Result<Concrete02, OutOfDomain> {
+        let envelope = Concrete01Spec {
+            strength_pa: self.strength_pa,
+            strain_at_strength: self.strain_at_strength,
+            crushing_strength_pa: self.crushing_strength_pa,
+            crushing_strain: self.crushing_strain,
+        };
+        let compression = envelope.build()?;
+        let young = 2.0 * self.strength_pa / self.strain_at_strength;
+        let secant = self.crushing_strength_pa / (young * self.crushing_strain);
+        let ratio = self.unloading_ratio;
+        inside(
+            "unloading_ratio",
+            ratio,
+            (secant..1.0).contains(&ratio),
+            "at least `crushing_strength_pa` `strain_at_strength`/(2 `strength_pa` `crushing_strain`), and less than 1",
+        )?;
+        not_negative("tensile_strength_pa", self.tensile_strength_pa)?;
+        positive("tension_softening_pa", self.tension_softening_pa)?;
+        Ok(Concrete02::new(compression, self))
+    }
+}
