@@ -19,7 +19,7 @@ pub(super) fn rows(
     };
     let model = frame
         .model()
-        .or_else(|error| site.refuse(Finding::error(place(&error), error.to_string())))?;
+        .or_else(|error| site.refuse(Finding::error(place(site, &error), error.to_string())))?;
     let mut rows = Vec::with_capacity(deformations.len());
     for (index, deformation) in deformations.iter().enumerate() {
         let at = at.index(index);
@@ -66,21 +66,48 @@ pub(super) fn places(site: &Site<'_>) -> Vec<String> {
 }
 
 /// Place in the file of a mistake of a frame.
-pub(super) fn place(error: &FrameError) -> KeyPath {
+pub(super) fn place(site: &Site<'_>, error: &FrameError) -> KeyPath {
     let at = path("structure").key("frame");
+    let beneath = |at: &KeyPath, key: &str| site.loaded.locator.beneath(at, key);
     match error {
         FrameError::Value {
             at: (list, index),
             key,
             ..
         } => at.key(list).index(*index).key(key),
-        FrameError::Section { section, key, .. } => at.key("section").key(section).key(key),
+        FrameError::Section { section, key, .. } | FrameError::NoMaterial { section, key, .. } => {
+            beneath(&at.key("section").key(section), key)
+        }
+        FrameError::OneMaterial { section, .. } => at.key("section").key(section),
+        FrameError::Material { material, source } => {
+            beneath(&at.key("material").key(material), source.name)
+        }
+        FrameError::Law {
+            at: (list, None),
+            name,
+            source,
+        } => beneath(&at.key(list).key(name), source.key()),
+        FrameError::Law {
+            at: (list, Some(index)),
+            source,
+            ..
+        } => beneath(&at.key(list).index(*index).key("law"), source.key()),
+        FrameError::NotAHinge { name } => at.key("hinge").key(name),
         FrameError::SameName { index, .. } => at.key("node").index(*index).key("name"),
         FrameError::NoNode {
             at: (list, index), ..
         } => at.key(list).index(*index),
         FrameError::NoSection { index, .. } => at.key("member").index(*index).key("section"),
-        FrameError::NoLength { index, .. } => at.key("member").index(*index),
+        FrameError::NoHinge {
+            at: (list, index),
+            key,
+            ..
+        }
+        | FrameError::Unfit {
+            at: (list, index),
+            key,
+            ..
+        } => at.key(list).index(*index).key(key),
         FrameError::Constrained { index, .. } => at.key("constraint").index(*index),
         FrameError::Empty | FrameError::Loose { .. } | FrameError::Buckles { .. } => at,
     }

@@ -140,7 +140,7 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
         BuildError::Model(ModelError::NegativeMass { dof, .. }) => mass_of(site, *dof),
         BuildError::Model(ModelError::Mass(error)) => mass_of(site, error.dof),
         BuildError::Model(ModelError::Influence { dof, .. }) => beneath("influence").index(*dof),
-        BuildError::Frame(error) => frames::place(error),
+        BuildError::Frame(error) => frames::place(site, error),
         BuildError::Model(_) | BuildError::NoSuchStorey { .. } | BuildError::NoStoreys => {
             at.key(kind)
         }

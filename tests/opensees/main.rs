@@ -4,6 +4,7 @@
 mod link_common;
 
 mod client;
+mod courses;
 mod frames;
 mod gateway;
 mod integrators;

@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
-"""The plane frame of a test file in OpenSees: its displacements under the static loads and its frequencies there.
+"""The plane frame of a test file in OpenSees: displacements under the static loads, frequencies, and the course under a ground motion.
 
-Usage: frame.py TEST.toml
-Prints one line of JSON: {"disp": {node: [x, y, rz]}, "frequencies_rad_per_s": [...]}
+Usage: frame.py TEST.toml [SUBSTEPS]
+Prints one line of JSON: {"disp": {node: [x, y, rz]}, "frequencies_rad_per_s": [...], "course": {node: [[x, y, rz], ...]}}
+Without SUBSTEPS it tells the frequencies at rest, if all members are elastic. With SUBSTEPS it tells the course, which has one row for each step of the
+test; each is made in so many steps of Newmark's method with Newton's iteration. The ground moves as `excitation.ground_acceleration.signal.sine`.
 """
 
 import math
 import sys
+import time
 import tomllib
 
 import peer
@@ -18,70 +21,249 @@ MODES = 3
 ops = peer.opensees()
 
 
-def rigidity(section):
+def circle(radius, bottom, top):
+    """Area of a circle between two heights, and its first moment."""
+    def at(y):
+        y = max(-radius, min(radius, y))
+        half = math.sqrt(max(radius**2 - y**2, 0))
+        angle = math.asin(y / radius) if radius > 0 else 0
+        return y * half + radius**2 * angle, -2 / 3 * half**3
+    below, above = at(bottom), at(top)
+    return above[0] - below[0], above[1] - below[1]
+
+
+def strip(centre, depth, width, layers):
+    """Layers of a rectangle: (y, area)."""
+    each = depth / layers
+    return [(centre - depth / 2 + (i + 0.5) * each, each * width) for i in range(layers)]
+
+
+def fibres(section):
+    """Fibres of a section, (y, area, material), as the guide describes them."""
+    (kind, s), = section.items()
+    if kind == "fibres":
+        return [(f["y_m"], f["area_m2"], f["material"]) for f in s]
+    layers = s.get("layers", 20)
+    if kind == "rc_rectangle":
+        cover, b, h = s["cover_m"], s["width_m"], s["depth_m"]
+        inside, few = h - 2 * cover, max(int(cover / (h - 2 * cover) * layers), 1)
+        edge = strip(-(h - cover) / 2, cover, b, few) + strip(0, inside, 2 * cover, layers) + strip((h - cover) / 2, cover, b, few)
+        core = strip(0, inside, b - 2 * cover, layers)
+        bars = [(-inside / 2, s["bottom_area_m2"]), (0.0, s.get("middle_area_m2", 0)), (inside / 2, s["top_area_m2"])]
+        return ([(y, a, s["concrete"]) for y, a in edge] + [(y, a, s.get("core", s["concrete"])) for y, a in core]
+                + [(y, a, s["steel"]) for y, a in bars if a > 0])
+    if kind == "rectangle":
+        cut = strip(0, s["depth_m"], s["width_m"], layers)
+    elif kind == "i_shape":
+        h, f = s["depth_m"], s["flange_thickness_m"]
+        few = -(-layers // 5)
+        cut = (strip(-(h - f) / 2, f, s["flange_width_m"], few) + strip(0, h - 2 * f, s["web_thickness_m"], max(layers - 2 * few, 1))
+               + strip((h - f) / 2, f, s["flange_width_m"], few))
+    else:
+        d = s["diameter_m"]
+        inner = d - 2 * s["thickness_m"] if kind == "tube" else 0
+        cut = []
+        for i in range(layers):
+            bottom, top = i * d / layers - d / 2, (i + 1) * d / layers - d / 2
+            (a, m), (b, n) = circle(d / 2, bottom, top), circle(inner / 2, bottom, top)
+            cut.append(((m - n) / (a - b), a - b))
+    return [(y, a, s["material"]) for y, a in cut]
+
+
+def rigidity(section, materials):
     """Young's modulus, area and second moment of area."""
     (kind, s), = section.items()
     if kind == "elastic":
         return s["young_pa"], s["area_m2"], s["inertia_m4"]
+    if "young_pa" not in s:
+        moduli = [(y, a * first_modulus(materials[name])) for y, a, name in fibres(section)]
+        return 1.0, sum(ea for _, ea in moduli), sum(ea * y * y for y, ea in moduli)
     if kind == "rectangle":
         b, h = s["width_m"], s["depth_m"]
         return s["young_pa"], b * h, b * h**3 / 12
-    b, h, f, w = s["flange_width_m"], s["depth_m"], s["flange_thickness_m"], s["web_thickness_m"]
-    clear = h - 2 * f
-    return s["young_pa"], b * h - (b - w) * clear, (b * h**3 - (b - w) * clear**3) / 12
+    if kind == "i_shape":
+        b, h, f, w = s["flange_width_m"], s["depth_m"], s["flange_thickness_m"], s["web_thickness_m"]
+        clear = h - 2 * f
+        return s["young_pa"], b * h - (b - w) * clear, (b * h**3 - (b - w) * clear**3) / 12
+    d = s["diameter_m"]
+    inner = d - 2 * s["thickness_m"] if kind == "tube" else 0
+    return s["young_pa"], math.pi / 4 * (d**2 - inner**2), math.pi / 64 * (d**4 - inner**4)
 
 
-def build(frame):
-    """Builds the model; returns the tag of each node."""
-    ops.wipe()
-    ops.model("basic", "-ndm", 2, "-ndf", 3)
-    tags = {}
-    for tag, node in enumerate(frame["node"], 1):
-        tags[node["name"]] = tag
-        ops.node(tag, *map(float, node["at_m"]))
-        fixed = node.get("fixed", [])
-        ops.fix(tag, *(int(name in fixed) for name in DIRECTIONS))
-        mass = float(node.get("mass_kg", 0))
-        ops.mass(tag, mass, mass, float(node.get("rotary_mass_kg_m2", 0)))
-    for tag, member in enumerate(frame["member"], 1):
+def first_modulus(material):
+    (kind, m), = material.items()
+    return m["young_pa"] if "young_pa" in m else 2 * m["strength_pa"] / m["strain_at_strength"]
+
+
+def material(tag, of):
+    """A uniaxial material of fibres."""
+    (kind, m), = of.items()
+    if kind == "elastic":
+        ops.uniaxialMaterial("Elastic", tag, m["young_pa"])
+    elif kind == "elastic_no_tension":
+        ops.uniaxialMaterial("ENT", tag, m["young_pa"])
+    elif kind == "menegotto_pinto":
+        ops.uniaxialMaterial("Steel02", tag, m["yield_pa"], m["young_pa"], m["hardening_ratio"], m.get("r0", 20.0), m.get("cr1", 0.925),
+                             m.get("cr2", 0.15), m.get("a1", 0.0), m.get("a2", 1.0), m.get("a3", 0.0), m.get("a4", 1.0))
+    else:
+        shape = [-m[key] for key in ("strength_pa", "strain_at_strength", "crushing_strength_pa", "crushing_strain")]
+        if kind == "concrete_01":
+            ops.uniaxialMaterial("Concrete01", tag, *shape)
+        else:
+            ops.uniaxialMaterial("Concrete02", tag, *shape, m["unloading_ratio"], m["tensile_strength_pa"], m["tension_softening_pa"])
+
+
+def law(tag, of):
+    """A force law of a link or hinge."""
+    (kind, s), = of.items()
+    if kind == "linear":
+        ops.uniaxialMaterial("Elastic", tag, s["stiffness_n_per_m"], s.get("damping_n_s_per_m", 0.0))
+    elif kind == "bilinear":
+        ops.uniaxialMaterial("Steel01", tag, s["yield_force_n"], s["stiffness_n_per_m"], s["post_yield_ratio"])
+    else:
+        sys.exit(f"this script does not know the law {kind}")
+
+
+class Model:
+    """Builds the model; tags of nodes are in `tags`."""
+
+    def __init__(self, frame):
+        ops.wipe()
+        ops.model("basic", "-ndm", 2, "-ndf", 3)
+        self.frame, self.tags, self.next = frame, {}, 10_000
+        self.is_elastic = True
+        for tag, node in enumerate(frame["node"], 1):
+            self.tags[node["name"]] = tag
+            ops.node(tag, *map(float, node["at_m"]))
+            fixed = node.get("fixed", [])
+            ops.fix(tag, *(int(name in fixed) for name in DIRECTIONS))
+            mass = float(node.get("mass_kg", 0))
+            ops.mass(tag, mass, mass, float(node.get("rotary_mass_kg_m2", 0)))
+        self.materials = {}
+        for name, of in frame.get("material", {}).items():
+            self.materials[name] = self.new()
+            material(self.materials[name], of)
+        for member in frame.get("member", []):
+            self.member(member)
+        for link in frame.get("link", []):
+            self.link(link)
+        for constraint in frame.get("constraint", []):
+            (kind, c), = constraint.items()
+            for name in c["nodes"]:
+                if kind == "rigid":
+                    ops.rigidLink("beam", self.tags[c["master"]], self.tags[name])
+                else:
+                    along = c["directions"] if kind == "equal" else ["x"]
+                    ops.equalDOF(self.tags[c["master"]], self.tags[name], *(DIRECTIONS[d] for d in along))
+        ops.timeSeries("Linear", 1)
+        ops.pattern("Plain", 1, 1)
+        for load in frame.get("load", []):
+            ops.load(self.tags[load["node"]], *(float(load.get(key, 0)) for key in ("x_n", "y_n", "rz_n_m")))
+
+    def new(self):
+        self.next += 1
+        return self.next
+
+    def member(self, member):
+        frame, tag = self.frame, self.new()
+        section = frame["section"][member["section"]]
+        start, end = (self.tags[name] for name in member["nodes"])
+        kind = member.get("kind", "elastic")
+        if kind == "truss":
+            self.is_elastic = False
+            parts = fibres(section)
+            ops.element("Truss", tag, start, end, sum(a for _, a, _ in parts), self.materials[parts[0][2]])
+            return
         offsets = [float(v) for key in ("offset_start_m", "offset_end_m") for v in member.get(key, [0, 0])]
-        kind = "PDelta" if member.get("p_delta") else "Linear"
-        ops.geomTransf(kind, tag, "-jntOffset", *offsets)
-        young, area, inertia = rigidity(frame["section"][member["section"]])
-        start, end = (tags[name] for name in member["nodes"])
-        release = sum({"start": 1, "end": 2}[side] for side in member.get("release", []))
-        ops.element("elasticBeamColumn", tag, start, end, area, young, inertia, tag, "-release", release)
-    for constraint in frame.get("constraint", []):
-        (kind, c), = constraint.items()
-        for name in c["nodes"]:
-            if kind == "rigid":
-                ops.rigidLink("beam", tags[c["master"]], tags[name])
-            else:
-                along = c["directions"] if kind == "equal" else ["x"]
-                ops.equalDOF(tags[c["master"]], tags[name], *(DIRECTIONS[d] for d in along))
-    ops.timeSeries("Linear", 1)
-    ops.pattern("Plain", 1, 1)
-    for load in frame.get("load", []):
-        ops.load(tags[load["node"]], *(float(load.get(key, 0)) for key in ("x_n", "y_n", "rz_n_m")))
-    return tags
+        ops.geomTransf("PDelta" if member.get("p_delta") else "Linear", tag, "-jntOffset", *offsets)
+        if kind == "elastic":
+            start, end = self.hinge(start, member.get("hinge_start"), 1), self.hinge(end, member.get("hinge_end"), -1)
+            young, area, inertia = rigidity(section, frame.get("material", {}))
+            release = sum({"start": 1, "end": 2}[side] for side in member.get("release", []))
+            ops.element("elasticBeamColumn", tag, start, end, area, young, inertia, tag, "-release", release)
+            return
+        self.is_elastic = False
+        ops.section("Fiber", tag)
+        for y, area, name in fibres(section):
+            ops.fiber(y, 0.0, area, self.materials[name])
+        if kind == "force_based":
+            ops.beamIntegration("Lobatto", tag, tag, member.get("points", 5))
+            ops.element("forceBeamColumn", tag, start, end, tag, tag, "-iter", 50, 1e-14)
+        else:
+            ops.beamIntegration("Legendre", tag, tag, member.get("points", 3))
+            ops.element("dispBeamColumn", tag, start, end, tag, tag)
+
+    def hinge(self, node, name, sign):
+        """A node at the same place that turns by itself, behind a spring."""
+        if name is None:
+            return node
+        self.is_elastic = False
+        tag = self.new()
+        ops.node(tag, *ops.nodeCoord(node))
+        ops.equalDOF(node, tag, 1, 2)
+        law(tag, self.frame["hinge"][name])
+        ends = (node, tag) if sign > 0 else (tag, node)
+        ops.element("zeroLength", tag, *ends, "-mat", tag, "-dir", 3)
+        return tag
+
+    def link(self, link):
+        self.is_elastic = False
+        tag = self.new()
+        law(tag, link["law"])
+        start, end = (self.tags[name] for name in link["nodes"])
+        if link["direction"] == "axial":
+            ops.element("twoNodeLink", tag, start, end, "-mat", tag, "-dir", 1)
+        else:
+            ops.element("zeroLength", tag, start, end, "-mat", tag, "-dir", {"x": 1, "y": 2, "rz": 3}[link["direction"]])
+
+
+def settle(tolerance):
+    ops.constraints("Transformation")
+    ops.numberer("RCM")
+    ops.system("BandGeneral")
+    ops.test("NormDispIncr", tolerance, 100)
+    ops.algorithm("Newton")
+
+
+def course(test, model, substeps):
+    """Rows of displacements, one for each step, under the ground motion; and the time of a step."""
+    rate, duration = test["time"]["rate_hz"], test["time"]["duration_s"]
+    steps = round(rate * duration)
+    sine = test["excitation"]["ground_acceleration"]["signal"]["sine"]
+    values = [sine["amplitude"] * math.sin(2 * math.pi * sine["frequency_hz"] * n / rate) for n in range(steps + 2)]
+    ops.loadConst("-time", 0.0)
+    ops.timeSeries("Path", 2, "-dt", 1 / rate, "-values", *values)
+    ops.pattern("UniformExcitation", 2, 1, "-accel", 2)
+    ops.rayleigh(test["structure"]["damping"]["rayleigh"]["mass_coefficient_per_s"], 0.0, 0.0, 0.0)
+    ops.wipeAnalysis()
+    settle(1e-10)
+    ops.integrator("Newmark", 0.5, 0.25)
+    ops.analysis("Transient")
+    rows = {name: [ops.nodeDisp(tag)] for name, tag in model.tags.items()}
+    begun = time.process_time()
+    for _ in range(steps - 1):
+        if ops.analyze(substeps, 1 / rate / substeps) != 0:
+            sys.exit("no equilibrium in a step")
+        for name, tag in model.tags.items():
+            rows[name].append(ops.nodeDisp(tag))
+    return rows, (time.process_time() - begun) / (steps * substeps)
 
 
 def main():
     with open(sys.argv[1], "rb") as file:
-        frame = tomllib.load(file)["structure"]["frame"]
-    tags = build(frame)
-    ops.constraints("Transformation")
-    ops.numberer("RCM")
-    ops.system("BandGeneral")
-    ops.test("NormDispIncr", 1e-14, 50)
-    ops.algorithm("Newton")
+        test = tomllib.load(file)
+    model = Model(test["structure"]["frame"])
+    settle(1e-14 if model.is_elastic else 1e-13)
     ops.integrator("LoadControl", 0.1)
     ops.analysis("Static")
     if ops.analyze(10) != 0:
         sys.exit("no equilibrium under the static loads")
-    disp = {name: ops.nodeDisp(tag) for name, tag in tags.items()}
-    frequencies = [math.sqrt(value) for value in ops.eigen("-genBandArpack", MODES)]
-    peer.tell(disp=disp, frequencies_rad_per_s=frequencies)
+    told = {"disp": {name: ops.nodeDisp(tag) for name, tag in model.tags.items()}}
+    if len(sys.argv) == 2 and model.is_elastic:
+        told["frequencies_rad_per_s"] = [math.sqrt(value) for value in ops.eigen("-genBandArpack", MODES)]
+    if len(sys.argv) > 2:
+        told["course"], told["seconds_per_step"] = course(test, model, int(sys.argv[2]))
+    peer.tell(**told)
 
 
 main()

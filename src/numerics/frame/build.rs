@@ -1,27 +1,34 @@
 //! From a description to M, K and the static load of the free directions.
 
-use super::member::{Matrix, Member};
+use super::inelastic::Members;
+use super::member::Matrix;
+use super::parts::{Part, PartKind};
 use super::{ConstraintSpec, Direction, FrameError, FrameSpec};
+use crate::law::Reach;
 use crate::linalg::{Spd, SymMatrix};
 
 /// A frame without its constraints: n free directions.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct FrameModel {
     /// M in kg and kg m².
     pub mass: SymMatrix,
-    /// K in N/m, N and N m, with the P-Δ effect.
+    /// K of elastic members in N/m, N and N m, with the P-Δ effect of all.
+    pub linear: SymMatrix,
+    /// The other members, and links.
+    pub members: Members,
+    /// K of all members at rest and of links, with the P-Δ effect.
     pub stiffness: SymMatrix,
     /// Static load in N and N m.
     pub load: Vec<f64>,
     /// Node and direction of each degree of freedom.
     pub dofs: Vec<(String, Direction)>,
     /// What each direction of each node is made of, in the order of the description.
-    motions: Vec<[Motion; 3]>,
+    pub(super) motions: Vec<[Motion; 3]>,
     names: Vec<String>,
 }
 
 /// A direction of a node: Σ coefficient · degree of freedom; empty for a fixed one.
-type Motion = Vec<(usize, f64)>;
+pub(super) type Motion = Vec<(usize, f64)>;
 
 /// Steps of the bisection for a buckling load.
 const HALVINGS: u32 = 40;
@@ -58,13 +65,35 @@ impl FrameSpec {
         }
         model.mass = SymMatrix::from_triplets(n, mass);
         model.load = self.load_of(&model)?;
-        let members = self.members()?;
-        let entries = members.iter().flat_map(|(nodes, member)| {
-            let ends = nodes.map(|node| &model.motions[node]);
-            spread(ends, &member.stiffness())
-        });
-        model.stiffness = SymMatrix::from_triplets(n, entries);
-        self.lower(model, &members)
+        let parts = self.parts(&model, &influence(&model.dofs))?;
+        let (mut linear, mut members) = (Vec::new(), Vec::new());
+        for part in &parts {
+            match &part.kind {
+                PartKind::Elastic(ends, matrix, _) => linear.extend(spread(ends.motions, matrix)),
+                PartKind::Inelastic(_, place, basic) | PartKind::Link(place, basic, _) => {
+                    members.extend(place.matrix(&basic.initial()));
+                }
+            }
+        }
+        let linear = SymMatrix::from_triplets(n, linear);
+        let stiffness = linear.plus(1.0, &SymMatrix::from_triplets(n, members));
+        let geometric = self.geometric(&model, &stiffness, &parts)?;
+        let mut of_members = Members::default();
+        for part in parts {
+            match part.kind {
+                PartKind::Elastic(..) => {}
+                PartKind::Inelastic(_, place, basic) => {
+                    of_members.push(part.name, place, basic, Reach::default());
+                }
+                PartKind::Link(place, basic, reach) => {
+                    of_members.push(part.name, place, basic, reach);
+                }
+            }
+        }
+        model.members = of_members;
+        model.stiffness = stiffness.plus(1.0, &geometric);
+        model.linear = linear.plus(1.0, &geometric);
+        Ok(model)
     }
 
     /// Node and direction of each degree of freedom; empty for a frame that is not valid.
@@ -77,11 +106,7 @@ impl FrameSpec {
     /// ι: displacement of each degree of freedom for a unit displacement of the ground to the right.
     #[must_use]
     pub fn influence(&self) -> Vec<f64> {
-        let places = self.places();
-        let moves = places
-            .iter()
-            .map(|(_, direction)| *direction == Direction::X);
-        moves.map(f64::from).collect()
+        influence(&self.places())
     }
 
     /// The free directions, with empty matrices.
@@ -146,6 +171,8 @@ impl FrameSpec {
         let n = dofs.len();
         Ok(FrameModel {
             mass: SymMatrix::zeros(n),
+            linear: SymMatrix::zeros(n),
+            members: Members::default(),
             stiffness: SymMatrix::zeros(n),
             load: vec![0.0; n],
             dofs,
@@ -209,7 +236,7 @@ impl FrameSpec {
     }
 
     /// Place of a node by its name.
-    fn place(&self, at: (&'static str, usize), name: &str) -> Result<usize, FrameError> {
+    pub(super) fn place(&self, at: (&'static str, usize), name: &str) -> Result<usize, FrameError> {
         let found = self.node.iter().position(|node| node.name == name);
         found.ok_or_else(|| FrameError::NoNode {
             at,
@@ -246,65 +273,32 @@ impl FrameSpec {
         Ok(load)
     }
 
-    /// Each member with the places of its nodes.
-    fn members(&self) -> Result<Vec<([usize; 2], Member)>, FrameError> {
-        let mut members = Vec::with_capacity(self.member.len());
-        for (index, spec) in self.member.iter().enumerate() {
-            let at = ("member", index);
-            let [start, end] = &spec.nodes;
-            let nodes = [self.place(at, start)?, self.place(at, end)?];
-            let section = self.section.get(&spec.section);
-            let section = section.ok_or_else(|| FrameError::NoSection {
-                index,
-                name: spec.section.clone(),
-                known: listed(self.section.keys()),
-            })?;
-            let rigidity = section.rigidity(&spec.section)?;
-            let places = nodes.map(|node| self.node[node].at_m);
-            let member = Member::new(spec, places, rigidity);
-            let member = member.ok_or_else(|| FrameError::NoLength {
-                index,
-                member: (spec.name.clone()).unwrap_or_else(|| format!("member {}", index + 1)),
-            })?;
-            members.push((nodes, member));
-        }
-        Ok(members)
-    }
-
-    /// Lowers the stiffness by the axial forces of the static loads, where a member asks for it.
-    fn lower(
+    /// What the axial forces of the static loads add to the stiffness, where a member asks for it.
+    fn geometric(
         &self,
-        mut model: FrameModel,
-        members: &[([usize; 2], Member)],
-    ) -> Result<FrameModel, FrameError> {
-        if !self.member.iter().any(|member| member.p_delta) {
-            return Ok(model);
+        model: &FrameModel,
+        stiffness: &SymMatrix,
+        parts: &[Part<'_>],
+    ) -> Result<SymMatrix, FrameError> {
+        let n = model.dofs.len();
+        let mut lowered = parts.iter().filter_map(|part| Some((part, part.ends()?)));
+        if !lowered.clone().any(|(_, ends)| ends.p_delta) {
+            return Ok(SymMatrix::zeros(n));
         }
         let at = |dof: usize| model.dofs[dof].clone();
-        let mut factor = Spd::factor(&model.stiffness).map_err(|failure| {
+        let mut factor = Spd::factor(stiffness).map_err(|failure| {
             let (node, direction) = at(failure.dof);
             FrameError::Loose { node, direction }
         })?;
         let mut disp = model.load.clone();
         factor.solve_in_place(&mut disp);
-        let lowered = self
-            .member
-            .iter()
-            .zip(members)
-            .filter(|(spec, _)| spec.p_delta);
-        let entries = lowered.flat_map(|(_, (nodes, member))| {
-            let ends = nodes.map(|node| &model.motions[node]);
-            let mut moved = [0.0; 6];
-            for (to, motion) in moved.iter_mut().zip(ends.into_iter().flatten()) {
-                *to = motion.iter().map(|(dof, share)| share * disp[*dof]).sum();
-            }
-            spread(
-                ends,
-                &member.geometric_stiffness(member.axial_force(&moved)),
-            )
+        let lowered = lowered.by_ref().filter(|(_, ends)| ends.p_delta);
+        let entries = lowered.flat_map(|(part, ends)| {
+            let matrix = ends.chord.geometric_stiffness(part.axial_force(&disp));
+            spread(ends.motions, &matrix)
         });
-        let geometric = SymMatrix::from_triplets(model.dofs.len(), entries);
-        let stands = |share: f64| Spd::factor(&model.stiffness.plus(share, &geometric));
+        let geometric = SymMatrix::from_triplets(n, entries);
+        let stands = |share: f64| Spd::factor(&stiffness.plus(share, &geometric));
         if stands(1.0).is_err() {
             let (mut low, mut high) = (0.0, 1.0);
             for _ in 0..HALVINGS {
@@ -315,15 +309,15 @@ impl FrameSpec {
                     high = middle;
                 }
             }
-            let (node, direction) = at(model.weakest(low, &geometric));
+            let nearly = stiffness.plus(low, &geometric);
+            let (node, direction) = at(model.weakest(&nearly));
             return Err(FrameError::Buckles {
                 share: low,
                 node,
                 direction,
             });
         }
-        model.stiffness = model.stiffness.plus(1.0, &geometric);
-        Ok(model)
+        Ok(geometric)
     }
 }
 
@@ -341,11 +335,11 @@ impl FrameModel {
         &self.names
     }
 
-    /// The degree of freedom that moves most where K + share · K_g nearly has no stiffness.
-    fn weakest(&self, share: f64, geometric: &SymMatrix) -> usize {
+    /// The degree of freedom that moves most where this stiffness nearly vanishes.
+    fn weakest(&self, stiffness: &SymMatrix) -> usize {
         let n = self.dofs.len();
         let mut shape: Vec<f64> = (0..n).map(|dof| 1.0 + dof as f64 / n as f64).collect();
-        if let Ok(mut factor) = Spd::factor(&self.stiffness.plus(share, geometric)) {
+        if let Ok(mut factor) = Spd::factor(stiffness) {
             for _ in 0..20 {
                 factor.solve_in_place(&mut shape);
                 let largest = shape.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -360,6 +354,13 @@ impl FrameModel {
         all.max_by(|a, b| moves(a).total_cmp(&moves(b)))
             .unwrap_or(0)
     }
+}
+
+fn influence(places: &[(String, Direction)]) -> Vec<f64> {
+    let moves = places
+        .iter()
+        .map(|(_, direction)| *direction == Direction::X);
+    moves.map(f64::from).collect()
 }
 
 /// A direction that follows those of another node.
@@ -395,7 +396,7 @@ fn spread(ends: [&[Motion; 3]; 2], matrix: &Matrix) -> Vec<(usize, usize, f64)> 
     entries
 }
 
-fn listed<'a>(names: impl Iterator<Item = &'a String>) -> String {
+pub(super) fn listed<'a>(names: impl Iterator<Item = &'a String>) -> String {
     let names: Vec<&str> = names.map(String::as_str).take(12).collect();
     names.join(", ")
 }

@@ -3,6 +3,8 @@
 use thiserror::Error;
 
 use super::Direction;
+use crate::law::LawError;
+use gusset_quantity::domain::OutOfDomain;
 
 /// Why a description does not make a frame.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -23,7 +25,7 @@ pub enum FrameError {
         allowed: &'static str,
     },
     /// A number of a section outside its range.
-    #[error("`{key}` of section \"{section}\" is {found}, but must be finite and greater than 0")]
+    #[error("`{key}` of section \"{section}\" is {found}, but must be {allowed}")]
     Section {
         /// Name of the section.
         section: String,
@@ -31,6 +33,80 @@ pub enum FrameError {
         key: &'static str,
         /// The number.
         found: f64,
+        /// The range, in words.
+        allowed: &'static str,
+    },
+    /// A solid shape without a material, or with two.
+    #[error(
+        "section \"{section}\" has {} `young_pa` {} `material`: give one of them",
+        if *both { "both" } else { "neither" },
+        if *both { "and" } else { "nor" }
+    )]
+    OneMaterial {
+        /// Name of the section.
+        section: String,
+        /// Both are given.
+        both: bool,
+    },
+    /// A material that does not exist.
+    #[error("there is no material \"{name}\"; the materials are {known}")]
+    NoMaterial {
+        /// Name of the section.
+        section: String,
+        /// The key.
+        key: &'static str,
+        /// The name given.
+        name: String,
+        /// Names that exist.
+        known: String,
+    },
+    /// A number of a material outside its range.
+    #[error("material \"{material}\": {source}")]
+    Material {
+        /// Name of the material.
+        material: String,
+        /// The number.
+        source: OutOfDomain,
+    },
+    /// A law that cannot be built.
+    #[error("\"{name}\": {source}")]
+    Law {
+        /// The table of hinges, or the list of links and the place in it.
+        at: (&'static str, Option<usize>),
+        /// Name of the hinge or link.
+        name: String,
+        /// Why.
+        source: LawError,
+    },
+    /// A hinge without a stiffness at rest, or with a damping.
+    #[error("hinge \"{name}\" needs a law that has a stiffness at rest and no damping")]
+    NotAHinge {
+        /// Its name.
+        name: String,
+    },
+    /// A hinge that does not exist.
+    #[error("there is no hinge \"{name}\"; the hinges are {known}")]
+    NoHinge {
+        /// List of the entry, and its place from 0.
+        at: (&'static str, usize),
+        /// The key.
+        key: &'static str,
+        /// The name given.
+        name: String,
+        /// Names that exist.
+        known: String,
+    },
+    /// A key that does not suit its member or link.
+    #[error("{name} {why}")]
+    Unfit {
+        /// List of the entry, and its place from 0.
+        at: (&'static str, usize),
+        /// The key.
+        key: &'static str,
+        /// Name of the member or link.
+        name: String,
+        /// Why not.
+        why: &'static str,
     },
     /// Two nodes with one name.
     #[error("two nodes have the name \"{name}\"")]
@@ -59,14 +135,6 @@ pub enum FrameError {
         name: String,
         /// Names that exist.
         known: String,
-    },
-    /// A member without length.
-    #[error("{member} has no length: its ends lie at one place")]
-    NoLength {
-        /// Place of the member, from 0.
-        index: usize,
-        /// Its name.
-        member: String,
     },
     /// A direction that follows twice, or is fixed and follows.
     #[error("direction {} of node \"{node}\" {why}", direction.word())]

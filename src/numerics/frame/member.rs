@@ -1,88 +1,24 @@
-//! Elastic member of Bernoulli and Euler, and its section.
+//! Straight member between two points: its geometry, and its stiffness if it is elastic.
 
-use super::{FrameError, MemberEnd, MemberSpec, SectionSpec};
+use super::MemberEnd;
+use super::section::Rigidity;
 
 /// Matrix of both ends: x, y, rz of the start, then of the end.
 pub(super) type Matrix = [[f64; 6]; 6];
 
-/// Stiffness along and across a member: E A and E I.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rigidity {
-    pub axial: f64,
-    pub bending: f64,
-}
-
-impl SectionSpec {
-    pub(super) fn rigidity(&self, name: &str) -> Result<Rigidity, FrameError> {
-        let positive = |key: &'static str, found: f64| {
-            if found > 0.0 && found.is_finite() {
-                return Ok(found);
-            }
-            Err(FrameError::Section {
-                section: name.to_owned(),
-                key,
-                found,
-            })
-        };
-        let (young, area, inertia) = match self {
-            Self::Elastic(section) => (
-                section.young_pa,
-                positive("area_m2", section.area_m2)?,
-                positive("inertia_m4", section.inertia_m4)?,
-            ),
-            Self::Rectangle(section) => {
-                let width = positive("width_m", section.width_m)?;
-                let depth = positive("depth_m", section.depth_m)?;
-                (
-                    section.young_pa,
-                    width * depth,
-                    width * depth * depth * depth / 12.0,
-                )
-            }
-            Self::IShape(section) => {
-                let depth = positive("depth_m", section.depth_m)?;
-                let width = positive("flange_width_m", section.flange_width_m)?;
-                let flange = positive("flange_thickness_m", section.flange_thickness_m)?;
-                let web = positive("web_thickness_m", section.web_thickness_m)?;
-                // A web remains between the flanges.
-                let clear = positive("depth_m", depth - 2.0 * flange)?;
-                let beside = positive("flange_width_m", width - web)?;
-                let cube = |value: f64| value * value * value;
-                (
-                    section.young_pa,
-                    width * depth - beside * clear,
-                    (width * cube(depth) - beside * cube(clear)) / 12.0,
-                )
-            }
-        };
-        let young = positive("young_pa", young)?;
-        Ok(Rigidity {
-            axial: young * area,
-            bending: young * inertia,
-        })
-    }
-}
-
 /// A member between two points.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Member {
-    length: f64,
+pub(super) struct Chord {
+    pub(super) length: f64,
     /// Direction cosines of its axis.
     cosines: [f64; 2],
     /// From each node to the end of the member.
     offsets: [[f64; 2]; 2],
-    rigidity: Rigidity,
-    released: [bool; 2],
 }
 
-impl Member {
+impl Chord {
     /// Between nodes at these places; `None` for a member without length.
-    pub(super) fn new(
-        spec: &MemberSpec,
-        [start, end]: [[f64; 2]; 2],
-        rigidity: Rigidity,
-    ) -> Option<Self> {
-        let offsets = [spec.offset_start_m, spec.offset_end_m];
+    pub(super) fn new(offsets: [[f64; 2]; 2], [start, end]: [[f64; 2]; 2]) -> Option<Self> {
         let along = |k: usize| end[k] + offsets[1][k] - start[k] - offsets[0][k];
         let (dx, dy) = (along(0), along(1));
         let length = libm::hypot(dx, dy);
@@ -90,14 +26,12 @@ impl Member {
             length,
             cosines: [dx / length, dy / length],
             offsets,
-            rigidity,
-            released: [MemberEnd::Start, MemberEnd::End].map(|end| spec.release.contains(&end)),
         })
     }
 
-    /// Stiffness at its nodes.
-    pub(super) fn stiffness(&self) -> Matrix {
-        let Rigidity { axial, bending } = self.rigidity;
+    /// Stiffness of an elastic member of Bernoulli and Euler at its nodes.
+    pub(super) fn stiffness(&self, of: Rigidity, release: &[MemberEnd]) -> Matrix {
+        let Rigidity { axial, bending } = of;
         let l = self.length;
         let (a, b, c) = (
             axial / l,
@@ -113,9 +47,9 @@ impl Member {
             [0.0, -b, -c, 0.0, b, -c],
             [0.0, c, e, 0.0, -c, d],
         ];
-        for (released, row) in self.released.into_iter().zip([2, 5]) {
-            if released {
-                release(&mut local, row);
+        for (end, row) in [(MemberEnd::Start, 2), (MemberEnd::End, 5)] {
+            if release.contains(&end) {
+                condense(&mut local, row);
             }
         }
         self.at_nodes(&local)
@@ -131,11 +65,16 @@ impl Member {
         self.at_nodes(&local)
     }
 
-    /// Axial force for displacements of its nodes, tension positive.
-    pub(super) fn axial_force(&self, nodes: &[f64; 6]) -> f64 {
-        let rows = self.local_from_nodes();
-        let local = |row: usize| -> f64 { (0..6).map(|j| rows[row][j] * nodes[j]).sum() };
-        self.rigidity.axial / self.length * (local(3) - local(0))
+    /// Rows: elongation, and rotation of both ends from the chord; columns: displacements of the nodes.
+    pub(super) fn deformations(&self) -> [[f64; 6]; 3] {
+        let local = self.local_from_nodes();
+        let across = |j: usize| (local[4][j] - local[1][j]) / self.length;
+        let columns = [0, 1, 2, 3, 4, 5];
+        [
+            columns.map(|j| local[3][j] - local[0][j]),
+            columns.map(|j| local[2][j] - across(j)),
+            columns.map(|j| local[5][j] - across(j)),
+        ]
     }
 
     /// Rows: displacements along and across the member and rotation of both ends; columns: those of the nodes.
@@ -173,7 +112,7 @@ impl Member {
 }
 
 /// Takes the moment of one end out by static condensation.
-fn release(matrix: &mut Matrix, row: usize) {
+fn condense(matrix: &mut Matrix, row: usize) {
     let pivot = matrix[row][row];
     // Both ends released: nothing is left to turn this one.
     if pivot <= 0.0 {

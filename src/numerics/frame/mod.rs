@@ -7,20 +7,22 @@
 
 mod build;
 mod error;
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "members of fibres will use the rest")
-)]
 mod fibre;
+mod inelastic;
 mod member;
+mod parts;
+mod section;
 mod spec;
 
 pub use build::FrameModel;
 pub use error::FrameError;
 pub use fibre::{Concrete01Spec, Concrete02Spec, MaterialSpec, MenegottoPintoSpec, YoungSpec};
+pub use inelastic::Members;
+pub(crate) use inelastic::{At, Which};
 pub use spec::{
-    ConstraintSpec, Direction, ElasticSpec, EqualSpec, FollowersSpec, FrameSpec, IShapeSpec,
-    MemberEnd, MemberSpec, NodeLoadSpec, NodeSpec, RectangleSpec, SectionSpec,
+    CircleSpec, ConstraintSpec, Direction, ElasticSpec, EqualSpec, FibreSpec, FollowersSpec,
+    FrameSpec, IShapeSpec, LinkDirection, LinkSpec, MemberEnd, MemberKind, MemberSpec,
+    NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
 };
 
 #[cfg(test)]

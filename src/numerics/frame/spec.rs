@@ -5,7 +5,10 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Plane frame: nodes in the x–y plane, elastic members between them, constraints and static loads.
+use super::MaterialSpec;
+use crate::law::LawSpec;
+
+/// Plane frame: nodes in the x–y plane, members and links between them, constraints and static loads.
 /// y points upwards, and rotations are positive from x to y. DOFs are the free directions of the
 /// nodes, in the order of the nodes and of x, y, rz. `gusset check --verbose` lists them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -13,12 +16,21 @@ use serde::{Deserialize, Serialize};
 pub struct FrameSpec {
     /// Nodes, one `[[structure.frame.node]]` table each.
     pub node: Vec<NodeSpec>,
+    /// Materials of sections, by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub material: BTreeMap<String, MaterialSpec>,
     /// Cross-sections, by their names.
     #[serde(default)]
     pub section: BTreeMap<String, SectionSpec>,
+    /// Moments of hinges over their rotations, by their names: N m for N and rad for m.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub hinge: BTreeMap<String, LawSpec>,
     /// Members, one `[[structure.frame.member]]` table each.
     #[serde(default)]
     pub member: Vec<MemberSpec>,
+    /// Springs and dampers between nodes, one `[[structure.frame.link]]` table each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub link: Vec<LinkSpec>,
     /// Constraints between nodes, one `[[structure.frame.constraint]]` table each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub constraint: Vec<ConstraintSpec>,
@@ -81,16 +93,26 @@ impl Direction {
     }
 }
 
-/// Elastic cross-section. Bending is about the axis normal to the plane.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Cross-section. Bending is about the axis normal to the plane. A solid shape has either
+/// `young_pa` or the `material` of its fibres.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum SectionSpec {
     /// Area and second moment of area.
     Elastic(ElasticSpec),
     /// Rectangle.
     Rectangle(RectangleSpec),
-    /// Doubly symmetric I or H shape, bent about its strong axis. Fillets are not counted.
+    /// Doubly symmetric I or H shape, bent about its strong axis. Fillets are not counted. A
+    /// rectangular tube is an I shape with a web of two walls.
     IShape(IShapeSpec),
+    /// Solid circle.
+    Circle(CircleSpec),
+    /// Round tube.
+    Tube(TubeSpec),
+    /// Rectangle of reinforced concrete.
+    RcRectangle(RcRectangleSpec),
+    /// Single fibres.
+    Fibres(Vec<FibreSpec>),
 }
 
 /// Area and second moment of area.
@@ -109,27 +131,40 @@ pub struct ElasticSpec {
 }
 
 /// Rectangular section.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RectangleSpec {
-    /// Young's modulus.
+    /// Young's modulus of an elastic material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 3.0e10)]
-    pub young_pa: f64,
+    pub young_pa: Option<f64>,
+    /// Name of its material, instead of `young_pa`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"s355")]
+    pub material: Option<String>,
     /// Width, normal to the plane.
     #[schemars(example = 0.3)]
     pub width_m: f64,
     /// Depth, in the plane.
     #[schemars(example = 0.5)]
     pub depth_m: f64,
+    /// Number of fibres over the depth. Default: 20.
+    #[serde(default = "twenty")]
+    pub layers: usize,
 }
 
 /// I or H section.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IShapeSpec {
-    /// Young's modulus.
+    /// Young's modulus of an elastic material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 2.1e11)]
-    pub young_pa: f64,
+    pub young_pa: Option<f64>,
+    /// Name of its material, instead of `young_pa`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"s355")]
+    pub material: Option<String>,
     /// Depth over both flanges.
     #[schemars(example = 0.3)]
     pub depth_m: f64,
@@ -142,9 +177,114 @@ pub struct IShapeSpec {
     /// Thickness of the web.
     #[schemars(example = 0.011)]
     pub web_thickness_m: f64,
+    /// Number of fibres over the depth: a fifth of them in each flange, the others in the web.
+    /// Default: 20.
+    #[serde(default = "twenty")]
+    pub layers: usize,
 }
 
-/// Straight elastic member of Bernoulli and Euler between two nodes.
+/// Solid circular section.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CircleSpec {
+    /// Young's modulus of an elastic material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.1e11)]
+    pub young_pa: Option<f64>,
+    /// Name of its material, instead of `young_pa`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"s355")]
+    pub material: Option<String>,
+    /// Diameter.
+    #[schemars(example = 0.4)]
+    pub diameter_m: f64,
+    /// Number of fibres over the diameter. Default: 20.
+    #[serde(default = "twenty")]
+    pub layers: usize,
+}
+
+/// Round tube.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TubeSpec {
+    /// Young's modulus of an elastic material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.1e11)]
+    pub young_pa: Option<f64>,
+    /// Name of its material, instead of `young_pa`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"s355")]
+    pub material: Option<String>,
+    /// Outer diameter.
+    #[schemars(example = 0.3)]
+    pub diameter_m: f64,
+    /// Thickness of the wall.
+    #[schemars(example = 0.01)]
+    pub thickness_m: f64,
+    /// Number of fibres over the diameter. Default: 20.
+    #[serde(default = "twenty")]
+    pub layers: usize,
+}
+
+/// Rectangular section of reinforced concrete, with bars near the top, near the bottom and at mid-depth.
+/// The bars do not displace concrete.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RcRectangleSpec {
+    /// Name of the material of the cover.
+    #[schemars(example = &"cover")]
+    pub concrete: String,
+    /// Name of the material of the core, inside the stirrups. Default: that of the cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"core")]
+    pub core: Option<String>,
+    /// Name of the material of the bars.
+    #[schemars(example = &"b500")]
+    pub steel: String,
+    /// Width, normal to the plane.
+    #[schemars(example = 0.4)]
+    pub width_m: f64,
+    /// Depth, in the plane.
+    #[schemars(example = 0.6)]
+    pub depth_m: f64,
+    /// Cover around the core; the bars lie on the edge of the core.
+    #[schemars(example = 0.04)]
+    pub cover_m: f64,
+    /// Area of the bars near the top.
+    #[schemars(example = 1.2e-3)]
+    pub top_area_m2: f64,
+    /// Area of the bars near the bottom.
+    #[schemars(example = 1.2e-3)]
+    pub bottom_area_m2: f64,
+    /// Area of the bars at mid-depth. Default: 0.
+    #[serde(default)]
+    #[schemars(example = 8e-4)]
+    pub middle_area_m2: f64,
+    /// Number of fibres over the depth of the core. Default: 20.
+    #[serde(default = "twenty")]
+    pub layers: usize,
+}
+
+/// Fibre of a section.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FibreSpec {
+    /// Distance from the axis of the member, positive to the left of its direction.
+    #[schemars(example = 0.14)]
+    pub y_m: f64,
+    /// Area.
+    #[schemars(example = 2e-4)]
+    pub area_m2: f64,
+    /// Name of its material.
+    #[schemars(example = &"s355")]
+    pub material: String,
+}
+
+fn twenty() -> usize {
+    20
+}
+
+/// Straight member between two nodes, without shear deformation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MemberSpec {
@@ -158,7 +298,23 @@ pub struct MemberSpec {
     /// Name of its section.
     #[schemars(example = &"heb300")]
     pub section: String,
-    /// Ends with a hinge. Default: none.
+    /// How it deforms. Default: "elastic".
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub kind: MemberKind,
+    /// Number of sections along a fibre member. Default: 5 if it is force-based, 3 if it is
+    /// displacement-based.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 5)]
+    pub points: Option<usize>,
+    /// Name of the hinge at its start, in series with the elastic member. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"beam end")]
+    pub hinge_start: Option<String>,
+    /// Name of the hinge at its end, in series with the elastic member. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"beam end")]
+    pub hinge_end: Option<String>,
+    /// Ends that bear no moment. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(example = ["end"])]
     pub release: Vec<MemberEnd>,
@@ -175,6 +331,64 @@ pub struct MemberSpec {
     #[serde(default)]
     #[schemars(example = true)]
     pub p_delta: bool,
+}
+
+/// How a member deforms.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MemberKind {
+    /// Elastic, after Bernoulli and Euler; with hinges at its ends if they are named.
+    #[default]
+    Elastic,
+    /// Fibre sections at Gauss–Lobatto points, forces interpolated.
+    ForceBased,
+    /// Fibre sections at Gauss–Legendre points, displacements interpolated.
+    DisplacementBased,
+    /// Fibres with an axial force alone, between hinges.
+    Truss,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Springs and dampers between two nodes, which may lie at one place.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinkSpec {
+    /// Name of the link in messages. Default: "link" and its number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"bearing")]
+    pub name: Option<String>,
+    /// Names of its two nodes: start and end.
+    #[schemars(example = ["A0", "A1"])]
+    pub nodes: [String; 2],
+    /// Direction in which it acts: "x", "y", "rz", or "axial" along the line from start to end.
+    pub direction: LinkDirection,
+    /// Its force over the motion of the end from the start; for "rz" N m for N and rad for m.
+    pub law: LawSpec,
+    /// Largest displacement that a bound of its tangent needs, for some laws. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.05)]
+    pub reach_disp_m: Option<f64>,
+    /// Largest velocity that a bound of its tangent needs, for some laws. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 1.0)]
+    pub reach_vel_m_per_s: Option<f64>,
+}
+
+/// Direction of a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LinkDirection {
+    /// Displacement to the right.
+    X,
+    /// Displacement upwards.
+    Y,
+    /// Rotation from x to y.
+    Rz,
+    /// Along the line from its first node to its second.
+    Axial,
 }
 
 /// End of a member.

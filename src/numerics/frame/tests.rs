@@ -153,12 +153,18 @@ fn weight_lowers_the_sway_until_it_buckles() {
     assert_eq!((node.as_str(), direction), ("a1", Direction::X));
 }
 
+/// The section of this table in a frame with a material "m" of 1 Pa.
+fn section(text: &str) -> Result<super::section::Section, FrameError> {
+    let spec: FrameSpec = toml::from_str(&format!(
+        "node = []\nmaterial.m.elastic = {{ young_pa = 1.0 }}\nsection.it.{text}"
+    ))
+    .unwrap();
+    spec.section_named(0, "it")
+}
+
 #[test]
 fn sections_have_their_known_values() {
-    let rigidity = |text: &str| {
-        let section: SectionSpec = toml::from_str(text).unwrap();
-        section.rigidity("it").unwrap()
-    };
+    let rigidity = |text: &str| section(text).unwrap().rigidity().unwrap();
     let found = rigidity("rectangle = { young_pa = 1.0, width_m = 0.3, depth_m = 0.5 }");
     assert_near(found.axial, 0.15);
     assert_near(found.bending, 0.3 * 0.125 / 12.0);
@@ -169,8 +175,40 @@ fn sections_have_their_known_values() {
     assert!((found.axial / 149.1e-4 - 1.0).abs() < 0.05, "{found:?}");
     assert!((found.bending / 25170e-8 - 1.0).abs() < 0.05, "{found:?}");
     let thick = shape.replace("0.019", "0.2");
-    let section: SectionSpec = toml::from_str(&thick).unwrap();
-    assert_is!(section.rigidity("it").unwrap_err() => FrameError::Section { key: "depth_m", .. });
+    assert_is!(section(&thick).unwrap_err() => FrameError::Section { key: "depth_m", .. });
+}
+
+/// Fibres add up to the area of their shape, and nearly to its second moment; a bar of reinforced concrete counts once.
+#[test]
+fn fibres_fill_their_shapes() {
+    const SHAPES: [&str; 5] = [
+        "rectangle = { young_pa = 1.0, width_m = 0.3, depth_m = 0.5 }",
+        "i_shape = { young_pa = 1.0, depth_m = 0.3, flange_width_m = 0.3, flange_thickness_m = 0.019, web_thickness_m = 0.011 }",
+        "circle = { young_pa = 1.0, diameter_m = 0.4 }",
+        "tube = { young_pa = 1.0, diameter_m = 0.4, thickness_m = 0.01 }",
+        "tube = { young_pa = 1.0, diameter_m = 0.4, thickness_m = 0.15 }",
+    ];
+    for shape in SHAPES {
+        let whole = section(shape).unwrap().rigidity().unwrap();
+        let cut = shape.replace("young_pa = 1.0", "material = \"m\", layers = 40");
+        let cut = section(&cut).unwrap().rigidity().unwrap();
+        assert_near(cut.axial, whole.axial);
+        assert!(
+            (cut.bending / whole.bending - 1.0).abs() < 2e-3,
+            "{shape}: {cut:?} {whole:?}"
+        );
+    }
+    let concrete = "rc_rectangle = { concrete = \"m\", steel = \"m\", width_m = 0.3, depth_m = 0.5, cover_m = 0.05, \
+                    top_area_m2 = 1e-3, bottom_area_m2 = 1e-3, middle_area_m2 = 5e-4 }";
+    let found = section(concrete).unwrap().rigidity().unwrap();
+    assert_near(found.axial, 0.15 + 2.5e-3);
+    let bars = 2e-3 * 0.2 * 0.2;
+    assert!(
+        (found.bending / (0.3 * 0.125 / 12.0 + bars) - 1.0).abs() < 5e-3,
+        "{found:?}"
+    );
+    let uneven = section(&concrete.replace("top_area_m2 = 1e-3", "top_area_m2 = 2e-3"));
+    assert!(uneven.unwrap().rigidity().is_none());
 }
 
 #[test]
@@ -185,7 +223,7 @@ fn mistakes_name_their_place() {
     };
     assert_is!(member("[\"a\", \"z\"]", "column") => FrameError::NoNode { at: ("member", 0), .. });
     assert_is!(member("[\"a\", \"b\"]", "beam") => FrameError::NoSection { index: 0, .. });
-    assert_is!(member("[\"a\", \"a\"]", "column") => FrameError::NoLength { index: 0, .. });
+    assert_is!(member("[\"a\", \"a\"]", "column") => FrameError::Unfit { at: ("member", 0), key: "nodes", .. });
     let tied = |text: &str| refused(&format!("constraint = [{text}]"));
     let floor = "{ diaphragm = { master = \"b\", nodes = [\"c\"] } }";
     assert_is!(
@@ -204,6 +242,47 @@ fn mistakes_name_their_place() {
     );
     assert_is!(
         refused("load = [{ node = \"b\", y_n = nan }]") => FrameError::Value { key: "y_n", .. }
+    );
+    let kind = |text: &str| {
+        refused(&format!(
+            "member = [{{ nodes = [\"a\", \"b\"], section = \"column\", {text} }}]"
+        ))
+    };
+    for (text, wrong) in [
+        ("kind = \"force_based\"", "section"),
+        ("points = 3", "points"),
+        ("kind = \"truss\", release = [\"end\"]", "release"),
+        ("kind = \"truss\", hinge_end = \"h\"", "hinge_end"),
+    ] {
+        assert_is!(kind(text) => FrameError::Unfit { at: ("member", 0), key, .. } if *key == wrong);
+    }
+    assert_is!(kind("hinge_start = \"h\"") => FrameError::NoHinge { key: "hinge_start", .. });
+    let link = |text: &str| {
+        refused(&format!(
+            "link = [{{ law.linear.stiffness_n_per_m = 1.0, {text} }}]"
+        ))
+    };
+    assert_is!(
+        link("nodes = [\"a\", \"a\"], direction = \"x\"") => FrameError::Unfit { at: ("link", 0), key: "nodes", .. }
+    );
+    assert_is!(
+        link("nodes = [\"b\", \"b\"], direction = \"axial\"") => FrameError::Unfit { key: "direction", .. }
+    );
+    for (text, key) in [
+        ("circle = { diameter_m = 0.4 }", false),
+        (
+            "circle = { diameter_m = 0.4, material = \"m\", young_pa = 1.0 }",
+            true,
+        ),
+    ] {
+        assert_is!(section(text).unwrap_err() => FrameError::OneMaterial { both, .. } if *both == key);
+    }
+    assert_is!(
+        section("circle = { diameter_m = 0.4, material = \"n\" }").unwrap_err() => FrameError::NoMaterial { .. }
+    );
+    assert_is!(
+        section("circle = { diameter_m = 0.4, material = \"m\", layers = 1 }").unwrap_err()
+        => FrameError::Section { key: "layers", .. }
     );
     assert_is!(
         frame("node = [{ name = \"a\", at_m = [0, 0] }, { name = \"a\", at_m = [0, 1] }]").model().unwrap_err()

@@ -167,7 +167,7 @@ impl Massless {
             constant: constant.block(&rows).entries().collect(),
             tangent: Banded::like(&block),
             is_tangent: false,
-            is_linear: structure.element_names().next().is_none(),
+            is_linear: structure.is_linear(),
             gross: vec![0.0; n],
             largest: vec![0.0; s],
             scale: 0.0,
@@ -413,6 +413,12 @@ impl Massless {
             }
             if let (Some(from), Some(to)) = ends {
                 tangent.add(from, to, -value);
+            }
+        });
+        structure.for_each_entry(*dt, &mut |i, j, value| {
+            let of = |dof: usize| place.get(dof).copied().flatten();
+            if let (Some(i), Some(j)) = (of(i), of(j)) {
+                tangent.add(i, j, value);
             }
         });
         tangent.eliminate().is_ok()

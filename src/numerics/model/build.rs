@@ -7,7 +7,7 @@ use super::{
     BuildError, ChainSpec, DampingSpec, Element, ElementSpec, End, MatricesSpec, MatrixTable,
     ModelError, ShearBuildingSpec, Storey, Structure, StructureSpec,
 };
-use crate::frame::FrameSpec;
+use crate::frame::{FrameSpec, Members};
 use crate::law::Reach;
 use crate::linalg::{Condensation, SymMatrix};
 use gusset_quantity::domain::{OutOfDomain, not_negative, positive};
@@ -35,6 +35,7 @@ struct Linear {
     damping: SymMatrix,
     stiffness: SymMatrix,
     influence: Vec<f64>,
+    members: Members,
     storeys: (&'static str, Vec<Storey>),
     /// Key under which damping was given, if it was.
     damping_given: Option<&'static str>,
@@ -164,7 +165,9 @@ impl StructureSpec {
         if let Some(error) = failure {
             return Err(error);
         }
-        let mut structure = structure?.with_storeys(linear.storeys.0, linear.storeys.1);
+        let mut structure = structure?
+            .with_storeys(linear.storeys.0, linear.storeys.1)
+            .with_members(linear.members);
         if let Some(rule) = damping {
             let mut at_rest = structure.stiffness_at_rest();
             let mut mass = structure.mass().clone();
@@ -198,7 +201,8 @@ fn of_frame(spec: &FrameSpec) -> Result<Linear, BuildError> {
         damping: SymMatrix::zeros(model.dofs.len()),
         influence: spec.influence(),
         mass: model.mass,
-        stiffness: model.stiffness,
+        stiffness: model.linear,
+        members: model.members,
         storeys: ("", Vec::new()),
         damping_given: None,
     })
@@ -273,6 +277,7 @@ impl ShearBuildingSpec {
             damping: tied_chain(damping),
             stiffness: tied_chain(&stiffness),
             influence: vec![1.0; n],
+            members: Members::default(),
             storeys: ("storey", storeys(&stiffness, damping)),
             damping_given: self.damping_n_s_per_m.as_ref().map(|_| "damping_n_s_per_m"),
         })
@@ -362,6 +367,7 @@ impl ChainSpec {
             damping: tied_chain(&dashpots),
             stiffness: tied_chain(&springs),
             influence: vec![1.0; self.dofs],
+            members: Members::default(),
             storeys: ("spring", storeys(&springs, &dashpots)),
             damping_given: self.damping_n_s_per_m.map(|_| "damping_n_s_per_m"),
         })
@@ -426,6 +432,7 @@ impl MatricesSpec {
             mass,
             stiffness,
             influence: self.influence.clone().unwrap_or_else(|| vec![1.0; n]),
+            members: Members::default(),
             storeys: ("", Vec::new()),
         })
     }

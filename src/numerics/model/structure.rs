@@ -7,6 +7,7 @@ use super::element::{row, stamp};
 use super::elements::{Elements, Seen, bound};
 use super::rows::{Alone, EvenChain};
 use super::{Base, Element, End, ModelError, Motion, Part, sound};
+use crate::frame::{At, Members, Which};
 use crate::law::Tangent;
 use crate::linalg::{Lanes, SymMatrix};
 use gusset_quantity::state;
@@ -21,13 +22,15 @@ pub struct Structure {
     /// Rows of K ι and C ι that are not zero: (degree of freedom, N/m, N s/m).
     tied_to_base: Vec<(usize, f64, f64)>,
     elements: Elements,
+    /// Those of a frame that are not part of K.
+    members: Members,
     lanes: Lanes,
     /// Their collective name, and each storey.
     storeys: (&'static str, Vec<Storey>),
 }
 
 state! {
-    Structure { elements }
+    Structure { elements, members }
     keeps { mass, damping, stiffness, influence, tied_to_base, lanes, storeys }
 }
 
@@ -59,6 +62,7 @@ impl Structure {
             influence,
             tied_to_base,
             elements: Elements::new(elements, n, has_massless)?,
+            members: Members::default(),
             lanes: Lanes::best_for(n),
             storeys: ("", Vec::new()),
         })
@@ -70,6 +74,25 @@ impl Structure {
     pub(crate) fn with_storeys(mut self, word: &'static str, each: Vec<Storey>) -> Self {
         self.storeys = (word, each);
         self
+    }
+
+    /// The same with the members of a frame, whose rows are those of this structure.
+    #[must_use]
+    pub(crate) fn with_members(mut self, members: Members) -> Self {
+        self.members = members;
+        self
+    }
+
+    /// The members of a frame that are not part of K.
+    #[must_use]
+    pub fn members(&self) -> &Members {
+        &self.members
+    }
+
+    /// True if the internal forces are K x + C v, whatever the motion.
+    #[must_use]
+    pub(crate) fn is_linear(&self) -> bool {
+        self.elements.is_empty() && self.members.is_empty()
     }
 
     /// Number of degrees of freedom n.
@@ -140,32 +163,43 @@ impl Structure {
     /// K0 of the numerical side: K and the reference stiffness of the elements.
     #[must_use]
     pub fn reference_stiffness(&self) -> SymMatrix {
-        self.assemble(&self.stiffness, |element| element.law.reference().stiffness)
+        let all = self.assemble(&self.stiffness, |element| element.law.reference().stiffness);
+        self.with(
+            all,
+            self.members.stiffness(Which::Reference).unwrap_or_default(),
+        )
     }
 
     /// C0 of the numerical side: C and the reference damping of the elements.
     #[must_use]
     pub fn reference_damping(&self) -> SymMatrix {
-        self.assemble(&self.damping, |element| element.law.reference().damping)
+        let all = self.assemble(&self.damping, |element| element.law.reference().damping);
+        self.with(
+            all,
+            self.members.damping(Which::Reference).unwrap_or_default(),
+        )
     }
 
     /// Part of the reference damping of the elements that acts around rest only.
     #[must_use]
     pub fn rest_damping(&self) -> SymMatrix {
         let nothing = SymMatrix::zeros(self.dofs());
-        self.assemble(&nothing, |element| element.law.rest_damping())
+        let all = self.assemble(&nothing, |element| element.law.rest_damping());
+        self.with(all, self.members.damping(Which::Rest).unwrap_or_default())
     }
 
     /// Tangent stiffness at the last internal force.
     #[must_use]
     pub fn tangent_stiffness(&self) -> SymMatrix {
-        self.assemble(&self.stiffness, |element| element.tangent().stiffness)
+        let all = self.assemble(&self.stiffness, |element| element.tangent().stiffness);
+        self.with(all, self.members.tangent_stiffness())
     }
 
     /// Tangent damping at the last internal force.
     #[must_use]
     pub fn tangent_damping(&self) -> SymMatrix {
-        self.assemble(&self.damping, |element| element.tangent().damping)
+        let all = self.assemble(&self.damping, |element| element.tangent().damping);
+        self.with(all, self.members.tangent_damping())
     }
 
     /// Tangent stiffness of the undeformed structure: what damping by ratios refers to. Takes a trial of every law
@@ -176,8 +210,11 @@ impl Structure {
         let ends = self.elements.iter().zip(&at_rest);
         let entries =
             ends.flat_map(|(element, at)| stamp(&row(element.from, element.to), at.stiffness));
-        self.stiffness
-            .plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries))
+        let all = (self.stiffness).plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries));
+        self.with(
+            all,
+            self.members.stiffness(Which::Reference).unwrap_or_default(),
+        )
     }
 
     /// Damping of the structure at rest: of each element its tangent there, or its reference where that is less. Takes a trial
@@ -186,12 +223,23 @@ impl Structure {
     pub fn damping_at_rest(&mut self) -> SymMatrix {
         let at_rest = self.elements.at_rest();
         let mut at_rest = at_rest.iter();
-        self.assemble(&self.damping, |element| {
+        let all = self.assemble(&self.damping, |element| {
             let reference = element.law.reference().damping;
             at_rest
                 .next()
                 .map_or(reference, |at| reference.min(at.damping))
-        })
+        });
+        self.with(
+            all,
+            self.members.damping(Which::Reference).unwrap_or_default(),
+        )
+    }
+
+    fn with(&self, matrix: SymMatrix, entries: Vec<(usize, usize, f64)>) -> SymMatrix {
+        if entries.is_empty() {
+            return matrix;
+        }
+        matrix.plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries))
     }
 
     /// Replaces the linear C, such as by Rayleigh or modal damping.
@@ -212,9 +260,11 @@ impl Structure {
     pub fn bound_stiffness(&self) -> Result<SymMatrix, ModelError> {
         let bounds = self.bounds()?;
         let mut bounds = bounds.iter();
-        Ok(self.assemble(&self.stiffness, |_| {
+        let all = self.assemble(&self.stiffness, |_| {
             bounds.next().map_or(0.0, |bound| bound.stiffness)
-        }))
+        });
+        let of_members = self.members.stiffness(Which::Bound);
+        Ok(self.with(all, of_members.map_err(|link| no_bound(link, "stiffness"))?))
     }
 
     /// C_max: upper bound of the tangent damping.
@@ -224,9 +274,11 @@ impl Structure {
     pub fn bound_damping(&self) -> Result<SymMatrix, ModelError> {
         let bounds = self.bounds()?;
         let mut bounds = bounds.iter();
-        Ok(self.assemble(&self.damping, |_| {
+        let all = self.assemble(&self.damping, |_| {
             bounds.next().map_or(0.0, |bound| bound.damping)
-        }))
+        });
+        let of_members = self.members.damping(Which::Bound);
+        Ok(self.with(all, of_members.map_err(|link| no_bound(link, "damping"))?))
     }
 
     /// The named parts of K_max and C_max: storeys or springs, then elements.
@@ -310,6 +362,7 @@ impl Structure {
     /// base. For structures with massless degrees of freedom. Real-time: yes.
     pub(crate) fn subtract_tangent(&self, change: Motion<'_>, out: &mut [f64]) {
         self.subtract_linear(0..out.len(), change, out);
+        self.members.subtract_tangent(at(change), out);
         for element in self.elements.iter() {
             let of = |end: End, of_dofs: &[f64], of_base: f64| match end {
                 End::Dof(dof) => of_dofs.get(dof).copied().unwrap_or(f64::NAN),
@@ -339,6 +392,11 @@ impl Structure {
         }
     }
 
+    /// Hands the entries of K_t + C_t/Δt of every member to `visit`, each beside the diagonal once. Real-time: yes, if `visit` is.
+    pub(crate) fn for_each_entry(&self, dt: f64, visit: &mut dyn FnMut(usize, usize, f64)) {
+        self.members.for_each_tangent(dt, visit);
+    }
+
     /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, which may be
     /// repeated. [`Structure::commit`] keeps the last one.
     pub fn subtract_trial(
@@ -355,6 +413,7 @@ impl Structure {
     /// The last trial of every element becomes its committed state.
     pub fn commit(&mut self) {
         self.elements.commit();
+        self.members.commit();
     }
 
     /// Forgets the last trial of every element.
@@ -384,6 +443,13 @@ impl Structure {
         if !self.elements.is_empty() {
             self.elements
                 .subtract_rest::<COMMIT>(motion, residual, gross);
+        }
+        if !self.members.is_empty() {
+            self.members
+                .subtract(at(motion), self.lanes, residual, gross);
+            if COMMIT {
+                self.members.commit();
+            }
         }
     }
 
@@ -420,6 +486,9 @@ impl Structure {
     /// as the tangents of equal elements are kept.
     #[must_use]
     pub fn reach(&self) -> usize {
+        if !self.members.is_empty() {
+            return usize::MAX;
+        }
         let matrices = [&self.stiffness, &self.damping];
         let of_matrices = matrices.map(SymMatrix::reach).into_iter().max();
         self.elements.reach().max(of_matrices.unwrap_or(0))
@@ -437,7 +506,7 @@ impl Structure {
         residual: &mut [f64],
         fresh: bool,
     ) {
-        if self.elements.keeps_tangents() {
+        if self.elements.keeps_tangents() || !self.members.is_empty() {
             debug_assert_eq!(rows, 0..residual.len(), "the reach is all rows");
             if fresh {
                 residual.fill(0.0);
@@ -511,6 +580,34 @@ impl Structure {
             stamp(&row(element.from, element.to), value)
         });
         linear.plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries))
+    }
+}
+
+fn at(motion: Motion<'_>) -> At<'_> {
+    let Motion {
+        disp,
+        vel,
+        base,
+        dt,
+    } = motion;
+    At {
+        disp,
+        vel,
+        base: [base.disp, base.vel],
+        dt,
+    }
+}
+
+fn no_bound(element: String, tangent: &'static str) -> ModelError {
+    let (key, ratio) = match tangent {
+        "stiffness" => ("reach_disp_m", "hardening_ratio"),
+        _ => ("reach_vel_m_per_s", "damping_ratio"),
+    };
+    ModelError::NoBound {
+        element,
+        tangent,
+        key,
+        ratio,
     }
 }
 

@@ -1,0 +1,354 @@
+//! Members of a frame whose forces are not linear, and links: evaluated in each step, beside K.
+//!
+//! A trial starts the laws and fibres from their committed state. Force-based and hinged members go on from the forces of the trial
+//! before, so that several trials of one step bring them nearer to compatible deformations.
+
+mod basic;
+mod quadrature;
+mod symmetric;
+#[cfg(test)]
+mod tests;
+
+pub(super) use basic::Basic;
+use basic::{Answer, DisplacementBased, ForceBased, Hinged, Point};
+pub(crate) use symmetric::Sym3;
+use symmetric::product3;
+
+use super::fibre::Fibres;
+use super::section::Rigidity;
+use crate::law::{Law, Reach};
+use crate::linalg::Lanes;
+use gusset_quantity::state::{Stateful, Visit};
+
+/// All members of a frame that are not part of K.
+#[derive(Debug, Default)]
+pub struct Members {
+    each: Vec<Member>,
+}
+
+impl Stateful for Members {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        for member in &mut self.each {
+            member.visit_state(visit);
+        }
+    }
+}
+
+/// A member or link between degrees of freedom.
+#[derive(Debug)]
+pub struct Member {
+    name: String,
+    place: Place,
+    basic: Basic,
+    reach: Reach,
+    /// v, and what the last trial gave.
+    disp: [f64; 3],
+    answer: Answer,
+}
+
+impl Stateful for Member {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        self.basic.visit_state(visit);
+        let own = self.disp.iter_mut().chain(&mut self.answer.force);
+        let own = own.chain(&mut self.answer.stiffness);
+        own.for_each(|x| visit.number(x));
+        visit.number(&mut self.answer.damping);
+    }
+}
+
+/// Rows of the deformations of a member: v = Σ row · x, counted from a base that moves to the right.
+#[derive(Debug, Default, Clone)]
+pub(super) struct Place {
+    dofs: Vec<usize>,
+    rows: [Vec<f64>; 3],
+    /// Of the displacement of the base.
+    base: [f64; 3],
+}
+
+impl Place {
+    /// From terms (degree of freedom, coefficient) of each deformation, and the influence vector of the ground.
+    pub(super) fn new(terms: [Vec<(usize, f64)>; 3], influence: &[f64]) -> Self {
+        let mut place = Self::default();
+        for (k, row) in terms.into_iter().enumerate() {
+            for (dof, coefficient) in row {
+                let at = place.dofs.iter().position(|known| *known == dof);
+                let at = at.unwrap_or_else(|| {
+                    place.dofs.push(dof);
+                    place.rows.iter_mut().for_each(|row| row.push(0.0));
+                    place.dofs.len() - 1
+                });
+                place.rows[k][at] += coefficient;
+                place.base[k] -= coefficient * influence[dof];
+            }
+        }
+        place
+    }
+
+    /// Real-time: yes.
+    fn deformation(&self, of_dofs: &[f64], of_base: f64) -> [f64; 3] {
+        let mut out = self.base.map(|coefficient| coefficient * of_base);
+        for (row, out) in self.rows.iter().zip(&mut out) {
+            for (coefficient, &dof) in row.iter().zip(&self.dofs) {
+                *out += coefficient * of_dofs.get(dof).copied().unwrap_or(f64::NAN);
+            }
+        }
+        out
+    }
+
+    /// Adds how large the forces are at each degree of freedom. The larger end moment counts at both ends: the free end of a cantilever
+    /// has none. Real-time: yes.
+    fn sizes(&self, [axial, start, end]: [f64; 3], gross: &mut [f64]) {
+        let moment = start.abs().max(end.abs());
+        let [a, b, c] = &self.rows;
+        for (((&dof, a), b), c) in self.dofs.iter().zip(a).zip(b).zip(c) {
+            if let Some(gross) = gross.get_mut(dof) {
+                *gross += (a * axial).abs() + (b.abs() + c.abs()) * moment;
+            }
+        }
+    }
+
+    /// [`Place::spread_matrix`] as a list of (i ≤ j, value).
+    pub(super) fn matrix(&self, m: &Sym3) -> Vec<(usize, usize, f64)> {
+        let mut entries = Vec::new();
+        self.spread_matrix(m, |i, j, value| entries.push((i.min(j), i.max(j), value)));
+        entries
+    }
+
+    /// Forces at each degree of freedom. Real-time: yes, if `to` is.
+    fn spread(&self, force: [f64; 3], mut to: impl FnMut(usize, f64)) {
+        let [a, b, c] = &self.rows;
+        for (((&dof, a), b), c) in self.dofs.iter().zip(a).zip(b).zip(c) {
+            to(dof, a * force[0] + b * force[1] + c * force[2]);
+        }
+    }
+
+    /// Entries of rowᵀ m row, each beside the diagonal once. Real-time: yes, if `to` is.
+    fn spread_matrix(&self, m: &Sym3, mut to: impl FnMut(usize, usize, f64)) {
+        let row = |k: usize| {
+            let of = |row: &Vec<f64>| row.get(k).copied().unwrap_or(0.0);
+            let [a, b, c] = &self.rows;
+            [of(a), of(b), of(c)]
+        };
+        for (i, &first) in self.dofs.iter().enumerate() {
+            let [a, b, c] = product3(m, row(i));
+            for (j, &second) in self.dofs.iter().enumerate().skip(i) {
+                let [p, q, r] = row(j);
+                to(first, second, a * p + b * q + c * r);
+            }
+        }
+    }
+}
+
+/// A force-based member; `None` if its sections have no stiffness.
+pub(super) fn force_based(length: f64, points: usize, fibres: Fibres) -> Option<Basic> {
+    let points = along(length, quadrature::gauss_lobatto(points));
+    Some(Basic::Force(Box::new(ForceBased::new(points, fibres)?)))
+}
+
+/// A displacement-based member.
+pub(super) fn displacement_based(length: f64, points: usize, fibres: Fibres) -> Basic {
+    let points = along(length, quadrature::gauss_legendre(points));
+    Basic::Displacement(Box::new(DisplacementBased::new(
+        points, fibres, length, true,
+    )))
+}
+
+/// A member with an axial force alone.
+pub(super) fn truss(length: f64, fibres: Fibres) -> Basic {
+    let points = along(length, quadrature::gauss_legendre(1));
+    Basic::Displacement(Box::new(DisplacementBased::new(
+        points, fibres, length, false,
+    )))
+}
+
+/// An elastic member with hinges in series, each with its moment at yield; `None` if it has no stiffness.
+pub(super) fn hinged(
+    length: f64,
+    of: Rigidity,
+    hinges: [Option<(Box<dyn Law>, Option<f64>)>; 2],
+) -> Option<Basic> {
+    Some(Basic::Hinged(Box::new(Hinged::new(length, of, hinges)?)))
+}
+
+fn along(length: f64, points: Vec<(f64, f64)>) -> Vec<Point> {
+    let each = points.into_iter();
+    each.map(|(xi, weight)| Point {
+        xi,
+        weight: length * weight,
+    })
+    .collect()
+}
+
+/// Where a structure is: x and v (n), and those of its base.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct At<'a> {
+    pub(crate) disp: &'a [f64],
+    pub(crate) vel: &'a [f64],
+    pub(crate) base: [f64; 2],
+    pub(crate) dt: f64,
+}
+
+/// What the stiffness and damping of a link refer to: rest, or the largest that they reach.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Which {
+    /// What enters K0 and C0.
+    Reference,
+    /// Upper bound of the tangents.
+    Bound,
+    /// The part of the reference damping that acts around rest only.
+    Rest,
+}
+
+impl Basic {
+    /// q of the virgin member at displacements of the frame.
+    pub(super) fn first_force(&self, place: &Place, disp: &[f64]) -> [f64; 3] {
+        product3(&self.initial(), place.deformation(disp, 0.0))
+    }
+}
+
+impl Members {
+    pub(super) fn push(&mut self, name: String, place: Place, basic: Basic, reach: Reach) {
+        let answer = Answer {
+            stiffness: basic.initial(),
+            ..Answer::default()
+        };
+        let disp = [0.0; 3];
+        self.each.push(Member {
+            name,
+            place,
+            basic,
+            reach,
+            disp,
+            answer,
+        });
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.each.is_empty()
+    }
+
+    /// residual ← residual − forces, a trial; `gross` gains the size of each force where it has an entry for its row. Real-time: yes.
+    pub(crate) fn subtract(
+        &mut self,
+        at: At<'_>,
+        lanes: Lanes,
+        residual: &mut [f64],
+        gross: &mut [f64],
+    ) {
+        for member in &mut self.each {
+            member.disp = member.place.deformation(at.disp, at.base[0]);
+            let [rate, ..] = member.place.deformation(at.vel, at.base[1]);
+            member.answer = member.basic.trial(member.disp, rate, at.dt, lanes);
+            member.place.spread(member.answer.force, |dof, force| {
+                if let Some(r) = residual.get_mut(dof) {
+                    *r -= force;
+                }
+            });
+            if !gross.is_empty() {
+                member.place.sizes(member.answer.force, gross);
+            }
+        }
+    }
+
+    /// Real-time: yes.
+    pub(crate) fn commit(&mut self) {
+        self.each
+            .iter_mut()
+            .for_each(|member| member.basic.commit());
+    }
+
+    /// out ← out − K_t d − C_t v with the tangents of the last trial, for changes d and v. Real-time: yes.
+    pub(crate) fn subtract_tangent(&self, change: At<'_>, out: &mut [f64]) {
+        for member in &self.each {
+            let disp = member.place.deformation(change.disp, change.base[0]);
+            let mut force = product3(&member.answer.stiffness, disp);
+            if member.answer.damping != 0.0 {
+                let [rate, ..] = member.place.deformation(change.vel, change.base[1]);
+                force[0] += member.answer.damping * rate;
+            }
+            member.place.spread(force, |dof, force| {
+                if let Some(out) = out.get_mut(dof) {
+                    *out -= force;
+                }
+            });
+        }
+    }
+
+    /// Entries of K_t + C_t/Δt of the last trial, each beside the diagonal once. Real-time: yes, if `to` is.
+    pub(crate) fn for_each_tangent(&self, dt: f64, to: &mut dyn FnMut(usize, usize, f64)) {
+        for member in &self.each {
+            let mut tangent = member.answer.stiffness;
+            tangent[0] += member.answer.damping / dt;
+            member.place.spread_matrix(&tangent, &mut *to);
+        }
+    }
+
+    /// Name of each member with its largest use so far at its start and its end, in parts of what makes it yield.
+    pub fn demands(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
+        self.each
+            .iter()
+            .map(|member| (member.name.as_str(), member.basic.demand()))
+    }
+
+    /// Entries of K_t of the last trial, (i ≤ j, value).
+    pub(crate) fn tangent_stiffness(&self) -> Vec<(usize, usize, f64)> {
+        self.collect(|member| member.answer.stiffness)
+    }
+
+    /// Entries of C_t of the last trial.
+    pub(crate) fn tangent_damping(&self) -> Vec<(usize, usize, f64)> {
+        self.collect(|member| [member.answer.damping, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    /// Entries of K of the virgin members and of the references or bounds of links.
+    ///
+    /// # Errors
+    /// Name of a link whose bound needs a reach.
+    pub(crate) fn stiffness(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
+        self.of_laws(Basic::initial, |law, reach| match which {
+            Which::Bound => law.bound(reach).0,
+            Which::Reference | Which::Rest => Some(law.reference().stiffness),
+        })
+    }
+
+    /// Entries of C of links, likewise.
+    ///
+    /// # Errors
+    /// Name of a link whose bound needs a reach.
+    pub(crate) fn damping(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
+        self.of_laws(
+            |_| [0.0; 6],
+            |law, reach| match which {
+                Which::Bound => law.bound(reach).1,
+                Which::Reference => Some(law.reference().damping),
+                Which::Rest => Some(law.rest_damping()),
+            },
+        )
+    }
+
+    fn of_laws(
+        &self,
+        of_member: impl Fn(&Basic) -> Sym3,
+        of_link: impl Fn(&dyn Law, Reach) -> Option<f64>,
+    ) -> Result<Vec<(usize, usize, f64)>, String> {
+        let mut entries = Vec::new();
+        for member in &self.each {
+            let matrix = match &member.basic {
+                Basic::Link(law) => {
+                    let value = of_link(law.as_ref(), member.reach);
+                    let value = value.ok_or_else(|| member.name.clone())?;
+                    [value, 0.0, 0.0, 0.0, 0.0, 0.0]
+                }
+                basic => of_member(basic),
+            };
+            entries.extend(member.place.matrix(&matrix));
+        }
+        Ok(entries)
+    }
+
+    fn collect(&self, of: impl Fn(&Member) -> Sym3) -> Vec<(usize, usize, f64)> {
+        let each = self.each.iter();
+        each.flat_map(|member| member.place.matrix(&of(member)))
+            .collect()
+    }
+}

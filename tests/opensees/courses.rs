@@ -1,0 +1,205 @@
+//! Plane frames whose members yield, under a ground motion: `gusset run` against the real OpenSees with four times finer steps.
+
+use std::path::Path;
+use std::process::Command;
+
+use gusset_numerics::frame::{Direction, FrameSpec};
+use serde_json::Value;
+
+use crate::programs::{Peer, python};
+
+const RATE: u32 = 1024;
+const SUBSTEPS: &str = "4";
+
+/// A portal of 6 m by 3.5 m with 40 t, whose members are given by the key that is put in.
+fn portal(members: [&str; 2], p_delta: bool, more: &str, amplitude: f64) -> String {
+    let [column, beam] = members;
+    format!(
+        r#"
+[structure.frame]
+node = [
+    {{ name = "A0", at_m = [0, 0], fixed = ["x", "y", "rz"] }},
+    {{ name = "B0", at_m = [6, 0], fixed = ["x", "y", "rz"] }},
+    {{ name = "A1", at_m = [0, 3.5], mass_kg = 20e3 }},
+    {{ name = "B1", at_m = [6, 3.5], mass_kg = 20e3 }},
+]
+member = [
+    {{ nodes = ["A0", "A1"], section = "column", p_delta = {p_delta}, {column} }},
+    {{ nodes = ["B0", "B1"], section = "column", p_delta = {p_delta}, {column} }},
+    {{ nodes = ["A1", "B1"], section = "beam", {beam} }},
+]
+load = [{{ node = "A1", y_n = -196e3 }}, {{ node = "B1", y_n = -196e3 }}]
+{more}
+{}"#,
+        motion(amplitude, 4)
+    )
+}
+
+fn motion(amplitude: f64, duration: u32) -> String {
+    format!(
+        r#"
+[structure.damping.rayleigh]
+mass_coefficient_per_s = 0.5
+stiffness_coefficient_s = 0.0
+[time]
+rate_hz = {RATE}
+duration_s = {duration}
+clock = "simulated"
+[excitation.ground_acceleration.signal.sine]
+amplitude = {amplitude}
+frequency_hz = 1.5
+"#
+    )
+}
+
+const ELASTIC: &str = "[structure.frame.section]
+column.elastic = { young_pa = 2.1e11, area_m2 = 0.0149, inertia_m4 = 2.517e-4 }
+beam.elastic = { young_pa = 2.1e11, area_m2 = 0.0106, inertia_m4 = 1.5e-4 }
+";
+const HINGES: &str = "[structure.frame.hinge]
+column.bilinear = { stiffness_n_per_m = 9.06e8, yield_force_n = 400e3, post_yield_ratio = 0.003 }
+beam.bilinear = { stiffness_n_per_m = 3.15e8, yield_force_n = 250e3, post_yield_ratio = 0.003 }
+";
+const STEEL: &str = "[structure.frame.material]
+s355.menegotto_pinto = { young_pa = 2e11, yield_pa = 355e6, hardening_ratio = 0.01 }
+[structure.frame.section]
+column.i_shape = { material = \"s355\", depth_m = 0.3, flange_width_m = 0.3, flange_thickness_m = 0.019, web_thickness_m = 0.011 }
+beam.i_shape = { material = \"s355\", depth_m = 0.36, flange_width_m = 0.17, flange_thickness_m = 0.0127, web_thickness_m = 0.008 }
+";
+const CONCRETE: &str = "[structure.frame.material]
+cover.concrete_01 = { strength_pa = 30e6, strain_at_strength = 0.002, crushing_strength_pa = 6e6, crushing_strain = 0.006 }
+core.concrete_02 = { strength_pa = 36e6, strain_at_strength = 0.0024, crushing_strength_pa = 20e6, crushing_strain = 0.015, unloading_ratio = 0.1, tensile_strength_pa = 2.5e6, tension_softening_pa = 2e9 }
+b500.menegotto_pinto = { young_pa = 2e11, yield_pa = 500e6, hardening_ratio = 0.01 }
+[structure.frame.section]
+column.rc_rectangle = { concrete = \"cover\", core = \"core\", steel = \"b500\", width_m = 0.4, depth_m = 0.4, cover_m = 0.04, top_area_m2 = 1.2e-3, bottom_area_m2 = 1.2e-3, middle_area_m2 = 8e-4 }
+";
+
+fn frames() -> Vec<(&'static str, String, f64)> {
+    let force = "kind = \"force_based\"";
+    let both = |member| [member, member];
+    let concrete_column = format!(
+        r#"
+[structure.frame]
+node = [
+    {{ name = "A0", at_m = [0, 0], fixed = ["x", "y", "rz"] }},
+    {{ name = "A1", at_m = [0, 3.0], mass_kg = 40e3 }},
+]
+member = [{{ nodes = ["A0", "A1"], section = "column", {force}, p_delta = true }}]
+load = [{{ node = "A1", y_n = -392e3 }}]
+{CONCRETE}
+{}"#,
+        motion(3.0, 4)
+    );
+    vec![
+        (
+            "elastic",
+            portal(both("kind = \"elastic\""), false, ELASTIC, 4.0),
+            1e-4,
+        ),
+        (
+            "p-delta",
+            portal(both("kind = \"elastic\""), true, ELASTIC, 4.0),
+            1e-4,
+        ),
+        (
+            "hinged",
+            portal(
+                [
+                    "hinge_start = \"column\", hinge_end = \"column\"",
+                    "hinge_start = \"beam\", hinge_end = \"beam\"",
+                ],
+                true,
+                &format!("{ELASTIC}{HINGES}"),
+                6.0,
+            ),
+            3e-3,
+        ),
+        ("force-based", portal(both(force), true, STEEL, 8.0), 3e-3),
+        (
+            "displacement-based",
+            portal(
+                both("kind = \"displacement_based\", points = 4"),
+                true,
+                STEEL,
+                8.0,
+            ),
+            3e-3,
+        ),
+        ("concrete column", concrete_column, 3e-2),
+    ]
+}
+
+/// Displacements of our run: one row for each step.
+fn ours(folder: &Path, file: &Path, name: &str) -> Vec<Vec<f64>> {
+    let (run, csv) = (folder.join(name), folder.join(format!("{name}.csv")));
+    let word = |path: &Path| path.to_str().unwrap().to_owned();
+    let made = Peer::gusset(&["run", &word(file), "--out", &word(&run)]);
+    let (status, said) = made.end();
+    assert!(status.success(), "{name}: {said:#?}");
+    let export = Peer::gusset(&[
+        "export",
+        &word(&run),
+        "--no-units-line",
+        "--out",
+        &word(&csv),
+    ]);
+    let (status, said) = export.end();
+    assert!(status.success(), "{said:#?}");
+    let text = std::fs::read_to_string(csv).unwrap();
+    let mut lines = text.lines();
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name: &str| head.iter().position(|column| *column == name);
+    let places: Vec<usize> = (1..).map_while(|dof| column(&format!("x{dof}"))).collect();
+    let rows = lines.map(|line| line.split(',').collect::<Vec<_>>());
+    rows.map(|cells| {
+        places
+            .iter()
+            .map(|at| cells[*at].parse().unwrap())
+            .collect()
+    })
+    .collect()
+}
+
+#[test]
+fn frames_move_as_in_opensees() {
+    let Some(python) = python() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text, most) in frames() {
+        let file = folder.path().join(format!("{name}.toml"));
+        std::fs::write(&file, &text).unwrap();
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/opensees/frame.py");
+        let said = Command::new(&python)
+            .arg(script)
+            .arg(&file)
+            .arg(SUBSTEPS)
+            .output()
+            .unwrap();
+        let line = String::from_utf8_lossy(&said.stdout).into_owned();
+        let theirs: Value = serde_json::from_str(line.lines().last().unwrap_or_default())
+            .unwrap_or_else(|_| panic!("{name}: {line}{}", String::from_utf8_lossy(&said.stderr)));
+        let rows = ours(folder.path(), &file, name);
+        let test: toml::Table = text.parse().unwrap();
+        let frame: FrameSpec = test["structure"]["frame"].clone().try_into().unwrap();
+        let places = frame.places();
+        assert!(rows.len() > 1000, "{name}: {}", rows.len());
+        let mut worst = (0.0, String::new());
+        for (dof, (node, direction)) in places.iter().enumerate() {
+            let column = Direction::ALL.iter().position(|d| d == direction).unwrap();
+            let theirs = theirs["course"][node].as_array().unwrap();
+            let (mut off, mut size) = (0.0, 0.0);
+            for (row, theirs) in rows.iter().zip(theirs) {
+                let wanted = theirs[column].as_f64().unwrap();
+                off += (row[dof] - wanted) * (row[dof] - wanted);
+                size += wanted * wanted;
+            }
+            let error = f64::sqrt(off / size);
+            println!("{name}: {node} {}: {error:.2e}", direction.word());
+            if error > worst.0 {
+                worst = (error, format!("{node} {}", direction.word()));
+            }
+        }
+        assert!(worst.0 < most, "{name}, {}: {:e}", worst.1, worst.0);
+    }
+}
