@@ -5,7 +5,9 @@
 //! constant. Their stress is a function of the strain and of the extremes so far (and, between the two unloading lines of
 //! Mohd Yassin, of the last stress by a slope of 2), so that one step equals any number of partial steps.
 
+use super::eight::Eight;
 use super::{Concrete01Spec, Concrete02Spec, Rows, lane, put};
+use crate::linalg::lanes::Isa;
 
 /// The elastic slope.
 const YOUNG: f64 = 2.0;
@@ -92,35 +94,35 @@ impl Concrete01 {
 
     /// Stress and tangent of eight fibres on their way from the rows `old`. Real-time: yes.
     #[inline(always)]
-    pub(super) fn respond(
+    pub(super) fn respond<I: Isa>(
         &self,
-        strain: &[f64; 8],
+        strain: Eight<I>,
         old: &Rows<{ Self::ROWS }>,
         new: &mut Rows<{ Self::ROWS }>,
-    ) -> Rows<2> {
+    ) -> [Eight<I>; 2] {
         self.each(strain, old, new, |x, [peak]| self.at(x, peak))
     }
 
     /// Runs a law lane by lane, in the units of concrete.
     #[inline(always)]
-    fn each<const ROWS: usize>(
+    fn each<I: Isa, const ROWS: usize>(
         &self,
-        strain: &[f64; 8],
+        strain: Eight<I>,
         old: &Rows<ROWS>,
         new: &mut Rows<ROWS>,
         law: impl Fn(f64, [f64; ROWS]) -> ([f64; ROWS], [f64; 2]),
-    ) -> Rows<2> {
-        let mut out = [[0.0; 8]; 2];
-        for (k, strain) in strain.iter().enumerate() {
+    ) -> [Eight<I>; 2] {
+        let (mut stresses, mut tangents) = ([0.0; 8], [0.0; 8]);
+        for (k, strain) in strain.array().into_iter().enumerate() {
             let (rows, [stress, slope]) = law(-strain / self.strain, lane(old, k));
             put(rows, new, k);
-            put(
-                [-self.strength * stress, self.strength / self.strain * slope],
-                &mut out,
-                k,
-            );
+            stresses[k] = -self.strength * stress;
+            tangents[k] = self.strength / self.strain * slope;
         }
-        out
+        [
+            Eight::load(strain.0, &stresses),
+            Eight::load(strain.0, &tangents),
+        ]
     }
 }
 
@@ -214,12 +216,12 @@ impl Concrete02 {
 
     /// Stress and tangent of eight fibres on their way from the rows `old`. Real-time: yes.
     #[inline(always)]
-    pub(super) fn respond(
+    pub(super) fn respond<I: Isa>(
         &self,
-        strain: &[f64; 8],
+        strain: Eight<I>,
         old: &Rows<{ Self::ROWS }>,
         new: &mut Rows<{ Self::ROWS }>,
-    ) -> Rows<2> {
+    ) -> [Eight<I>; 2] {
         self.compression
             .each(strain, old, new, |x, rows| self.at(x, rows))
     }
