@@ -7,6 +7,7 @@ mod client;
 mod frames;
 mod gateway;
 mod integrators;
+mod laws;
 mod programs;
 mod rig;
 mod run;

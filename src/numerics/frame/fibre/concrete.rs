@@ -27,7 +27,7 @@ impl Concrete01 {
     /// Rows of a block: greatest compressive strain.
     pub(super) const ROWS: usize = 1;
 
-    /// Of a checked description.
+    /// From a checked description.
     pub(super) fn new(spec: Concrete01Spec) -> Self {
         let crushed = [
             spec.crushing_strain / spec.strain_at_strength,
@@ -84,10 +84,10 @@ impl Concrete01 {
             return ([x], self.envelope(x));
         }
         let [end, slope] = self.unloading(peak);
-        let response = if x > end {
-            [slope * (x - end), slope]
-        } else {
+        let response = if x <= end {
             [0.0; 2]
+        } else {
+            [slope * (x - end), slope]
         };
         ([peak], response)
     }
@@ -100,12 +100,12 @@ impl Concrete01 {
         old: &Rows<{ Self::ROWS }>,
         new: &mut Rows<{ Self::ROWS }>,
     ) -> [Eight<I>; 2] {
-        self.each(strain, old, new, |x, [peak]| self.at(x, peak))
+        self.by_lane(strain, old, new, |x, [peak]| self.at(x, peak))
     }
 
     /// Runs a law lane by lane, in the units of concrete.
     #[inline(always)]
-    fn each<I: Isa, const ROWS: usize>(
+    fn by_lane<I: Isa, const ROWS: usize>(
         &self,
         strain: Eight<I>,
         old: &Rows<ROWS>,
@@ -140,7 +140,7 @@ impl Concrete02 {
     /// Rows of a block: greatest compressive strain, greatest opening in tension, strain, stress.
     pub(super) const ROWS: usize = 4;
 
-    /// Of a checked description.
+    /// From a checked description.
     pub(super) fn new(compression: Concrete01, spec: &Concrete02Spec) -> Self {
         let [strain, stress] = compression.crushed;
         let ratio = spec.unloading_ratio;
@@ -168,10 +168,10 @@ impl Concrete02 {
         let softened = self.tensile_strength - self.tension_softening * (opening - cracking);
         if opening <= cracking {
             [YOUNG * opening, YOUNG]
-        } else if softened > 0.0 {
-            [softened, -self.tension_softening]
-        } else {
+        } else if softened <= 0.0 {
             [0.0; 2]
+        } else {
+            [softened, -self.tension_softening]
         }
     }
 
@@ -223,6 +223,6 @@ impl Concrete02 {
         new: &mut Rows<{ Self::ROWS }>,
     ) -> [Eight<I>; 2] {
         self.compression
-            .each(strain, old, new, |x, rows| self.at(x, rows))
+            .by_lane(strain, old, new, |x, rows| self.at(x, rows))
     }
 }

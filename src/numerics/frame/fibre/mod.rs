@@ -1,8 +1,8 @@
 //! Fibres of plane members: stresses of uniaxial materials, added up over cross-sections.
 //!
-//! [`Fibres`] holds all fibres of one member in blocks of eight lanes. A block belongs to one section and one material, and
-//! each [`MaterialSpec`] is a law of its own file that computes a block at once. Sums are in a fixed order, so that the bits are
-//! equal with all [`Lanes`]. Laws follow the straight path from the committed strain to the trial one.
+//! [`Fibres`] holds all fibres of one member in blocks of eight lanes. A block belongs to one section and one material, whose
+//! law computes it at once. Sums are in a fixed order, so that the bits are equal with all [`Lanes`]. Laws follow the straight
+//! path from the committed strain to the trial one. A strain that is not a number gives a stress that is none.
 
 mod concrete;
 mod eight;

@@ -33,7 +33,7 @@ impl MenegottoPinto {
     /// the branch, negative towards compression and 0 before the first motion; exponent R.
     pub(super) const ROWS: usize = 8;
 
-    /// Of a checked description.
+    /// From a checked description.
     pub(super) fn new(spec: MenegottoPintoSpec) -> Self {
         let rest = 1.0 - spec.hardening_ratio;
         Self {
