@@ -8,6 +8,7 @@ mod courses;
 mod frames;
 mod gateway;
 mod integrators;
+mod laws;
 mod programs;
 mod rig;
 mod run;

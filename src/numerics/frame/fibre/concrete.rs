@@ -5,7 +5,9 @@
 //! constant. Their stress is a function of the strain and of the extremes so far (and, between the two unloading lines of
 //! Mohd Yassin, of the last stress by a slope of 2), so that one step equals any number of partial steps.
 
+use super::eight::Eight;
 use super::{Concrete01Spec, Concrete02Spec, Rows, lane, put};
+use crate::linalg::lanes::Isa;
 
 /// The elastic slope.
 const YOUNG: f64 = 2.0;
@@ -25,7 +27,7 @@ impl Concrete01 {
     /// Rows of a block: greatest compressive strain.
     pub(super) const ROWS: usize = 1;
 
-    /// Of a checked description.
+    /// From a checked description.
     pub(super) fn new(spec: Concrete01Spec) -> Self {
         let crushed = [
             spec.crushing_strain / spec.strain_at_strength,
@@ -82,45 +84,45 @@ impl Concrete01 {
             return ([x], self.envelope(x));
         }
         let [end, slope] = self.unloading(peak);
-        let response = if x > end {
-            [slope * (x - end), slope]
-        } else {
+        let response = if x <= end {
             [0.0; 2]
+        } else {
+            [slope * (x - end), slope]
         };
         ([peak], response)
     }
 
     /// Stress and tangent of eight fibres on their way from the rows `old`. Real-time: yes.
     #[inline(always)]
-    pub(super) fn respond(
+    pub(super) fn respond<I: Isa>(
         &self,
-        strain: &[f64; 8],
+        strain: Eight<I>,
         old: &Rows<{ Self::ROWS }>,
         new: &mut Rows<{ Self::ROWS }>,
-    ) -> Rows<2> {
-        self.each(strain, old, new, |x, [peak]| self.at(x, peak))
+    ) -> [Eight<I>; 2] {
+        self.by_lane(strain, old, new, |x, [peak]| self.at(x, peak))
     }
 
     /// Runs a law lane by lane, in the units of concrete.
     #[inline(always)]
-    fn each<const ROWS: usize>(
+    fn by_lane<I: Isa, const ROWS: usize>(
         &self,
-        strain: &[f64; 8],
+        strain: Eight<I>,
         old: &Rows<ROWS>,
         new: &mut Rows<ROWS>,
         law: impl Fn(f64, [f64; ROWS]) -> ([f64; ROWS], [f64; 2]),
-    ) -> Rows<2> {
-        let mut out = [[0.0; 8]; 2];
-        for (k, strain) in strain.iter().enumerate() {
+    ) -> [Eight<I>; 2] {
+        let (mut stresses, mut tangents) = ([0.0; 8], [0.0; 8]);
+        for (k, strain) in strain.array().into_iter().enumerate() {
             let (rows, [stress, slope]) = law(-strain / self.strain, lane(old, k));
             put(rows, new, k);
-            put(
-                [-self.strength * stress, self.strength / self.strain * slope],
-                &mut out,
-                k,
-            );
+            stresses[k] = -self.strength * stress;
+            tangents[k] = self.strength / self.strain * slope;
         }
-        out
+        [
+            Eight::load(strain.0, &stresses),
+            Eight::load(strain.0, &tangents),
+        ]
     }
 }
 
@@ -138,7 +140,7 @@ impl Concrete02 {
     /// Rows of a block: greatest compressive strain, greatest opening in tension, strain, stress.
     pub(super) const ROWS: usize = 4;
 
-    /// Of a checked description.
+    /// From a checked description.
     pub(super) fn new(compression: Concrete01, spec: &Concrete02Spec) -> Self {
         let [strain, stress] = compression.crushed;
         let ratio = spec.unloading_ratio;
@@ -166,10 +168,10 @@ impl Concrete02 {
         let softened = self.tensile_strength - self.tension_softening * (opening - cracking);
         if opening <= cracking {
             [YOUNG * opening, YOUNG]
-        } else if softened > 0.0 {
-            [softened, -self.tension_softening]
-        } else {
+        } else if softened <= 0.0 {
             [0.0; 2]
+        } else {
+            [softened, -self.tension_softening]
         }
     }
 
@@ -214,13 +216,13 @@ impl Concrete02 {
 
     /// Stress and tangent of eight fibres on their way from the rows `old`. Real-time: yes.
     #[inline(always)]
-    pub(super) fn respond(
+    pub(super) fn respond<I: Isa>(
         &self,
-        strain: &[f64; 8],
+        strain: Eight<I>,
         old: &Rows<{ Self::ROWS }>,
         new: &mut Rows<{ Self::ROWS }>,
-    ) -> Rows<2> {
+    ) -> [Eight<I>; 2] {
         self.compression
-            .each(strain, old, new, |x, rows| self.at(x, rows))
+            .by_lane(strain, old, new, |x, rows| self.at(x, rows))
     }
 }

@@ -1,18 +1,20 @@
 //! Fibres of plane members: stresses of uniaxial materials, added up over cross-sections.
 //!
-//! [`Fibres`] holds all fibres of one member in blocks of eight lanes. A block belongs to one section and one material, and
-//! each [`MaterialSpec`] is a law of its own file that computes a block at once. Sums are in a fixed order, so that the bits are
-//! equal with all [`Lanes`]. Laws follow the straight path from the committed strain to the trial one.
+//! [`Fibres`] holds all fibres of one member in blocks of eight lanes. A block belongs to one section and one material, whose
+//! law computes it at once. Sums are in a fixed order, so that the bits are equal with all [`Lanes`]. Laws follow the straight
+//! path from the committed strain to the trial one. A strain that is not a number gives a stress that is none.
 
 mod concrete;
+mod eight;
 mod material;
 mod power;
 mod spec;
 mod steel;
 
 use crate::linalg::Lanes;
-use crate::linalg::lanes::{Isa, Kernel};
+use crate::linalg::lanes::{Isa, Kernel, Portable};
 use concrete::{Concrete01, Concrete02};
+use eight::Eight;
 use gusset_quantity::state;
 pub(super) use material::Material;
 pub use spec::{Concrete01Spec, Concrete02Spec, MaterialSpec, MenegottoPintoSpec, YoungSpec};
@@ -47,11 +49,12 @@ pub(super) struct SectionResponse {
 impl SectionResponse {
     /// Adds the lanes in their order.
     #[inline(always)]
-    fn of(sums: &Rows<5>) -> Self {
-        let [n, m, a, b, c] = sums.map(|lanes| lanes.into_iter().fold(0.0, |sum, x| sum + x));
+    fn of<I: Isa>(sums: [Eight<I>; 5]) -> Self {
+        let [n, m, a, b, c] = sums;
+        let sum = |lanes: [f64; 8]| lanes.into_iter().fold(0.0, |sum, lane| sum + lane);
         Self {
-            force: [n, -m],
-            stiffness: [a, -b, c],
+            force: [sum(n.array()), -sum(m.array())],
+            stiffness: [sum(a.array()), -sum(b.array()), sum(c.array())],
         }
     }
 }
@@ -78,16 +81,18 @@ impl Block {
 
     /// Adds stresses and tangents of this block to the sums of a section.
     #[inline(always)]
-    fn add(&self, stresses: &[f64; 8], tangents: &[f64; 8], sums: &mut Rows<5>) {
-        for k in 0..8 {
-            let (y, area) = (self.y[k], self.area[k]);
-            let (force, rigidity) = (stresses[k] * area, tangents[k] * area);
-            sums[0][k] += force;
-            sums[1][k] += force * y;
-            sums[2][k] += rigidity;
-            sums[3][k] += rigidity * y;
-            sums[4][k] += rigidity * y * y;
-        }
+    fn add<I: Isa>(&self, [stress, tangent]: [Eight<I>; 2], sums: &mut [Eight<I>; 5]) {
+        let (y, area) = (
+            Eight::load(stress.0, &self.y),
+            Eight::load(stress.0, &self.area),
+        );
+        let (force, rigidity) = (stress * area, tangent * area);
+        let [n, m, a, b, c] = sums;
+        *n = *n + force;
+        *m = *m + force * y;
+        *a = *a + rigidity;
+        *b = *b + rigidity * y;
+        *c = *c + rigidity * y * y;
     }
 }
 
@@ -173,12 +178,12 @@ impl Fibres {
 
     /// Stiffness of a section before the first motion, as [`SectionResponse::stiffness`].
     pub(super) fn initial_stiffness(&self) -> [f64; 3] {
-        let mut sums = [[0.0; 8]; 5];
+        let mut sums = [Eight::all(Portable, 0.0); 5];
         for block in &self.blocks {
-            let young = [block.material.initial_stiffness(); 8];
-            block.add(&[0.0; 8], &young, &mut sums);
+            let young = Eight::all(Portable, block.material.initial_stiffness());
+            block.add([young; 2], &mut sums);
         }
-        SectionResponse::of(&sums).stiffness
+        SectionResponse::of(sums).stiffness
     }
 
     /// Largest strain of the section at all commits, in yield strains of its material; 0 where no material yields. Real-time: yes.
@@ -199,33 +204,45 @@ impl Kernel for Pass<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
+    fn run<I: Isa>(self, isa: I) {
         let (mut old, mut new) = (self.old, self.new);
+        let zero = Eight::all(isa, 0.0);
         for ([axial, curvature], out) in self.strains.iter().zip(self.out) {
-            let mut sums = [[0.0; 8]; 5];
+            let mut sums = [zero; 5];
             for block in self.blocks {
-                let strain = block.y.map(|y| axial - y * curvature);
+                let y = Eight::load(isa, &block.y);
+                let strain = Eight::all(isa, *axial) - y * Eight::all(isa, *curvature);
                 let response = match &block.material {
-                    Material::Elastic(young) => Some([strain.map(|e| young * e), [*young; 8]]),
+                    Material::Elastic(young) => {
+                        let young = Eight::all(isa, *young);
+                        [young * strain, young]
+                    }
                     Material::ElasticNoTension(young) => {
-                        let tangent = strain.map(|e| if e > 0.0 { 0.0 } else { *young });
-                        let stress = strain.map(|e| if e > 0.0 { 0.0 } else { young * e });
-                        Some([stress, tangent])
+                        let tangent = zero.if_less(strain, zero, Eight::all(isa, *young));
+                        [tangent * strain, tangent]
                     }
                     Material::MenegottoPinto(steel) => {
-                        next(&mut old, &mut new).map(|(old, new)| steel.respond(&strain, old, new))
+                        let Some((old, new)) = next(&mut old, &mut new) else {
+                            return;
+                        };
+                        steel.respond(strain, old, new)
                     }
-                    Material::Concrete01(concrete) => next(&mut old, &mut new)
-                        .map(|(old, new)| concrete.respond(&strain, old, new)),
-                    Material::Concrete02(concrete) => next(&mut old, &mut new)
-                        .map(|(old, new)| concrete.respond(&strain, old, new)),
+                    Material::Concrete01(concrete) => {
+                        let Some((old, new)) = next(&mut old, &mut new) else {
+                            return;
+                        };
+                        concrete.respond(strain, old, new)
+                    }
+                    Material::Concrete02(concrete) => {
+                        let Some((old, new)) = next(&mut old, &mut new) else {
+                            return;
+                        };
+                        concrete.respond(strain, old, new)
+                    }
                 };
-                let Some([stresses, tangents]) = response else {
-                    return;
-                };
-                block.add(&stresses, &tangents, &mut sums);
+                block.add(response, &mut sums);
             }
-            *out = SectionResponse::of(&sums);
+            *out = SectionResponse::of(sums);
         }
     }
 }

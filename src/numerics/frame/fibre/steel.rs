@@ -9,8 +9,10 @@
 //!
 //! Beyond a = 1 both are written in q = 1/a, so that no power overflows: w = a (1 + qᴿ)^(1/R).
 
+use super::eight::Eight;
 use super::power::{exponent_of, power};
-use super::{MenegottoPintoSpec, Rows, lane, put};
+use super::{MenegottoPintoSpec, Rows};
+use crate::linalg::lanes::Isa;
 
 /// The shortest span, in yield strains. Rounding alone could make one 0 or turn it round, where a branch begins on its own line.
 const SHORTEST: f64 = 1e-12;
@@ -31,7 +33,7 @@ impl MenegottoPinto {
     /// the branch, negative towards compression and 0 before the first motion; exponent R.
     pub(super) const ROWS: usize = 8;
 
-    /// Of a checked description.
+    /// From a checked description.
     pub(super) fn new(spec: MenegottoPintoSpec) -> Self {
         let rest = 1.0 - spec.hardening_ratio;
         Self {
@@ -57,116 +59,103 @@ impl MenegottoPinto {
 
     /// Stress and tangent of eight fibres on their way from the rows `old`. Real-time: yes.
     #[inline(always)]
-    pub(super) fn respond(
+    pub(super) fn respond<I: Isa>(
         &self,
-        strain: &[f64; 8],
+        strain: Eight<I>,
         old: &Rows<{ Self::ROWS }>,
         new: &mut Rows<{ Self::ROWS }>,
-    ) -> Rows<2> {
-        let strain = strain.map(|strain| strain * self.per_strain);
-        let shift = self.shift(&strain, old);
-        let (mut shares, mut is_bent) = ([0.0; 8], false);
-        for (k, share) in shares.iter_mut().enumerate() {
-            let rows = self.branch(strain[k], shift[k], lane(old, k));
-            put(rows, new, k);
-            let [x, _, _, _, from, _, span, exponent] = rows;
-            let (distance, span) = ((x - from).abs(), span.abs());
-            let (short, long) = if distance > span {
-                (span, distance)
-            } else {
-                (distance, span)
-            };
-            *share = short / if long > SHORTEST { long } else { SHORTEST };
-            is_bent |= distance > span || exponent * (exponent_of(*share) + 1.0) > -54.0;
-        }
-        // Where aᴿ is below 2⁻⁵⁴ in all lanes, 1 + aᴿ is 1 and the root of it, too.
-        let (mut powers, mut roots) = ([0.0; 8], [1.0; 8]);
-        if is_bent {
-            for k in 0..8 {
-                let exponent = new[7][k];
-                powers[k] = power(shares[k], exponent);
-                roots[k] = power(1.0 + powers[k], -1.0 / exponent);
-            }
-        }
-        let [mut stresses, mut tangents] = [[0.0; 8]; 2];
-        for k in 0..8 {
-            let [x, _, _, _, from, from_stress, span, _] = lane(new, k);
-            let b = self.spec.hardening_ratio;
-            let distance = x - from;
-            let is_beyond = distance.abs() > span.abs();
-            let bent = if is_beyond { span } else { distance };
-            let stress = from_stress + b * distance + self.rest * bent * roots[k];
-            let slope = if is_beyond {
-                shares[k] * powers[k]
-            } else {
-                1.0
-            };
-            new[1][k] = stress;
-            stresses[k] = self.spec.yield_pa * stress;
-            tangents[k] =
-                self.spec.young_pa * (b + self.rest * slope * roots[k] / (1.0 + powers[k]));
-        }
-        [stresses, tangents]
-    }
+    ) -> [Eight<I>; 2] {
+        let x = strain * strain.fill(self.per_strain);
+        let (zero, one) = (x.fill(0.0), x.fill(1.0));
+        let hardening = x.fill(self.spec.hardening_ratio);
+        let [from, from_stress, span, exponent] = self.branch(x, old, new);
 
-    /// Hardening line of a branch that begins now, in yield stresses.
-    #[inline(always)]
-    fn shift(&self, strain: &[f64; 8], old: &Rows<{ Self::ROWS }>) -> [f64; 8] {
-        let MenegottoPintoSpec { a1, a2, a3, a4, .. } = self.spec;
-        let mut shift = [1.0; 8];
-        let turns = |k: usize| (strain[k] - old[0][k]) * old[6][k] < 0.0;
-        if a1 + a3 > 0.0 && (0..8).any(turns) {
-            let (compression, tension) = ((a1, 0.5 / a2), (a3, 0.5 / a4));
-            for (k, shift) in shift.iter_mut().enumerate() {
-                let [last, _, low, high, ..] = lane(old, k);
-                let (most, per_half) = if strain[k] > last {
-                    tension
-                } else {
-                    compression
-                };
-                let range = greater(high, last) - less(low, last);
-                *shift += most * power(range * per_half, 0.8);
-            }
+        let distance = x - from;
+        let (length, reach) = (distance.abs(), span.abs());
+        let share = length.min(reach) / length.max(reach).max(x.fill(SHORTEST));
+        // An upper bound of log₂ aᴿ. Below −54 the sum 1 + aᴿ is 1, and the root of it, too.
+        let bound = exponent * (exponent_of(share) + one);
+        let bound = reach.if_less(length, zero, bound);
+        let (mut power_of_share, mut root) = (zero, one);
+        if bound.array().iter().any(|bound| *bound > -54.0) {
+            power_of_share = power(share, exponent);
+            root = power(one + power_of_share, (zero - one) / exponent);
         }
-        shift
-    }
-
-    /// The branch on which a fibre is at the strain `x`; the stress is still the old one.
-    #[inline(always)]
-    fn branch(&self, x: f64, shift: f64, old: [f64; Self::ROWS]) -> [f64; Self::ROWS] {
-        let [last, stress, low, high, from, from_stress, span, exponent] = old;
-        let MenegottoPintoSpec { r0, cr1, cr2, .. } = self.spec;
-        let step = x - last;
-        let sign = if step > 0.0 { 1.0 } else { -1.0 };
-        let turns = step * span < 0.0;
-        let first = if step == 0.0 { 0.0 } else { sign };
-        let old_span = if span == 0.0 { first } else { span };
-
-        let (new_low, new_high) = (less(low, last), greater(high, last));
-        let offset = self.per_rest * (stress - self.spec.hardening_ratio * last);
-        let new_span = sign * greater(shift - sign * offset, SHORTEST);
-        let reached = if step > 0.0 { new_high } else { new_low };
-        let plastic = (reached - (last + new_span)).abs();
-        let new_exponent = r0 * (1.0 - cr1 * plastic / (cr2 + plastic));
+        let rest = x.fill(self.rest) * root;
+        let bent = reach.if_less(length, span, distance);
+        let stress = from_stress + hardening * distance + rest * bent;
+        let slope = reach.if_less(length, share * power_of_share, one);
+        let tangent = hardening + rest * slope / (one + power_of_share);
+        stress.store(&mut new[1]);
         [
-            x,
-            stress,
-            if turns { new_low } else { low },
-            if turns { new_high } else { high },
-            if turns { last } else { from },
-            if turns { stress } else { from_stress },
-            if turns { new_span } else { old_span },
-            if turns { new_exponent } else { exponent },
+            x.fill(self.spec.yield_pa) * stress,
+            x.fill(self.spec.young_pa) * tangent,
         ]
     }
-}
 
-#[inline(always)]
-fn less(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
+    /// The branch on which the fibres are at the strain `x`: strain and stress of its start, span, exponent. All rows but that of the
+    /// stress are new.
+    #[inline(always)]
+    fn branch<I: Isa>(
+        &self,
+        x: Eight<I>,
+        old: &Rows<{ Self::ROWS }>,
+        new: &mut Rows<{ Self::ROWS }>,
+    ) -> [Eight<I>; 4] {
+        let isa = x.0;
+        let (zero, one) = (x.fill(0.0), x.fill(1.0));
+        let [last, stress, low, high, from, from_stress, span, exponent] = old;
+        let (last, stress) = (Eight::load(isa, last), Eight::load(isa, stress));
+        let (low, high) = (Eight::load(isa, low), Eight::load(isa, high));
+        let (from, from_stress) = (Eight::load(isa, from), Eight::load(isa, from_stress));
+        let (span, exponent) = (Eight::load(isa, span), Eight::load(isa, exponent));
 
-#[inline(always)]
-fn greater(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
+        let step = x - last;
+        let sign = zero.if_less(step, one, zero) - step.if_less(zero, one, zero);
+        // A branch begins where the step is against the span of the last one.
+        let against = step * span;
+        let (new_low, new_high) = (low.min(last), high.max(last));
+        let shift = self.shift(sign, new_high - new_low, against);
+        let offset = stress - x.fill(self.spec.hardening_ratio) * last;
+        let length = shift - sign * offset * x.fill(self.per_rest);
+        let new_span = sign * length.max(x.fill(SHORTEST));
+        let reached = zero.if_less(step, new_high, new_low);
+        let plastic = (reached - (last + new_span)).abs();
+        let loss = x.fill(self.spec.cr1) * plastic;
+        let share = one - loss / (x.fill(self.spec.cr2) + plastic);
+        let new_exponent = x.fill(self.spec.r0) * share;
+        // The first motion finds no span.
+        let old_span = zero.if_less(span.abs(), span, sign);
+
+        let branch = [
+            against.if_less(zero, last, from),
+            against.if_less(zero, stress, from_stress),
+            against.if_less(zero, new_span, old_span),
+            against.if_less(zero, new_exponent, exponent),
+        ];
+        let [from, from_stress, span, exponent] = branch;
+        let low = against.if_less(zero, new_low, low);
+        let high = against.if_less(zero, new_high, high);
+        x.store(&mut new[0]);
+        low.store(&mut new[2]);
+        high.store(&mut new[3]);
+        from.store(&mut new[4]);
+        from_stress.store(&mut new[5]);
+        span.store(&mut new[6]);
+        exponent.store(&mut new[7]);
+        branch
+    }
+
+    /// Hardening line of a branch that begins now in the direction `sign`, in yield stresses.
+    #[inline(always)]
+    fn shift<I: Isa>(&self, sign: Eight<I>, range: Eight<I>, against: Eight<I>) -> Eight<I> {
+        let (zero, one) = (sign.fill(0.0), sign.fill(1.0));
+        let MenegottoPintoSpec { a1, a2, a3, a4, .. } = self.spec;
+        if a1 + a3 == 0.0 || against.array().iter().all(|against| *against >= 0.0) {
+            return one;
+        }
+        let most = zero.if_less(sign, sign.fill(a3), sign.fill(a1));
+        let halves = zero.if_less(sign, sign.fill(0.5 / a4), sign.fill(0.5 / a2));
+        one + most * power(range * halves, sign.fill(0.8))
+    }
 }

@@ -122,6 +122,8 @@ pub(crate) trait Isa: Copy {
     fn sub(self, a: Self::V, b: Self::V) -> Self::V;
     /// a b.
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
+    /// a / b.
+    fn div(self, a: Self::V, b: Self::V) -> Self::V;
     /// a where a < b, else b.
     fn min(self, a: Self::V, b: Self::V) -> Self::V;
     /// a where a > b, else b.
@@ -176,7 +178,7 @@ mod tests {
     struct Probe<'a>(&'a [[f64; 8]; 16]);
 
     impl Kernel for Probe<'_> {
-        type Output = ([[f64; 8]; 11], [[f64; 8]; 16], [[f64; 16]; 8]);
+        type Output = ([[f64; 8]; 12], [[f64; 8]; 16], [[f64; 16]; 8]);
 
         #[inline(always)]
         fn run<I: Isa>(self, isa: I) -> Self::Output {
@@ -185,6 +187,7 @@ mod tests {
                 isa.add(a, b),
                 isa.sub(a, b),
                 isa.mul(a, b),
+                isa.div(a, b),
                 isa.min(a, b),
                 isa.max(a, b),
                 isa.abs(a),
@@ -194,7 +197,7 @@ mod tests {
                 isa.if_less((a, b), isa.splat(2.0), b),
                 isa.if_at_most((a, b), isa.splat(2.0), b),
             ];
-            let mut out = [[0.0; 8]; 11];
+            let mut out = [[0.0; 8]; 12];
             for (value, out) in results.into_iter().zip(&mut out) {
                 isa.store(value, out);
             }
@@ -243,6 +246,7 @@ mod tests {
                     a + b,
                     a - b,
                     a * b,
+                    a / b,
                     if a < b { a } else { b },
                     if a > b { a } else { b },
                     a.abs(),

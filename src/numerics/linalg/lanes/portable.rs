@@ -51,6 +51,11 @@ impl Isa for Portable {
     }
 
     #[inline(always)]
+    fn div(self, a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
+        each(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
     fn min(self, a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
         each(a, b, |a, b| if a < b { a } else { b })
     }

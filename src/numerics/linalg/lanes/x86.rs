@@ -37,7 +37,7 @@ macro_rules! once {
 macro_rules! forwarded {
     ($each:ident, $group:literal) => {
         forwarded!($each: add = add_f64s(a, b), sub = sub_f64s(a, b), mul = mul_f64s(a, b));
-        forwarded!($each: min = min_f64s(a, b), max = max_f64s(a, b));
+        forwarded!($each: div = div_f64s(a, b), min = min_f64s(a, b), max = max_f64s(a, b));
         forwarded!($each: abs = abs_f64s(a), sqrt = sqrt_f64s(a));
 
         #[inline(always)]
