@@ -7,7 +7,7 @@
 use super::commanding::{Commanding, Recordings};
 use super::cycle::Engine;
 use super::numerical::{Side, aim_along};
-use super::order::{Order, Sends};
+use super::order::{Kind, Order, Sends};
 use super::phase::Phase;
 use super::stop::port_at;
 use super::test_judge::limit_event;
@@ -97,6 +97,9 @@ impl Engine<'_> {
         let issued = self.issue(order);
         stamps.sent = self.environment.pace.read();
         stamps.decoded = stamps.sent;
+        if order.kind == Kind::Test {
+            self.work_while_they_move();
+        }
         let result = self.collect_all(tick, stamps, issued);
         if self.exchanges.commanding == Commanding::EveryStep {
             self.ports
@@ -116,6 +119,23 @@ impl Engine<'_> {
             self.record_trip(tick, stamps, stop);
         }
         result
+    }
+
+    /// What the next closed step needs besides the measured forces: the last tick of a step does what the others have left. Real-time: yes.
+    #[inline]
+    fn work_while_they_move(&mut self) {
+        let Side::Structure(numerical) = &mut *self.side else {
+            return;
+        };
+        let step = self.progress.step();
+        let dt = if step == 0 { 0.0 } else { self.plan.dt };
+        let budget = if self.progress.has_reached() || self.progress.stride().lands() {
+            usize::MAX
+        } else {
+            let ticks = self.progress.pacer().ticks_per_step();
+            (numerical.most_work() as f64 / ticks) as usize + 1
+        };
+        numerical.work_ahead(step, dt, budget);
     }
 
     #[inline]

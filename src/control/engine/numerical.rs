@@ -45,6 +45,29 @@ impl Side {
     }
 }
 
+/// How far the work on a step is that needs no measured force: it is done while the specimens move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ahead {
+    /// The whole of it is done when the step is closed.
+    Never,
+    /// Nothing yet.
+    Pending,
+    /// The rows without mass are on their way.
+    Following,
+    /// The forces of the members from this part on are missing.
+    Closing(usize),
+    /// F − R without the measured forces stands in `inertia`.
+    Ready,
+}
+
+impl Stateful for Ahead {
+    fn visit_state(&mut self, visit: &mut dyn Visit) {
+        if !matches!(self, Self::Never | Self::Pending) {
+            visit.refuse();
+        }
+    }
+}
+
 /// A structure, its loads, its integrator and the state between two ticks. All buffers have one entry per DOF.
 #[derive(Debug)]
 pub struct Numerical {
@@ -54,6 +77,7 @@ pub struct Numerical {
     pub excitation: Excitation,
     acceleration: Acceleration,
     stepper: Stepper,
+    ahead: Ahead,
     /// The audit of the steps made so far.
     pub audit: Option<StepAudit>,
     intake: Option<Intake>,
@@ -71,7 +95,7 @@ pub struct Numerical {
 
 state! {
     Numerical as "numerical side" {
-        structure, state, stepper, audit: configured(), intake: configured(),
+        structure, state, stepper, ahead, audit: configured(), intake: configured(),
         inertia, next_inertia, reported_vel, accel
     }
     keeps { excitation, acceleration }
@@ -117,7 +141,16 @@ impl Numerical {
             explicit.integrator.prepare(&mut state);
             structure.forget_tangents();
         }
+        let works_ahead = match &stepper {
+            Stepper::Explicit(explicit) => explicit.massless.is_some() || structure.has_members(),
+            Stepper::Offline(_) => false,
+        };
         Self {
+            ahead: if works_ahead {
+                Ahead::Pending
+            } else {
+                Ahead::Never
+            },
             structure,
             acceleration,
             excitation,
@@ -193,24 +226,17 @@ impl Numerical {
             return;
         }
         let base = self.base(step);
+        if self.ahead == Ahead::Never {
+            self.load(step);
+            let (disp, vel): (&[f64], &[f64]) = (&self.state.disp, &self.state.vel);
+            self.structure
+                .subtract_internal(disp, vel, base, dt, &mut self.inertia);
+        } else {
+            self.work_ahead(step, dt, usize::MAX);
+            self.ahead = Ahead::Pending;
+        }
         let residual: &mut [f64] = &mut self.inertia;
         let (disp, vel): (&[f64], &[f64]) = (&self.state.disp, &self.state.vel);
-        self.excitation.load_into(index(step), residual);
-        if let Some(intake) = &mut self.intake {
-            intake.loaded(residual);
-        }
-        let massless = match &mut self.stepper {
-            Stepper::Explicit(explicit) => explicit.massless.as_mut(),
-            Stepper::Offline(_) => None,
-        };
-        let motion = Motion::new(disp, vel, base, dt);
-        if let Some(massless) = massless {
-            massless.close(&mut self.structure, motion, residual);
-            self.structure.commit();
-        } else {
-            self.structure
-                .subtract_internal(disp, vel, base, dt, residual);
-        }
         for port in ports {
             port.subtract_force(0..residual.len(), residual);
         }
@@ -228,6 +254,78 @@ impl Numerical {
         }
     }
 
+    /// F at `step`. Real-time: yes.
+    fn load(&mut self, step: u64) {
+        self.excitation.load_into(index(step), &mut self.inertia);
+        if let Some(intake) = &mut self.intake {
+            intake.loaded(&self.inertia);
+        }
+    }
+
+    /// Evaluations of members that a step takes at most, if it is worked on ahead.
+    #[must_use]
+    pub(crate) fn most_work(&self) -> usize {
+        let places = self.massless().map_or(0, Massless::most_places);
+        (1 + places as usize) * self.structure.members().count()
+    }
+
+    /// Part of the work on `step` that needs no measured force, as far as `budget` evaluations of members suffice. The results do not
+    /// depend on the parts. Real-time: yes.
+    pub(crate) fn work_ahead(&mut self, step: u64, dt: f64, mut budget: usize) {
+        let base = self.base(step);
+        loop {
+            let Stepper::Explicit(Explicit { massless, .. }) = &mut self.stepper else {
+                return;
+            };
+            self.ahead = match (self.ahead, massless) {
+                (Ahead::Never | Ahead::Ready, _) => return,
+                (Ahead::Pending, Some(massless)) if step > 0 => {
+                    let excitation = &self.excitation;
+                    massless.begin(
+                        &self.structure,
+                        &self.state,
+                        &self.inertia,
+                        &mut |next, out| loaded(excitation, step - 1 + u64::from(next), out),
+                    );
+                    Ahead::Following
+                }
+                (Ahead::Following, Some(massless)) => {
+                    if !massless.work(&mut self.structure, &mut self.state, &mut budget) {
+                        return;
+                    }
+                    self.load(step);
+                    Ahead::Closing(0)
+                }
+                (Ahead::Pending | Ahead::Following, _) => {
+                    self.load(step);
+                    Ahead::Closing(0)
+                }
+                (Ahead::Closing(mut from), massless) => {
+                    let (disp, vel) = (&self.state.disp, &self.state.vel);
+                    let motion = Motion::new(disp, vel, base, dt);
+                    let (structure, residual) = (&mut self.structure, &mut self.inertia);
+                    let is_done = match massless {
+                        Some(massless) => massless.close_in_parts(
+                            structure,
+                            motion,
+                            residual,
+                            &mut from,
+                            &mut budget,
+                        ),
+                        None => structure.go_on(motion, residual, &mut from, &mut budget),
+                    };
+                    if is_done {
+                        structure.commit();
+                        Ahead::Ready
+                    } else {
+                        self.ahead = Ahead::Closing(from);
+                        return;
+                    }
+                }
+            };
+        }
+    }
+
     /// x and v of the step after `step`: one solve for an integrator, as many as it takes for an offline method.
     /// Real-time: yes, unless the method is offline.
     ///
@@ -240,14 +338,8 @@ impl Numerical {
                 if let Some(audit) = &mut self.audit {
                     audit.before(&self.state.disp);
                 }
-                let excitation = &self.excitation;
-                explicit.advance(
-                    &mut self.structure,
-                    &mut self.state,
-                    &self.inertia,
-                    &mut self.reported_vel,
-                    &mut |ahead, out| loaded(excitation, step + u64::from(ahead), out),
-                );
+                // Rows without mass follow when the command has left.
+                explicit.advance_masses(&mut self.state, &self.inertia, &mut self.reported_vel);
                 if let Some(audit) = &mut self.audit {
                     audit.after(&self.state.disp, &self.state.vel, &self.inertia);
                 }
@@ -285,13 +377,8 @@ impl Numerical {
         ports: &mut [Port],
     ) -> Result<(), StepError> {
         // The account of energy looks at the whole of a closed step.
-        let (
-            Stepper::Explicit(Explicit {
-                integrator,
-                massless: None,
-            }),
-            None,
-        ) = (&mut self.stepper, &self.intake)
+        let (Stepper::Explicit(Explicit { integrator, .. }), None, Ahead::Never) =
+            (&mut self.stepper, &self.intake, self.ahead)
         else {
             self.close(step, dt, ports);
             return self.advance(step);

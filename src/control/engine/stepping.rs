@@ -136,6 +136,10 @@ impl Stepping {
             engine.record_trip(&place, stamps, &stop);
             return Err(stop);
         }
+        if let Side::Structure(numerical) = &mut *engine.side {
+            let dt = if place.step == 0 { 0.0 } else { engine.plan.dt };
+            numerical.work_ahead(place.step, dt, usize::MAX);
+        }
         let row = &mut engine.environment.journal.row;
         row.exchange(&place, Phase::Running, engine.side, engine.ports);
         engine.note_reached();

@@ -73,14 +73,17 @@ pub struct Massless {
     best: Trial,
     step: Vec<f64>,
     work: Vec<f64>,
+    search: Search,
+    /// The base of the next step.
+    base: Base,
 }
 
 // The rest is made again in each step.
 state! {
-    Massless as "rows without mass" { largest, shares }
+    Massless as "rows without mass" { largest, shares, disp, vel }
     keeps {
-        dt, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, scale, worst_dof, disp, vel, change,
-        rate, load, forces, external, tried, from, best, step, work
+        dt, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, scale, worst_dof, change, rate, load,
+        forces, external, tried, from, best, step, work, search, base
     }
 }
 
@@ -185,17 +188,38 @@ impl Massless {
             step: vec![0.0; s],
             best: Trial::zeros(s),
             work: vec![0.0; s],
+            search: Search::default(),
+            base: Base::default(),
             rows,
         }))
     }
 
-    /// `residual` ← F − R for the step that is closed, where it holds F (n): [`Structure::subtract_trial`]. Notes how well the rows
-    /// without mass balance. Real-time: yes.
+    /// `residual` ← F − R for the step that is closed, where it holds F (n): a trial, as [`Structure::subtract_trial`]. Notes how well
+    /// the rows without mass balance. Real-time: yes.
     pub fn close(&mut self, structure: &mut Structure, motion: Motion<'_>, residual: &mut [f64]) {
-        for (to, force) in self.gross.iter_mut().zip(residual.iter()) {
-            *to = force.abs();
+        let (mut from, mut budget) = (0, usize::MAX);
+        self.close_in_parts(structure, motion, residual, &mut from, &mut budget);
+    }
+
+    /// The same as far as `budget` evaluations of members suffice; `from` is where it goes on, 0 at first. True if it is done.
+    /// Real-time: yes.
+    pub fn close_in_parts(
+        &mut self,
+        structure: &mut Structure,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+        from: &mut usize,
+        budget: &mut usize,
+    ) -> bool {
+        if *from == 0 {
+            for (to, force) in self.gross.iter_mut().zip(residual.iter()) {
+                *to = force.abs();
+            }
+            structure.weigh(motion, &self.rows, &mut self.gross);
         }
-        structure.subtract_weighed(motion, residual, &self.rows, &mut self.gross);
+        if !structure.go_on_weighed(motion, residual, &mut self.gross, from, budget) {
+            return false;
+        }
         let (mut scale, mut worst) = (0.0, (0.0, 0));
         let rows = self.rows.iter().zip(&self.diagonal);
         let rows = rows.zip(&mut self.largest).zip(&mut self.tried.residual);
@@ -218,6 +242,7 @@ impl Massless {
         } else {
             (found / scale).sqrt()
         };
+        true
     }
 
     /// The least √(φ/ψ) of the last six steps: what one step leaves over at a kink, the next ones remove. Real-time: yes.
@@ -232,6 +257,12 @@ impl Massless {
             }
         };
         self.shares.iter().fold(f64::INFINITY, least)
+    }
+
+    /// Most places that a search tries.
+    #[must_use]
+    pub const fn most_places(&self) -> u32 {
+        PLACES
     }
 
     /// Degree of freedom, from 0, with the largest part of the last unbalance.
@@ -263,13 +294,13 @@ impl Massless {
         }
     }
 
-    /// Moves the rows without mass of `state`, whose other rows are a step on, to where they balance. `residual` is r of the step last
-    /// closed (n); `load` writes F of that step (0) or of the next (1) over its argument and returns the base there. The laws of
-    /// `structure` are evaluated, none commits. Real-time: yes, if `load` is.
-    pub(super) fn follow(
+    /// Begins to move the rows without mass of `state`, whose other rows are a step on, to where they balance. `residual` is r of the step
+    /// last closed (n); `load` writes F of that step (0) or of the next (1) over its argument and returns the base there. Real-time:
+    /// yes, if `load` is.
+    pub fn begin(
         &mut self,
-        structure: &mut Structure,
-        state: &mut State,
+        structure: &Structure,
+        state: &State,
         residual: &[f64],
         load: &mut dyn FnMut(u8, &mut [f64]) -> Base,
     ) {
@@ -277,7 +308,7 @@ impl Massless {
         for (to, &row) in self.step.iter_mut().zip(&self.rows) {
             *to = at(residual, row) - at(&self.load, row);
         }
-        let base = load(1, &mut self.load);
+        self.base = load(1, &mut self.load);
         let rows = self.step.iter_mut().zip(&mut self.external);
         for ((to, external), &row) in rows.zip(&self.rows) {
             *to += at(&self.load, row);
@@ -285,41 +316,79 @@ impl Massless {
         }
         self.note_change(state);
         let base_change = Base {
-            disp: base.disp - before.disp,
-            vel: base.vel - before.vel,
+            disp: self.base.disp - before.disp,
+            vel: self.base.vel - before.vel,
         };
         self.predict(structure, base_change);
-        self.evaluate(structure, state, base);
-        self.best.copy_from(&self.tried);
-        let (mut places, mut is_far, mut may_restart) = (1, false, true);
-        while places < PLACES {
-            if self.best.energy <= BALANCED * self.scale {
-                break;
+        self.search = Search::default();
+    }
+
+    /// Goes on with the search that has begun, until `budget` evaluations of members are used up; it is lowered by those that were made.
+    /// True if the rows of `state` are where they balance best. The laws of `structure` are evaluated, none commits. Real-time: yes.
+    pub fn work(
+        &mut self,
+        structure: &mut Structure,
+        state: &mut State,
+        budget: &mut usize,
+    ) -> bool {
+        loop {
+            if !self.evaluate(structure, state, budget) {
+                return false;
             }
-            if may_restart && places >= RESTART {
-                (may_restart, places) = (false, places + 1);
-                self.stay();
-                self.evaluate(structure, state, base);
-                self.go_safely();
-            } else if is_far {
-                self.tried.go(&self.from, &self.step);
-            } else {
-                self.next(structure);
-            }
-            self.evaluate(structure, state, base);
-            places += 1;
-            if self.tried.energy < self.best.energy || self.best.energy.is_nan() {
-                self.best.copy_from(&self.tried);
-            }
-            let [ahead, behind] = [&self.from, &self.tried].map(|trial| trial.along(&self.step));
-            is_far = ahead > 0.0 && behind < -OVERSHOOT * ahead;
-            if is_far {
-                let share = ahead / (ahead - behind);
-                self.step.iter_mut().for_each(|by| *by *= share);
+            if !self.judge(structure) {
+                std::mem::swap(&mut self.best, &mut self.tried);
+                self.put(state);
+                return true;
             }
         }
-        std::mem::swap(&mut self.best, &mut self.tried);
-        self.put(state);
+    }
+
+    /// Notes the place that was tried; false if the search is over, else another one is to be tried. Real-time: yes.
+    fn judge(&mut self, structure: &Structure) -> bool {
+        let Search {
+            places,
+            kind,
+            may_restart,
+            ..
+        } = &mut self.search;
+        *places += 1;
+        let (places, kind, may_restart) = (*places, *kind, *may_restart);
+        match kind {
+            PlaceKind::First => {
+                self.search.kind = PlaceKind::Searched;
+                self.best.copy_from(&self.tried);
+            }
+            PlaceKind::Stays => {
+                self.search.kind = PlaceKind::Searched;
+                self.go_safely();
+                return true;
+            }
+            PlaceKind::Searched => {
+                if self.tried.energy < self.best.energy || self.best.energy.is_nan() {
+                    self.best.copy_from(&self.tried);
+                }
+                let along = [&self.from, &self.tried].map(|trial| trial.along(&self.step));
+                let [ahead, behind] = along;
+                self.search.is_far = ahead > 0.0 && behind < -OVERSHOOT * ahead;
+                if self.search.is_far {
+                    let share = ahead / (ahead - behind);
+                    self.step.iter_mut().for_each(|by| *by *= share);
+                }
+            }
+        }
+        if places >= PLACES || self.best.energy <= BALANCED * self.scale {
+            return false;
+        }
+        if may_restart && places >= RESTART {
+            self.search.may_restart = false;
+            self.search.kind = PlaceKind::Stays;
+            self.stay();
+        } else if self.search.is_far {
+            self.tried.go(&self.from, &self.step);
+        } else {
+            self.next(structure);
+        }
+        true
     }
 
     /// Change of x and v where the rows without mass stay. Real-time: yes.
@@ -449,17 +518,61 @@ impl Massless {
         }
     }
 
-    /// r and φ at the place that is tried. Real-time: yes.
-    fn evaluate(&mut self, structure: &mut Structure, state: &mut State, base: Base) {
-        self.put(state);
-        self.forces.fill(0.0);
-        structure.subtract_trial(&state.disp, &state.vel, base, self.dt, &mut self.forces);
+    /// r and φ at the place that is tried; false if the budget does not suffice yet. Real-time: yes.
+    fn evaluate(
+        &mut self,
+        structure: &mut Structure,
+        state: &mut State,
+        budget: &mut usize,
+    ) -> bool {
+        if self.search.member == 0 {
+            self.put(state);
+            self.forces.fill(0.0);
+        }
+        let motion = Motion::new(&state.disp, &state.vel, self.base, self.dt);
+        let from = &mut self.search.member;
+        if !structure.go_on(motion, &mut self.forces, from, budget) {
+            return false;
+        }
         let external = self.external.iter().zip(&self.rows);
         for (to, (external, &row)) in self.tried.residual.iter_mut().zip(external) {
             *to = external + at(&self.forces, row);
         }
         self.tried.energy = self.energy();
+        true
     }
+}
+
+/// Where a search is.
+#[derive(Debug, Clone, Copy)]
+struct Search {
+    /// Places that were tried.
+    places: u32,
+    kind: PlaceKind,
+    is_far: bool,
+    may_restart: bool,
+    /// The next part of the evaluation at the place that is tried.
+    member: usize,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self {
+            places: 0,
+            kind: PlaceKind::First,
+            is_far: false,
+            may_restart: true,
+            member: 0,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum PlaceKind {
+    First,
+    Searched,
+    /// That of the step last closed, from which the search begins again.
+    Stays,
 }
 
 /// An entry; a missing one is not a number, which stops the test.
@@ -684,10 +797,11 @@ mod tests {
                 own.close(&mut structure, motion, &mut r);
                 structure.commit();
                 own.before(&state);
-                own.follow(&mut structure, &mut state, &r, &mut |_, out| {
+                own.begin(&structure, &state, &r, &mut |_, out| {
                     out.fill(0.0);
                     Base::default()
                 });
+                while !own.work(&mut structure, &mut state, &mut 1) {}
                 places.push((state.disp[0], own.shares[0]));
             }
             for pair in places[1..].windows(2) {

@@ -178,7 +178,7 @@ pub struct Explicit {
 }
 
 impl Explicit {
-    /// `state` at step n, whose r this is, goes to n + 1; see [`Integrator::advance`] and [`Massless::follow`]. Real-time: yes, if `load`
+    /// `state` at step n, whose r this is, goes to n + 1; see [`Integrator::advance`] and [`Massless::work`]. Real-time: yes, if `load`
     /// is.
     pub fn advance(
         &mut self,
@@ -188,13 +188,28 @@ impl Explicit {
         reported_vel: &mut [f64],
         load: &mut dyn FnMut(u8, &mut [f64]) -> Base,
     ) {
-        let Some(massless) = &mut self.massless else {
-            return self.integrator.advance(state, residual, reported_vel);
-        };
-        massless.before(state);
+        self.advance_masses(state, residual, reported_vel);
+        if let Some(massless) = &mut self.massless {
+            massless.begin(structure, state, residual, load);
+            let mut budget = usize::MAX;
+            massless.work(structure, state, &mut budget);
+        }
+    }
+
+    /// The same, but rows without mass stay where they are until [`Massless::begin`] and [`Massless::work`]. Real-time: yes.
+    pub fn advance_masses(
+        &mut self,
+        state: &mut State,
+        residual: &[f64],
+        reported_vel: &mut [f64],
+    ) {
+        if let Some(massless) = &mut self.massless {
+            massless.before(state);
+        }
         self.integrator.advance(state, residual, reported_vel);
-        massless.report(reported_vel);
-        massless.follow(structure, state, residual, load);
+        if let Some(massless) = &mut self.massless {
+            massless.report(reported_vel);
+        }
     }
 }
 

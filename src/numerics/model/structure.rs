@@ -89,6 +89,12 @@ impl Structure {
         &self.members
     }
 
+    /// True if members of a frame are evaluated in each step.
+    #[must_use]
+    pub fn has_members(&self) -> bool {
+        !self.members.is_empty()
+    }
+
     /// True if the internal forces are K x + C v, whatever the motion.
     #[must_use]
     pub(crate) fn is_linear(&self) -> bool {
@@ -333,19 +339,22 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        self.walk::<true>(Motion::new(disp, vel, base, dt), residual, &mut []);
+        let motion = Motion::new(disp, vel, base, dt);
+        self.walk::<true>(motion, residual, &mut []);
+        self.step_members(motion, residual);
     }
 
-    /// [`Structure::subtract_trial`] of a structure with massless degrees of freedom, which also tells how large the forces on its
-    /// `rows` are: `gross` of such a row gains the size of what each spring and dashpot of K and C and each element bears. Real-time:
-    /// yes.
-    pub(crate) fn subtract_weighed(
-        &mut self,
-        motion: Motion<'_>,
-        residual: &mut [f64],
-        rows: &[usize],
-        gross: &mut [f64],
-    ) {
+    /// Forces of all members, and their commit. Real-time: yes.
+    fn step_members(&mut self, motion: Motion<'_>, residual: &mut [f64]) {
+        let all = 0..self.members.count();
+        self.members
+            .subtract(all, at(motion), self.lanes, residual, &mut []);
+        self.members.commit();
+    }
+
+    /// How large the forces of K and C are on `rows`: `gross` of such a row gains the size of what each spring and dashpot bears.
+    /// Real-time: yes.
+    pub(crate) fn weigh(&self, motion: Motion<'_>, rows: &[usize], gross: &mut [f64]) {
         for &row in rows {
             let sizes = [(&self.stiffness, motion.disp), (&self.damping, motion.vel)];
             if let Some(gross) = gross.get_mut(row) {
@@ -355,7 +364,41 @@ impl Structure {
                     .sum::<f64>();
             }
         }
-        self.walk::<false>(motion, residual, gross);
+    }
+
+    /// [`Structure::subtract_trial`] in parts: as many members as `budget` allows, from part `from` on, which is 0 at first. Both
+    /// are moved on; true if it is done, and `from` is 0 again. Real-time: yes.
+    pub fn go_on(
+        &mut self,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+        from: &mut usize,
+        budget: &mut usize,
+    ) -> bool {
+        self.go_on_weighed(motion, residual, &mut [], from, budget)
+    }
+
+    /// The same; `gross` gains the size of each force of an element or a member where it has an entry for its row. Real-time: yes.
+    pub(crate) fn go_on_weighed(
+        &mut self,
+        motion: Motion<'_>,
+        residual: &mut [f64],
+        gross: &mut [f64],
+        from: &mut usize,
+        budget: &mut usize,
+    ) -> bool {
+        if *from == 0 {
+            self.walk::<false>(motion, residual, gross);
+            *from = 1;
+        }
+        let count = self.members.count();
+        let end = count.min((*from - 1).saturating_add(*budget));
+        *budget -= end - (*from - 1);
+        let part = *from - 1..end;
+        self.members
+            .subtract(part, at(motion), self.lanes, residual, gross);
+        *from = if end == count { 0 } else { end + 1 };
+        end == count
     }
 
     /// out ← out − K_t d − C_t v with the tangents at the last trial of every element. `change` holds d and v, and those of the
@@ -407,7 +450,9 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        self.walk::<false>(Motion::new(disp, vel, base, dt), residual, &mut []);
+        let (mut from, mut budget) = (0, usize::MAX);
+        let motion = Motion::new(disp, vel, base, dt);
+        self.go_on(motion, residual, &mut from, &mut budget);
     }
 
     /// The last trial of every element becomes its committed state.
@@ -443,13 +488,6 @@ impl Structure {
         if !self.elements.is_empty() {
             self.elements
                 .subtract_rest::<COMMIT>(motion, residual, gross);
-        }
-        if !self.members.is_empty() {
-            self.members
-                .subtract(at(motion), self.lanes, residual, gross);
-            if COMMIT {
-                self.members.commit();
-            }
         }
     }
 
@@ -511,7 +549,8 @@ impl Structure {
             if fresh {
                 residual.fill(0.0);
             }
-            return self.walk::<true>(motion, residual, &mut []);
+            self.walk::<true>(motion, residual, &mut []);
+            return self.step_members(motion, residual);
         }
         if !self.subtract_even(rows.clone(), motion, residual, fresh) {
             if fresh && let Some(residual) = residual.get_mut(rows.clone()) {

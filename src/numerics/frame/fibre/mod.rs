@@ -172,6 +172,7 @@ impl Fibres {
     }
 
     /// Forgets the last trial. Real-time: yes.
+    #[cfg(test)]
     pub(super) fn revert(&mut self) {
         self.trial.copy_from_slice(&self.committed);
     }

@@ -10,6 +10,8 @@ mod symmetric;
 mod tests;
 
 pub(super) use basic::Basic;
+use std::ops::Range;
+
 use basic::{Answer, DisplacementBased, ForceBased, Hinged, Point};
 pub(crate) use symmetric::Sym3;
 use symmetric::product3;
@@ -223,19 +225,26 @@ impl Members {
         });
     }
 
+    /// Members and links.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.each.len()
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.each.is_empty()
     }
 
-    /// residual ← residual − forces, a trial; `gross` gains the size of each force where it has an entry for its row. Real-time: yes.
+    /// residual ← residual − forces of some of them, a trial; `gross` gains the size of each force where it has an entry for its row. Real-time: yes.
     pub(crate) fn subtract(
         &mut self,
+        part: Range<usize>,
         at: At<'_>,
         lanes: Lanes,
         residual: &mut [f64],
         gross: &mut [f64],
     ) {
-        for member in &mut self.each {
+        for member in self.each.get_mut(part).unwrap_or_default() {
             member.disp = member.place.deformation(at.disp, at.base[0]);
             let [rate, ..] = member.place.deformation(at.vel, at.base[1]);
             member.answer = member.basic.trial(member.disp, rate, at.dt, lanes);
