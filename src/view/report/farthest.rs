@@ -20,6 +20,9 @@ pub(super) struct Farthest {
     pub disp: Vec<f64>,
 }
 
+/// A direction of a node and its terms: DOF from 0, coefficient.
+type Motion = (String, Direction, Vec<(usize, f64)>);
+
 /// Looks for it while the rows pass.
 pub(super) struct FarthestPass {
     time: Option<usize>,
@@ -28,7 +31,7 @@ pub(super) struct FarthestPass {
     /// Place of each DOF in a block, and its displacement for a unit displacement of the ground.
     disp: Vec<(usize, f64)>,
     /// The motions of the nodes, each once.
-    motions: Vec<(String, Direction, Vec<(usize, f64)>)>,
+    motions: Vec<Motion>,
     /// In x and in y.
     most: [Option<Farthest>; 2],
 }
@@ -49,7 +52,7 @@ impl FarthestPass {
             Some(_) => Some(at("ground")?),
             None => None,
         };
-        let mut motions: Vec<(String, Direction, Vec<(usize, f64)>)> = Vec::new();
+        let mut motions: Vec<Motion> = Vec::new();
         for node in model.nodes() {
             for direction in [Direction::X, Direction::Y] {
                 let motion = model.motion(node, direction).unwrap_or_default();
@@ -70,7 +73,8 @@ impl FarthestPass {
     /// Takes ends of steps: one slice per column of a block.
     pub(crate) fn take(&mut self, block: &[&[f64]]) {
         let mut disp = vec![0.0; self.disp.len()];
-        for row in 0..block.first().map_or(0, |column| column.len()) {
+        let rows = 0..block.first().map_or(0, |column| column.len());
+        for row in rows {
             let ground = self.ground.map_or(0.0, |at| block[at][row]);
             for (to, (at, share)) in disp.iter_mut().zip(&self.disp) {
                 *to = block[*at][row] - share * ground;
