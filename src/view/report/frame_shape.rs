@@ -160,7 +160,7 @@ fn magnification(size: f64, disp: f64) -> Option<f64> {
     Some(fitting.last().unwrap_or(1.0))
 }
 
-/// The deformed shape with its displacements and its magnification, or why there is none.
+/// The deformed shape with its displacements and its magnification, or the reason why it is missing.
 fn deformed<'a>(
     spec: &FrameSpec,
     model: &FrameModel,
