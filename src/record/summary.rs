@@ -149,6 +149,15 @@ pub struct Realtime {
     pub granted: Option<Granted>,
 }
 
+/// Largest demand of both ends of a member of a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MemberDemand {
+    /// Its name in the test file, or "member" and its number from 1.
+    pub name: String,
+    /// Demands of its start and its end: 1 where the member begins to yield. A demand that is not finite is null.
+    pub demand: [Option<f64>; 2],
+}
+
 /// Content of `summary.json`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -232,6 +241,9 @@ pub struct Summary {
     /// Why, as events spell it: of a limit its key. Older runs lack it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
+    /// Demands of the members of a frame that can yield.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub members: Vec<MemberDemand>,
 }
 
 #[cfg(any(test, feature = "test-doubles"))]
@@ -291,6 +303,7 @@ pub(super) mod tests {
             accepted: BTreeMap::new(),
             verdict: None,
             cause: Some("done".to_owned()),
+            members: Vec::new(),
         }
     }
 
@@ -352,6 +365,23 @@ pub(super) mod tests {
         ] {
             assert_eq!(serde_json::to_value(status).unwrap(), word);
         }
+    }
+
+    #[test]
+    fn demands_of_members_are_read_as_they_were_written() {
+        let member = MemberDemand {
+            name: "beam 1".to_owned(),
+            demand: [Some(1.7), Some(f64::NAN)],
+        };
+        let summary = Summary {
+            members: vec![member],
+            ..example()
+        };
+        let json = serde_json::to_value(summary).unwrap();
+        let written = serde_json::json!([{ "name": "beam 1", "demand": [1.7, null] }]);
+        assert_eq!(json["members"], written);
+        let read: Summary = serde_json::from_value(json).unwrap();
+        assert_eq!(read.members[0].demand, [Some(1.7), None]);
     }
 
     #[test]

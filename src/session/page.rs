@@ -17,7 +17,7 @@ use gusset_record::{
 };
 use gusset_view::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, Source, effect, followed, hero_svg, identified,
-    missing_metrics, render, storeys, tracking_metrics, without_disp,
+    missing_metrics, render, tracking_metrics, without_disp,
 };
 use gusset_view::{Flaws, ResolvedTest, RunView, TestFile};
 
@@ -254,7 +254,7 @@ pub(super) fn read(folder: &Path) -> Result<RunView, PageError> {
         run: &run,
     };
     let model = model.as_mut().map(|model| model as &mut dyn Model);
-    let digest = Digest::of(&on_disk, &storeys(&test.file), model);
+    let digest = Digest::of(&on_disk, &test.file, model);
     let digest = digest.map_err(|source| PageError::File {
         path: at("samples.bin"),
         source,

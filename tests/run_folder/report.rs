@@ -511,6 +511,36 @@ fn displaced_base_has_absolute_coordinates() {
     assert!(page.contains(&format!("{told} relative to the ground.")));
 }
 
+/// The page draws the frame at the sample of the record where the floor drifts most.
+#[test]
+fn frame_is_drawn_where_it_drifts_most() {
+    let text = "title = \"Portal\"\n[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n\
+        [structure.frame]\nnode = [{ name = \"A\", at_m = [0, 0], fixed = [\"x\", \"y\", \"rz\"] }, { name = \"B\", at_m = [0, 3], mass_kg = 1e4 }]\n\
+        member = [{ nodes = [\"A\", \"B\"], section = \"s\" }]\nload = [{ node = \"B\", x_n = 4e4 }]\n\
+        section.s.elastic = { young_pa = 2e11, area_m2 = 1e-2, inertia_m4 = 1e-4 }\n\
+        [[specimen]]\nname = \"brace\"\ndeformations = [{ node = \"B\", direction = \"x\" }]\n\
+        law.linear = { stiffness_n_per_m = 1e6, damping_n_s_per_m = 1e4 }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 2, frequency_hz = 1.5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = page_of(folder.path(), "frame", text);
+    let columns = Run::open(&out)
+        .unwrap()
+        .columns(&["state", "time", "x1"])
+        .unwrap();
+    let rows = (0..columns[0].len()).filter(|row| columns[0][*row] == 3.0);
+    let most = rows
+        .max_by(|a, b| columns[2][*a].abs().total_cmp(&columns[2][*b].abs()))
+        .unwrap();
+    let (time, drift) = (columns[1][most], columns[2][most]);
+    // The load alone: 40 kN over 2.22 MN/m of the column and 1 MN/m of the brace.
+    assert!(drift > 4e4 / 3.23e6, "{drift}");
+    let told = format!(
+        "At {time}\u{a0}s node B has the largest drift: {:.1}\u{a0}mm in x.",
+        1e3 * drift
+    );
+    assert!(page.contains(&told), "{told}");
+}
+
 #[test]
 fn row_of_a_trip_is_in_the_tables() {
     let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\

@@ -896,11 +896,11 @@ impl Canvas {
         self.body += &markup.0;
     }
 
-    fn open(&mut self, class: &str) {
+    pub(super) fn open(&mut self, class: &str) {
         self.body += &format!("<g class=\"{class}\">");
     }
 
-    fn close(&mut self) {
+    pub(super) fn close(&mut self) {
         self.body += "</g>";
     }
 
@@ -916,6 +916,27 @@ impl Canvas {
         self.add(html! {
             rect class={ "f-" (ink.name()) } x=(r(x)) y=(r(y)) width=(r(w)) height=(r(h)) fill-opacity=(opacity) {}
         });
+    }
+
+    /// A circle: filled, or an open one that covers what is below it.
+    pub(super) fn circle(&mut self, at: (f64, f64), radius: f64, ink: Ink, is_filled: bool) {
+        let class = match is_filled {
+            true => format!("f-{}", ink.name()),
+            false => format!("f-card l-{}", ink.name()),
+        };
+        self.add(html! { circle class=(class) cx=(r(at.0)) cy=(r(at.1)) r=(radius) stroke-width="1.5" {} });
+    }
+
+    /// Lines that are straight from the first point to the second, a Bézier curve to the fifth, and straight to the last.
+    pub(super) fn members(&mut self, shapes: &[[(f64, f64); 6]], ink: Ink, width: f64) {
+        let shapes = shapes.iter().map(|points| {
+            let [first, from, a, b, to, last] = points.map(|(x, y)| format!("{} {}", r(x), r(y)));
+            format!("M{first}L{from}C{a} {b} {to}L{last}")
+        });
+        let d: String = shapes.collect();
+        self.add(
+            html! { path class={ "l-" (ink.name()) } d=(d) fill="none" stroke-width=(width) {} },
+        );
     }
 
     /// Text, centred on its point vertically.

@@ -27,7 +27,7 @@ impl SpecimenAxis {
 
 /// A column that is a sum of others, each with a factor: a storey drift, for example.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Combination {
+pub(super) struct Combination {
     /// Its name.
     pub name: String,
     /// Its meaning.

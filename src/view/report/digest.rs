@@ -6,6 +6,7 @@
 use super::axes::AxisDigest;
 use super::axis_end::AxisEnd;
 use super::columns::SpecimenAxis;
+use super::farthest::Farthest;
 use super::row_filter::Passed;
 use super::shaking::Shaking;
 use super::source::Earlier;
@@ -56,6 +57,8 @@ pub struct Digest {
     /// Scale of energy errors; `None` without a model.
     pub(super) scale: Option<Scale>,
     pub(super) worst: Vec<Tick>,
+    /// The end of a step at which a node of a frame is farthest from its place.
+    pub(super) farthest: Option<Farthest>,
     /// Mean displacement of the last part of the test, by DOF.
     pub(super) residuals: Vec<(u32, f64)>,
 }

@@ -2,15 +2,18 @@
 
 use super::axis::is_drawable;
 use super::axis_end::Ends;
-use super::columns::{Combination, ERROR, MOST_AXES, MOST_DOFS, MOST_LINES, SpecimenAxis, spread};
+use super::columns::{ERROR, MOST_AXES, MOST_DOFS, MOST_LINES, SpecimenAxis, spread};
 use super::digest::Digest;
 use super::even::Evenness;
+use super::farthest::{FarthestPass, frame};
 use super::loop_line::Loop;
 use super::row_filter::{RowFilter, Stretch};
 use super::source::Source;
 use super::stale::Stale;
 use super::table::{Table, Thinner};
+use super::tested::storeys;
 use super::worst::Worst;
+use crate::TestFile;
 use gusset_motion::metrics::absorbed_energy;
 use gusset_motion::metrics::energy::{Balance, Energies, Model};
 use gusset_motion::metrics::tracking::Noise;
@@ -131,6 +134,7 @@ pub(super) struct First<'a> {
     energy: Option<EnergyPass<'a>>,
     energy_thinner: Thinner,
     worst: Worst,
+    farthest: Option<FarthestPass>,
     measured: Vec<Measured>,
     evenness: Evenness,
     /// Places of the columns that a limit is about, and their values farthest from zero.
@@ -208,11 +212,12 @@ struct EnergyPass<'a> {
 impl<'a> First<'a> {
     pub(crate) fn new(
         source: &dyn Source,
-        combinations: &[Combination],
+        test: &TestFile,
         model: Option<&'a mut dyn Model>,
         digest: &Digest,
     ) -> Self {
         let all = source.columns();
+        let combinations = storeys(test);
         // Those that are listed, and those of which histories are drawn.
         let mut listed = spread(&digest.dofs, MOST_DOFS);
         listed.extend(spread(&digest.dofs, MOST_LINES));
@@ -221,7 +226,8 @@ impl<'a> First<'a> {
         let drawn: Vec<SpecimenAxis> = digest.all_axes.iter().take(MOST_AXES).copied().collect();
         let needs_all = model
             .as_ref()
-            .is_some_and(|model| model.dofs() == digest.dofs.len());
+            .is_some_and(|model| model.dofs() == digest.dofs.len())
+            || frame(test).is_some();
         let is_kept = |column: &Column| {
             let name = column.name.as_str();
             let Some(kind) = column::find(name) else {
@@ -306,6 +312,7 @@ impl<'a> First<'a> {
             parts,
             energy_thinner: Thinner::new(steps, 7, Some(0)),
             worst: Worst::new(&columns),
+            farthest: FarthestPass::new(test, at),
             measured: drawn.iter().map(|axis| Measured::new(*axis, at)).collect(),
             evenness: Evenness::new(),
             largest: limited.map(|place| (place, 0.0)).collect(),
@@ -392,6 +399,9 @@ impl<'a> First<'a> {
     }
 
     fn step_rows(&mut self, block: &[&[f64]]) {
+        if let Some(farthest) = &mut self.farthest {
+            farthest.take(block);
+        }
         if let (Some(energy), Some(step), Some(time)) = (&mut self.energy, self.step, self.time) {
             let mut found: [Vec<f64>; 7] = Default::default();
             for (row, (step, time)) in block[step].iter().zip(block[time]).enumerate() {
@@ -425,6 +435,7 @@ impl<'a> First<'a> {
             .every()
             .max(self.parts[1].thinner.every());
         digest.worst = self.worst.finish();
+        digest.farthest = self.farthest.and_then(FarthestPass::finish);
         // A balance with missing steps is not valid.
         let whole = digest.passed.missing_steps == 0;
         let largest = self.largest.iter();

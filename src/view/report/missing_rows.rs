@@ -403,7 +403,7 @@ fn long_tests_count_single_rows() {
         step_s: Some(dt),
         ticks_per_step: 1,
     };
-    let digest = Digest::of(&memory, &[], Some(&mut Mass)).unwrap();
+    let digest = Digest::of(&memory, &crate::TestFile::default(), Some(&mut Mass)).unwrap();
     assert!(digest.every > 1);
     let run = RunView {
         columns: columns.clone(),

@@ -14,11 +14,11 @@
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; the pieces of all pages; their looks; zoom, cursors and CSV |
 //! | `chart`, `axis`, `thin` | all drawing: layers over two axes as SVG; ranges and ticks; fewer points |
 //! | `outcome`, `end_positions`, `figures` | the verdict in words; end positions of specimens; key figures |
-//! | `response`, `tracking`, `effect`, `identified`, `balance`, `timing` | sections of results |
+//! | `response`, `frame_shape`, `tracking`, `effect`, `identified`, `balance`, `timing` | sections of results |
 //! | `tested`, `sketch`, `scale`, `ground`, `limits`, `events` | sections of the test: model, ends, ground motion, limits, events |
 //! | `compare`, `matched` | the page of several runs; their rows, number against number |
 //! | `source`, `row_filter`, `stale`, `digest`, `passes`, `first`, `series` | rows read in blocks, and the kept results |
-//! | `axes`, `axis_end`, `tracked`, `shaking`, `worst`, `table` | kept results of axes, specimens and columns |
+//! | `axes`, `axis_end`, `tracked`, `shaking`, `farthest`, `worst`, `table` | kept results of axes, specimens and columns |
 //! | `columns`, `rows`, `text` | columns a digest reads; columns by name; numbers as text |
 //! | `pictures` | the separate pictures |
 
@@ -34,8 +34,10 @@ mod effect;
 mod end_positions;
 mod even;
 mod events;
+mod farthest;
 mod figures;
 mod first;
+mod frame_shape;
 mod ground;
 mod html;
 mod identified;
@@ -71,7 +73,6 @@ mod tracking;
 mod worst;
 
 pub use chart::{Chart, Look, Scale};
-pub use columns::Combination;
 pub use compare::{compare, damages, doubts, verdict};
 pub use digest::Digest;
 pub use effect::effect;
@@ -85,7 +86,7 @@ pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
 pub use source::{BLOCK, Earlier, Source};
-pub use tested::{storeys, without_disp};
+pub use tested::without_disp;
 pub use text::count;
 
 use std::borrow::Cow;
@@ -107,6 +108,6 @@ impl RunView {
             without_disp: without_disp(&self.events),
         };
         // Reading memory does not fail.
-        Cow::Owned(Digest::of(&memory, &storeys(&self.test.file), None).unwrap_or_default())
+        Cow::Owned(Digest::of(&memory, &self.test.file, None).unwrap_or_default())
     }
 }

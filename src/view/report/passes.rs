@@ -3,12 +3,13 @@
 use std::io;
 
 use super::axes::{AxisDigest, envelope};
-use super::columns::{Combination, ERROR, MOST_LINES, SpecimenAxis, spread};
+use super::columns::{ERROR, MOST_LINES, SpecimenAxis, spread};
 use super::digest::Digest;
 use super::first::{First, Measured};
 use super::series::{Second, second};
 use super::shaking::Shaking;
 use super::source::Source;
+use crate::TestFile;
 use gusset_motion::metrics::energy::Model;
 use gusset_quantity::catalog::column::{DISP, FORCE};
 use gusset_record::Column;
@@ -38,13 +39,13 @@ fn axes(columns: &[Column]) -> Vec<SpecimenAxis> {
 }
 
 impl Digest {
-    /// Reads `source`; `combinations` are made of its columns, `model` closes the energy balance.
+    /// Reads `source`; `test` gives the storeys or the frame, `model` closes the energy balance.
     ///
     /// # Errors
     /// The rows cannot be read.
     pub fn of(
         source: &dyn Source,
-        combinations: &[Combination],
+        test: &TestFile,
         model: Option<&mut dyn Model>,
     ) -> io::Result<Self> {
         let columns = source.columns();
@@ -56,7 +57,7 @@ impl Digest {
             without_disp: source.without_disp().to_vec(),
             ..Self::default()
         };
-        let mut first = First::new(source, combinations, model, &digest);
+        let mut first = First::new(source, test, model, &digest);
         source.read(&first.wanted.clone(), &mut |block| first.take(block))?;
         let (measured, evenness) = first.finish(&mut digest);
         let spectra = spread(&digest.dofs, MOST_SPECTRA);

@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use super::chart::{Chart, Ink, Look, Scale, WHOLE};
 use super::columns::{MOST_DOFS, MOST_LINES, Storey, TAIL, spread};
 use super::digest::{Digest, WITHOUT_DISP};
+use super::frame_shape;
 use super::html::{beside, details, note, paragraph, table};
 use super::tested::dof as dof_in_words;
 use super::text::{count, or_dash, quantity};
@@ -24,7 +25,8 @@ const MOST_TRIPS: usize = 3;
 /// The section; `None` for a test without a structure and without specimens.
 pub(super) fn response(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Option<Markup> {
     let dofs = &rows.dofs;
-    if dofs.is_empty() && axes.is_empty() {
+    let frame = frame_shape::figure(run, rows).unwrap_or_default();
+    if dofs.is_empty() && axes.is_empty() && frame.0.is_empty() {
         return None;
     }
     let what = if dofs.is_empty() {
@@ -40,7 +42,8 @@ pub(super) fn response(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Op
         String::new()
     };
     if !says.is_empty() && (rows.passed.steps == 0 || !dofs.is_empty()) {
-        return Some(rows.section("Response", paragraph(&says)));
+        let markup = html! { (paragraph(&says)) (beside("grid", frame)) };
+        return Some(rows.section("Response", markup));
     }
     let shown = spread(dofs, MOST_LINES);
     let loops = loops(run, rows, axes);
@@ -51,7 +54,7 @@ pub(super) fn response(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Op
     };
     let markup = html! {
         (of_dofs(run, rows, &shown, ("x", "Displacement", "displacement")))
-        (beside("grid", html! { (loops) (storeys(run, rows)) }))
+        (beside("grid", html! { (frame) (loops) (storeys(run, rows)) }))
         @if loops.0.is_empty() && dofs.is_empty() { (paragraph("Nothing was measured.")) }
         (poses(run, rows))
         (storey_peaks(rows))

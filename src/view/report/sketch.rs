@@ -85,7 +85,8 @@ fn figure(height: f64, label: &str, draw: impl FnOnce(&mut Canvas)) -> Markup {
     html! { figure { (page_picture(WIDE, height, label, draw)) } }
 }
 
-fn hatch(canvas: &mut Canvas, from: f64, to: f64, y: f64) {
+/// The ground: a line with strokes below it.
+pub(super) fn hatch(canvas: &mut Canvas, from: f64, to: f64, y: f64) {
     canvas.line((from, y), (to, y), Ink::Text, 2.0);
     let mut x = from + 4.0;
     while x < to {

@@ -34,8 +34,7 @@ fn building(test: &TestFile) -> Option<&ShearBuildingSpec> {
 ///
 /// The shear is the inertia of the floors above, −Σ m a. It includes damping forces, and is known where only the ground excites the
 /// building. Buildings with very many storeys have drifts only.
-#[must_use]
-pub fn storeys(test: &TestFile) -> Vec<Combination> {
+pub(super) fn storeys(test: &TestFile) -> Vec<Combination> {
     let masses = building(test).map_or(&[][..], |building| &building.mass_kg);
     let excitation = &test.excitation;
     // Coordinates are absolute where the base is displaced.

@@ -65,7 +65,8 @@ fn assert_well_formed(svg: &str) {
 fn svgs(page: &str) -> Vec<&str> {
     page.split("<svg class=\"chart\" ")
         .skip(1)
-        .filter_map(|part| part.split("</svg></figure>").next())
+        .filter_map(|part| part.split("</figure>").next()?.rsplit_once("</svg>"))
+        .map(|(inside, _)| inside)
         .collect()
 }
 
@@ -438,4 +439,122 @@ fn missing_displacement_is_explained() {
     ] {
         assert!(!page.contains(line), "{line}");
     }
+}
+
+/// A portal frame with a rigid floor, and the DOFs B0 rz, A1 x, A1 y, A1 rz, B1 y, B1 rz. The beam has no name.
+const PORTAL: &str = "[structure.frame]\nnode = [\n\
+    { name = \"A0\", at_m = [0, 0], fixed = [\"x\", \"y\", \"rz\"] },\n\
+    { name = \"B0\", at_m = [6, 0], fixed = [\"x\", \"y\"] },\n\
+    { name = \"A1\", at_m = [0, 4], mass_kg = 1e4 },\n{ name = \"B1\", at_m = [6, 4] },\n]\n\
+    member = [\n{ name = \"left\", nodes = [\"A0\", \"A1\"], section = \"s\" },\n\
+    { name = \"right\", nodes = [\"B0\", \"B1\"], section = \"s\" },\n\
+    { nodes = [\"A1\", \"B1\"], section = \"s\", release = [\"end\"], offset_start_m = [0.2, 0] },\n]\n\
+    constraint = [{ diaphragm = { master = \"A1\", nodes = [\"B1\"] } }]\n\
+    section.s.elastic = { young_pa = 2e11, area_m2 = 1e-2, inertia_m4 = 1e-4 }\n";
+
+/// Rows of the portal; the floor drifts by −80 mm at 0.25 s.
+fn portal(more: &str) -> RunView {
+    let names = [
+        "state", "time", "ground", "x1", "x2", "x3", "x4", "x5", "x6",
+    ];
+    let drift = [0.01, 0.03, -0.08, 0.05];
+    let column = |name: &str, row: usize| match name {
+        "state" => 3.0,
+        "time" => 0.125 * row as f64,
+        "ground" => 0.5,
+        "x2" => drift[row],
+        "x3" | "x5" => -0.001,
+        _ => -0.1 * drift[row],
+    };
+    let data = names.map(|name| (0..4).map(|row| column(name, row)).collect());
+    RunView {
+        columns: columns(&names),
+        data: data.into(),
+        test: format!("{PORTAL}{more}").into(),
+        ..RunView::default()
+    }
+}
+
+/// The picture of the frame and its caption.
+fn frame_of(run: &RunView) -> (String, String) {
+    let page = render(run);
+    assert_pictures_are_well_formed(&page);
+    let figures = page
+        .split("<figure>")
+        .filter(|part| part.contains("<figcaption>"));
+    let [figure] = figures.collect::<Vec<_>>()[..] else {
+        panic!("no frame, or several");
+    };
+    let (picture, caption) = figure.split_once("<figcaption>").unwrap();
+    let caption = caption.split_once("</figcaption>").unwrap().0;
+    (picture.to_owned(), caption.replace("&quot;", "\""))
+}
+
+#[test]
+fn frame_is_drawn_at_its_largest_drift() {
+    let mut run = portal("");
+    let (picture, caption) = frame_of(&run);
+    let told = "At 0.25\u{a0}s node A1 has the largest drift: −80.0\u{a0}mm in x. Displacements are magnified 5 times.";
+    assert!(caption.starts_with(told), "{caption}");
+    let count = |picture: &str, part: &str| picture.matches(part).count();
+    // Three members as curves, undeformed and deformed; a hinge; a mass, and the node with its name.
+    assert_eq!(count(&picture, "C"), 6);
+    assert_eq!(count(&picture, "f-card l-frame"), 1);
+    assert_eq!(count(&picture, "<circle"), 3);
+    assert!(picture.contains(">A1</text>") && !picture.contains("yielded"));
+    // The end of the third member without a name, and both ends of another.
+    let demands = json!([{ "name": "member 3", "demand": [0.99, 1.0] }, { "name": "left", "demand": [4.5, 3.0] },
+        { "name": "right", "demand": [null, 0.0] }, { "name": "unknown", "demand": [9.0, 9.0] }]);
+    run.summary = Some(json!({ "members": demands }).into());
+    let (picture, _) = frame_of(&run);
+    for ink in ["f-s4", "f-s1", "f-alarm"] {
+        assert_eq!(
+            count(&picture, &format!("<circle class=\"{ink}\"")),
+            2,
+            "{ink}, one in the legend"
+        );
+    }
+}
+
+/// Coordinates are absolute where the base is displaced: the drift is 80 mm − 0.5 m.
+#[test]
+fn base_is_no_drift_of_a_frame() {
+    let base = "[excitation.base_displacement.signal.sine]\namplitude = 0.5\nfrequency_hz = 1\n";
+    let (_, caption) = frame_of(&portal(base));
+    assert!(
+        caption.contains("largest drift: −580\u{a0}mm in x. Displacements are not magnified."),
+        "{caption}"
+    );
+}
+
+#[test]
+fn beam_is_drawn_at_its_largest_deflection() {
+    let mut run = portal("");
+    run.data[4] = vec![1e-9; 4];
+    run.data[7] = vec![0.0, 0.02, 0.04, -0.03];
+    let (_, caption) = frame_of(&run);
+    let told = "At 0.25\u{a0}s node B1 has the largest displacement: 40.0\u{a0}mm in y.";
+    assert!(caption.starts_with(told), "{caption}");
+}
+
+#[test]
+fn undeformed_frame_says_why() {
+    let reason = |change: &dyn Fn(&mut RunView)| {
+        let mut run = portal("");
+        change(&mut run);
+        let (picture, caption) = frame_of(&run);
+        assert_eq!(picture.matches('C').count(), 3);
+        let (_, reason) = caption.split_once("is missing: ").unwrap();
+        reason.split_once(" Grey: ").unwrap().0.to_owned()
+    };
+    let empty = reason(&|run| run.data.iter_mut().for_each(Vec::clear));
+    assert_eq!(empty, "no row was recorded while the test was running.");
+    let partly = reason(&|run| run.columns[4].name = "x9".to_owned());
+    assert!(partly.contains("`record.dofs = \"all\"`"), "{partly}");
+    let still = reason(&|run| run.data[3..].iter_mut().for_each(|x| x.fill(0.0)));
+    assert_eq!(still, "the largest displacement is 0\u{a0}m.");
+    let gone = reason(&|run| run.data[4][1] = 7.0);
+    assert_eq!(gone, "the largest displacement is 7.00\u{a0}m.");
+    let absent = reason(&|run| run.data[3..].iter_mut().for_each(|x| x.fill(f64::NAN)));
+    assert!(absent.contains("lack displacements"), "{absent}");
 }
