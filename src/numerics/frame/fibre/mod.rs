@@ -2,7 +2,7 @@
 //!
 //! [`Fibres`] holds all fibres of one member in blocks of eight lanes. A block belongs to one section and one material, whose
 //! law computes it at once. Sums are in a fixed order, so that the bits are equal with all [`Lanes`]. Laws follow the straight
-//! path from the committed strain to the trial one. A strain that is not a number gives a stress that is none.
+//! path from the committed strain to the trial one. A NaN strain gives a NaN stress.
 
 mod concrete;
 mod eight;

@@ -85,7 +85,13 @@ fn virgin_fibre_has_the_initial_stiffness() {
         assert!((tangent / fibre.young - 1.0).abs() < 1e-15, "{name}");
         // No motion is no history.
         fibre.step(0.0);
-        assert_eq!(fibre.bits(-1e-3), Single::new(&spec).bits(-1e-3), "{name}");
+        for strain in [-3e-3, 3e-3] {
+            assert_eq!(
+                fibre.bits(strain),
+                Single::new(&spec).bits(strain),
+                "{name}"
+            );
+        }
     }
 }
 
@@ -132,13 +138,13 @@ fn restored_fibre_continues_with_equal_bits() {
         state
             .restore(|visit| other.fibres.visit_state(visit))
             .unwrap();
+        assert_eq!(other.fibres.demand(0), fibre.fibres.demand(0), "{name}");
         other.fibres.commit();
         for strain in path().skip(237) {
             assert_eq!(other.bits(strain), fibre.bits(strain), "{name} {strain}");
             other.fibres.commit();
             fibre.fibres.commit();
         }
-        assert_eq!(other.fibres.demand(0), fibre.fibres.demand(0));
     }
 }
 

@@ -58,25 +58,30 @@ fn steel_bends_to_its_hardening_lines() {
     assert_near(tangent, 2e11 * slope);
 }
 
-/// Far on the hardening line a branch may begin on its own line, and its span is rounding.
+/// Far on the hardening line a branch may begin on its own line, so that its span is rounding alone.
 #[test]
-fn steel_survives_reversals_without_extent() {
-    let mut steel = Single::new(&named("steel"));
-    let [most, _] = steel.step(1.0);
-    let mut strain = 1.0;
-    for k in 0..200 {
-        let step = if k % 2 == 0 {
-            -f64::EPSILON
-        } else {
-            f64::EPSILON
-        };
-        strain += step;
-        let [stress, tangent] = steel.step(strain);
-        assert!((stress / most - 1.0).abs() < 1e-6, "{k}: {stress}");
-        assert!(
-            (0.0..=2e11 * (1.0 + 1e-12)).contains(&tangent),
-            "{k}: {tangent}"
-        );
+fn reversals_without_extent_are_forgotten() {
+    for hardening_ratio in [0.0, 0.02, 0.9, 0.99] {
+        let spec = MaterialSpec::MenegottoPinto(MenegottoPintoSpec {
+            hardening_ratio,
+            a1: 0.0,
+            a3: 0.0,
+            ..STEEL
+        });
+        let (mut steel, mut plain) = (Single::new(&spec), Single::new(&spec));
+        let [most, _] = plain.step(1.0);
+        steel.step(1.0);
+        for k in 0..100 {
+            for strain in [1.0 - f64::EPSILON, 1.0] {
+                let [stress, tangent] = steel.step(strain);
+                let off = (stress / most - 1.0).abs();
+                assert!(off < 1e-12, "{hardening_ratio} {k}: {off:e}");
+                assert!((0.0..=2.1e11).contains(&tangent), "{tangent}");
+            }
+            let ([found, _], [wanted, _]) = (steel.trial(0.99), plain.trial(0.99));
+            let off = ((found - wanted) / most).abs();
+            assert!(off < 1e-12, "{hardening_ratio} {k}: {off:e}");
+        }
     }
 }
 
@@ -152,6 +157,9 @@ fn concrete_cracks_and_softens() {
     assert_near(concrete.step(-0.0039)[0], peak + young * 0.0001);
     let [stress, tangent] = concrete.step(-0.001 - 0.5 * end);
     assert_near(stress, -0.5 * slope * (0.001 - 0.5 * end));
+    assert_near(tangent, 0.5 * slope);
+    let [further, tangent] = concrete.trial(-0.001 - 0.5 * end + 1e-6);
+    assert_near(further, stress + 0.5 * slope * 1e-6);
     assert_near(tangent, 0.5 * slope);
     assert_near(
         concrete.trial(-0.001 - 0.5 * end - 1e-6)[0],
