@@ -279,16 +279,7 @@ impl Numerical {
             };
             self.ahead = match (self.ahead, massless) {
                 (Ahead::Never | Ahead::Ready, _) => return,
-                (Ahead::Pending, Some(massless)) if step > 0 => {
-                    let excitation = &self.excitation;
-                    massless.begin(
-                        &self.structure,
-                        &self.state,
-                        &self.inertia,
-                        &mut |next, out| loaded(excitation, step - 1 + u64::from(next), out),
-                    );
-                    Ahead::Following
-                }
+                (Ahead::Pending, Some(_)) if step > 0 => Ahead::Following,
                 (Ahead::Following, Some(massless)) => {
                     if !massless.work(&mut self.structure, &mut self.state, &mut budget) {
                         return;
@@ -338,8 +329,17 @@ impl Numerical {
                 if let Some(audit) = &mut self.audit {
                     audit.before(&self.state.disp);
                 }
-                // Rows without mass follow when the command has left.
                 explicit.advance_masses(&mut self.state, &self.inertia, &mut self.reported_vel);
+                // The rest of their way is made when the command has left.
+                if let Some(massless) = &mut explicit.massless {
+                    let excitation = &self.excitation;
+                    massless.begin(
+                        &self.structure,
+                        &self.state,
+                        &self.inertia,
+                        &mut |next, out| loaded(excitation, step + u64::from(next), out),
+                    );
+                }
                 if let Some(audit) = &mut self.audit {
                     audit.after(&self.state.disp, &self.state.vel, &self.inertia);
                 }

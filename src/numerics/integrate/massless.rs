@@ -74,16 +74,16 @@ pub struct Massless {
     step: Vec<f64>,
     work: Vec<f64>,
     search: Search,
-    /// The base of the next step.
-    base: Base,
+    /// Displacement and velocity of the base in the next step.
+    base: [f64; 2],
 }
 
-// The rest is made again in each step.
+// The rest is made again in each step. A state is taken when a search has begun, with its first place.
 state! {
-    Massless as "rows without mass" { largest, shares, disp, vel }
+    Massless as "rows without mass" { largest, scale, shares, disp, external, tried, base }
     keeps {
-        dt, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, scale, worst_dof, change, rate, load,
-        forces, external, tried, from, best, step, work, search, base
+        dt, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, worst_dof, vel, change,
+        rate, load, forces, from, best, step, work, search
     }
 }
 
@@ -104,6 +104,8 @@ struct Trial {
     /// φ.
     energy: f64,
 }
+
+state! { Trial { disp } keeps { residual, energy } }
 
 impl Trial {
     fn zeros(s: usize) -> Self {
@@ -189,7 +191,7 @@ impl Massless {
             best: Trial::zeros(s),
             work: vec![0.0; s],
             search: Search::default(),
-            base: Base::default(),
+            base: [0.0; 2],
             rows,
         }))
     }
@@ -308,7 +310,8 @@ impl Massless {
         for (to, &row) in self.step.iter_mut().zip(&self.rows) {
             *to = at(residual, row) - at(&self.load, row);
         }
-        self.base = load(1, &mut self.load);
+        let base = load(1, &mut self.load);
+        self.base = [base.disp, base.vel];
         let rows = self.step.iter_mut().zip(&mut self.external);
         for ((to, external), &row) in rows.zip(&self.rows) {
             *to += at(&self.load, row);
@@ -316,8 +319,8 @@ impl Massless {
         }
         self.note_change(state);
         let base_change = Base {
-            disp: self.base.disp - before.disp,
-            vel: self.base.vel - before.vel,
+            disp: base.disp - before.disp,
+            vel: base.vel - before.vel,
         };
         self.predict(structure, base_change);
         self.search = Search::default();
@@ -529,7 +532,8 @@ impl Massless {
             self.put(state);
             self.forces.fill(0.0);
         }
-        let motion = Motion::new(&state.disp, &state.vel, self.base, self.dt);
+        let [disp, vel] = self.base;
+        let motion = Motion::new(&state.disp, &state.vel, Base { disp, vel }, self.dt);
         let from = &mut self.search.member;
         if !structure.go_on(motion, &mut self.forces, from, budget) {
             return false;
