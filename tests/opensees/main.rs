@@ -6,6 +6,7 @@ mod link_common;
 mod client;
 mod frames;
 mod gateway;
+mod hinges;
 mod integrators;
 mod programs;
 mod rig;
