@@ -34,7 +34,7 @@ pub use damper::{
     Biviscous, BiviscousSpec, PowerDamper, PowerDamperSpec, SmoothFriction, SmoothFrictionSpec,
 };
 pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec};
-pub use imk::{Imk, ImkSpec, NegativeSpec, Response};
+pub use imk::{HingeResponse, Imk, ImkSpec, NegativeHingeSpec};
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
 pub(crate) use plastic::SliderForm;

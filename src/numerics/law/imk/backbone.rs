@@ -13,7 +13,7 @@ pub(super) struct Point {
 
 state! { Point { disp, force } }
 
-/// What a hinge has become in one direction, in positive numbers.
+/// The present backbone of one direction and the targets of reloading, in positive numbers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Side {
     pub yield_force: f64,

@@ -24,18 +24,22 @@ use super::{Law, LawError, Reach, Tangent};
 use gusset_quantity::state;
 use path::State;
 
-/// Plastic hinge that softens and deteriorates (modified Ibarra–Medina–Krawinkler model). As a rotational hinge it has moments in
-/// N m and rotations in rad in place of N and m. Sources: Ibarra, Medina & Krawinkler 2005; Lignos & Krawinkler 2011.
+/// Plastic hinge that softens and deteriorates (modified Ibarra–Medina–Krawinkler model). As a rotational hinge it takes
+/// moments in N m and rotations in rad in place of N and m. Sources: Ibarra, Medina & Krawinkler 2005; Lignos & Krawinkler 2011.
 ///
-/// The backbone has the elastic stiffness up to yield, then hardens up to the cap, softens to the residual force, and
-/// drops to zero at the ultimate displacement. Every lost share is β = (E_i / (Λ F_y − E))^c. E_i is the energy dissipated
-/// since the last excursion began at zero force, and E that of the whole test. If β reaches 1, the hinge has no force any more.
+/// The backbone is elastic up to yield, then hardens up to the cap and softens to the residual force. At the ultimate
+/// displacement the force drops to zero.
+///
+/// Each of the four deteriorations has the energy capacity Λ F_y. At an event it takes the share β = (E_i / (Λ F_y − E))^c. E is the
+/// energy dissipated until then. E_i is the part of the excursion, which began at zero force. If β reaches 1, the hinge has no
+/// force any more.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ImkSpec {
     /// Path of reloading after the force was zero.
     #[serde(default)]
-    pub response: Response,
+    #[schemars(example = &"peak_oriented")]
+    pub response: HingeResponse,
     /// Elastic stiffness, greater than 0. It also bounds the tangent.
     #[schemars(example = 5.0e7)]
     pub stiffness_n_per_m: f64,
@@ -51,28 +55,28 @@ pub struct ImkSpec {
     /// Displacement from the cap to zero force along the softening line (θ_pc), at least 1e-6 times the yield displacement.
     #[schemars(example = 0.2)]
     pub post_capping_disp_m: f64,
-    /// Ultimate displacement, measured from zero (θ_u), greater than the yield displacement. The force drops to zero there: of this
-    /// direction with `bilinear` response, of both with `peak_oriented`.
+    /// Ultimate displacement, measured from zero (θ_u), greater than the yield displacement. There the force drops to zero. With
+    /// `bilinear` response the other direction keeps its residual force.
     #[schemars(example = 0.3)]
     pub ultimate_disp_m: f64,
     /// Residual force divided by the yield force (κ), from 0 to less than 1.
     #[serde(default)]
     #[schemars(example = 0.4)]
     pub residual_ratio: f64,
-    /// Energy capacity Λ of the strength, in units of the yield force times 1 m (1 rad). The yield force and the hardening
-    /// stiffness lose the share β at each excursion. 0 is no deterioration.
+    /// Λ of the strength, in m (rad): energy capacity divided by the yield force, as in OpenSees. It is λ θ_p of Lignos & Krawinkler.
+    /// The yield force and the hardening stiffness lose the share β at each excursion. 0 is no deterioration.
     #[serde(default)]
     #[schemars(example = 1.0)]
     pub strength_lambda_m: f64,
-    /// Energy capacity Λ of the softening line, as above. Its force at zero displacement loses the share β. 0 is no deterioration.
+    /// Λ of the softening line, in m (rad). Its force at zero displacement loses the share β at each excursion. 0 is no deterioration.
     #[serde(default)]
     #[schemars(example = 1.0)]
     pub post_capping_lambda_m: f64,
-    /// Energy capacity Λ of the unloading stiffness, as above. It loses the share β at each reversal. 0 is no deterioration.
+    /// Λ of the unloading stiffness, in m (rad). It loses the share β at each reversal. 0 is no deterioration.
     #[serde(default)]
     #[schemars(example = 2.0)]
     pub unloading_lambda_m: f64,
-    /// Energy capacity Λ of the accelerated reloading, as above: the target displacement grows by the share β. 0 is no
+    /// Λ of the accelerated reloading, in m (rad). The target displacement grows by the share β at each excursion. 0 is no
     /// deterioration. Only with `peak_oriented` response.
     #[serde(default)]
     #[schemars(example = 1.0)]
@@ -100,13 +104,13 @@ pub struct ImkSpec {
     pub deterioration_factor: f64,
     /// Values of the negative direction that differ, as positive numbers. Λ stays in units of the positive yield force.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub negative: Option<NegativeSpec>,
+    pub negative: Option<NegativeHingeSpec>,
 }
 
 /// Path of reloading of an [`ImkSpec`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Response {
+pub enum HingeResponse {
     /// With the unloading stiffness up to the backbone. For steel members.
     #[default]
     Bilinear,
@@ -118,7 +122,7 @@ pub enum Response {
 /// Values of the negative direction, as positive numbers. A missing key has the value of the positive direction.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub struct NegativeSpec {
+pub struct NegativeHingeSpec {
     /// Effective yield force, greater than 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 3.0e5)]
@@ -158,7 +162,7 @@ impl ImkSpec {
     /// A parameter outside its domain.
     pub(crate) fn build(&self) -> Result<Imk, LawError> {
         let stiffness = positive("stiffness_n_per_m", self.stiffness_n_per_m)?;
-        let positive = self.direction(&NegativeSpec::default())?;
+        let positive = self.direction(&NegativeHingeSpec::default())?;
         let capacity = |name, lambda, exponent_name, exponent: f64| {
             let allowed = (1.0..=10.0).contains(&exponent);
             Ok::<_, LawError>(Capacity {
@@ -166,7 +170,7 @@ impl ImkSpec {
                 exponent: inside(exponent_name, exponent, allowed, "from 1 to 10")?,
             })
         };
-        let peak_oriented = self.response == Response::PeakOriented;
+        let peak_oriented = self.response == HingeResponse::PeakOriented;
         let reloading = capacity(
             "reloading_lambda_m",
             self.reloading_lambda_m,
@@ -216,7 +220,7 @@ impl ImkSpec {
     }
 
     /// The backbone of one direction: what `given` lacks is that of the positive one.
-    fn direction(&self, given: &NegativeSpec) -> Result<Direction, LawError> {
+    fn direction(&self, given: &NegativeHingeSpec) -> Result<Direction, LawError> {
         let yield_force = positive(
             "yield_force_n",
             given.yield_force_n.unwrap_or(self.yield_force_n),
@@ -269,7 +273,7 @@ impl ImkSpec {
     /// The yield force, if both directions have the same.
     pub(super) const fn yield_force(&self) -> Option<f64> {
         match &self.negative {
-            Some(NegativeSpec {
+            Some(NegativeHingeSpec {
                 yield_force_n: Some(_),
                 ..
             }) => None,

@@ -39,7 +39,7 @@ pub(super) struct State {
     phase: Phase,
     disp: f64,
     force: f64,
-    /// Of the line just followed.
+    /// Slope of the line just followed.
     slope: f64,
     /// Unloading stiffness.
     stiffness: f64,
@@ -277,7 +277,7 @@ impl State {
     }
 
     /// Chooses the line of reloading from here: through the last peak if that is stiffer, or to the largest peak. Where that
-    /// is not ahead or the line would be steeper than the elastic one, the unloading line goes on.
+    /// is not ahead or the line would be steeper than the elastic one, the unloading line continues.
     fn aim(&mut self, law: &Constants) {
         let toward = |peak: Point| {
             let slope = (peak.force - self.force) / (peak.disp - self.disp);
@@ -293,7 +293,7 @@ impl State {
         };
     }
 
-    /// The unloading line goes on from here up to the backbone.
+    /// The unloading line continues from here up to the backbone.
     fn rise(&mut self) {
         self.phase = Phase::Unloading;
         self.rest = self.disp - self.force / self.stiffness;

@@ -4,7 +4,7 @@ use super::super::{Bilinear, BilinearSpec};
 use super::*;
 
 /// Yield at 1 mm, cap at 5 mm and 1320 N, residual force of 360 N from 12.27 mm on.
-fn plain(response: Response) -> ImkSpec {
+fn plain(response: HingeResponse) -> ImkSpec {
     ImkSpec {
         response,
         stiffness_n_per_m: 1.2e6,
@@ -27,7 +27,7 @@ fn plain(response: Response) -> ImkSpec {
     }
 }
 
-const BOTH: [Response; 2] = [Response::Bilinear, Response::PeakOriented];
+const BOTH: [HingeResponse; 2] = [HingeResponse::Bilinear, HingeResponse::PeakOriented];
 
 /// Forces at the turning points, each leg in `pieces` steps.
 fn walk(spec: &ImkSpec, turns: &[f64], pieces: u32) -> Vec<f64> {
@@ -54,7 +54,7 @@ fn assert_near(found: f64, wanted: f64, about: &str) {
 
 #[test]
 fn backbone_is_as_described() {
-    let negative = NegativeSpec {
+    let negative = NegativeHingeSpec {
         yield_force_n: Some(600.0),
         capping_ratio: Some(1.5),
         plastic_disp_m: Some(2e-3),
@@ -94,7 +94,7 @@ fn backbone_is_as_described() {
 /// Up to the cap it is the spring with kinematic hardening.
 #[test]
 fn sound_hinge_is_the_bilinear_spring() {
-    let mut law = plain(Response::Bilinear).build().unwrap();
+    let mut law = plain(HingeResponse::Bilinear).build().unwrap();
     let mut bilinear: Bilinear = BilinearSpec {
         stiffness_n_per_m: 1.2e6,
         yield_force_n: 1200.0,
@@ -112,7 +112,7 @@ fn sound_hinge_is_the_bilinear_spring() {
 
 #[test]
 fn reloading_aims_at_earlier_peaks() {
-    let spec = plain(Response::PeakOriented);
+    let spec = plain(HingeResponse::PeakOriented);
     // Peaks of 1260 N at 3 mm; the unloading lines meet zero at 1.95 mm.
     for (path, wanted) in [
         // Toward the yield point of the other direction, and the peak there.
@@ -143,7 +143,7 @@ fn shares_are_those_of_the_formula() {
             strength_lambda_m: 0.06,
             post_capping_lambda_m: 0.06,
             unloading_lambda_m: 0.06,
-            reloading_lambda_m: if response == Response::PeakOriented {
+            reloading_lambda_m: if response == HingeResponse::PeakOriented {
                 0.06
             } else {
                 0.0
@@ -170,14 +170,14 @@ fn shares_are_those_of_the_formula() {
         let strength = 1.0 - 0.8 * share(spent, 1.0);
         let (yield_force, hardening) = (1200.0 * strength, 3e4 * strength);
         let softening = match response {
-            Response::Bilinear => -1.32e5 * strength,
-            Response::PeakOriented => -1.32e5,
+            HingeResponse::Bilinear => -1.32e5 * strength,
+            HingeResponse::PeakOriented => -1.32e5,
         };
         let at_zero = (1320.0 + 1.32e5 * 5e-3) * (1.0 - 0.8 * share(spent, 1.5));
         let hardened = |disp: f64| yield_force + hardening * (disp - yield_force / stiffness);
         let cap = (at_zero - hardened(0.0)) / (hardening - softening);
         assert!(cap > 3e-3 && cap < 6e-3, "{cap}");
-        if response == Response::PeakOriented {
+        if response == HingeResponse::PeakOriented {
             let rest = 5e-3 - 1320.0 / unloading;
             let target = 1e-3 * (1.0 + 0.8 * share(spent, 1.1));
             let slope = hardened(target) / (rest + target);
@@ -198,7 +198,7 @@ fn shares_are_those_of_the_formula() {
 fn each_excursion_takes_its_share() {
     let spec = ImkSpec {
         strength_lambda_m: 0.1,
-        ..plain(Response::Bilinear)
+        ..plain(HingeResponse::Bilinear)
     };
     let mut law = spec.build().unwrap();
     let (mut disp, mut force, mut energy, mut before) = (0.0, 0.0, 0.0, 0.0);
@@ -232,7 +232,7 @@ fn weak_backbone_keeps_the_residual_force() {
         capping_ratio: 1.4,
         residual_ratio: 0.5,
         strength_lambda_m: lambda(0.55),
-        ..plain(Response::Bilinear)
+        ..plain(HingeResponse::Bilinear)
     };
     // From 600 N, 0.5 mm beyond zero force at 3.6 mm, to the softening line, which has become flat.
     let level = 1680.0 + 1.68e5 * 5e-3;
@@ -261,7 +261,7 @@ fn turned_line_may_begin_at_zero_force() {
         post_capping_disp_m: 30e-3,
         ultimate_disp_m: 60e-3,
         residual_ratio: 0.0,
-        ..plain(Response::Bilinear)
+        ..plain(HingeResponse::Bilinear)
     };
     for i in 0..50 {
         let far = 18e-3 + f64::from(i) * 1e-5;
@@ -282,7 +282,7 @@ fn reloading_is_never_steeper_than_elastic() {
     for share in [0.7, 0.8] {
         let spec = ImkSpec {
             unloading_lambda_m: spent * (1.0 + share) / share / 1200.0,
-            ..plain(Response::PeakOriented)
+            ..plain(HingeResponse::PeakOriented)
         };
         let stiffness = 1.2e6 * (1.0 - share);
         let rest = -3e-3 + 1260.0 / stiffness;
@@ -322,20 +322,20 @@ fn used_up_capacity_leaves_no_force() {
 fn ultimate_displacement_ends_a_direction() {
     let path = [21e-3, 19e-3, -5e-3, 5e-3, 25e-3, -18e-3, -20e-3, 1e-3];
     let wanted = [0.0, -360.0, -360.0, 0.0, 0.0, -360.0, 0.0, 0.0];
-    for (found, wanted) in walk(&plain(Response::Bilinear), &path, 1)
+    for (found, wanted) in walk(&plain(HingeResponse::Bilinear), &path, 1)
         .into_iter()
         .zip(wanted)
     {
         assert_near(found, wanted, "bilinear");
     }
-    let forces = walk(&plain(Response::PeakOriented), &path, 1);
+    let forces = walk(&plain(HingeResponse::PeakOriented), &path, 1);
     assert_eq!(forces, [0.0; 8]);
 }
 
 /// OpenSees' IMKBilin unloads with half of the elastic stiffness once a residual force was reached.
 #[test]
 fn residual_force_halves_the_unloading_stiffness() {
-    let mut law = plain(Response::Bilinear).build().unwrap();
+    let mut law = plain(HingeResponse::Bilinear).build().unwrap();
     law.step(15e-3, 0.0, 0.0);
     assert_near(law.trial(14.8e-3, 0.0, 0.0), 240.0, "force");
     assert_eq!(law.tangent().stiffness, 0.6e6);
@@ -372,13 +372,13 @@ fn hinges() -> impl Strategy<Value = (ImkSpec, Vec<f64>)> {
                 post_capping_exponent: exponents.1,
                 unloading_exponent: exponents.2,
                 reloading_exponent: exponents.3,
-                negative: negative.map(|(weaker, residual, factor)| NegativeSpec {
+                negative: negative.map(|(weaker, residual, factor)| NegativeHingeSpec {
                     yield_force_n: Some(1200.0 * weaker),
                     residual_ratio: Some(residual),
                     deterioration_factor: Some(factor),
-                    ..NegativeSpec::default()
+                    ..NegativeHingeSpec::default()
                 }),
-                ..plain(Response::Bilinear)
+                ..plain(HingeResponse::Bilinear)
             };
             (spec, turns.into_iter().map(|(x, by)| x * by).collect())
         },
@@ -426,7 +426,7 @@ proptest! {
 
 #[test]
 fn values_that_make_no_hinge_are_refused() {
-    let peaks = plain(Response::PeakOriented);
+    let peaks = plain(HingeResponse::PeakOriented);
     assert!(
         ImkSpec {
             reloading_lambda_m: 1.0,
@@ -435,25 +435,23 @@ fn values_that_make_no_hinge_are_refused() {
         .build()
         .is_ok()
     );
-    let refused: [(&str, fn(&mut ImkSpec)); 9] = [
-        ("capping_ratio", |s| s.capping_ratio = 0.99),
-        ("plastic_disp_m", |s| s.plastic_disp_m = 0.1e-3),
-        ("post_capping_disp_m", |s| s.post_capping_disp_m = 1e-10),
-        ("ultimate_disp_m", |s| s.ultimate_disp_m = 1e-3),
-        ("residual_ratio", |s| s.residual_ratio = 1.0),
-        ("deterioration_factor", |s| s.deterioration_factor = 1.1),
-        ("strength_exponent", |s| s.strength_exponent = 0.9),
-        ("reloading_lambda_m", |s| s.reloading_lambda_m = 1.0),
-        ("ultimate_disp_m", |s| {
-            s.negative = Some(NegativeSpec {
-                ultimate_disp_m: Some(0.5e-3),
-                ..NegativeSpec::default()
-            });
-        }),
-    ];
-    for (key, change) in refused {
-        let mut spec = plain(Response::Bilinear);
+    let refused = |key: &str, change: fn(&mut ImkSpec)| {
+        let mut spec = plain(HingeResponse::Bilinear);
         change(&mut spec);
         assert_eq!(spec.build().unwrap_err().key(), key);
-    }
+    };
+    refused("capping_ratio", |s| s.capping_ratio = 0.99);
+    refused("plastic_disp_m", |s| s.plastic_disp_m = 0.1e-3);
+    refused("post_capping_disp_m", |s| s.post_capping_disp_m = 1e-10);
+    refused("ultimate_disp_m", |s| s.ultimate_disp_m = 1e-3);
+    refused("residual_ratio", |s| s.residual_ratio = 1.0);
+    refused("deterioration_factor", |s| s.deterioration_factor = 1.1);
+    refused("strength_exponent", |s| s.strength_exponent = 0.9);
+    refused("reloading_lambda_m", |s| s.reloading_lambda_m = 1.0);
+    refused("ultimate_disp_m", |s| {
+        s.negative = Some(NegativeHingeSpec {
+            ultimate_disp_m: Some(0.5e-3),
+            ..NegativeHingeSpec::default()
+        });
+    });
 }
