@@ -7,6 +7,7 @@ mod client;
 mod courses;
 mod frames;
 mod gateway;
+mod hinges;
 mod integrators;
 mod laws;
 mod programs;

@@ -14,6 +14,7 @@ mod contact;
 mod damper;
 mod domain;
 mod elastic;
+mod imk;
 mod memoryless;
 mod parallel;
 mod plastic;
@@ -33,6 +34,7 @@ pub use damper::{
     Biviscous, BiviscousSpec, PowerDamper, PowerDamperSpec, SmoothFriction, SmoothFrictionSpec,
 };
 pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec};
+pub use imk::{HingeResponse, Imk, ImkSpec, NegativeHingeSpec};
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
 pub(crate) use plastic::SliderForm;

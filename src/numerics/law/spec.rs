@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BilinearSpec, BiviscousSpec, BoucWenSpec, CubicSpec, GapSpec, Law, LawError, LinearSpec,
-    Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
+    BilinearSpec, BiviscousSpec, BoucWenSpec, CubicSpec, GapSpec, ImkSpec, Law, LawError,
+    LinearSpec, Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
 };
 
 /// Uniaxial force law, for an element of the structure or for a simulated specimen.
@@ -25,6 +25,8 @@ pub enum LawSpec {
     Bilinear(BilinearSpec),
     /// Bouc–Wen hysteresis, with optional degradation and pinching.
     BoucWen(BoucWenSpec),
+    /// Plastic hinge that softens and deteriorates, after Ibarra, Medina and Krawinkler.
+    Imk(ImkSpec),
     /// Spring behind a gap, in tension, compression or both.
     Gap(GapSpec),
     /// Friction that is smoothed around zero velocity by a hyperbolic tangent.
@@ -60,6 +62,7 @@ impl LawSpec {
             Self::Cubic(spec) => Box::new(spec.build()?),
             Self::Bilinear(spec) => Box::new(spec.build()?),
             Self::BoucWen(spec) => Box::new(spec.build()?),
+            Self::Imk(spec) => Box::new(spec.build()?),
             Self::Gap(spec) => Box::new(spec.build()?),
             Self::SmoothFriction(spec) => Box::new(spec.build()?),
             Self::Biviscous(spec) => Box::new(spec.build()?),
@@ -74,6 +77,7 @@ impl LawSpec {
         match self {
             Self::Bilinear(spec) => Some(spec.yield_force_n),
             Self::BoucWen(spec) => Some(spec.yield_force_n),
+            Self::Imk(spec) => spec.yield_force(),
             _ => None,
         }
     }
