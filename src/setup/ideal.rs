@@ -413,7 +413,7 @@ impl Forces for System {
         }
         let values = entries.iter().flatten().map(|(_, _, value)| *value);
         let values: Vec<f64> = values.collect();
-        let has_elements = self.structure.element_names().next().is_some();
+        let has_elements = !self.structure.is_linear();
         let mut assembled = self.assembled.borrow_mut();
         if let Some((of, known)) = assembled.as_ref()
             && !has_elements

@@ -164,6 +164,11 @@ const LAWS: [(&str, bool); 21] = [
         "parallel = [ { parallel = [ { bilinear = { post_yield_ratio = 0, yield_force_n = 30e3, stiffness_n_per_m = 2e7 } } ] } ]",
         true,
     ),
+    (
+        "imk = { stiffness_n_per_m = 2e7, yield_force_n = 30e3, capping_ratio = 1.2, plastic_disp_m = 0.01, \
+         post_capping_disp_m = 0.05, ultimate_disp_m = 0.2, strength_lambda_m = 0.3 }",
+        true,
+    ),
 ];
 
 /// No wildcard: a new kind of law must be added here.
@@ -179,12 +184,13 @@ fn kind(law: &LawSpec) -> usize {
         LawSpec::Biviscous(_) => 7,
         LawSpec::PowerDamper(_) => 8,
         LawSpec::Parallel(_) => 9,
+        LawSpec::Imk(_) => 10,
     }
 }
 
 #[test]
 fn every_law_equals_its_element() {
-    let mut kinds = [false; 10];
+    let mut kinds = [false; 11];
     for (law, nonlinear) in LAWS {
         kinds[kind(&toml::from_str(law).unwrap())] = true;
         for (storey, storeys, from) in [

@@ -60,7 +60,7 @@ pub(in crate::cli) struct JitterArgs {
 pub(in crate::cli) enum ModelArg {
     /// Chain of masses: example 4.3 of Gui et al. 2014.
     Chain,
-    /// Plane frame with yielding braces.
+    /// Plane frame of yielding steel members.
     Frame,
 }
 

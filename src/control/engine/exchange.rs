@@ -133,7 +133,8 @@ impl Engine<'_> {
             usize::MAX
         } else {
             let ticks = self.progress.pacer().ticks_per_step();
-            (numerical.most_work() as f64 / ticks) as usize + 1
+            let most = numerical.most_evaluations() * numerical.structure.members().count();
+            (most as f64 / ticks) as usize + 1
         };
         numerical.work_ahead(step, dt, budget);
     }

@@ -262,11 +262,10 @@ impl Numerical {
         }
     }
 
-    /// Evaluations of members that a step takes at most, if it is worked on ahead.
+    /// How often a step evaluates the members of a frame at most.
     #[must_use]
-    pub(crate) fn most_work(&self) -> usize {
-        let places = self.massless().map_or(0, Massless::most_places);
-        (1 + places as usize) * self.structure.members().count()
+    pub fn most_evaluations(&self) -> usize {
+        1 + self.massless().map_or(0, Massless::most_places) as usize
     }
 
     /// Part of the work on `step` that needs no measured force, as far as `budget` evaluations of members suffice. The results do not

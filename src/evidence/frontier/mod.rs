@@ -5,6 +5,6 @@ mod models;
 mod picture;
 mod search;
 
-pub use models::{ModelError, Scalable};
+pub use models::{ModelError, Scalable, moment_frame};
 pub use picture::{Mark, csv, svg};
 pub use search::{Length, Point, Search, Trial, largest};

@@ -11,7 +11,7 @@ use crate::law::LawSpec;
 /// Plane frame: nodes in the x–y plane, members and links between them, constraints and static loads.
 /// y points upwards, and rotations are positive from x to y. DOFs are the free directions of the
 /// nodes, in the order of the nodes and of x, y, rz. `gusset check --verbose` lists them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSpec {
     /// Nodes, one `[[structure.frame.node]]` table each.
@@ -331,6 +331,26 @@ pub struct MemberSpec {
     #[serde(default)]
     #[schemars(example = true)]
     pub p_delta: bool,
+}
+
+impl MemberSpec {
+    /// An elastic member without more.
+    #[must_use]
+    pub fn new(nodes: [String; 2], section: &str) -> Self {
+        Self {
+            name: None,
+            nodes,
+            section: section.to_owned(),
+            kind: MemberKind::Elastic,
+            points: None,
+            hinge_start: None,
+            hinge_end: None,
+            release: Vec::new(),
+            offset_start_m: [0.0; 2],
+            offset_end_m: [0.0; 2],
+            p_delta: false,
+        }
+    }
 }
 
 /// How a member deforms.

@@ -23,6 +23,8 @@ const PLACES: u32 = 14;
 const RESTART: u32 = 9;
 /// φ in parts of ψ below which nothing is left to balance.
 const BALANCED: f64 = 1e-20;
+/// Both for a frame, whose members cost more: its laws bend gently, and what is left over enters the next step.
+const OF_FRAMES: (u32, f64) = (3, 1e-14);
 /// Share of the force at its beginning that a step may leave against it at its end.
 const OVERSHOOT: f64 = 0.5;
 /// Share of K_0 that is added to tangents that are not positive definite.
@@ -32,6 +34,9 @@ const LEAST_STIFFNESS: f64 = 1e-3;
 #[derive(Debug)]
 pub struct Massless {
     dt: f64,
+    /// Places that are tried at most, and φ in parts of ψ below which nothing is left to balance.
+    places: u32,
+    balanced: f64,
     /// Degrees of freedom, rising.
     rows: Vec<usize>,
     /// Place of a degree of freedom among them.
@@ -82,7 +87,7 @@ pub struct Massless {
 state! {
     Massless as "rows without mass" { largest, scale, shares, disp, external, tried, base }
     keeps {
-        dt, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, worst_dof, vel, change,
+        dt, places, balanced, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, worst_dof, vel, change,
         rate, load, forces, from, best, step, work, search
     }
 }
@@ -163,8 +168,15 @@ impl Massless {
             ..failure
         })?;
         let constant = structure.stiffness().plus(1.0 / dt, structure.damping());
+        let (places, balanced) = if structure.has_members() {
+            OF_FRAMES
+        } else {
+            (PLACES, BALANCED)
+        };
         Ok(Some(Self {
             dt,
+            places,
+            balanced,
             place,
             safe,
             diagonal: (0..s).map(|i| block.get(i, i)).collect(),
@@ -213,15 +225,23 @@ impl Massless {
         from: &mut usize,
         budget: &mut usize,
     ) -> bool {
-        if *from == 0 {
-            for (to, force) in self.gross.iter_mut().zip(residual.iter()) {
-                *to = force.abs();
+        if self.search.is_evaluated {
+            // The last trial was at this place.
+            for (residual, force) in residual.iter_mut().zip(&self.forces) {
+                *residual += force;
             }
-            structure.weigh(motion, &self.rows, &mut self.gross);
+        } else {
+            if *from == 0 {
+                for (to, force) in self.gross.iter_mut().zip(residual.iter()) {
+                    *to = force.abs();
+                }
+                structure.weigh(motion, &self.rows, &mut self.gross);
+            }
+            if !structure.go_on_weighed(motion, residual, &mut self.gross, from, budget) {
+                return false;
+            }
         }
-        if !structure.go_on_weighed(motion, residual, &mut self.gross, from, budget) {
-            return false;
-        }
+        self.search.is_evaluated = false;
         let (mut scale, mut worst) = (0.0, (0.0, 0));
         let rows = self.rows.iter().zip(&self.diagonal);
         let rows = rows.zip(&mut self.largest).zip(&mut self.tried.residual);
@@ -264,7 +284,7 @@ impl Massless {
     /// Most places that a search tries.
     #[must_use]
     pub const fn most_places(&self) -> u32 {
-        PLACES
+        self.places
     }
 
     /// Degree of freedom, from 0, with the largest part of the last unbalance.
@@ -339,8 +359,12 @@ impl Massless {
                 return false;
             }
             if !self.judge(structure) {
-                std::mem::swap(&mut self.best, &mut self.tried);
-                self.put(state);
+                // The last place that was tried is often the best.
+                self.search.is_evaluated = self.best.energy.total_cmp(&self.tried.energy).is_eq();
+                if !self.search.is_evaluated {
+                    std::mem::swap(&mut self.best, &mut self.tried);
+                    self.put(state);
+                }
                 return true;
             }
         }
@@ -379,7 +403,7 @@ impl Massless {
                 }
             }
         }
-        if places >= PLACES || self.best.energy <= BALANCED * self.scale {
+        if places >= self.places || self.best.energy <= self.balanced * self.scale {
             return false;
         }
         if may_restart && places >= RESTART {
@@ -528,14 +552,23 @@ impl Massless {
         state: &mut State,
         budget: &mut usize,
     ) -> bool {
+        let [disp, vel] = self.base;
+        let base = Base { disp, vel };
         if self.search.member == 0 {
             self.put(state);
             self.forces.fill(0.0);
+            let motion = Motion::new(&state.disp, &state.vel, base, self.dt);
+            self.gross.fill(0.0);
+            for (force, &row) in self.external.iter().zip(&self.rows) {
+                if let Some(gross) = self.gross.get_mut(row) {
+                    *gross = force.abs();
+                }
+            }
+            structure.weigh(motion, &self.rows, &mut self.gross);
         }
-        let [disp, vel] = self.base;
-        let motion = Motion::new(&state.disp, &state.vel, Base { disp, vel }, self.dt);
-        let from = &mut self.search.member;
-        if !structure.go_on(motion, &mut self.forces, from, budget) {
+        let motion = Motion::new(&state.disp, &state.vel, base, self.dt);
+        let (from, gross) = (&mut self.search.member, &mut self.gross);
+        if !structure.go_on_weighed(motion, &mut self.forces, gross, from, budget) {
             return false;
         }
         let external = self.external.iter().zip(&self.rows);
@@ -557,6 +590,8 @@ struct Search {
     may_restart: bool,
     /// The next part of the evaluation at the place that is tried.
     member: usize,
+    /// The place of the rows is the one that was tried last.
+    is_evaluated: bool,
 }
 
 impl Default for Search {
@@ -567,6 +602,7 @@ impl Default for Search {
             is_far: false,
             may_restart: true,
             member: 0,
+            is_evaluated: false,
         }
     }
 }

@@ -83,6 +83,25 @@ pub struct MenegottoPintoSpec {
     pub a4: f64,
 }
 
+impl MenegottoPintoSpec {
+    /// With the usual exponents and without isotropic hardening.
+    #[must_use]
+    pub fn new(young_pa: f64, yield_pa: f64, hardening_ratio: f64) -> Self {
+        Self {
+            young_pa,
+            yield_pa,
+            hardening_ratio,
+            r0: first_exponent(),
+            cr1: exponent_loss(),
+            cr2: half_loss(),
+            a1: 0.0,
+            a2: one(),
+            a3: 0.0,
+            a4: one(),
+        }
+    }
+}
+
 fn first_exponent() -> f64 {
     20.0
 }
