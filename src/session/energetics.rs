@@ -74,8 +74,7 @@ pub(super) fn known(
         Ok((energetics, has_base, no_margin)) => {
             let modes = energetics.modes();
             let ground = before.map(|step| energetics.ground(step));
-            let has_past =
-                before.is_some() && energetics.structure.element_names().next().is_some();
+            let has_past = before.is_some() && !energetics.structure.is_linear();
             let why = if has_base {
                 Some("the base is displaced, and the force that does it is not recorded")
             } else if has_past {

@@ -13,7 +13,7 @@ use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
 use gusset_record::rt::timing::{Quantity, Timing};
 use gusset_record::rt::wall::Wall;
-use gusset_record::summary::{ClockKind, InOrder, Lambda, LinkCounts, Peak, Realtime};
+use gusset_record::summary::{ClockKind, InOrder, Lambda, LinkCounts, MemberDemand, Peak, Realtime};
 use gusset_record::{FolderError, Recorded, RunFolder, Summary, times};
 use gusset_setup::Facts;
 
@@ -121,6 +121,7 @@ pub(super) fn summarise(
         rate_hz: facts.rate_hz,
         deadline_misses: outcome.map_or(0, |outcome| outcome.pace.misses),
         stretched_ticks: outcome.map_or(0, |outcome| outcome.pace.stretched),
+        members: outcome.map(demands).unwrap_or_default(),
         peak: outcome
             .map(|outcome| peak(outcome, facts))
             .unwrap_or_default(),
@@ -144,6 +145,16 @@ pub(super) fn summarise(
         ..Summary::default()
     };
     (cause, summary)
+}
+
+/// Demands of the members of a frame that can yield.
+fn demands(outcome: &Outcome) -> Vec<MemberDemand> {
+    let each = outcome.demands.iter();
+    let each = each.map(|(name, demand)| MemberDemand {
+        name: name.clone(),
+        demand: demand.map(|x| x.is_finite().then_some(x)),
+    });
+    each.collect()
 }
 
 /// Specimens whose actuator–specimen iteration did not converge, in sentences.

@@ -195,7 +195,7 @@ fn frames_move_as_in_opensees() {
                 size += wanted * wanted;
             }
             let error = f64::sqrt(off / size);
-            println!("{name}: {node} {}: {error:.2e}", direction.word());
+            eprintln!("{name}: {node} {}: {error:.2e}", direction.word());
             if error > worst.0 {
                 worst = (error, format!("{node} {}", direction.word()));
             }

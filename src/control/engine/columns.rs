@@ -12,7 +12,8 @@ use super::port_columns::{named, of_test, port_columns, port_values, width_of_ax
 use super::tick::Tick;
 use crate::port::Port;
 use gusset_quantity::catalog::column::{
-    ACCEL, BASE, CAUSES, DISP, GROUND, HEAD, Kind, OWN_ACCEL, ROTATION, TIMING, VEL,
+    ACCEL, BASE, CAUSES, DISP, END_MOMENT, END_ROTATION, GROUND, HEAD, Kind, MEMBER_FORCE,
+    OWN_ACCEL, ROTATION, START_MOMENT, START_ROTATION, STRETCH, TIMING, VEL,
 };
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
@@ -64,6 +65,7 @@ pub struct Row {
     disp: Range<usize>,
     vel: Range<usize>,
     accel: Range<usize>,
+    members: Range<usize>,
     ports: Vec<PortPlace>,
     checks: Range<usize>,
     kept: Vec<Limit>,
@@ -73,7 +75,8 @@ pub struct Row {
 state! {
     Row { values }
     keeps {
-        word, stopped, cause, commands, lateness, record_before, dofs, disp, vel, accel, ports, checks, kept
+        word, stopped, cause, commands, lateness, record_before, dofs, disp, vel, accel, members, ports, checks,
+        kept
     }
 }
 
@@ -92,6 +95,34 @@ pub struct Lateness {
     pub skipped_by_work: u64,
     /// Lateness of the first tick skipped by work, plus one period, ns.
     pub overrun_ns: u64,
+}
+
+/// Columns of the members of a frame that are recorded: deformations, then forces.
+fn member_columns(columns: &mut Vec<Column>, side: &Side) -> Range<usize> {
+    let start = columns.len();
+    if let Side::Structure(numerical) = side {
+        for member in numerical.structure.members().recorded() {
+            let of_link = [&STRETCH, &MEMBER_FORCE];
+            let of_member = [
+                &STRETCH,
+                &START_ROTATION,
+                &END_ROTATION,
+                &MEMBER_FORCE,
+                &START_MOMENT,
+                &END_MOMENT,
+            ];
+            let (kinds, turns): (&[&Kind], bool) = match member.link_turns() {
+                Some(turns) => (&of_link, turns),
+                None => (&of_member, false),
+            };
+            columns.extend(kinds.iter().map(|kind| Column {
+                unit: kind.unit_of(turns).into(),
+                meaning: format!("{}, {}", kind.meaning, member.name()),
+                ..named(kind, kind.of_specimen(member.number()))
+            }));
+        }
+    }
+    start..columns.len()
 }
 
 /// Where the numbers of a port stand.
@@ -134,6 +165,7 @@ impl Row {
         let has_own = matches!(side, Side::Structure(numerical) if numerical.has_own_accel());
         let kind = if has_own { &OWN_ACCEL } else { &ACCEL };
         let accel = block(&mut columns, kind, kind);
+        let members = member_columns(&mut columns, side);
         let ports_given = ports;
         let ports = ports
             .iter()
@@ -160,6 +192,7 @@ impl Row {
             disp,
             vel,
             accel,
+            members,
             ports,
             checks,
             kept,
@@ -183,6 +216,7 @@ impl Row {
             disp: 0..0,
             vel: 0..0,
             accel: 0..0,
+            members: 0..0,
             ports: Vec::new(),
             checks: 0..0,
             kept: Vec::new(),
@@ -217,6 +251,13 @@ impl Row {
     pub(crate) fn exchange(&mut self, tick: &Tick, phase: Phase, side: &Side, ports: &[Port]) {
         if let Side::Structure(numerical) = side {
             self.gather(&self.disp.clone(), &numerical.state.disp);
+            if let Some(slots) = self.values.get_mut(self.members.clone()) {
+                let members = numerical.structure.members();
+                let values = members.recorded().flat_map(|member| member.values());
+                for (slot, value) in slots.iter_mut().zip(values) {
+                    *slot = value;
+                }
+            }
         }
         self.between(tick, phase.code(), side, ports);
     }

@@ -455,6 +455,37 @@ impl Numerical {
         self.stepper.visit_state(visit);
     }
 
+    /// Time that a step takes in the worst case, by a clock that counts ns: no fibre is elastic, all turn round, and every search
+    /// tries as many places as it may. The median of some; nothing is left of them. None for an offline method.
+    pub fn worst_step(&mut self, dt: f64, now_ns: &mut dyn FnMut() -> u64) -> Option<u64> {
+        const BENT: f64 = 0.1;
+        let scratch = self.scratch()?;
+        let mut times = [0; 31];
+        for (round, time) in times.iter_mut().enumerate() {
+            self.exhaust(true);
+            let sign = if round % 2 == 0 { BENT } else { -BENT };
+            for (dof, x) in self.state.disp.iter_mut().enumerate() {
+                *x = sign * libm::sin(1.0 + 7.3 * dof as f64);
+            }
+            let begun = now_ns();
+            self.close(1, dt, &mut []);
+            let _ = self.advance(1);
+            *time = now_ns().saturating_sub(begun);
+        }
+        self.exhaust(false);
+        self.undo(&scratch);
+        times.sort_unstable();
+        times.get(times.len() / 2).copied()
+    }
+
+    fn exhaust(&mut self, yes: bool) {
+        if let Stepper::Explicit(explicit) = &mut self.stepper
+            && let Some(massless) = &mut explicit.massless
+        {
+            massless.exhaust(yes);
+        }
+    }
+
     /// Takes back what was only tried. Real-time: yes.
     pub(super) fn undo(&mut self, scratch: &Scratch) {
         self.state.copy_from(&scratch.state);

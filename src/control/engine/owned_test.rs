@@ -312,6 +312,15 @@ impl Test {
             holders: self.ports.iter().map(Port::left_to).collect(),
             steps: place.steps_done(),
             peaks: self.parts.peaks.clone(),
+            demands: match &self.parts.side {
+                Side::Structure(numerical) => {
+                    let demands = numerical.structure.members().demands();
+                    demands
+                        .map(|(name, demand)| (name.to_owned(), demand))
+                        .collect()
+                }
+                Side::Prescribed(_) | Side::Received(_) => Vec::new(),
+            },
             ports: (self.ports.iter().zip(self.peak_forces()))
                 .map(|(port, forces)| {
                     (port.name().to_owned(), forces, port.exchange().full_count())

@@ -83,10 +83,10 @@ impl FrameSpec {
             match part.kind {
                 PartKind::Elastic(..) => {}
                 PartKind::Inelastic(_, place, basic) => {
-                    of_members.push(part.name, place, basic, Reach::default());
+                    of_members.push(part.title, place, basic, (Reach::default(), false));
                 }
-                PartKind::Link(place, basic, reach) => {
-                    of_members.push(part.name, place, basic, reach);
+                PartKind::Link(place, basic, declared) => {
+                    of_members.push(part.title, place, basic, declared);
                 }
             }
         }

@@ -12,7 +12,8 @@ const MOST_POINTS: usize = 10;
 
 /// A member or a link.
 pub(super) struct Part<'a> {
-    pub(super) name: String,
+    /// Number from 1, name, and whether it is recorded.
+    pub(super) title: (usize, String, bool),
     pub(super) kind: PartKind<'a>,
 }
 
@@ -21,7 +22,8 @@ pub(super) enum PartKind<'a> {
     Elastic(Ends<'a>, Matrix, f64),
     /// A member that is evaluated in each step.
     Inelastic(Ends<'a>, Place, Basic),
-    Link(Place, Basic, Reach),
+    /// With what its user declared, and whether it acts on rotations.
+    Link(Place, Basic, (Reach, bool)),
 }
 
 /// Both ends of a member.
@@ -44,7 +46,16 @@ impl FrameSpec {
             let name = spec.name.clone();
             let name = name.unwrap_or_else(|| format!("member {}", index + 1));
             let kind = self.member_part(index, &name, spec, model, influence)?;
-            parts.push(Part { name, kind });
+            if spec.record && matches!(kind, PartKind::Elastic(..)) {
+                return Err(FrameError::Unfit {
+                    at: ("member", index),
+                    key: "record",
+                    name,
+                    why: "is elastic and cannot be recorded: its forces follow from the displacements",
+                });
+            }
+            let title = (index + 1, name, spec.record);
+            parts.push(Part { title, kind });
         }
         for index in 0..self.link.len() {
             parts.push(self.link_part(index, model, influence)?);
@@ -251,8 +262,10 @@ impl FrameSpec {
             vel: spec.reach_vel_m_per_s,
         };
         let place = Place::new([terms, Vec::new(), Vec::new()], influence);
-        let kind = PartKind::Link(place, Basic::Link(law), reach);
-        Ok(Part { name, kind })
+        let turns = spec.direction == LinkDirection::Rz;
+        let kind = PartKind::Link(place, Basic::Link(law), (reach, turns));
+        let title = (self.member.len() + index + 1, name, spec.record);
+        Ok(Part { title, kind })
     }
 }
 

@@ -331,6 +331,11 @@ pub struct MemberSpec {
     #[serde(default)]
     #[schemars(example = true)]
     pub p_delta: bool,
+    /// If true, its deformations and forces are recorded. An elastic member without hinges has no such
+    /// columns. Default: false.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = true)]
+    pub record: bool,
 }
 
 impl MemberSpec {
@@ -349,6 +354,7 @@ impl MemberSpec {
             offset_start_m: [0.0; 2],
             offset_end_m: [0.0; 2],
             p_delta: false,
+            record: false,
         }
     }
 }
@@ -395,6 +401,10 @@ pub struct LinkSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = 1.0)]
     pub reach_vel_m_per_s: Option<f64>,
+    /// If true, its deformation and force are recorded. Default: false.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = true)]
+    pub record: bool,
 }
 
 /// Direction of a link.

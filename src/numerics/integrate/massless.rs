@@ -37,6 +37,8 @@ pub struct Massless {
     /// Places that are tried at most, and φ in parts of ψ below which nothing is left to balance.
     places: u32,
     balanced: f64,
+    /// All of them are tried.
+    exhausts: bool,
     /// Degrees of freedom, rising.
     rows: Vec<usize>,
     /// Place of a degree of freedom among them.
@@ -87,7 +89,7 @@ pub struct Massless {
 state! {
     Massless as "rows without mass" { largest, scale, shares, disp, external, tried, base }
     keeps {
-        dt, places, balanced, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, worst_dof, vel, change,
+        dt, places, balanced, exhausts, rows, place, safe, diagonal, stiffest, constant, tangent, is_tangent, is_linear, gross, worst_dof, vel, change,
         rate, load, forces, from, best, step, work, search
     }
 }
@@ -177,6 +179,7 @@ impl Massless {
             dt,
             places,
             balanced,
+            exhausts: false,
             place,
             safe,
             diagonal: (0..s).map(|i| block.get(i, i)).collect(),
@@ -279,6 +282,11 @@ impl Massless {
             }
         };
         self.shares.iter().fold(f64::INFINITY, least)
+    }
+
+    /// From now on every search tries all of its places, or no more than it needs.
+    pub fn exhaust(&mut self, yes: bool) {
+        self.exhausts = yes;
     }
 
     /// Most places that a search tries.
@@ -403,7 +411,8 @@ impl Massless {
                 }
             }
         }
-        if places >= self.places || self.best.energy <= self.balanced * self.scale {
+        if places >= self.places || !self.exhausts && self.best.energy <= self.balanced * self.scale
+        {
             return false;
         }
         if may_restart && places >= RESTART {

@@ -89,27 +89,6 @@ impl Structure {
         &self.members
     }
 
-    /// Time that one evaluation takes if no fibre is elastic and all turn round, by the clock of the caller: the median of some. The
-    /// structure is bent out of shape by it.
-    pub fn worst_evaluation(&mut self, now_ns: &mut dyn FnMut() -> u64) -> u64 {
-        const BENT: f64 = 0.1;
-        const ROUNDS: usize = 31;
-        let n = self.dofs();
-        let (still, mut residual) = (vec![0.0; n], vec![0.0; n]);
-        let mut times = [0; ROUNDS];
-        for (round, time) in times.iter_mut().enumerate() {
-            let sign = if round % 2 == 0 { BENT } else { -BENT };
-            let place = |dof: usize| sign * libm::sin(1.0 + 7.3 * dof as f64);
-            let disp: Vec<f64> = (0..n).map(place).collect();
-            let begun = now_ns();
-            self.subtract_trial(&disp, &still, Base::default(), 0.0, &mut residual);
-            *time = now_ns().saturating_sub(begun);
-            self.commit();
-        }
-        times.sort_unstable();
-        times[ROUNDS / 2]
-    }
-
     /// True if members of a frame are evaluated in each step.
     #[must_use]
     pub fn has_members(&self) -> bool {
@@ -342,6 +321,17 @@ impl Structure {
                 damping: element.law.reference().damping,
                 damping_bound: bound.damping,
                 name: element.name.into_owned(),
+            });
+        }
+        for link in self.members.links() {
+            let (stiffness, damping) = link.law.bound(link.reach);
+            let missing = |tangent| no_bound(link.name.to_owned(), tangent);
+            visit(&Part {
+                name: link.name.to_owned(),
+                stiffness_bound: stiffness.ok_or_else(|| missing("stiffness"))?,
+                damping: link.law.reference().damping,
+                damping_bound: damping.ok_or_else(|| missing("damping"))?,
+                row: link.row,
             });
         }
         Ok(())

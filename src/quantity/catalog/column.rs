@@ -14,6 +14,8 @@ pub enum Each {
     Test,
     /// A recorded DOF.
     Dof,
+    /// A recorded member or link of a frame.
+    Member,
     /// A specimen.
     Specimen,
     /// An axis of a specimen.
@@ -99,7 +101,7 @@ impl Kind {
         format!("{}{dof}", self.stem)
     }
 
-    /// Name of the column of a specimen.
+    /// Name of the column of a specimen, or of a member of a frame.
     #[must_use]
     pub fn of_specimen(&self, specimen: impl Display) -> String {
         format!("{}_{specimen}", self.stem)
@@ -129,6 +131,7 @@ impl Kind {
         match self.each {
             Each::Test => stem.to_owned(),
             Each::Dof => format!("{stem}N"),
+            Each::Member => format!("{stem}_M"),
             Each::Specimen => format!("{stem}_S"),
             Each::Axis => format!("{stem}_S_A"),
             Each::Coordinate => format!("{stem}_S_C"),
@@ -154,7 +157,7 @@ impl Kind {
     #[must_use]
     pub fn specimen_in(&self, name: &str) -> Option<u32> {
         let [specimen, _] = self.numbers(name)?;
-        (!matches!(self.each, Each::Test | Each::Dof)).then_some(specimen)
+        (!matches!(self.each, Each::Test | Each::Dof | Each::Member)).then_some(specimen)
     }
 
     /// Specimen and axis, coordinate or signal, of the column of this name, if it is of this kind.
@@ -175,7 +178,7 @@ impl Kind {
         Some(match self.each {
             Each::Test => return rest.is_empty().then_some([0; 2]),
             Each::Dof => [number(rest)?, 0],
-            Each::Specimen => [number(parts()?)?, 0],
+            Each::Member | Each::Specimen => [number(parts()?)?, 0],
             Each::Axis | Each::Coordinate | Each::Signal => {
                 let (specimen, axis) = parts()?.split_once('_')?;
                 [number(specimen)?, number(axis)?]
@@ -246,6 +249,7 @@ macro_rules! kinds {
 const ALWAYS: &str = "always";
 const STRUCTURE: &str = "with a structure";
 const UNIT: &str = "with a loading unit";
+const MEMBER: &str = "with a member or link that has `record = true`";
 const TRACKED: &str = "where the tracking of the axis is estimated";
 
 kinds! {
@@ -290,6 +294,18 @@ kinds! {
     /// Acceleration of a DOF in a method that has its own, in the same column.
     OWN_ACCEL = "a", Dof, "m/s2 or rad/s2", Integrator, "with a method that carries an acceleration",
         "acceleration that the method uses in its next step, not from equilibrium,";
+    /// Elongation of a member of a frame, or deformation of a link.
+    STRETCH = "stretch", Member, "m or rad", Integrator, MEMBER, "elongation, or deformation of a link";
+    /// Its rotation from the chord at its start.
+    START_ROTATION = "rotation_start", Member, "rad", Integrator, MEMBER, "rotation of the start from the chord";
+    /// Its rotation from the chord at its end.
+    END_ROTATION = "rotation_end", Member, "rad", Integrator, MEMBER, "rotation of the end from the chord";
+    /// Its axial force, or the force of a link.
+    MEMBER_FORCE = "member_force", Member, "N or N m", Integrator, MEMBER, "axial force, tension positive, or force of a link";
+    /// Its moment at its start.
+    START_MOMENT = "moment_start", Member, "N m", Integrator, MEMBER, "moment at the start";
+    /// Its moment at its end.
+    END_MOMENT = "moment_end", Member, "N m", Integrator, MEMBER, "moment at the end";
     /// Target of an axis.
     TARGET = "target", Axis, "m", Integrator, ALWAYS, "target: the deformation B·x of the structure";
     /// Target of an actuator of a loading unit, in the same column.
@@ -505,7 +521,7 @@ mod tests {
             let name = match kind.each {
                 Each::Test => kind.name().to_owned(),
                 Each::Dof => kind.of_dof(12),
-                Each::Specimen => kind.of_specimen(3),
+                Each::Member | Each::Specimen => kind.of_specimen(3),
                 Each::Axis | Each::Coordinate | Each::Signal => kind.of_axis(2, 10),
                 Each::Parameter => kind.of_parameter("gain_a", 1, 4),
             };
@@ -516,6 +532,7 @@ mod tests {
             let expected = match kind.each {
                 Each::Test => (None, None, None),
                 Each::Dof => (Some(12), None, None),
+                Each::Member => (None, None, None),
                 Each::Specimen => (None, Some(3), None),
                 Each::Axis | Each::Coordinate | Each::Signal => (None, Some(2), Some((2, 10))),
                 Each::Parameter => (None, Some(1), Some((1, 4))),

@@ -59,7 +59,7 @@ pub fn explain(name: &str) -> Vec<Explained> {
     for (kind, table) in [("column", TEST), ("column of a server", SERVER)] {
         for one in table.iter().filter(|one| one.fits(name)) {
             let meaning = match one.each {
-                Each::Test | Each::Dof => one.told(""),
+                Each::Test | Each::Dof | Each::Member => one.told(""),
                 _ => one.told("the specimen"),
             };
             add(

@@ -39,7 +39,12 @@ impl Stateful for Members {
 /// A member or link between degrees of freedom.
 #[derive(Debug)]
 pub struct Member {
+    /// From 1: members, then links.
+    number: usize,
     name: String,
+    is_recorded: bool,
+    /// A link that acts on rotations.
+    turns: bool,
     place: Place,
     basic: Basic,
     reach: Reach,
@@ -190,6 +195,14 @@ pub(crate) struct At<'a> {
     pub(crate) dt: f64,
 }
 
+/// A spring or damper between nodes.
+pub(crate) struct Link<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) law: &'a dyn Law,
+    pub(crate) reach: Reach,
+    pub(crate) row: Vec<(usize, f64)>,
+}
+
 /// What the stiffness and damping of a link refer to: rest, or the largest that they reach.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Which {
@@ -201,6 +214,37 @@ pub(crate) enum Which {
     Rest,
 }
 
+impl Member {
+    /// Its name in messages.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its number from 1: members, then links.
+    #[must_use]
+    pub const fn number(&self) -> usize {
+        self.number
+    }
+
+    /// Of a link, whether it acts on rotations.
+    #[must_use]
+    pub const fn link_turns(&self) -> Option<bool> {
+        match self.basic {
+            Basic::Link(_) => Some(self.turns),
+            _ => None,
+        }
+    }
+
+    /// Deformations and forces at the last evaluation: v in m and rad, then q in N and N m, three each; of a link one each. Real-time:
+    /// yes.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        let count = if self.link_turns().is_some() { 1 } else { 3 };
+        let (disp, force) = (self.disp.into_iter(), self.answer.force.into_iter());
+        disp.take(count).chain(force.take(count))
+    }
+}
+
 impl Basic {
     /// q of the virgin member at displacements of the frame.
     pub(super) fn first_force(&self, place: &Place, disp: &[f64]) -> [f64; 3] {
@@ -209,14 +253,23 @@ impl Basic {
 }
 
 impl Members {
-    pub(super) fn push(&mut self, name: String, place: Place, basic: Basic, reach: Reach) {
+    pub(super) fn push(
+        &mut self,
+        (number, name, is_recorded): (usize, String, bool),
+        place: Place,
+        basic: Basic,
+        (reach, turns): (Reach, bool),
+    ) {
         let answer = Answer {
             stiffness: basic.initial(),
             ..Answer::default()
         };
         let disp = [0.0; 3];
         self.each.push(Member {
+            number,
             name,
+            is_recorded,
+            turns,
             place,
             basic,
             reach,
@@ -292,11 +345,32 @@ impl Members {
         }
     }
 
+    /// Those whose forces and deformations are recorded.
+    pub fn recorded(&self) -> impl Iterator<Item = &Member> {
+        self.each.iter().filter(|member| member.is_recorded)
+    }
+
+    /// Each link with its row: v = Σ row · x, and the reach that its user declared.
+    pub(crate) fn links(&self) -> impl Iterator<Item = Link<'_>> {
+        self.each.iter().filter_map(|member| {
+            let Basic::Link(law) = &member.basic else {
+                return None;
+            };
+            let row = member.place.dofs.iter().zip(&member.place.rows[0]);
+            Some(Link {
+                name: &member.name,
+                law: law.as_ref(),
+                reach: member.reach,
+                row: row.map(|(dof, coefficient)| (*dof, *coefficient)).collect(),
+            })
+        })
+    }
+
     /// Name of each member with its largest use so far at its start and its end, in parts of what makes it yield.
     pub fn demands(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
-        self.each
-            .iter()
-            .map(|member| (member.name.as_str(), member.basic.demand()))
+        let members = self.each.iter();
+        let members = members.filter(|member| member.link_turns().is_none());
+        members.map(|member| (member.name.as_str(), member.basic.demand()))
     }
 
     /// Entries of K_t of the last trial, (i ≤ j, value).
