@@ -13,7 +13,9 @@ use gusset_record::rt::Granted;
 use gusset_record::rt::timing::export::write_hgrm;
 use gusset_record::rt::timing::{Quantity, Timing};
 use gusset_record::rt::wall::Wall;
-use gusset_record::summary::{ClockKind, InOrder, Lambda, LinkCounts, MemberDemand, Peak, Realtime};
+use gusset_record::summary::{
+    ClockKind, InOrder, Lambda, LinkCounts, MemberDemand, Peak, Realtime,
+};
 use gusset_record::{FolderError, Recorded, RunFolder, Summary, times};
 use gusset_setup::Facts;
 

@@ -278,6 +278,13 @@ impl Members {
         });
     }
 
+    /// True if there is a member of fibres.
+    #[must_use]
+    pub fn has_fibres(&self) -> bool {
+        let mut each = self.each.iter();
+        each.any(|member| matches!(member.basic, Basic::Force(_) | Basic::Displacement(_)))
+    }
+
     /// Members and links.
     #[must_use]
     pub fn count(&self) -> usize {
