@@ -120,6 +120,14 @@ def law(tag, of):
         ops.uniaxialMaterial("Elastic", tag, s["stiffness_n_per_m"], s.get("damping_n_s_per_m", 0.0))
     elif kind == "bilinear":
         ops.uniaxialMaterial("Steel01", tag, s["yield_force_n"], s["stiffness_n_per_m"], s["post_yield_ratio"])
+    elif kind == "imk" and s.get("response", "bilinear") == "bilinear" and "negative" not in s:
+        shape = [s["plastic_disp_m"], s["post_capping_disp_m"], s["ultimate_disp_m"], s["yield_force_n"], s["capping_ratio"],
+                 s.get("residual_ratio", 0)]
+        # A capacity that no test uses up: OpenSees has no number for no deterioration.
+        modes = ("strength", "post_capping", "unloading")
+        capacities = [s.get(f"{mode}_lambda_m", 0) or 1e9 for mode in modes]
+        exponents = [s.get(f"{mode}_exponent", 1) for mode in modes]
+        ops.uniaxialMaterial("IMKBilin", tag, *map(float, [s["stiffness_n_per_m"], *shape, *shape, *capacities, *exponents, 1, 1]))
     else:
         sys.exit(f"this script does not know the law {kind}")
 
@@ -200,10 +208,12 @@ class Model:
         self.is_elastic = False
         tag = self.new()
         ops.node(tag, *ops.nodeCoord(node))
-        ops.equalDOF(node, tag, 1, 2)
         law(tag, self.frame["hinge"][name])
+        # The node may follow another one, so it cannot lead this one.
+        stiff = self.new()
+        ops.uniaxialMaterial("Elastic", stiff, 1e13)
         ends = (node, tag) if sign > 0 else (tag, node)
-        ops.element("zeroLength", tag, *ends, "-mat", tag, "-dir", 3)
+        ops.element("zeroLength", tag, *ends, "-mat", stiff, stiff, tag, "-dir", 1, 2, 3)
         return tag
 
     def link(self, link):
