@@ -1,6 +1,7 @@
 //! `gusset check`: reads a test, judges it and shows its needs. Nothing moves.
 
 mod brief;
+mod frame;
 mod json;
 mod needs;
 mod next;
@@ -16,6 +17,7 @@ use super::test_file::{load, refused};
 use super::{answer, tell, warn};
 use gusset_actuator::transfer::BetweenTicks;
 use gusset_config::Loaded;
+use gusset_numerics::frame::FrameSpec;
 use gusset_proof::Spectrum;
 use gusset_proof::{Outcome, RecordedVerdict};
 use gusset_session::Judged;
@@ -92,6 +94,11 @@ struct Checked<'a> {
 }
 
 impl Checked<'_> {
+    /// The frame of the file, if there is one.
+    fn frame(&self) -> Option<&FrameSpec> {
+        self.loaded.file.structure.as_ref()?.frame.as_ref()
+    }
+
     /// The verdict, the findings, the test with its needs, and the next commands.
     fn page(&self) -> Table {
         let verdict = self.judged.verdict.record();
@@ -118,7 +125,7 @@ impl Checked<'_> {
 
     /// Everything that is known.
     fn in_full(&self, table: &mut Table) {
-        verbose::tabulate(table, &self.judged.test.facts, self.spectrum);
+        verbose::tabulate(table, self);
         for (what, found) in self.judged.following.iter().map(|one| one.words()) {
             table.row(&what, &found);
         }

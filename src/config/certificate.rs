@@ -284,6 +284,7 @@ impl Loaded {
             root: self.root.clone(),
             locator: self.locator.clone(),
             moves: Vec::new(),
+            inputs: self.inputs(),
         };
         opened.set(Purpose::Run, &self.path, sets)?;
         let varied = test_of(Purpose::Run, &self.path, opened)?;

@@ -206,6 +206,13 @@ impl Node {
         }
     }
 
+    /// Puts `value` at `path` below this node, if that can be followed.
+    pub(crate) fn replace(&mut self, path: &KeyPath, value: &Self) {
+        let segments = path.segments().iter();
+        let segments: Vec<_> = segments.map(|one| (one.clone(), 0..0)).collect();
+        drop(self.set("", &segments, value));
+    }
+
     /// The tables and arrays along `path` with this value at its end.
     fn beneath(&self, path: &[(Segment, Range<usize>)]) -> Result<Self, (usize, String)> {
         let Some(((segment, _), deeper)) = path.split_first() else {

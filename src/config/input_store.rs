@@ -89,6 +89,14 @@ impl InputStore {
         Ok((real, bytes))
     }
 
+    /// Keeps the bytes of the file at `path`, which was read from `real`.
+    pub(super) fn keep(&self, path: PathBuf, real: &Path, bytes: &[u8]) {
+        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        files
+            .entry(path)
+            .or_insert_with(|| (real.to_owned(), bytes.into()));
+    }
+
     /// No further file is read from the disk.
     pub fn close(&self) {
         self.is_closed.store(true, Ordering::Relaxed);

@@ -102,9 +102,17 @@ impl Inputs {
         }
     }
 
-    /// Inputs that take their bytes from the store of a study.
+    /// Inputs that take their bytes from the store of a study, which keeps those that were read before.
     #[must_use]
     pub fn with_store(mut self, store: Option<Arc<InputStore>>) -> Self {
+        for (store, file) in store
+            .iter()
+            .flat_map(|store| self.files.iter().map(move |f| (store, f)))
+        {
+            for requested in &file.requested {
+                store.keep(self.folder.join(requested), &file.path, &file.bytes);
+            }
+        }
         self.store = store;
         self
     }
@@ -119,6 +127,11 @@ impl Inputs {
             None => self.load(requested)?,
         };
         Ok(&self.files[index].bytes)
+    }
+
+    /// Forgets the files that were read.
+    pub(super) fn clear(&mut self) {
+        self.files.clear();
     }
 
     /// All files, in the order of their first request.

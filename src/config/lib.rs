@@ -33,6 +33,7 @@ pub mod echo;
 mod excitation;
 mod fault_rules;
 pub mod fault_script;
+mod frame_file;
 mod hints;
 mod input_store;
 mod inputs;
@@ -163,14 +164,15 @@ pub struct Loaded {
     pub store: Option<Arc<InputStore>>,
     /// The file as a tree, with the overrides in it.
     root: document::Node,
+    /// The files that were read with it.
+    read: Inputs,
 }
 
 impl Loaded {
     /// The loader of the files that the test names: relative to the folder of the test file.
     #[must_use]
     pub fn inputs(&self) -> Inputs {
-        let inputs = Inputs::new(self.path.parent().unwrap_or(Path::new("")));
-        inputs.with_store(self.store.clone())
+        self.read.clone().with_store(self.store.clone())
     }
 
     /// Findings of a later layer as one error with their places.
@@ -227,6 +229,10 @@ pub fn read_text(path: &Path) -> Result<String, ConfigError> {
             source,
         }
     })?;
+    text_of(path, bytes)
+}
+
+fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, ConfigError> {
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let newlines = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n');
@@ -245,12 +251,15 @@ struct Opened {
     locator: Locator,
     /// Entries with an old name.
     moves: Vec<renamed::Move>,
+    /// The files that were read with it.
+    inputs: Inputs,
 }
 
 impl Opened {
     /// Puts the `--set` arguments into the tree.
     fn set(&mut self, purpose: Purpose, path: &Path, sets: &[String]) -> Result<(), ConfigError> {
         let (mut overrides, mut refused) = parse_overrides(sets);
+        self.include_frame(path, &overrides)?;
         for one in &mut overrides {
             let holds = |path: &KeyPath| self.root.find(path).is_some();
             if let Some((path, moved)) = renamed::current(&one.path(), &holds) {
@@ -308,6 +317,7 @@ fn open(
         root,
         locator,
         moves,
+        inputs: Inputs::new(path.parent().unwrap_or(Path::new(""))),
     };
     opened.set(purpose, path, sets)?;
     Ok(opened)
@@ -345,6 +355,7 @@ fn test_of(purpose: Purpose, path: &Path, opened: Opened) -> Result<Loaded, Conf
         text,
         root,
         locator,
+        inputs,
         ..
     } = opened;
     let time = Time::of(&file.time).map_err(|finding| locator.refusal(*finding))?;
@@ -365,6 +376,7 @@ fn test_of(purpose: Purpose, path: &Path, opened: Opened) -> Result<Loaded, Conf
         locator,
         store: None,
         root,
+        read: inputs,
     })
 }
 

@@ -1,12 +1,12 @@
 //! Place of each path of a test file: a line of the file, or the argument that overrides it.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use super::ConfigError;
 use super::diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Source};
 use super::document::{KeyPath, Node};
 use super::echo::plain;
+use super::frame_file::frame;
 use super::overrides::Override;
 
 /// Finds the place of each path of a test file.
@@ -15,6 +15,8 @@ pub struct Locator {
     file: Arc<Source>,
     root: Node,
     overrides: Vec<Override>,
+    /// The file that `structure.frame.file` names.
+    pub(super) frame_file: Option<Arc<Source>>,
     /// Paths of entries that the file calls by an old name: today's path, and the one that the user wrote.
     written: Vec<(String, String)>,
 }
@@ -25,8 +27,15 @@ impl Locator {
             file,
             root,
             overrides: Vec::new(),
+            frame_file: None,
             written: Vec::new(),
         }
+    }
+
+    /// The entries of `structure.frame` are those of `table`, which stand in `source`.
+    pub(super) fn include(&mut self, source: Arc<Source>, table: &Node) {
+        self.root.replace(&frame(), table);
+        self.frame_file = Some(source);
     }
 
     /// Places of these overrides. Messages name the entries in `written` as the user wrote them: today's path, and the
@@ -59,10 +68,7 @@ impl Locator {
         if let Some(node) = self.root.find(path)
             && !path.segments().is_empty()
         {
-            return self.in_file(match part {
-                Part::Key => node.key.clone(),
-                Part::Value => node.span.clone(),
-            });
+            return self.in_file(path, part, node);
         }
         if let Some(place) = overriding.clone().find_map(|o| o.place_above(path)) {
             return place;
@@ -142,10 +148,20 @@ impl Locator {
         ConfigError::Invalid(Diagnostics(vec![self.diagnose(finding)]))
     }
 
-    fn in_file(&self, span: Range<usize>) -> Place {
+    fn in_file(&self, path: &KeyPath, part: Part, node: &Node) -> Place {
+        let frame = frame();
+        let other = self.frame_file.as_ref().filter(|_| {
+            let names_it = *path == frame.key("file") || (*path == frame && part == Part::Key);
+            path.starts_with(&frame) && !names_it
+        });
+        let span = match part {
+            Part::Key => node.key.clone(),
+            Part::Value => node.span.clone(),
+        };
         Place {
-            source: Arc::clone(&self.file),
-            span: Some(span),
+            // All of the frame is all of its file.
+            span: (other.is_none() || *path != frame).then_some(span),
+            source: Arc::clone(other.unwrap_or(&self.file)),
         }
     }
 }

@@ -54,6 +54,12 @@ pub fn resolve(
     if file.structure.is_some() {
         file.safety.divergence_m.get_or_insert(DIVERGENCE_M);
     }
+    // The whole frame is written, with the overrides in it.
+    let frame = file
+        .structure
+        .as_mut()
+        .and_then(|table| table.frame.as_mut());
+    let frame_file = frame.and_then(|frame| frame.file.take());
     let mut document: DocumentMut = toml::to_string(&file)?.parse()?;
     if let Some(comment) = request
         && let Some(item) = document
@@ -65,7 +71,7 @@ pub fn resolve(
     }
     let mut paths = Paths {
         inputs,
-        placed: Vec::new(),
+        placed: frame_file.into_iter().collect(),
     };
     paths.visit_document_mut(&mut document);
     let all = inputs.files().iter().flat_map(|input| &input.requested);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use gusset_config::{ClockChoice, Method, TimingSpec};
 use gusset_motion::RecordFacts;
+use gusset_numerics::frame::MemberUse;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
 use gusset_record::summary::LimitFacts;
@@ -81,6 +82,8 @@ pub struct StructureFacts {
     pub rotations: Vec<usize>,
     /// Node and direction of each degree of freedom of a frame, such as "A1 x"; empty for other structures.
     pub places: Vec<String>,
+    /// The frame under its static loads; none for other structures.
+    pub frame: Option<FrameFacts>,
     /// The integration method.
     pub method: Method,
     /// How M_eff is stored and factored, for the family.
@@ -111,6 +114,17 @@ pub struct StructureFacts {
     pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
     pub(super) gains: Vec<Vec<f64>>,
+}
+
+/// Facts about a frame under its static loads.
+#[derive(Debug, Clone)]
+pub struct FrameFacts {
+    /// Mass of all nodes in kg.
+    pub mass: f64,
+    /// Sum of the static loads that act downwards, in N.
+    pub weight: f64,
+    /// Its members, in the order of the file.
+    pub members: Vec<MemberUse>,
 }
 
 impl StructureFacts {

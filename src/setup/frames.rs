@@ -1,9 +1,11 @@
 //! The frame of a test file: its degrees of freedom by name, the rows of specimens between its nodes, and the places of mistakes.
 
+use super::facts::FrameFacts;
 use super::{Refused, Site, path};
 use gusset_config::{DeformationTable, Finding, KeyPath};
-use gusset_numerics::frame::{FrameError, FrameSpec};
+use gusset_numerics::frame::{Direction, FrameError, FrameSpec, MemberUse};
 use gusset_numerics::model::StructureSpec;
+use gusset_quantity::units::number;
 
 /// Rows of B of deformations between nodes.
 pub(super) fn rows(
@@ -63,6 +65,56 @@ pub(super) fn places(site: &Site<'_>) -> Vec<String> {
     let each = places.iter();
     each.map(|(node, direction)| format!("{node} {}", direction.word()))
         .collect()
+}
+
+/// The frame under the static load of its degrees of freedom. A member that yields under it is warned of.
+pub(super) fn facts(
+    site: &mut Site<'_>,
+    load: Option<&[f64]>,
+) -> Result<Option<FrameFacts>, Refused> {
+    let table = site.loaded.file.structure.as_ref();
+    let Some(frame) = table.and_then(|table| table.frame.as_ref()) else {
+        return Ok(None);
+    };
+    let found = frame.model().and_then(|model| {
+        let none = vec![0.0; model.dofs.len()];
+        let load = load.unwrap_or(&none);
+        let members = frame.members_under(load)?;
+        Ok((model, members, load.to_vec()))
+    });
+    let (model, members, load) = found
+        .or_else(|error| site.refuse(Finding::error(place(site, &error), error.to_string())))?;
+    let down = |force: f64| (-force).max(0.0);
+    // The loads at nodes that are held in y are in no degree of freedom.
+    let others = model.dofs.iter().zip(load.iter().zip(&model.load));
+    let others = others.filter(|((_, direction), _)| *direction == Direction::Y);
+    let weight = frame.load.iter().map(|load| down(load.y_n)).sum::<f64>()
+        + others.map(|(_, (all, own))| down(all - own)).sum::<f64>();
+    let yields = |(_, member): &(usize, &MemberUse)| member.utilisation > Some(1.0);
+    let yielding = members.iter().enumerate().filter(yields);
+    let worst = yielding.clone().max_by(|(_, a), (_, b)| {
+        let [a, b] = [a, b].map(|member| member.utilisation.unwrap_or(0.0));
+        a.total_cmp(&b)
+    });
+    if let Some((index, member)) = worst {
+        let text = format!(
+            "{} yields under the static loads, before the test: its utilisation is {}",
+            member.name,
+            number(member.utilisation.unwrap_or(0.0))
+        );
+        let at = path("structure").key("frame").key("member").index(index);
+        let mut finding = Finding::warning(at, text)
+            .help("the utilisation is the elastic strain over the yield strain, or moment over yield moment");
+        if let more @ 1.. = yielding.count() - 1 {
+            finding = finding.label(format!("and {more} more members yield"));
+        }
+        site.warnings.push(finding);
+    }
+    Ok(Some(FrameFacts {
+        mass: frame.node.iter().map(|node| node.mass_kg).sum(),
+        weight,
+        members,
+    }))
 }
 
 /// Place in the file of a mistake of a frame.

@@ -39,7 +39,7 @@ mod trial;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-pub use facts::{Facts, StructureFacts};
+pub use facts::{Facts, FrameFacts, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
@@ -373,6 +373,7 @@ fn numerical(
         method::warn_of_digits(site, condition);
     }
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
+    let frame = frames::facts(site, load.as_deref())?;
     let settling = match load {
         Some(load) => Some(settle(
             site,
@@ -405,6 +406,7 @@ fn numerical(
         dofs: n,
         rotations: rotations(site, n)?,
         places: frames::places(site),
+        frame,
         method,
         storage,
         reciprocal_condition: condition,

@@ -9,6 +9,7 @@ mod bad_input;
 mod bad_structure;
 mod certificate;
 mod errors;
+mod frames;
 mod gateway_config;
 mod ground_motions;
 mod link_config;

@@ -3,7 +3,7 @@
 use super::super::rehearsed::tabulate_speeds;
 use super::super::spectrum;
 use super::super::table::Table;
-use super::{Checked, needs};
+use super::{Checked, frame, needs};
 use gusset_config::{ClockChoice, Loaded};
 use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
@@ -31,6 +31,9 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
         None => "none: the specimens follow a prescribed displacement".to_owned(),
     };
     table.row("structure", &text);
+    if let Some(structure) = &facts.structure {
+        frame::tabulate(table, structure, checked.frame(), false);
+    }
     of_excitation(checked.loaded, facts, table);
     if let Some(structure) = &facts.structure {
         let mut text = integration::in_words(structure);

@@ -4,9 +4,9 @@ use serde_json::{Value, json};
 
 use super::super::spectrum::{delays_json, modes_json};
 use super::super::{certificate, rehearsed};
-use super::{Checked, commands};
+use super::{Checked, commands, frame};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
-use gusset_proof::{Spectrum, Stability};
+use gusset_proof::Stability;
 use gusset_setup::StructureFacts;
 
 /// The whole document.
@@ -14,7 +14,7 @@ pub(super) fn document(checked: &Checked<'_>) -> Value {
     let judged = checked.judged;
     let facts = &judged.test.facts;
     let structure = facts.structure.as_ref();
-    let structure = structure.map(|structure| structure_json(structure, checked.spectrum));
+    let structure = structure.map(|structure| structure_json(checked, structure));
     let following = judged.following.iter().map(|one| one.as_json());
     let full = judged.rehearsed.as_ref();
     let mut found = json!({
@@ -48,11 +48,12 @@ pub(super) fn document(checked: &Checked<'_>) -> Value {
 }
 
 /// `structure`.
-fn structure_json(structure: &StructureFacts, spectrum: Option<&Spectrum>) -> Value {
-    let choice = structure.choice();
+fn structure_json(checked: &Checked<'_>, structure: &StructureFacts) -> Value {
+    let (choice, spectrum) = (structure.choice(), checked.spectrum);
     json!({
         "dofs": structure.dofs,
         "places": structure.places,
+        "frame": frame::as_json(structure, checked.frame()),
         "storage": structure.storage,
         "reciprocal_condition": structure.reciprocal_condition,
         "frequencies_rad_per_s": structure.frequencies,

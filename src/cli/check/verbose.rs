@@ -3,21 +3,23 @@
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
 use super::brief::{of_peak_nodal_force, of_record, of_test};
+use super::{Checked, frame};
 use gusset_config::word;
 use gusset_numerics::integrate::Lambda;
-use gusset_proof::{Errors, Spectrum, per_cent};
+use gusset_proof::{Errors, per_cent};
 use gusset_quantity::units::{number, quantity};
 use gusset_session::integration;
 use gusset_setup::{Facts, StructureFacts};
 
 /// Everything that is known of the test without a rehearsal.
-pub(super) fn tabulate(table: &mut Table, facts: &Facts, spectrum: Option<&Spectrum>) {
+pub(super) fn tabulate(table: &mut Table, checked: &Checked<'_>) {
+    let facts = &checked.judged.test.facts;
     table.row("test", &of_test(facts));
     for record in &facts.records {
         table.row("record", &of_record(record));
     }
     if let Some(structure) = &facts.structure {
-        describe(table, facts, structure, spectrum);
+        describe(table, checked, structure);
     } else {
         table.row(
             "structure",
@@ -67,12 +69,8 @@ pub(super) fn of_errors(table: &mut Table, errors: Option<&Errors>) {
     }
 }
 
-fn describe(
-    table: &mut Table,
-    facts: &Facts,
-    structure: &StructureFacts,
-    spectrum: Option<&Spectrum>,
-) {
+fn describe(table: &mut Table, checked: &Checked<'_>, structure: &StructureFacts) {
+    let (facts, spectrum) = (&checked.judged.test.facts, checked.spectrum);
     table.row(
         "structure",
         &format!(
@@ -85,19 +83,7 @@ fn describe(
                 .unwrap_or_default()
         ),
     );
-    // A node on each line.
-    let mut lines: Vec<(&str, String)> = Vec::new();
-    for (dof, place) in structure.places.iter().enumerate() {
-        let (node, direction) = place.rsplit_once(' ').unwrap_or(("", place));
-        let own = format!("DOF {} {direction}", dof + 1);
-        match lines.last_mut().filter(|(last, _)| *last == node) {
-            Some((_, line)) => *line = format!("{line}, {own}"),
-            None => lines.push((node, own)),
-        }
-    }
-    for (node, line) in lines {
-        table.row(&format!("node {node}"), &line);
-    }
+    frame::tabulate(table, structure, checked.frame(), true);
     if let Some(condition) = structure.reciprocal_condition {
         table.row(
             "condition",

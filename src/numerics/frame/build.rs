@@ -294,7 +294,7 @@ impl FrameSpec {
         factor.solve_in_place(&mut disp);
         let lowered = lowered.by_ref().filter(|(_, ends)| ends.p_delta);
         let entries = lowered.flat_map(|(part, ends)| {
-            let matrix = ends.chord.geometric_stiffness(part.axial_force(&disp));
+            let matrix = ends.chord.geometric_stiffness(part.first_forces(&disp)[0]);
             spread(ends.motions, &matrix)
         });
         let geometric = SymMatrix::from_triplets(n, entries);
@@ -356,7 +356,7 @@ impl FrameModel {
     }
 }
 
-fn influence(places: &[(String, Direction)]) -> Vec<f64> {
+pub(super) fn influence(places: &[(String, Direction)]) -> Vec<f64> {
     let moves = places
         .iter()
         .map(|(_, direction)| *direction == Direction::X);

@@ -77,6 +77,13 @@ impl Chord {
         ]
     }
 
+    /// Moments at both ends of the member, from the forces at its nodes.
+    pub(super) fn moments(&self, at_nodes: [f64; 6]) -> [f64; 2] {
+        let [x0, y0, start, x1, y1, end] = at_nodes;
+        let [[ax, ay], [bx, by]] = self.offsets;
+        [start - ax * y0 + ay * x0, end - bx * y1 + by * x1]
+    }
+
     /// Rows: displacements along and across the member and rotation of both ends; columns: those of the nodes.
     fn local_from_nodes(&self) -> Matrix {
         let [c, s] = self.cosines;

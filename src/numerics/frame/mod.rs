@@ -13,6 +13,7 @@ mod member;
 mod parts;
 mod section;
 mod spec;
+mod utilisation;
 
 pub use build::FrameModel;
 pub use error::FrameError;
@@ -24,6 +25,7 @@ pub use spec::{
     FrameSpec, IShapeSpec, LinkDirection, LinkSpec, MemberEnd, MemberKind, MemberSpec,
     NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
 };
+pub use utilisation::MemberUse;
 
 #[cfg(test)]
 mod tests;

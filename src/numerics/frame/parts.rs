@@ -304,16 +304,20 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// Axial force at displacements of the frame, from the first stiffness.
-    pub(super) fn axial_force(&self, disp: &[f64]) -> f64 {
+    /// Axial force and the moments at both ends, at displacements of the frame, from the first stiffness.
+    pub(super) fn first_forces(&self, disp: &[f64]) -> [f64; 3] {
         match &self.kind {
-            PartKind::Elastic(ends, _, along) => {
+            PartKind::Elastic(ends, matrix, along) => {
                 let [stretch, ..] = ends.chord.deformations();
-                let each = stretch.iter().zip(ends.moved(disp));
-                along * each.map(|(row, moved)| row * moved).sum::<f64>()
+                let moved = ends.moved(disp);
+                let times = |row: &[f64; 6]| -> f64 {
+                    row.iter().zip(moved).map(|(row, moved)| row * moved).sum()
+                };
+                let [start, end] = ends.chord.moments(matrix.each_ref().map(times));
+                [along * times(&stretch), start, end]
             }
-            PartKind::Inelastic(_, place, basic) => basic.first_force(place, disp)[0],
-            PartKind::Link(..) => 0.0,
+            PartKind::Inelastic(_, place, basic) => basic.first_force(place, disp),
+            PartKind::Link(..) => [0.0; 3],
         }
     }
 }

@@ -32,16 +32,40 @@ impl Section {
         if self.fibres.is_empty() {
             return Some(self.elastic);
         }
-        let of = |power: i32| -> f64 {
+        let [axial, first, bending] = self.virgin();
+        (first.abs() <= 1e-9 * (axial * bending).sqrt()).then_some(Rigidity { axial, bending })
+    }
+
+    /// Σ E A, Σ E A y and Σ E A y² of its fibres before the first motion.
+    fn virgin(&self) -> [f64; 3] {
+        [0, 1, 2].map(|power| {
             let each = self.fibres.iter().map(|fibre| {
                 let young =
                     (self.materials.get(fibre.material)).map_or(0.0, Material::initial_stiffness);
                 young * fibre.area * fibre.y.powi(power)
             });
             each.sum()
+        })
+    }
+
+    /// Largest strain of a fibre under the first axial force and moment, in parts of that at which its material yields. `None` if
+    /// no material yields.
+    pub(super) fn utilisation(&self, axial: f64, moment: f64, bends: bool) -> Option<f64> {
+        let [a, b, c] = self.virgin();
+        let det = a * c - b * b;
+        let [strain, curvature] = if bends && det > 0.0 {
+            [
+                (c * axial + b * moment) / det,
+                (a * moment + b * axial) / det,
+            ]
+        } else {
+            [axial / a, 0.0]
         };
-        let (axial, first, bending) = (of(0), of(1), of(2));
-        (first.abs() <= 1e-9 * (axial * bending).sqrt()).then_some(Rigidity { axial, bending })
+        let each = self.fibres.iter().filter_map(|fibre| {
+            let material = self.materials.get(fibre.material)?;
+            material.demand(strain - fibre.y * curvature)
+        });
+        each.reduce(f64::max)
     }
 }
 

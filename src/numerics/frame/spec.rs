@@ -14,7 +14,13 @@ use crate::law::LawSpec;
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSpec {
+    /// File with all other tables of the frame, relative to the test file. They stand at its top level
+    /// or beneath `[structure.frame]`. Default: the tables are in the test file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"frame.toml")]
+    pub file: Option<String>,
     /// Nodes, one `[[structure.frame.node]]` table each.
+    #[serde(default)]
     pub node: Vec<NodeSpec>,
     /// Materials of sections, by their names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]

@@ -35,6 +35,15 @@ impl Material {
         }
     }
 
+    /// A strain in parts of that at which it yields. Concrete counts in compression only.
+    pub(in crate::frame) fn demand(&self, strain: f64) -> Option<f64> {
+        let size = match self {
+            Self::Concrete01(_) | Self::Concrete02(_) => (-strain).max(0.0),
+            _ => strain.abs(),
+        };
+        Some(size / self.yield_strain()?)
+    }
+
     /// Rows of state of a block. The first one, if there is one, is the strain in yield strains: its present value or its extreme.
     pub(super) fn rows(&self) -> usize {
         match self {
