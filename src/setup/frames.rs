@@ -2,10 +2,12 @@
 
 use super::facts::FrameFacts;
 use super::{Refused, Site, path};
-use gusset_config::{DeformationTable, Finding, KeyPath};
+use gusset_config::{ClockChoice, DeformationTable, Finding, KeyPath};
+use gusset_control::engine::Numerical;
 use gusset_numerics::frame::{Direction, FrameError, FrameSpec, MemberUse};
 use gusset_numerics::model::StructureSpec;
-use gusset_quantity::units::number;
+use gusset_quantity::units::{number, quantity};
+use gusset_record::rt::os::monotonic_ns;
 
 /// Rows of B of deformations between nodes.
 pub(super) fn rows(
@@ -114,7 +116,41 @@ pub(super) fn facts(
         mass: frame.node.iter().map(|node| node.mass_kg).sum(),
         weight,
         members,
+        share_of_tick: None,
     }))
+}
+
+/// Largest share of a tick that the members of a frame may take.
+const MOST_OF_TICK: f64 = 0.6;
+
+/// Time that a step takes in the worst case, measured now, in ticks; none for a frame of elastic members, and for a trial.
+pub(super) fn share_of_tick(
+    site: &mut Site<'_>,
+    numerical: &mut Numerical,
+) -> Result<Option<f64>, Refused> {
+    if site.trial.is_some() || !numerical.structure.has_members() {
+        return Ok(None);
+    }
+    let time = site.loaded.time;
+    let Some(ns) = numerical.worst_step(time.step.value(), &mut monotonic_ns) else {
+        return Ok(None);
+    };
+    // The ticks of a step share the work.
+    let (took, step) = (ns as f64 * 1e-9, time.step.value());
+    let share = took / step;
+    if share > MOST_OF_TICK && time.clock == ClockChoice::Real {
+        let text = format!(
+            "the members of the frame take up to {} for a step of {}, which is {:.0} % of each tick; at most {:.0} % leave time for the rest",
+            quantity(took, "s"),
+            quantity(step, "s"),
+            100.0 * share,
+            100.0 * MOST_OF_TICK
+        );
+        let help =
+            "use fewer members, `points` or `layers`, a lower rate, or `clock = \"simulated\"`";
+        return site.refuse(Finding::error(path("structure").key("frame"), text).help(help));
+    }
+    Ok(Some(share))
 }
 
 /// Place in the file of a mistake of a frame.

@@ -188,7 +188,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let mut specimens = specimens::specimens(site)?;
     let (side, settling, mut structure) = match &file.structure {
         Some(_) => {
-            let (numerical, settling, facts) = numerical(site, &mut specimens)?;
+            let (mut numerical, settling, mut facts) = numerical(site, &mut specimens)?;
+            if let Some(frame) = &mut facts.frame {
+                frame.share_of_tick = frames::share_of_tick(site, &mut numerical)?;
+            }
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
         }
         None => (

@@ -37,6 +37,13 @@ pub(super) fn tabulate(
         text.push_str(&format!("; first periods {}", periods.join(", ")));
     }
     table.row("frame", &text);
+    if let Some(share) = facts.share_of_tick {
+        let text = format!(
+            "at most {} of a tick, measured now",
+            number(100.0 * share) + " %"
+        );
+        table.row("members take", &text);
+    }
     let listed = if in_full { usize::MAX } else { LISTED };
     nodes(table, structure, spec, listed);
     members(table, facts, spec, listed);
@@ -165,6 +172,7 @@ pub(super) fn as_json(structure: &StructureFacts, spec: Option<&FrameSpec>) -> V
     json!({
         "mass_kg": facts.mass,
         "weight_n": facts.weight,
+        "share_of_tick": facts.share_of_tick,
         "nodes": nodes.collect::<Vec<_>>(),
         "members": members.collect::<Vec<_>>(),
     })

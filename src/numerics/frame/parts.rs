@@ -2,10 +2,10 @@
 
 use super::build::{FrameModel, Motion, listed};
 use super::fibre::Fibres;
-use super::inelastic::{self, Basic, Place};
+use super::inelastic::{self, Basic, HingeLaw, Place};
 use super::member::{Chord, Matrix};
 use super::{FrameError, FrameSpec, LinkDirection, MemberKind, MemberSpec};
-use crate::law::{Law, Reach};
+use crate::law::Reach;
 
 /// Most sections along a member.
 const MOST_POINTS: usize = 10;
@@ -197,7 +197,7 @@ impl FrameSpec {
         at: (&'static str, usize),
         key: &'static str,
         name: Option<&String>,
-    ) -> Result<Option<(Box<dyn Law>, Option<f64>)>, FrameError> {
+    ) -> Result<Option<HingeLaw>, FrameError> {
         let Some(name) = name else { return Ok(None) };
         let spec = self.hinge.get(name).ok_or_else(|| FrameError::NoHinge {
             at,

@@ -340,6 +340,9 @@ pub(in crate::frame) struct Hinged {
     demand: [f64; 2],
 }
 
+/// The law of a hinge, and its moment at yield if it has one.
+pub(in crate::frame) type HingeLaw = (Box<dyn Law>, Option<f64>);
+
 #[derive(Debug)]
 struct Hinge {
     law: Box<dyn Law>,
@@ -378,11 +381,7 @@ impl Hinge {
 
 impl Hinged {
     /// Between `hinges`, each with its moment at yield, if it has one.
-    pub(super) fn new(
-        length: f64,
-        of: Rigidity,
-        hinges: [Option<(Box<dyn Law>, Option<f64>)>; 2],
-    ) -> Option<Self> {
+    pub(super) fn new(length: f64, of: Rigidity, hinges: [Option<HingeLaw>; 2]) -> Option<Self> {
         let hinges = hinges.map(|hinge| {
             let (law, yields) = hinge?;
             let stiffness = law.reference().stiffness;

@@ -9,7 +9,7 @@ mod symmetric;
 #[cfg(test)]
 mod tests;
 
-pub(super) use basic::Basic;
+pub(super) use basic::{Basic, HingeLaw};
 use std::ops::Range;
 
 use basic::{Answer, DisplacementBased, ForceBased, Hinged, Point};
@@ -169,11 +169,7 @@ pub(super) fn truss(length: f64, fibres: Fibres) -> Basic {
 }
 
 /// An elastic member with hinges in series, each with its moment at yield; `None` if it has no stiffness.
-pub(super) fn hinged(
-    length: f64,
-    of: Rigidity,
-    hinges: [Option<(Box<dyn Law>, Option<f64>)>; 2],
-) -> Option<Basic> {
+pub(super) fn hinged(length: f64, of: Rigidity, hinges: [Option<HingeLaw>; 2]) -> Option<Basic> {
     Some(Basic::Hinged(Box::new(Hinged::new(length, of, hinges)?)))
 }
 

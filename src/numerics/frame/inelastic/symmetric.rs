@@ -23,23 +23,23 @@ pub(super) fn inverse2(matrix: Sym2, initial: Sym2) -> Sym2 {
     [m[2] / d, -m[1] / d, m[0] / d]
 }
 
-/// The inverse; that of `else_` where the determinant vanishes. Real-time: yes.
+/// The inverse; none where the determinant vanishes. Real-time: yes.
 pub(super) fn inverse3(m: Sym3) -> Option<Sym3> {
     let [a, b, c, d, e, f] = m;
     let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
     let det = a * p + b * q + c * r;
     let size = a * d * f;
-    if !(det.abs() > 1e-13 * size.abs()) {
-        return None;
-    }
-    Some([
-        p / det,
-        q / det,
-        r / det,
-        (a * f - c * c) / det,
-        (b * c - a * e) / det,
-        (a * d - b * b) / det,
-    ])
+    let is_regular = det.abs() > 1e-13 * size.abs();
+    is_regular.then(|| {
+        [
+            p / det,
+            q / det,
+            r / det,
+            (a * f - c * c) / det,
+            (b * c - a * e) / det,
+            (a * d - b * b) / det,
+        ]
+    })
 }
 
 /// m x. Real-time: yes.
