@@ -75,7 +75,7 @@ const WEN: &str = "bouc_wen = { stiffness_n_per_m = 9e6, yield_force_n = 60e3, \
                    post_yield_ratio = 0.08, beta = 0.55, gamma = 0.45, exponent = 1.6 }";
 
 /// One of every kind, and more of the kinds that have several faces. True: not linear.
-const LAWS: [(&str, bool); 21] = [
+const LAWS: [(&str, bool); 22] = [
     (
         "linear = { stiffness_n_per_m = 9e6, damping_n_s_per_m = 9e4 }",
         false,

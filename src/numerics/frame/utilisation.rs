@@ -50,7 +50,7 @@ impl FrameSpec {
             }
             members.push(MemberUse {
                 length: part.ends().map_or(0.0, |ends| ends.chord.length),
-                name: part.name,
+                name: part.title.1,
                 utilisation,
             });
         }
