@@ -1,6 +1,7 @@
 //! `gusset check`: reads a test, judges it and shows its needs. Nothing moves.
 
 mod brief;
+mod damping;
 mod frame;
 mod json;
 mod needs;

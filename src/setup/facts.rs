@@ -84,6 +84,8 @@ pub struct StructureFacts {
     pub places: Vec<String>,
     /// The frame under its static loads; none for other structures.
     pub frame: Option<FrameFacts>,
+    /// Damping along the axes of specimens by the damping rule; none without a rule or a specimen.
+    pub rule_damping: Option<RuleDamping>,
     /// The integration method.
     pub method: Method,
     /// How M_eff is stored and factored, for the family.
@@ -128,6 +130,15 @@ pub struct FrameFacts {
     /// Time that its members take in the worst case, in parts of a tick, as it was measured when the test was built; none if no
     /// member is evaluated in each step.
     pub share_of_tick: Option<f64>,
+}
+
+/// Damping that a rule of `[structure.damping]` adds along the axes of specimens.
+#[derive(Debug, Clone)]
+pub enum RuleDamping {
+    /// b·k of each axis of each specimen at rest, with its unit; empty where the rule does not refer to the stiffness of the specimen.
+    Stiffness(Vec<Vec<(f64, &'static str)>>),
+    /// Modal damping, which belongs to the masses.
+    Modal,
 }
 
 impl StructureFacts {

@@ -39,7 +39,7 @@ mod trial;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-pub use facts::{Facts, FrameFacts, StructureFacts};
+pub use facts::{Facts, FrameFacts, RuleDamping, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
@@ -405,9 +405,11 @@ fn numerical(
         proof.as_ref().map(|proof| (dt, proof.lambda)),
     );
     let ground = excitation.ground_accel();
+    let rotations = rotations(site, n)?;
     let facts = StructureFacts {
         dofs: n,
-        rotations: rotations(site, n)?,
+        rule_damping: structure::rule_damping(site, &structure, specimens, &rotations),
+        rotations,
         places: frames::places(site),
         frame,
         method,

@@ -39,6 +39,8 @@ struct Entry {
     loading: Option<LoadingUnitSpec>,
     units: Vec<(f64, f64)>,
     estimate: Estimate,
+    /// Whether a damping rule of a frame refers to its stiffness.
+    damped: bool,
     /// Mass that the structure carries for the specimen.
     mass: Rows,
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.

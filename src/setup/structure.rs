@@ -1,5 +1,6 @@
 //! The numerical structure of a test file, its initial state and its natural frequencies.
 
+use super::facts::RuleDamping;
 use super::specimens::Specimens;
 use super::{Refused, Site, frames, path};
 use gusset_config::{Finding, KeyPath, Method, StructureTable};
@@ -40,8 +41,10 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
     specimens.check_rows(site, dofs)?;
     let (at_rest, mass) = (specimens.stiffness_at_rest(dofs), specimens.mass(dofs));
     let mass_in_force = specimens.mass_in_force(dofs);
+    let damped_stiffness = specimens.damped_stiffness(dofs);
     let share = SpecimenShare {
         stiffness_at_rest: &at_rest,
+        damped_stiffness: &damped_stiffness,
         mass: &mass,
         mass_in_force: &mass_in_force,
     };
@@ -76,6 +79,24 @@ fn names<'a>(spec: &'a StructureSpec, key: &str) -> Option<&'a str> {
         "stiffness_file" => matrices.stiffness_file.as_deref(),
         _ => matrices.damping_file.as_deref(),
     }
+}
+
+/// Damping that the rule of the file adds along the axes of specimens; none without a rule or a specimen.
+pub(super) fn rule_damping(
+    site: &Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    rotations: &[usize],
+) -> Option<RuleDamping> {
+    let table = site.loaded.file.structure.as_ref()?;
+    table.damping.as_ref().filter(|_| !specimens.is_empty())?;
+    Some(match structure.stiffness_coefficient() {
+        Some(b) => {
+            let is_frame = table.frame.is_some();
+            RuleDamping::Stiffness(specimens.damping_by_rule(b, is_frame, rotations))
+        }
+        None => RuleDamping::Modal,
+    })
 }
 
 /// Place in the file of a mistake of the model.

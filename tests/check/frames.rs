@@ -255,3 +255,105 @@ fn run_folder_keeps_the_file_of_a_frame() {
     completed(&out.join("resolved.toml"), &again, &[]);
     same_physics(&out, &again);
 }
+
+/// The column with a brace, a link and this rule.
+fn braced(rule: &str) -> String {
+    let brace = "specimen = [{ name = 'brace', deformations = [{ node = 'top', direction = 'x' }], \
+                 law.linear.stiffness_n_per_m = 1e5 }]\n";
+    let link = "[[structure.frame.link]]\nnodes = ['foot', 'top']\ndirection = 'rz'\n\
+                law.linear.stiffness_n_per_m = 2e5\n";
+    inline().with(&format!("{brace}[structure]\n{rule}\n{link}"))
+}
+
+#[test]
+fn check_shows_what_a_rule_adds_to_a_specimen() {
+    let rule =
+        "damping.rayleigh = { mass_coefficient_per_s = 0.1, stiffness_coefficient_s = 1e-3 }";
+    let damped = braced(rule).with("specimen.0.damped = true");
+    let storey = braced(rule)
+        .without("structure.frame")
+        .without("specimen.0.deformations");
+    let storey = storey
+        .with("specimen.0.storey = 1\n")
+        .with("structure.shear_building = { mass_kg = [2e3], stiffness_n_per_m = [1e6] }");
+    let modal = braced("damping.modal = { ratios = [0.02] }");
+    for (text, json, words) in [
+        (
+            braced(rule),
+            serde_json::json!([[]]),
+            "brace: none from the stiffness",
+        ),
+        (
+            damped,
+            serde_json::json!([[100.0]]),
+            "brace: 100 N s/m from the stiffness",
+        ),
+        (
+            storey,
+            serde_json::json!([[100.0]]),
+            "brace: 100 N s/m from the stiffness",
+        ),
+        (
+            modal,
+            serde_json::json!("modal"),
+            "every motion of its masses",
+        ),
+        (braced(""), Value::Null, ""),
+    ] {
+        assert_eq!(
+            structure(&text, &[], &[])["rule_damping_of_specimens"],
+            json,
+            "{text}"
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let page = check(folder.path(), &text, &[], &[]).stdout;
+        let row = page.lines().find(|line| line.starts_with("rule damping"));
+        let is_right = row.map_or(words.is_empty(), |row| row.contains(words));
+        assert!(is_right, "{words}\n{page}");
+    }
+}
+
+#[test]
+fn keys_of_damping_need_a_frame_and_a_rule() {
+    let rule =
+        "damping.rayleigh = { mass_coefficient_per_s = 0.1, stiffness_coefficient_s = 1e-3 }";
+    let modal = braced("damping.modal = { ratios = [0.02] }");
+    let refused = |text: &str, words: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let said = check(folder.path(), text, &[], &[]);
+        assert_eq!(said.code, Some(2), "{text}{}", said.stderr);
+        assert!(
+            said.stderr.contains(words),
+            "no {words} in\n{}",
+            said.stderr
+        );
+    };
+    for (key, words) in [
+        ("specimen.0.damped = true", "`specimen[0].damped`"),
+        (
+            "structure.frame.link.0.damped = true",
+            "`structure.frame.link[0].damped`",
+        ),
+        (
+            "structure.frame.member.0.stiffness_coefficient_s = 0.0",
+            "`structure.frame.member[0].stiffness_coefficient_s`",
+        ),
+    ] {
+        let words = format!("{words} needs a damping rule");
+        refused(&modal.with(key), &words);
+        refused(&braced("").with(key), &words);
+        let ruled = braced(rule).with(key);
+        structure(&ruled, &[], &[]);
+    }
+    refused(
+        &braced(rule).with("structure.frame.member.0.stiffness_coefficient_s = -1.0"),
+        "`stiffness_coefficient_s` is -1",
+    );
+    let storey = modal
+        .without("structure.frame")
+        .without("specimen.0.deformations");
+    let storey = storey
+        .with("specimen.0 = { storey = 1, damped = false }")
+        .with("structure.shear_building = { mass_kg = [2e3], stiffness_n_per_m = [1e6] }");
+    refused(&storey, "only for a specimen of a frame");
+}

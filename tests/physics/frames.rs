@@ -5,6 +5,7 @@ use crate::common::test_file::TestFile;
 use gusset_control::engine::Ending;
 use gusset_numerics::frame::FrameSpec;
 use gusset_numerics::linalg::{Condensation, SymMatrix};
+use gusset_numerics::model::{MatrixFiles, SpecimenShare, StructureSpec};
 
 const STUDY: &str = include_str!("../../config/portal-frame.toml");
 
@@ -41,9 +42,26 @@ fn frame_takes_the_steps_of_its_matrices() {
     let row = held.row(first);
     let mut b = vec![0.0; held.kept().len()];
     row.iter().for_each(|(place, share)| b[*place] = *share);
-    let matrices = frame.without("structure.frame").without("specimen.0.deformations").with(&format!(
-        "specimen.0.rows = [{b:?}]\nstructure.matrices = {{ mass = {}, stiffness = {}, influence = {iota:?} }}",
+    // Its damping rule refers to its members alone, and its modes are those with the brace.
+    let rule = table["structure"]["damping"].clone().try_into().unwrap();
+    let brace = SymMatrix::from_triplets(model.dofs.len(), [(first[0].0, first[0].0, 8e6)]);
+    let none = SymMatrix::zeros(model.dofs.len());
+    let share = SpecimenShare {
+        stiffness_at_rest: &brace,
+        damped_stiffness: &none,
+        mass: &none,
+        mass_in_force: &none,
+    };
+    let spec = StructureSpec::Frame(spec);
+    let built = spec.build(Some(&rule), &[], Some(share), &MatrixFiles::new());
+    let matrices = frame
+        .without("structure.frame")
+        .without("specimen.0.deformations");
+    let matrices = matrices.without("structure.damping").with(&format!(
+        "specimen.0.rows = [{b:?}]\n\
+         structure.matrices = {{ mass = {}, damping = {}, stiffness = {}, influence = {iota:?} }}",
         rows(&held.seen_by(&model.mass)),
+        rows(&held.seen_by(built.unwrap().damping())),
         rows(&held.complement()),
     ));
     let (whole, condensed) = (run(&frame), run(&matrices));

@@ -3,7 +3,7 @@
 use super::super::rehearsed::tabulate_speeds;
 use super::super::spectrum;
 use super::super::table::Table;
-use super::{Checked, frame, needs};
+use super::{Checked, damping, frame, needs};
 use gusset_config::{ClockChoice, Loaded};
 use gusset_control::engine::{Ending, Stop};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Signal};
@@ -33,6 +33,7 @@ pub(super) fn tabulate(checked: &Checked<'_>, table: &mut Table) {
     table.row("structure", &text);
     if let Some(structure) = &facts.structure {
         frame::tabulate(table, structure, checked.frame(), false);
+        damping::tabulate(table, facts, structure, LISTED);
     }
     of_excitation(checked.loaded, facts, table);
     if let Some(structure) = &facts.structure {

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::super::spectrum::{delays_json, modes_json};
 use super::super::{certificate, rehearsed};
-use super::{Checked, commands, frame};
+use super::{Checked, commands, damping, frame};
 use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY};
 use gusset_proof::Stability;
 use gusset_setup::StructureFacts;
@@ -54,6 +54,7 @@ fn structure_json(checked: &Checked<'_>, structure: &StructureFacts) -> Value {
         "dofs": structure.dofs,
         "places": structure.places,
         "frame": frame::as_json(structure, checked.frame()),
+        "rule_damping_of_specimens": damping::as_json(structure),
         "storage": structure.storage,
         "reciprocal_condition": structure.reciprocal_condition,
         "frequencies_rad_per_s": structure.frequencies,

@@ -3,7 +3,7 @@
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
 use super::brief::{of_peak_nodal_force, of_record, of_test};
-use super::{Checked, frame};
+use super::{Checked, damping, frame};
 use gusset_config::word;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Errors, per_cent};
@@ -84,6 +84,7 @@ fn describe(table: &mut Table, checked: &Checked<'_>, structure: &StructureFacts
         ),
     );
     frame::tabulate(table, structure, checked.frame(), true);
+    damping::tabulate(table, facts, structure, usize::MAX);
     if let Some(condition) = structure.reciprocal_condition {
         table.row(
             "condition",

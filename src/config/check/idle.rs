@@ -217,7 +217,7 @@ pub(super) const IDLE_SPECIMEN_OF_SERVER: &[Idle<OfSpecimen>] = &[
         "a gateway has no rehearsal",
     ),
     (
-        "reach_disp_m reach_vel_m_per_s hardening_bound identified capacity drill",
+        "reach_disp_m reach_vel_m_per_s hardening_bound identified capacity drill damped",
         |_| true,
         OF_CONTROLLER,
     ),

@@ -4,6 +4,7 @@
 //! existence of a storey, symmetry of a matrix) are made where it is built.
 
 mod certificate;
+mod damping;
 mod excitation;
 mod geometry;
 mod idle;
@@ -19,6 +20,7 @@ mod way;
 
 use certificate::check_certificate;
 pub(super) use certificate::check_samples;
+use damping::check_damping;
 use excitation::check_excitation;
 use limits::{check_limits, check_required};
 use rules::Findings;
@@ -96,6 +98,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         None => {}
     }
     check_integrator(file, &mut findings);
+    check_damping(file, &mut findings);
     check_excitation(file, &mut findings);
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);

@@ -18,6 +18,8 @@ pub struct FrameModel {
     pub members: Members,
     /// K of all members at rest and of links, with the P-Δ effect.
     pub stiffness: SymMatrix,
+    /// K that a damping rule multiplies by its coefficient, and C of members with their own coefficients. Without the P-Δ effect.
+    pub damped: [SymMatrix; 2],
     /// Static load in N and N m.
     pub load: Vec<f64>,
     /// Node and direction of each degree of freedom.
@@ -67,14 +69,22 @@ impl FrameSpec {
         model.load = self.load_of(&model)?;
         let parts = self.parts(&model, &influence(&model.dofs))?;
         let (mut linear, mut members) = (Vec::new(), Vec::new());
-        for part in &parts {
-            match &part.kind {
-                PartKind::Elastic(ends, matrix, _) => linear.extend(spread(ends.motions, matrix)),
+        let (mut of_rule, mut own) = (Vec::new(), Vec::new());
+        for (index, part) in parts.iter().enumerate() {
+            let (to, entries) = match &part.kind {
+                PartKind::Elastic(ends, matrix, _) => (&mut linear, spread(ends.motions, matrix)),
                 PartKind::Inelastic(_, place, basic) | PartKind::Link(place, basic, _) => {
-                    members.extend(place.matrix(&basic.initial()));
+                    (&mut members, place.matrix(&basic.initial()))
                 }
+            };
+            match self.own_coefficient(index)? {
+                None => of_rule.extend_from_slice(&entries),
+                Some(0.0) => {}
+                Some(b) => own.extend(entries.iter().map(|(i, j, k)| (*i, *j, b * k))),
             }
+            to.extend(entries);
         }
+        let damped = [of_rule, own].map(|entries| SymMatrix::from_triplets(n, entries));
         let linear = SymMatrix::from_triplets(n, linear);
         let stiffness = linear.plus(1.0, &SymMatrix::from_triplets(n, members));
         let geometric = self.geometric(&model, &stiffness, &parts)?;
@@ -91,6 +101,7 @@ impl FrameSpec {
             }
         }
         model.members = of_members;
+        model.damped = damped;
         model.stiffness = stiffness.plus(1.0, &geometric);
         model.linear = linear.plus(1.0, &geometric);
         Ok(model)
@@ -174,6 +185,7 @@ impl FrameSpec {
             linear: SymMatrix::zeros(n),
             members: Members::default(),
             stiffness: SymMatrix::zeros(n),
+            damped: [0, 1].map(|_| SymMatrix::zeros(n)),
             load: vec![0.0; n],
             dofs,
             motions,
@@ -271,6 +283,23 @@ impl FrameSpec {
             }
         }
         Ok(load)
+    }
+
+    /// What replaces the coefficient of K in a damping rule for a part: a member, or a link after all members.
+    fn own_coefficient(&self, part: usize) -> Result<Option<f64>, FrameError> {
+        let Some(member) = self.member.get(part) else {
+            let link = self.link.get(part - self.member.len());
+            return Ok(link.is_none_or(|link| !link.damped).then_some(0.0));
+        };
+        match member.stiffness_coefficient_s {
+            Some(found) if !(found >= 0.0 && found.is_finite()) => Err(FrameError::Value {
+                at: ("member", part),
+                key: "stiffness_coefficient_s",
+                found,
+                allowed: "finite and not negative",
+            }),
+            given => Ok(given),
+        }
     }
 
     /// What the axial forces of the static loads add to the stiffness, where a member asks for it.

@@ -342,6 +342,12 @@ pub struct MemberSpec {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(example = true)]
     pub record: bool,
+    /// Coefficient of the stiffness of this member in the damping, instead of that of the rule in
+    /// `[structure.damping]`. 0 is no damping by stiffness. Only for "rayleigh" and
+    /// "rayleigh_ratio". Default: that of the rule.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 0.0)]
+    pub stiffness_coefficient_s: Option<f64>,
 }
 
 impl MemberSpec {
@@ -361,6 +367,7 @@ impl MemberSpec {
             offset_end_m: [0.0; 2],
             p_delta: false,
             record: false,
+            stiffness_coefficient_s: None,
         }
     }
 }
@@ -411,6 +418,10 @@ pub struct LinkSpec {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(example = true)]
     pub record: bool,
+    /// If true, the stiffness K of a damping rule includes this link. Default: false.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = true)]
+    pub damped: bool,
 }
 
 /// Direction of a link.

@@ -23,6 +23,8 @@ const MOST_DOFS: usize = 1_000_000;
 pub struct SpecimenShare<'a> {
     /// Σ Bᵀ k B at rest, in N/m.
     pub stiffness_at_rest: &'a SymMatrix,
+    /// The part of it that a damping rule of a frame refers to: of specimens with `damped`.
+    pub damped_stiffness: &'a SymMatrix,
     /// Σ Bᵀ m B of the masses that the structure carries for them, in kg: their inertia is not in the measured force.
     pub mass: &'a SymMatrix,
     /// Σ Bᵀ m B of the masses whose inertia is in the measured force, in kg: they move as well, and a damping rule refers to them.
@@ -37,6 +39,8 @@ struct Linear {
     influence: Vec<f64>,
     members: Members,
     storeys: (&'static str, Vec<Storey>),
+    /// As [`crate::frame::FrameModel::damped`]; `None` where a damping rule refers to all stiffness at rest.
+    damped: Option<[SymMatrix; 2]>,
     /// Key under which damping was given, if it was.
     damping_given: Option<&'static str>,
 }
@@ -123,6 +127,7 @@ impl StructureSpec {
         if let Some(share) = &specimens {
             for (what, matrix) in [
                 ("specimen stiffness", share.stiffness_at_rest),
+                ("damped specimen stiffness", share.damped_stiffness),
                 ("specimen mass", share.mass),
                 ("mass in the specimen's force", share.mass_in_force),
             ] {
@@ -171,11 +176,18 @@ impl StructureSpec {
         if let Some(rule) = damping {
             let mut at_rest = structure.stiffness_at_rest();
             let mut mass = structure.mass().clone();
+            let mut damped = linear.damped;
             if let Some(share) = specimens {
                 at_rest = at_rest.plus(1.0, share.stiffness_at_rest);
                 mass = mass.plus(1.0, share.mass_in_force);
+                damped =
+                    damped.map(|[of_rule, own]| [of_rule.plus(1.0, share.damped_stiffness), own]);
             }
-            let mut damping = damping_matrix(rule, &mass, &at_rest)?;
+            let of_rule = damped.as_ref().map_or(&at_rest, |[of_rule, _]| of_rule);
+            let (mut damping, coefficient) = damping_matrix(rule, &mass, [&at_rest, of_rule])?;
+            if let (Some([_, own]), Some(_)) = (&damped, coefficient) {
+                damping = damping.plus(1.0, own);
+            }
             let massless = structure.massless();
             // A rule damps the motion of masses: where nothing has mass, it makes no force (Chopra & McKenna 2016).
             if let Ok(mut held) = Condensation::new(&at_rest, &massless)
@@ -186,7 +198,7 @@ impl StructureSpec {
                 let entries = seen.entries().map(|(i, j, c)| (kept[i], kept[j], c));
                 damping = SymMatrix::from_triplets(damping.n(), entries);
             }
-            structure.set_damping(damping)?;
+            structure.set_damping(damping, coefficient)?;
         }
         Ok(structure)
     }
@@ -204,6 +216,7 @@ fn of_frame(spec: &FrameSpec) -> Result<Linear, BuildError> {
         stiffness: model.linear,
         members: model.members,
         storeys: ("", Vec::new()),
+        damped: Some(model.damped),
         damping_given: None,
     })
 }
@@ -279,6 +292,7 @@ impl ShearBuildingSpec {
             influence: vec![1.0; n],
             members: Members::default(),
             storeys: ("storey", storeys(&stiffness, damping)),
+            damped: None,
             damping_given: self.damping_n_s_per_m.as_ref().map(|_| "damping_n_s_per_m"),
         })
     }
@@ -369,6 +383,7 @@ impl ChainSpec {
             influence: vec![1.0; self.dofs],
             members: Members::default(),
             storeys: ("spring", storeys(&springs, &dashpots)),
+            damped: None,
             damping_given: self.damping_n_s_per_m.map(|_| "damping_n_s_per_m"),
         })
     }
@@ -434,6 +449,7 @@ impl MatricesSpec {
             influence: self.influence.clone().unwrap_or_else(|| vec![1.0; n]),
             members: Members::default(),
             storeys: ("", Vec::new()),
+            damped: None,
         })
     }
 }

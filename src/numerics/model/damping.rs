@@ -56,36 +56,32 @@ pub enum DampingError {
     Eigen(#[from] EigenError),
 }
 
-/// C by `rule` for the given M and K (n × n).
+/// C by `rule` for the given M and K (n × n), and its coefficient of K, if it has one. Frequencies and modes are those of the first
+/// K, and the second one makes the damping.
 ///
 /// # Errors
 /// See [`DampingError`].
 pub(super) fn damping_matrix(
     rule: &DampingSpec,
     mass: &SymMatrix,
-    stiffness: &SymMatrix,
-) -> Result<SymMatrix, DampingError> {
-    match rule {
+    [stiffness, damped]: [&SymMatrix; 2],
+) -> Result<(SymMatrix, Option<f64>), DampingError> {
+    let [a, b] = match rule {
         DampingSpec::Rayleigh(RayleighSpec {
             mass_coefficient_per_s,
             stiffness_coefficient_s,
         }) => {
             not_negative("mass_coefficient_per_s", *mass_coefficient_per_s)?;
             not_negative("stiffness_coefficient_s", *stiffness_coefficient_s)?;
-            Ok(rayleigh(
-                *mass_coefficient_per_s,
-                *stiffness_coefficient_s,
-                mass,
-                stiffness,
-            ))
+            [*mass_coefficient_per_s, *stiffness_coefficient_s]
         }
-        DampingSpec::RayleighRatio(rule) => rayleigh_ratio(rule, mass, stiffness),
-        DampingSpec::Modal(ModalSpec { ratios }) => modal(ratios, mass, stiffness),
-    }
-}
-
-fn rayleigh(a: f64, b: f64, mass: &SymMatrix, stiffness: &SymMatrix) -> SymMatrix {
-    SymMatrix::zeros(mass.n()).plus(a, mass).plus(b, stiffness)
+        DampingSpec::RayleighRatio(rule) => rayleigh_ratio(rule, mass, stiffness)?,
+        DampingSpec::Modal(ModalSpec { ratios }) => {
+            return Ok((modal(ratios, mass, stiffness)?, None));
+        }
+    };
+    let damping = SymMatrix::zeros(mass.n()).plus(a, mass).plus(b, damped);
+    Ok((damping, Some(b)))
 }
 
 fn check_ratio(key: &'static str, found: f64) -> Result<f64, OutOfDomain> {
@@ -98,12 +94,12 @@ fn check_ratio(key: &'static str, found: f64) -> Result<f64, OutOfDomain> {
     )
 }
 
-/// a = 2 ξ ω₁ ω₂/(ω₁ + ω₂), b = 2 ξ/(ω₁ + ω₂): ratio ξ at both.
+/// [a, b]: a = 2 ξ ω₁ ω₂/(ω₁ + ω₂), b = 2 ξ/(ω₁ + ω₂): ratio ξ at both.
 fn rayleigh_ratio(
     rule: &RayleighRatioSpec,
     mass: &SymMatrix,
     stiffness: &SymMatrix,
-) -> Result<SymMatrix, DampingError> {
+) -> Result<[f64; 2], DampingError> {
     check_ratio("ratio", rule.ratio)?;
     let [first, second] = match (rule.first_hz, rule.second_hz, rule.modes) {
         (Some(first), Some(second), None) => [2.0 * PI * first, 2.0 * PI * second],
@@ -129,7 +125,7 @@ fn rayleigh_ratio(
         });
     }
     let b = 2.0 * rule.ratio / (first + second);
-    Ok(rayleigh(b * first * second, b, mass, stiffness))
+    Ok([b * first * second, b])
 }
 
 /// C = M Φ diag(2 ξ ω) Φᵀ M; rigid-body modes stay undamped.

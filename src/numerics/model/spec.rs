@@ -119,7 +119,9 @@ pub struct ChainSpec {
 
 /// Viscous damping by a rule, instead of dashpots or a damping matrix. The stiffness K in the rule
 /// is the initial tangent stiffness of the structure with all elements and specimens. A specimen
-/// contributes its `stiffness_n_per_m`, otherwise the initial tangent of its law.
+/// contributes its `stiffness_n_per_m`, otherwise the initial tangent of its law. In a frame, K is
+/// that of the members alone, without P-Δ effect, and of links and specimens with `damped = true`.
+/// Frequencies and modes are those of the whole structure.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum DampingSpec {

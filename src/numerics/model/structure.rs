@@ -25,13 +25,15 @@ pub struct Structure {
     /// Those of a frame that are not part of K.
     members: Members,
     lanes: Lanes,
+    /// Of a damping rule.
+    stiffness_coefficient: Option<f64>,
     /// Their collective name, and each storey.
     storeys: (&'static str, Vec<Storey>),
 }
 
 state! {
     Structure { elements, members }
-    keeps { mass, damping, stiffness, influence, tied_to_base, lanes, storeys }
+    keeps { mass, damping, stiffness, influence, tied_to_base, lanes, stiffness_coefficient, storeys }
 }
 
 impl Structure {
@@ -64,6 +66,7 @@ impl Structure {
             elements: Elements::new(elements, n, has_massless)?,
             members: Members::default(),
             lanes: Lanes::best_for(n),
+            stiffness_coefficient: None,
             storeys: ("", Vec::new()),
         })
     }
@@ -125,6 +128,12 @@ impl Structure {
     #[must_use]
     pub fn damping(&self) -> &SymMatrix {
         &self.damping
+    }
+
+    /// Coefficient b of K in the damping rule, in s; none without such a rule.
+    #[must_use]
+    pub fn stiffness_coefficient(&self) -> Option<f64> {
+        self.stiffness_coefficient
     }
 
     /// The linear K, without elements.
@@ -248,14 +257,19 @@ impl Structure {
         matrix.plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries))
     }
 
-    /// Replaces the linear C, such as by Rayleigh or modal damping.
+    /// Replaces the linear C by that of a damping rule, which may have a coefficient of K.
     ///
     /// # Errors
     /// Another size, or an entry that is not finite.
-    pub(crate) fn set_damping(&mut self, damping: SymMatrix) -> Result<(), ModelError> {
+    pub(crate) fn set_damping(
+        &mut self,
+        damping: SymMatrix,
+        stiffness_coefficient: Option<f64>,
+    ) -> Result<(), ModelError> {
         sound::check_matrix("damping", &damping, self.dofs())?;
         self.tied_to_base = sound::tied_to_base(&self.stiffness, &damping, &self.influence);
         self.damping = damping;
+        self.stiffness_coefficient = stiffness_coefficient;
         Ok(())
     }
 

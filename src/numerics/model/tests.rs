@@ -2,6 +2,7 @@
 
 mod damping;
 mod descriptions;
+mod frame_damping;
 mod matrices;
 mod parse;
 mod runs;

@@ -210,6 +210,7 @@ pub(super) fn entry(
         loading,
         units,
         estimate,
+        damped: table.damped.unwrap_or(false),
         mass,
         bounds,
         sawtooth: sawtooth(&ticks),

@@ -1,6 +1,6 @@
 //! Contribution of all specimens together to the matrices of the structure: Σ Bᵀ (·) B, n × n in the structure's units.
 
-use super::{Entry, Rows, Specimens};
+use super::{Axis, Entry, Rows, Specimens};
 use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Part;
 use gusset_proof::{Advice, SpecimenShare};
@@ -14,6 +14,34 @@ impl Specimens {
     /// Σ Bᵀ k B before anything moves.
     pub(crate) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
         self.gathered(dofs, |entry| Some(&entry.estimate.stiffness_at_rest))
+    }
+
+    /// The part of it of specimens with `damped`.
+    pub(crate) fn damped_stiffness(&self, dofs: usize) -> SymMatrix {
+        self.gathered(dofs, |entry| {
+            entry.damped.then_some(&entry.estimate.stiffness_at_rest)
+        })
+    }
+
+    /// The part of a damping rule with the coefficient `b` of K that comes from the stiffness of each specimen, by axes, with its
+    /// unit. Empty for a specimen of a frame without `damped`.
+    pub(crate) fn damping_by_rule(
+        &self,
+        b: f64,
+        is_frame: bool,
+        rotations: &[usize],
+    ) -> Vec<Vec<(f64, &'static str)>> {
+        let turns = |axis: &Axis| axis.row.iter().all(|(dof, _)| rotations.contains(dof));
+        let each = self.0.iter().map(|entry| {
+            let axes = entry.axes.iter().enumerate();
+            let axes = axes.filter(|_| entry.damped || !is_frame);
+            let own = axes.map(|(k, axis)| {
+                let unit = if turns(axis) { "N m s" } else { "N s/m" };
+                (b * entry.estimate.stiffness_at_rest[k][k], unit)
+            });
+            own.collect()
+        });
+        each.collect()
     }
 
     /// Σ Bᵀ m B of the masses that the structure carries for the specimens.

@@ -108,6 +108,7 @@ fn rule_damping_counts_elements_at_rest() {
     let specimen = SymMatrix::from_triplets(3, [(0, 0, 200.0), (0, 1, -200.0), (1, 1, 200.0)]);
     let share = SpecimenShare {
         stiffness_at_rest: &specimen,
+        damped_stiffness: &SymMatrix::zeros(3),
         mass: &SymMatrix::from_triplets(3, [(1, 1, 0.25)]),
         mass_in_force: &SymMatrix::zeros(3),
     };
