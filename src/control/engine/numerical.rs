@@ -460,6 +460,7 @@ impl Numerical {
     pub fn worst_step(&mut self, dt: f64, now_ns: &mut dyn FnMut() -> u64) -> Option<u64> {
         const BENT: f64 = 0.1;
         let scratch = self.scratch()?;
+        let (audit, intake) = (self.audit.take(), self.intake.take());
         let mut times = [0; 31];
         for (round, time) in times.iter_mut().enumerate() {
             self.exhaust(true);
@@ -474,6 +475,7 @@ impl Numerical {
         }
         self.exhaust(false);
         self.undo(&scratch);
+        (self.audit, self.intake) = (audit, intake);
         times.sort_unstable();
         times.get(times.len() / 2).copied()
     }

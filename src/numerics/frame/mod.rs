@@ -22,7 +22,7 @@ pub use inelastic::Members;
 pub(crate) use inelastic::{At, Which};
 pub use spec::{
     CircleSpec, ConstraintSpec, Direction, ElasticSpec, EqualSpec, FibreSpec, FollowersSpec,
-    FrameSpec, IShapeSpec, LinkDirection, LinkSpec, MemberEnd, MemberKind, MemberSpec,
+    FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind, MemberSpec,
     NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
 };
 pub use utilisation::MemberUse;

@@ -36,7 +36,7 @@ pub struct FrameSpec {
     pub member: Vec<MemberSpec>,
     /// Springs and dampers between nodes, one `[[structure.frame.link]]` table each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub link: Vec<LinkSpec>,
+    pub link: Vec<FrameLinkSpec>,
     /// Constraints between nodes, one `[[structure.frame.constraint]]` table each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub constraint: Vec<ConstraintSpec>,
@@ -394,7 +394,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 /// Springs and dampers between two nodes, which may lie at one place.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct LinkSpec {
+pub struct FrameLinkSpec {
     /// Name of the link in messages. Default: "link" and its number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"bearing")]
@@ -403,6 +403,7 @@ pub struct LinkSpec {
     #[schemars(example = ["A0", "A1"])]
     pub nodes: [String; 2],
     /// Direction in which it acts: "x", "y", "rz", or "axial" along the line from start to end.
+    #[schemars(example = &"axial")]
     pub direction: LinkDirection,
     /// Its force over the motion of the end from the start; for "rz" N m for N and rad for m.
     pub law: LawSpec,
