@@ -196,6 +196,7 @@ pub(super) fn place(site: &Site<'_>, error: &FrameError) -> KeyPath {
             key,
             ..
         } => at.key(list).index(*index).key(key),
+        FrameError::SnapBack { index, key, .. } => at.key("member").index(*index).key(key),
         FrameError::Constrained { index, .. } => at.key("constraint").index(*index),
         FrameError::Empty | FrameError::Loose { .. } | FrameError::Buckles { .. } => at,
     }

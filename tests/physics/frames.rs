@@ -103,3 +103,31 @@ fn frame_begins_under_its_weight() {
     let last = x.last().unwrap();
     assert!((last / expected - 1.0).abs() < 1e-6, "{last}");
 }
+
+/// A portal on links that harden smoothly: the error of the method falls with the square of the step.
+#[test]
+fn frame_converges_with_the_second_order() {
+    let at = |rate: u32| {
+        let text = study().without("specimen").without("structure.frame.load").with(&format!(
+            "time.rate_hz = {rate}\ntime.duration_s = 2\n\
+             excitation.ground_acceleration = {{ signal.sine = {{ amplitude = 3.0, frequency_hz = 1.3 }} }}\n\
+             structure.damping = {{ rayleigh = {{ mass_coefficient_per_s = 0.4, stiffness_coefficient_s = 0.0 }} }}\n\
+             structure.frame.link = [{{ nodes = [\"A0\", \"B1\"], direction = \"axial\", reach_disp_m = 0.2, \
+             law.cubic = {{ stiffness_n_per_m = 4e6, cubic_n_per_m3 = 5e9 }} }}]"
+        ));
+        let run = run(&text);
+        assert_eq!(run.outcome.ending, Ending::Completed);
+        let column = run.column("x4");
+        let every = (rate / 128) as usize;
+        column.into_iter().step_by(every).collect::<Vec<f64>>()
+    };
+    let exact = at(8192);
+    let [coarse, middle, fine] = [128, 256, 512].map(|rate| distance(&at(rate), &exact));
+    assert!(fine < 1e-3, "{coarse:e} {middle:e} {fine:e}");
+    for ratio in [coarse / middle, middle / fine] {
+        assert!(
+            (3.6..4.4).contains(&ratio),
+            "{coarse:e} {middle:e} {fine:e}"
+        );
+    }
+}

@@ -96,6 +96,23 @@ pub enum FrameError {
         /// Names that exist.
         known: String,
     },
+    /// A hinge that loses its moment faster than its member gives way.
+    #[error(
+        "the hinge of {name} softens with {found:.4e} N m/rad, but its member with 2 E I/L = {most:.4e} N m/rad must be stiffer: the moment would fall \
+         without a motion of the nodes (snap-back)"
+    )]
+    SnapBack {
+        /// Place of the member, from 0.
+        index: usize,
+        /// The key of the hinge.
+        key: &'static str,
+        /// Name of the member.
+        name: String,
+        /// Slope of the hinge in N m/rad.
+        found: f64,
+        /// 2 E I/L in N m/rad.
+        most: f64,
+    },
     /// A key that does not suit its member or link.
     #[error("{name} {why}")]
     Unfit {

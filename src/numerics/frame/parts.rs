@@ -43,8 +43,7 @@ impl FrameSpec {
     ) -> Result<Vec<Part<'a>>, FrameError> {
         let mut parts = Vec::with_capacity(self.member.len() + self.link.len());
         for (index, spec) in self.member.iter().enumerate() {
-            let name = spec.name.clone();
-            let name = name.unwrap_or_else(|| format!("member {}", index + 1));
+            let name = self.name_of(index + 1);
             let kind = self.member_part(index, &name, spec, model, influence)?;
             if spec.record && matches!(kind, PartKind::Elastic(..)) {
                 return Err(FrameError::Unfit {
@@ -166,7 +165,23 @@ impl FrameSpec {
                     self.hinge(at, "hinge_start", hinges[0].as_ref())?,
                     self.hinge(at, "hinge_end", hinges[1].as_ref())?,
                 ];
-                inelastic::hinged(chord.length, rigidity()?, laws)
+                let rigidity = rigidity()?;
+                // Two hinges that soften alike are stable up to this slope, and one up to twice it.
+                let most = 2.0 * rigidity.bending / chord.length;
+                let ends = laws.iter().zip(["hinge_start", "hinge_end"]);
+                for ((law, _), key) in ends.filter_map(|(law, key)| Some((law.as_ref()?, key))) {
+                    let found = law.steepest_softening();
+                    if found >= most {
+                        return Err(FrameError::SnapBack {
+                            index,
+                            key,
+                            name: name.to_owned(),
+                            found,
+                            most,
+                        });
+                    }
+                }
+                inelastic::hinged(chord.length, rigidity, laws)
             }
             MemberKind::ForceBased => {
                 let points = spec.points.unwrap_or(5);
@@ -224,8 +239,7 @@ impl FrameSpec {
         influence: &[f64],
     ) -> Result<Part<'a>, FrameError> {
         let (at, spec) = (("link", index), &self.link[index]);
-        let name = spec.name.clone();
-        let name = name.unwrap_or_else(|| format!("link {}", index + 1));
+        let name = self.name_of(self.member.len() + index + 1);
         let [start, end] = &spec.nodes;
         let nodes = [self.place(at, start)?, self.place(at, end)?];
         let row = match spec.direction {

@@ -350,6 +350,27 @@ pub struct MemberSpec {
     pub stiffness_coefficient_s: Option<f64>,
 }
 
+impl FrameSpec {
+    /// Name of a member or, after them, of a link by its number from 1, as in messages.
+    #[must_use]
+    pub fn name_of(&self, number: usize) -> String {
+        let members = self.member.len();
+        let given = match self.member.get(number - 1) {
+            Some(member) => &member.name,
+            None => match self.link.get(number - 1 - members) {
+                Some(link) => &link.name,
+                None => &None,
+            },
+        };
+        given
+            .clone()
+            .unwrap_or_else(|| match number.checked_sub(members) {
+                None | Some(0) => format!("member {number}"),
+                Some(link) => format!("link {link}"),
+            })
+    }
+}
+
 impl MemberSpec {
     /// An elastic member without more.
     #[must_use]

@@ -257,6 +257,12 @@ fn mistakes_name_their_place() {
         assert_is!(kind(text) => FrameError::Unfit { at: ("member", 0), key, .. } if *key == wrong);
     }
     assert_is!(kind("hinge_start = \"h\"") => FrameError::NoHinge { key: "hinge_start", .. });
+    let soft = "imk = { stiffness_n_per_m = 1e9, yield_force_n = 1e6, capping_ratio = 1.1, plastic_disp_m = 0.02, \
+                post_capping_disp_m = 0.01, ultimate_disp_m = 0.1 }";
+    let soft = refused(&format!(
+        "hinge.h.{soft}\nmember = [{{ nodes = [\"a\", \"b\"], section = \"column\", hinge_end = \"h\" }}]"
+    ));
+    assert_is!(soft => FrameError::SnapBack { index: 0, key: "hinge_end", .. });
     let link = |text: &str| {
         refused(&format!(
             "link = [{{ law.linear.stiffness_n_per_m = 1.0, {text} }}]"

@@ -224,6 +224,11 @@ pub trait Law: Stateful + Send + std::fmt::Debug {
         self.bound(reach).1 != Some(0.0)
     }
 
+    /// Steepest fall of the force beyond its largest value in N/m, as a positive number; 0 for a law that does not soften. By default 0.
+    fn steepest_softening(&self) -> f64 {
+        0.0
+    }
+
     /// The law as plain numbers, if its force follows from the moment alone and takes no transcendental function:
     /// equal ones can then be evaluated side by side. `None` by default.
     fn memoryless(&self) -> Option<Memoryless> {

@@ -200,7 +200,8 @@ fn combined(block: &[&[f64]], terms: &[(usize, f64)]) -> Vec<f64> {
 /// True of a column that is of a specimen or of the loop's own timing: it has something new at every tick.
 pub(super) fn is_of_tick(column: &Column) -> bool {
     let kind = column::find(&column.name);
-    column.timing || kind.is_some_and(|kind| !matches!(kind.each, Each::Test | Each::Dof))
+    column.timing
+        || kind.is_some_and(|kind| !matches!(kind.each, Each::Test | Each::Dof | Each::Member))
 }
 
 struct EnergyPass<'a> {

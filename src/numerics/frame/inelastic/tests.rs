@@ -203,3 +203,171 @@ fn bits_are_equal_on_all_lanes_and_after_a_restart() {
         }
     }
 }
+
+/// Displacements under the static loads of a frame, found with the first stiffness in ten parts.
+fn at_rest(frame: FrameSpec) -> (crate::frame::FrameModel, Vec<f64>) {
+    let model = frame.model().unwrap();
+    let mut factor = Spd::factor(&model.stiffness).unwrap();
+    let n = model.dofs.len();
+    let (mut structure, mut x) = (structure(frame), vec![0.0; n]);
+    for part in 1..=10 {
+        for _ in 0..100 {
+            let mut r: Vec<f64> = model
+                .load
+                .iter()
+                .map(|f| f * f64::from(part) / 10.0)
+                .collect();
+            structure.subtract_trial(&x, &vec![0.0; n], Base::default(), 0.0, &mut r);
+            factor.solve_in_place(&mut r);
+            x.iter_mut().zip(&r).for_each(|(x, by)| *x += by);
+        }
+        structure.commit();
+    }
+    (model, x)
+}
+
+/// The portal of reinforced concrete of OpenSees' examples, RCFrameGravity: its published vertical displacement of node 3 is −0.0183736 in.
+#[test]
+fn concrete_portal_settles_as_published() {
+    const INCH: f64 = 0.0254;
+    const KIP: f64 = 4448.221_615_260_5;
+    const KSI: f64 = KIP / (INCH * INCH);
+    let mut fibres = Vec::new();
+    let mut strip = |[bottom, top]: [f64; 2], width: f64, count: usize, material: &str| {
+        let each = (top - bottom) / count as f64;
+        for i in 0..count {
+            let y = (bottom + (i as f64 + 0.5) * each) * INCH;
+            let area = each * width * INCH * INCH;
+            fibres.push(format!(
+                "{{ y_m = {y:e}, area_m2 = {area:e}, material = \"{material}\" }}"
+            ));
+        }
+    };
+    strip([-10.5, 10.5], 12.0, 10, "core");
+    strip([-10.5, 10.5], 3.0, 10, "cover");
+    strip([-12.0, -10.5], 15.0, 2, "cover");
+    strip([10.5, 12.0], 15.0, 2, "cover");
+    for (y, bars) in [(10.5, 3.0), (0.0, 2.0), (-10.5, 3.0)] {
+        let area = 0.6 * bars * INCH * INCH;
+        fibres.push(format!(
+            "{{ y_m = {:e}, area_m2 = {area:e}, material = \"steel\" }}",
+            y * INCH
+        ));
+    }
+    let concrete = |strength: f64, strain: f64, crushing: f64, last: f64| {
+        format!(
+            "{{ strength_pa = {:e}, strain_at_strength = {strain}, crushing_strength_pa = {:e}, crushing_strain = {last} }}",
+            strength * KSI,
+            crushing * KSI
+        )
+    };
+    let frame: FrameSpec = toml::from_str(&format!(
+        r#"
+node = [{{ name = "1", at_m = [0, 0], fixed = ["x", "y", "rz"] }}, {{ name = "2", at_m = [{w}, 0], fixed = ["x", "y", "rz"] }},
+        {{ name = "3", at_m = [0, {h}], mass_kg = 1 }}, {{ name = "4", at_m = [{w}, {h}], mass_kg = 1 }}]
+member = [{{ nodes = ["1", "3"], section = "column", kind = "force_based", p_delta = true }},
+          {{ nodes = ["2", "4"], section = "column", kind = "force_based", p_delta = true }},
+          {{ nodes = ["3", "4"], section = "beam" }}]
+load = [{{ node = "3", y_n = {p:e} }}, {{ node = "4", y_n = {p:e} }}]
+material.core.concrete_01 = {}
+material.cover.concrete_01 = {}
+material.steel.menegotto_pinto = {{ young_pa = {:e}, yield_pa = {:e}, hardening_ratio = 0.01 }}
+section.beam.elastic = {{ young_pa = {:e}, area_m2 = {:e}, inertia_m4 = {:e} }}
+section.column.fibres = [{}]
+"#,
+        concrete(6.0, 0.004, 5.0, 0.014),
+        concrete(5.0, 0.002, 0.0, 0.006),
+        30_000.0 * KSI,
+        60.0 * KSI,
+        4030.0 * KSI,
+        360.0 * INCH.powi(2),
+        8640.0 * INCH.powi(4),
+        fibres.join(", "),
+        w = 360.0 * INCH,
+        h = 144.0 * INCH,
+        p = -180.0 * KIP,
+    ))
+    .unwrap();
+    let (model, x) = at_rest(frame);
+    let [(dof, _)] = model.motion("3", crate::frame::Direction::Y).unwrap() else {
+        panic!("a free direction");
+    };
+    // The last published digit.
+    assert!(
+        (x[*dof] / INCH + 0.018_373_6).abs() < 2e-7,
+        "{:.9}",
+        x[*dof] / INCH
+    );
+}
+
+/// A cantilever under N and F across its end: F (tan(k L)/k − L)/N with k = √(N/(E I)). Chords have no curve of their own, so that the error
+/// falls with the square of their number.
+#[test]
+fn chords_come_to_the_beam_column() {
+    let (n, f) = (1.0e6, 1e3);
+    let k = (n / EI).sqrt();
+    let expected = f / n * (libm::tan(k * L) / k - L);
+    let off = |count: usize| {
+        let node = |i: usize| {
+            let (y, more) = (
+                L * i as f64 / count as f64,
+                ["fixed = [\"x\", \"y\", \"rz\"]", "mass_kg = 1"],
+            );
+            format!(
+                "{{ name = \"{i}\", at_m = [0, {y}], {} }}",
+                more[usize::from(i > 0)]
+            )
+        };
+        let member = |i: usize| {
+            format!(
+                "{{ nodes = [\"{}\", \"{}\"], section = \"s\", kind = \"displacement_based\", p_delta = true }}",
+                i - 1,
+                i
+            )
+        };
+        let list = |from: usize, of: &dyn Fn(usize) -> String| {
+            (from..=count).map(of).collect::<Vec<_>>().join(", ")
+        };
+        let frame = toml::from_str(&format!(
+            "node = [{}]\nmember = [{}]\nload = [{{ node = \"{count}\", x_n = {f}, y_n = {:e} }}]\nmaterial.m.elastic = {{ young_pa = {E:e} }}\n\
+             section.s.rectangle = {{ material = \"m\", width_m = 0.2, depth_m = 0.3 }}\n",
+            list(0, &node),
+            list(1, &member),
+            -n,
+        ))
+        .unwrap();
+        let (model, x) = at_rest(frame);
+        let motion = model
+            .motion(&count.to_string(), crate::frame::Direction::X)
+            .unwrap();
+        (x[motion[0].0] / expected - 1.0).abs()
+    };
+    let (four, eight, sixteen) = (off(4), off(8), off(16));
+    assert!(sixteen < 1e-4, "{four:e} {eight:e} {sixteen:e}");
+    assert!((four / eight - 4.0).abs() < 0.2 && (eight / sixteen - 4.0).abs() < 0.2);
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    for member in [
+        "kind = \"force_based\"",
+        "hinge_start = \"h\"",
+        "kind = \"displacement_based\"",
+    ] {
+        let mut structure = structure(cantilever(member));
+        let mut r = [0.0; 3];
+        let counted = allocation_counter::measure(|| {
+            for step in 0..50 {
+                let y = 0.002 * f64::from(step);
+                structure.subtract_internal(
+                    &[1e-5, y, 0.4 * y],
+                    &[0.0; 3],
+                    Base::default(),
+                    0.01,
+                    &mut r,
+                );
+            }
+        });
+        assert_eq!(counted.count_total, 0, "{member}");
+    }
+}

@@ -348,6 +348,13 @@ state! {
 }
 
 impl Law for Imk {
+    fn steepest_softening(&self) -> f64 {
+        let directions = [&self.constants.positive, &self.constants.negative];
+        directions
+            .into_iter()
+            .fold(0.0, |most, direction| f64::max(most, -direction.softening))
+    }
+
     fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
         self.trial = self.committed.moved(&self.constants, disp);
         self.trial.signed_force()
