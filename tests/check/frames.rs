@@ -160,6 +160,25 @@ fn frame_of_a_file_is_that_of_the_text() {
     }
 }
 
+/// A campaign may vary the file: the run folder keeps the one that was used.
+#[test]
+fn varied_file_replaces_the_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "frame.toml", FRAME);
+    write(folder.path(), "other.toml", &FRAME.replace("2e3", "3e3"));
+    let test = write(folder.path(), "test.toml", TEST);
+    let loaded = gusset_config::load(&test, &[]).unwrap_or_else(|error| panic!("{error}"));
+    let varied = loaded.varied(&["structure.frame.file=other.toml".to_owned()]);
+    let varied = varied.unwrap_or_else(|error| panic!("{error}"));
+    for (loaded, mass, name) in [(&loaded, 2e3, "frame.toml"), (&varied, 3e3, "other.toml")] {
+        let test = gusset_setup::build(loaded).unwrap_or_else(|error| panic!("{error}"));
+        let facts = test.facts.structure.and_then(|structure| structure.frame);
+        assert_eq!(facts.unwrap().mass, mass);
+        let inputs = test.files.inputs.iter().map(|(name, _)| name);
+        assert!(inputs.eq([Path::new(name)]));
+    }
+}
+
 #[test]
 fn mistake_in_the_file_of_a_frame_names_its_line() {
     let folder = tempfile::tempdir().unwrap();

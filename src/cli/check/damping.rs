@@ -22,11 +22,10 @@ pub(super) fn tabulate(
         Some(RuleDamping::Stiffness(each)) => each,
     };
     for (name, axes) in facts.specimens.iter().zip(each).take(listed) {
-        let axes = axes.iter().map(|(damping, unit)| quantity(*damping, unit));
-        let axes: Vec<String> = axes.collect();
-        let own = match axes.as_slice() {
-            [] => "none".to_owned(),
-            axes => axes.join(", "),
+        let words = axes.iter().map(|(damping, unit)| quantity(*damping, unit));
+        let own = match axes.iter().all(|(damping, _)| *damping == 0.0) {
+            true => "none".to_owned(),
+            false => words.collect::<Vec<_>>().join(", "),
         };
         table.row(
             WHAT,

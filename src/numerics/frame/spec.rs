@@ -14,7 +14,7 @@ use crate::law::LawSpec;
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSpec {
-    /// File with all other tables of the frame, relative to the test file. They stand at its top level
+    /// File with all other tables of the frame, relative to the test file. They are at its top level
     /// or beneath `[structure.frame]`. Default: the tables are in the test file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"frame.toml")]

@@ -123,7 +123,12 @@ mod tests {
         );
         // Of two fibres 1 and 3, with the moment P L and no force, each has half of it over the distance.
         let two = 2e4 * LENGTH / 0.2 / 1e-3 / YOUNG / STEEL;
-        assert_used("section = 'uneven', kind = 'force_based'", "y_n = 2e4", two);
+        let uneven = "section = 'uneven', kind = 'force_based'";
+        assert_used(uneven, "y_n = 2e4", two);
+        // A tension of 100 kN takes 50 kN off the upper fibre, which is compressed, or adds it.
+        let axial = 5e4 / 1e-3 / YOUNG / STEEL;
+        assert_used(uneven, "y_n = 2e4, x_n = 1e5", two - axial);
+        assert_used(uneven, "y_n = -2e4, x_n = 1e5", two + axial);
     }
 
     #[test]
