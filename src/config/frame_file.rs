@@ -6,16 +6,9 @@ use std::sync::Arc;
 use super::diagnose::{Diagnostics, Finding, Source, syntax};
 use super::document::{Datum, KeyPath, Node};
 use super::echo::plain;
+use super::locator::{FRAME, frame};
 use super::overrides::Override;
 use super::{ConfigError, Locator, Opened, renamed, text_of};
-
-/// Keys of the table that such a file fills.
-const FRAME: [&str; 2] = ["structure", "frame"];
-
-/// The path of that table.
-pub(super) fn frame() -> KeyPath {
-    FRAME.iter().fold(KeyPath::root(), |at, key| at.key(key))
-}
 
 impl Opened {
     /// Reads the frame that `structure.frame.file` names, in the test file or in an override, and puts its tables beside this key.

@@ -6,8 +6,15 @@ use super::ConfigError;
 use super::diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Source};
 use super::document::{KeyPath, Node};
 use super::echo::plain;
-use super::frame_file::frame;
 use super::overrides::Override;
+
+/// Keys of the table that a file of a frame fills.
+pub(super) const FRAME: [&str; 2] = ["structure", "frame"];
+
+/// The path of that table.
+pub(super) fn frame() -> KeyPath {
+    FRAME.iter().fold(KeyPath::root(), |at, key| at.key(key))
+}
 
 /// Finds the place of each path of a test file.
 #[derive(Debug, Clone)]

@@ -108,7 +108,7 @@ fn frame_begins_under_its_weight() {
 #[test]
 fn frame_converges_with_the_second_order() {
     let at = |rate: u32| {
-        let text = study().without("specimen").without("structure.frame.load").with(&format!(
+        let text = study().without("specimen").without("structure.frame.load").without("structure.damping").without("excitation").with(&format!(
             "time.rate_hz = {rate}\ntime.duration_s = 2\n\
              excitation.ground_acceleration = {{ signal.sine = {{ amplitude = 3.0, frequency_hz = 1.3 }} }}\n\
              structure.damping = {{ rayleigh = {{ mass_coefficient_per_s = 0.4, stiffness_coefficient_s = 0.0 }} }}\n\

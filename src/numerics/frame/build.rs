@@ -1,36 +1,13 @@
 //! From a description to M, K and the static load of the free directions.
 
+use super::error::listed;
 use super::inelastic::Members;
 use super::member::Matrix;
+use super::model::{FrameModel, Motion, influence};
 use super::parts::{Part, PartKind};
 use super::{ConstraintSpec, Direction, FrameError, FrameSpec};
 use crate::law::Reach;
 use crate::linalg::{Spd, SymMatrix};
-
-/// A frame without its constraints: n free directions.
-#[derive(Debug)]
-pub struct FrameModel {
-    /// M in kg and kg m².
-    pub mass: SymMatrix,
-    /// K of elastic members in N/m, N and N m, with the P-Δ effect of all.
-    pub linear: SymMatrix,
-    /// The other members, and links.
-    pub members: Members,
-    /// K of all members at rest and of links, with the P-Δ effect.
-    pub stiffness: SymMatrix,
-    /// K that a damping rule multiplies by its coefficient, and C of members with their own coefficients. Without the P-Δ effect.
-    pub damped: [SymMatrix; 2],
-    /// Static load in N and N m.
-    pub load: Vec<f64>,
-    /// Node and direction of each degree of freedom.
-    pub dofs: Vec<(String, Direction)>,
-    /// What each direction of each node is made of, in the order of the description.
-    pub(super) motions: Vec<[Motion; 3]>,
-    names: Vec<String>,
-}
-
-/// A direction of a node: Σ coefficient · degree of freedom; empty for a fixed one.
-pub(super) type Motion = Vec<(usize, f64)>;
 
 /// Steps of the bisection for a buckling load.
 const HALVINGS: u32 = 40;
@@ -350,48 +327,6 @@ impl FrameSpec {
     }
 }
 
-impl FrameModel {
-    /// The terms of a direction of a node: (degree of freedom from 0, coefficient). `None` without such a node.
-    #[must_use]
-    pub fn motion(&self, node: &str, direction: Direction) -> Option<&[(usize, f64)]> {
-        let place = self.names.iter().position(|name| name == node)?;
-        Some(&self.motions[place][direction as usize])
-    }
-
-    /// Names of the nodes.
-    #[must_use]
-    pub fn nodes(&self) -> &[String] {
-        &self.names
-    }
-
-    /// The degree of freedom that moves most where this stiffness nearly vanishes.
-    fn weakest(&self, stiffness: &SymMatrix) -> usize {
-        let n = self.dofs.len();
-        let mut shape: Vec<f64> = (0..n).map(|dof| 1.0 + dof as f64 / n as f64).collect();
-        if let Ok(mut factor) = Spd::factor(stiffness) {
-            for _ in 0..20 {
-                factor.solve_in_place(&mut shape);
-                let largest = shape.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-                shape.iter_mut().for_each(|x| *x /= largest);
-            }
-        }
-        let moves = |dof: &usize| match self.dofs[*dof].1 {
-            Direction::X | Direction::Y => shape[*dof].abs(),
-            Direction::Rz => 0.0,
-        };
-        let all = 0..n;
-        all.max_by(|a, b| moves(a).total_cmp(&moves(b)))
-            .unwrap_or(0)
-    }
-}
-
-pub(super) fn influence(places: &[(String, Direction)]) -> Vec<f64> {
-    let moves = places
-        .iter()
-        .map(|(_, direction)| *direction == Direction::X);
-    moves.map(f64::from).collect()
-}
-
 /// A direction that follows those of another node.
 #[derive(Debug, Clone, Copy)]
 struct Tie {
@@ -423,9 +358,4 @@ fn spread(ends: [&[Motion; 3]; 2], matrix: &Matrix) -> Vec<(usize, usize, f64)> 
         }
     }
     entries
-}
-
-pub(super) fn listed<'a>(names: impl Iterator<Item = &'a String>) -> String {
-    let names: Vec<&str> = names.map(String::as_str).take(12).collect();
-    names.join(", ")
 }

@@ -190,3 +190,9 @@ pub enum FrameError {
         direction: Direction,
     },
 }
+
+/// Names for a message.
+pub(super) fn listed<'a>(names: impl Iterator<Item = &'a String>) -> String {
+    let names: Vec<&str> = names.map(String::as_str).take(12).collect();
+    names.join(", ")
+}

@@ -10,16 +10,17 @@ mod error;
 mod fibre;
 mod inelastic;
 mod member;
+mod model;
 mod parts;
 mod section;
 mod spec;
 mod utilisation;
 
-pub use build::FrameModel;
 pub use error::FrameError;
 pub use fibre::{Concrete01Spec, Concrete02Spec, MaterialSpec, MenegottoPintoSpec, YoungSpec};
 pub use inelastic::Members;
 pub(crate) use inelastic::{At, Which};
+pub use model::FrameModel;
 pub use spec::{
     CircleSpec, ConstraintSpec, Direction, ElasticSpec, EqualSpec, FibreSpec, FollowersSpec,
     FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind, MemberSpec,

@@ -1,9 +1,10 @@
 //! Members and links of a description as parts between degrees of freedom.
 
-use super::build::{FrameModel, Motion, listed};
+use super::error::listed;
 use super::fibre::Fibres;
 use super::inelastic::{self, Basic, HingeLaw, Place};
 use super::member::{Chord, Matrix};
+use super::model::{FrameModel, Motion};
 use super::{FrameError, FrameSpec, LinkDirection, MemberKind, MemberSpec};
 use crate::law::Reach;
 

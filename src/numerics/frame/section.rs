@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
+use super::error::listed;
 use super::fibre::{Fibre, Material};
 use super::{FrameError, FrameSpec, SectionSpec};
 
@@ -85,7 +86,7 @@ impl FrameSpec {
             return Err(FrameError::NoSection {
                 index,
                 name: name.to_owned(),
-                known: super::build::listed(self.section.keys()),
+                known: listed(self.section.keys()),
             });
         };
         let mut reader = Reader {
@@ -281,7 +282,7 @@ impl<'a> Reader<'a> {
                 section: self.name.to_owned(),
                 key,
                 name: name.to_owned(),
-                known: super::build::listed(frame.material.keys()),
+                known: listed(frame.material.keys()),
             })?;
         let material = spec.build().map_err(|source| FrameError::Material {
             material: name.to_owned(),

@@ -1,6 +1,6 @@
 //! How much of its strength each member uses under static loads, from the stiffness of the virgin frame.
 
-use super::build::influence;
+use super::model::influence;
 use super::{FrameError, FrameSpec, MemberKind};
 use crate::linalg::Spd;
 

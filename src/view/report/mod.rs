@@ -44,6 +44,7 @@ mod identified;
 mod limits;
 mod loop_line;
 mod matched;
+mod member_loops;
 #[cfg(test)]
 mod missing_rows;
 mod outcome;

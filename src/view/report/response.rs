@@ -2,21 +2,16 @@
 
 use maud::{Markup, html};
 
-use super::axis::extent;
 use super::chart::{Chart, Ink, Look, Scale, WHOLE};
 use super::columns::{MOST_DOFS, MOST_LINES, Storey, TAIL, spread};
 use super::digest::{Digest, WITHOUT_DISP};
-use super::farthest::frame;
 use super::frame_shape;
 use super::html::{beside, details, note, paragraph, table};
-use super::loop_line::{Loop, Points};
+use super::member_loops;
 use super::tested::dof as dof_in_words;
 use super::text::{count, or_dash, quantity};
 use super::tracked::Tracked;
 use super::{RunView, limits, metrics};
-use gusset_quantity::catalog::column::{
-    END_MOMENT, END_ROTATION, Kind, MEMBER_FORCE, START_MOMENT, START_ROTATION, STRETCH,
-};
 use gusset_quantity::catalog::ending::Status;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::catalog::phase::Phase;
@@ -60,7 +55,7 @@ pub(super) fn response(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Op
     };
     let markup = html! {
         (of_dofs(run, rows, &shown, ("x", "Displacement", "displacement")))
-        (beside("grid", html! { (frame) (loops) (members(run, rows)) (storeys(run, rows)) }))
+        (beside("grid", html! { (frame) (loops) (member_loops::figures(run, rows)) (storeys(run, rows)) }))
         @if loops.0.is_empty() && dofs.is_empty() { (paragraph("Nothing was measured.")) }
         (poses(run, rows))
         (storey_peaks(rows))
@@ -420,62 +415,6 @@ fn loops(run: &RunView, rows: &Digest, axes: &[Tracked<'_>]) -> Markup {
         .figure()
     };
     html! { @for axis in drawn { (hysteresis(axis)) } }
-}
-
-/// Loops of the members of a frame that are recorded: moments over the rotations of both ends, or the force of a link over its
-/// deformation.
-fn members(run: &RunView, rows: &Digest) -> Markup {
-    let Some(spec) = frame(&run.test.file) else {
-        return html! {};
-    };
-    let numbers = rows.table.names().filter_map(|name| {
-        let number = name.strip_prefix(STRETCH.stem)?.strip_prefix('_')?;
-        number.parse::<usize>().ok()
-    });
-    let of_ends = [
-        ("start", &START_ROTATION, &START_MOMENT),
-        ("end", &END_ROTATION, &END_MOMENT),
-    ];
-    let drawn = numbers.take(MOST_DRAWN).map(|number| {
-        let column = |kind: &Kind| kind.of_specimen(number);
-        let values = |kind: &Kind| rows.get(&column(kind)).unwrap_or_default();
-        let unit = |kind: &Kind| rows.table.unit(&column(kind)).to_owned();
-        let name = spec.name_of(number);
-        let bends = rows.get(&column(&START_MOMENT)).is_some();
-        let (x, y) = match bends {
-            true => (&START_ROTATION, &START_MOMENT),
-            false => (&STRETCH, &MEMBER_FORCE),
-        };
-        let words = if bends {
-            ["rotation from the chord", "moment"]
-        } else {
-            ["deformation", "force"]
-        };
-        let chart = Chart::new(
-            format!("Loops of {name}"),
-            Scale::new(words[0], &unit(x)),
-            Scale::new(words[1], &unit(y)),
-        )
-        .labelled(format!("{name}: {} against {}", words[1], words[0]));
-        let lines = of_ends.iter().filter(|_| bends);
-        let chart = lines.fold(chart, |chart, (end, x, y)| {
-            let (x, y) = loop_of(values(x), values(y));
-            chart.with(*end, &x, &y, Look::Line)
-        });
-        if bends {
-            return chart.figure();
-        }
-        let (x, y) = loop_of(values(x), values(y));
-        chart.with("", &x, &y, Look::Line).figure()
-    });
-    html! { @for figure in drawn { (figure) } }
-}
-
-/// A loop without points whose omission is invisible.
-fn loop_of(x: &[f64], y: &[f64]) -> Points {
-    let mut line = Loop::new(extent(x.iter().copied()), extent(y.iter().copied()));
-    x.iter().zip(y).for_each(|(x, y)| line.take(*x, *y));
-    line.finish()
 }
 
 /// Peaks and energy of every axis, losses on the link, and the end that the numbers belong to.

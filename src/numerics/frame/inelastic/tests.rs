@@ -230,7 +230,7 @@ fn at_rest(frame: FrameSpec) -> (crate::frame::FrameModel, Vec<f64>) {
 #[test]
 fn concrete_portal_settles_as_published() {
     const INCH: f64 = 0.0254;
-    const KIP: f64 = 4448.221_615_260_5;
+    const KIP: f64 = 4_448.221_615_260_5;
     const KSI: f64 = KIP / (INCH * INCH);
     let mut fibres = Vec::new();
     let mut strip = |[bottom, top]: [f64; 2], width: f64, count: usize, material: &str| {
