@@ -39,7 +39,7 @@ impl Locator {
         }
     }
 
-    /// The entries of `structure.frame` are those of `table`, which stand in `source`.
+    /// The entries of `structure.frame` are those of `table`, a part of `source`.
     pub(super) fn include(&mut self, source: Arc<Source>, table: &Node) {
         self.root.replace(&frame(), table);
         self.frame_file = Some(source);

@@ -127,7 +127,7 @@ pub struct FrameFacts {
     pub weight: f64,
     /// Its members, in the order of the file.
     pub members: Vec<MemberUse>,
-    /// Time that its members take in the worst case, in parts of a tick, as it was measured when the test was built; none if no
+    /// Time that its members take in the worst case, in parts of a tick, measured when the test was built; none if no
     /// member is evaluated in each step.
     pub share_of_tick: Option<f64>,
 }

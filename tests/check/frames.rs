@@ -1,4 +1,4 @@
-//! `gusset check` lists nodes, members and damping of a frame, and a frame may stand in its own file.
+//! `gusset check` lists nodes, members and damping of a frame, and reads a frame from its own file.
 
 use std::fs;
 use std::path::Path;

@@ -121,7 +121,7 @@ impl Engine<'_> {
         result
     }
 
-    /// What the next closed step needs besides the measured forces: the last tick of a step does what the others have left. Real-time: yes.
+    /// Work on the next closed step that needs no measured force; the last tick of a step does the rest of it. Real-time: yes.
     #[inline]
     fn work_while_they_move(&mut self) {
         let Side::Structure(numerical) = &mut *self.side else {

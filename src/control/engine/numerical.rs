@@ -56,7 +56,7 @@ enum Ahead {
     Following,
     /// The forces of the members from this part on are missing.
     Closing(usize),
-    /// F − R without the measured forces stands in `inertia`.
+    /// `inertia` holds F − R without the measured forces.
     Ready,
 }
 

@@ -92,7 +92,7 @@ impl Scalable {
         }
     }
 
-    /// The same for [`moment_frame`] with this many columns and storeys.
+    /// [`Scalable::side`] for a [`moment_frame`] with this many columns and storeys.
     ///
     /// # Errors
     /// As [`Scalable::side`].

@@ -279,7 +279,7 @@ impl FrameSpec {
         }
     }
 
-    /// What the axial forces of the static loads add to the stiffness, where a member asks for it.
+    /// Stiffness that the axial forces of the static loads add, where a member asks for it.
     fn geometric(
         &self,
         model: &FrameModel,

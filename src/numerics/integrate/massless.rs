@@ -23,7 +23,7 @@ const PLACES: u32 = 14;
 const RESTART: u32 = 9;
 /// φ in parts of ψ below which nothing is left to balance.
 const BALANCED: f64 = 1e-20;
-/// Both for members of fibres, which cost more: they bend gently, and what is left over enters the next step. A third place changed
+/// Both for members of fibres, which cost more: they bend gently, and the residual enters the next step. A third place changed
 /// no displacement of the compared frames by 1e-5.
 const OF_FIBRES: (u32, f64) = (2, 1e-14);
 /// Share of the force at its beginning that a step may leave against it at its end.
@@ -219,7 +219,7 @@ impl Massless {
         self.close_in_parts(structure, motion, residual, &mut from, &mut budget);
     }
 
-    /// The same as far as `budget` evaluations of members suffice; `from` is where it goes on, 0 at first. True if it is done.
+    /// [`Massless::close`] as far as `budget` evaluations of members suffice, from part `from` on, 0 at first. True if it is done.
     /// Real-time: yes.
     pub fn close_in_parts(
         &mut self,
@@ -355,7 +355,7 @@ impl Massless {
         self.search = Search::default();
     }
 
-    /// Goes on with the search that has begun, until `budget` evaluations of members are used up; it is lowered by those that were made.
+    /// Continues the search that has begun, until `budget` evaluations of members are used up; it is lowered by those that were made.
     /// True if the rows of `state` are where they balance best. The laws of `structure` are evaluated, none commits. Real-time: yes.
     pub fn work(
         &mut self,

@@ -196,7 +196,7 @@ impl Explicit {
         }
     }
 
-    /// The same, but rows without mass stay where they are until [`Massless::begin`] and [`Massless::work`]. Real-time: yes.
+    /// [`Explicit::advance`] without the rows without mass: they stay until [`Massless::begin`] and [`Massless::work`]. Real-time: yes.
     pub fn advance_masses(
         &mut self,
         state: &mut State,

@@ -25,7 +25,7 @@ pub struct Structure {
     /// Those of a frame that are not part of K.
     members: Members,
     lanes: Lanes,
-    /// Of a damping rule.
+    /// Coefficient of the stiffness in a damping rule.
     stiffness_coefficient: Option<f64>,
     /// Their collective name, and each storey.
     storeys: (&'static str, Vec<Storey>),
@@ -79,10 +79,13 @@ impl Structure {
         self
     }
 
-    /// The same with the members of a frame, whose rows are those of this structure.
+    /// Adds the members of a frame, whose rows are those of this structure.
     #[must_use]
     pub(crate) fn with_members(mut self, members: Members) -> Self {
         self.members = members;
+        if self.massless().is_empty() {
+            self.members.repeat();
+        }
         self
     }
 

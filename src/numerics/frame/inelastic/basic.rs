@@ -61,7 +61,7 @@ impl Basic {
         }
     }
 
-    /// Of the virgin member.
+    /// Stiffness of the virgin member.
     pub(in crate::frame) fn initial(&self) -> Sym3 {
         match self {
             Self::Force(member) => member.initial,
@@ -110,7 +110,7 @@ pub(in crate::frame) struct ForceBased {
     points: Vec<Point>,
     fibres: Fibres,
     initial: Sym3,
-    /// Of a section.
+    /// Stiffness of a virgin section.
     virgin: Sym2,
     force: [f64; 3],
     disp: [f64; 3],

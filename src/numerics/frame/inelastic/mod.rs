@@ -26,6 +26,8 @@ use gusset_quantity::state::{Stateful, Visit};
 #[derive(Debug, Default)]
 pub struct Members {
     each: Vec<Member>,
+    /// A step evaluates members once, because no search for balance repeats it.
+    is_single: bool,
 }
 
 impl Stateful for Members {
@@ -68,7 +70,7 @@ impl Stateful for Member {
 pub(super) struct Place {
     dofs: Vec<usize>,
     rows: [Vec<f64>; 3],
-    /// Of the displacement of the base.
+    /// Coefficients of the displacement of the base.
     base: [f64; 3],
 }
 
@@ -199,7 +201,7 @@ pub(crate) struct Link<'a> {
     pub(crate) row: Vec<(usize, f64)>,
 }
 
-/// What the stiffness and damping of a link refer to: rest, or the largest that they reach.
+/// State to which stiffness and damping of a link refer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Which {
     /// What enters K0 and C0.
@@ -223,7 +225,7 @@ impl Member {
         self.number
     }
 
-    /// Of a link, whether it acts on rotations.
+    /// Whether a link acts on rotations; none for a member.
     #[must_use]
     pub const fn link_turns(&self) -> Option<bool> {
         match self.basic {
@@ -281,6 +283,11 @@ impl Members {
         each.any(|member| matches!(member.basic, Basic::Force(_) | Basic::Displacement(_)))
     }
 
+    /// Evaluates members twice in a step from now on: no degree of freedom without mass repeats it.
+    pub(crate) fn repeat(&mut self) {
+        self.is_single = true;
+    }
+
     /// Members and links.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -303,6 +310,9 @@ impl Members {
         for member in self.each.get_mut(part).unwrap_or_default() {
             member.disp = member.place.deformation(at.disp, at.base[0]);
             let [rate, ..] = member.place.deformation(at.vel, at.base[1]);
+            if self.is_single {
+                member.basic.trial(member.disp, rate, at.dt, lanes);
+            }
             member.answer = member.basic.trial(member.disp, rate, at.dt, lanes);
             member.place.spread(member.answer.force, |dof, force| {
                 if let Some(r) = residual.get_mut(dof) {

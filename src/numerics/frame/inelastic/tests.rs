@@ -7,7 +7,7 @@ use gusset_quantity::state::{Stateful, TestState};
 
 const E: f64 = 2e11;
 const L: f64 = 3.0;
-/// Of a rectangle of 0.2 m by 0.3 m in 20 layers: the sum over them.
+/// Sums over 20 layers of a rectangle of 0.2 m by 0.3 m.
 const EA: f64 = E * 0.06;
 const EI: f64 = E * 0.2 * 0.027 / 12.0 * (1.0 - 1.0 / 400.0);
 
@@ -300,7 +300,7 @@ section.column.fibres = [{}]
     );
 }
 
-/// A cantilever under N and F across its end: F (tan(k L)/k − L)/N with k = √(N/(E I)). Chords have no curve of their own, so that the error
+/// A cantilever under N and F across its end: F (tan(k L)/k − L)/N with k = √(N/(E I)). Chords are straight, so that the error
 /// falls with the square of their number.
 #[test]
 fn chords_come_to_the_beam_column() {
