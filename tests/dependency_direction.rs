@@ -47,11 +47,16 @@ const SYSTEM: &[&str] = &[
 /// Types whose state is not derived: `state!` takes a type apart without `..`, so that no field is forgotten. These take all of
 /// their fields or variants apart by hand, or have one of a single kind.
 const STATES_BY_HAND: &[&str] = &[
+    "Ahead",
     "Aligned",
+    "Basic",
     "Delay",
+    "DisplacementBased",
     "Elements",
     "Exchange",
     "ExchangeState",
+    "ForceBased",
+    "Hinged",
     "Hold",
     "Kept",
     "Phase",
