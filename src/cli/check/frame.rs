@@ -88,7 +88,7 @@ fn members(table: &mut Table, facts: &FrameFacts, spec: &FrameSpec, listed: usiz
             word(&spec.kind),
             spec.section.clone(),
             quantity(member.length, "m"),
-            or_dash(member.utilisation.map(number).unwrap_or_default()),
+            or_dash(member.utilisation.map(share).unwrap_or_default()),
         ]
     }));
     let names = facts.members.iter().map(|member| member.name.as_str());
@@ -134,6 +134,12 @@ fn mass(kg: f64) -> String {
     } else {
         format!("{} kg", number(kg))
     }
+}
+
+/// A utilisation. What rounding leaves of a member without a force is zero.
+fn share(utilisation: f64) -> String {
+    let is_rounding = utilisation < 1e-9;
+    number(if is_rounding { 0.0 } else { utilisation })
 }
 
 fn or_dash(text: String) -> String {
