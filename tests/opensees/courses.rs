@@ -1,4 +1,4 @@
-//! Plane frames whose members yield, under a ground motion: `gusset run` against the real OpenSees with four times finer steps.
+//! Plane frames whose members yield, under a ground motion: displacements and forces of `gusset run` against the real OpenSees with four times finer steps.
 
 use std::path::Path;
 use std::process::Command;
@@ -143,8 +143,8 @@ fn three_storeys() -> String {
     test.to_string()
 }
 
-/// Displacements of our run: one row for each step.
-fn ours(folder: &Path, file: &Path, name: &str) -> Vec<Vec<f64>> {
+/// Displacements of our run, and the forces of its recorded members: one row for each step.
+fn ours(folder: &Path, file: &Path, name: &str) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (run, csv) = (folder.join(name), folder.join(format!("{name}.csv")));
     let word = |path: &Path| path.to_str().unwrap().to_owned();
     let made = Peer::gusset(&["run", &word(file), "--out", &word(&run)]);
@@ -164,14 +164,51 @@ fn ours(folder: &Path, file: &Path, name: &str) -> Vec<Vec<f64>> {
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();
     let column = |name: &str| head.iter().position(|column| *column == name);
     let places: Vec<usize> = (1..).map_while(|dof| column(&format!("x{dof}"))).collect();
-    let rows = lines.map(|line| line.split(',').collect::<Vec<_>>());
-    rows.map(|cells| {
-        places
-            .iter()
-            .map(|at| cells[*at].parse().unwrap())
-            .collect()
-    })
-    .collect()
+    // The names of the three forces begin like this, and a link has only the first.
+    let of_member = |name: &str| name.starts_with("member_force_") || name.starts_with("moment_");
+    let forces = (0..head.len()).filter(|at| of_member(head[*at]));
+    let forces: Vec<usize> = forces.collect();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let numbers = |places: &[usize]| {
+        let row = |cells: &Vec<&str>| {
+            places
+                .iter()
+                .map(|at| cells[*at].parse().unwrap())
+                .collect()
+        };
+        rows.iter().map(row).collect()
+    };
+    (numbers(&places), numbers(&forces))
+}
+
+/// Root of the mean square of these numbers.
+fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = numbers.fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x * x));
+    f64::sqrt(sum / count)
+}
+
+/// Root of the mean square of what is between two courses, in parts of a size.
+fn error(ours: &[Vec<f64>], column: usize, theirs: &[f64], size: f64) -> f64 {
+    let off = ours
+        .iter()
+        .zip(theirs)
+        .map(|(row, theirs)| row[column] - theirs);
+    rms(off) / size
+}
+
+/// The test with the forces of every member that has its own in the record.
+fn recorded(test: &str) -> toml::Table {
+    let mut test: toml::Table = test.parse().unwrap();
+    let members = test["structure"]["frame"]["member"].as_array_mut().unwrap();
+    for member in members {
+        let member = member.as_table_mut().unwrap();
+        let is_elastic = member
+            .get("kind")
+            .is_none_or(|kind| kind.as_str() == Some("elastic"));
+        let hinged = member.contains_key("hinge_start") || member.contains_key("hinge_end");
+        member.insert("record".into(), (!is_elastic || hinged).into());
+    }
+    test
 }
 
 #[test]
@@ -182,7 +219,8 @@ fn frames_move_as_in_opensees() {
     let folder = tempfile::tempdir().unwrap();
     for (name, text, most) in frames() {
         let file = folder.path().join(format!("{name}.toml"));
-        std::fs::write(&file, &text).unwrap();
+        let test = recorded(&text);
+        std::fs::write(&file, test.to_string()).unwrap();
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/opensees/frame.py");
         let said = Command::new(&python)
             .arg(script)
@@ -193,8 +231,7 @@ fn frames_move_as_in_opensees() {
         let line = String::from_utf8_lossy(&said.stdout).into_owned();
         let theirs: Value = serde_json::from_str(line.lines().last().unwrap_or_default())
             .unwrap_or_else(|_| panic!("{name}: {line}{}", String::from_utf8_lossy(&said.stderr)));
-        let rows = ours(folder.path(), &file, name);
-        let test: toml::Table = text.parse().unwrap();
+        let (rows, forces) = ours(folder.path(), &file, name);
         let frame: FrameSpec = test["structure"]["frame"].clone().try_into().unwrap();
         let places = frame.places();
         assert!(rows.len() > 1000, "{name}: {}", rows.len());
@@ -202,17 +239,35 @@ fn frames_move_as_in_opensees() {
         for (dof, (node, direction)) in places.iter().enumerate() {
             let column = Direction::ALL.iter().position(|d| d == direction).unwrap();
             let theirs = theirs["course"][node].as_array().unwrap();
-            let (mut off, mut size) = (0.0, 0.0);
-            for (row, theirs) in rows.iter().zip(theirs) {
-                let wanted = theirs[column].as_f64().unwrap();
-                off += (row[dof] - wanted) * (row[dof] - wanted);
-                size += wanted * wanted;
-            }
-            let error = f64::sqrt(off / size);
+            let theirs = theirs.iter().map(|row| row[column].as_f64().unwrap());
+            let theirs: Vec<f64> = theirs.collect();
+            let error = error(&rows, dof, &theirs, rms(theirs.iter().copied()));
             if error > worst.0 {
                 worst = (error, format!("{node} {}", direction.word()));
             }
         }
         assert!(worst.0 < most, "{name}, {}: {:e}", worst.1, worst.0);
+        // Axial force and moments at both ends, member after member. A force that is nearly none is compared with the largest of its kind.
+        let theirs = theirs["forces"].as_array().unwrap();
+        let theirs = theirs.iter().flat_map(|member| {
+            let member = member.as_array().unwrap();
+            let course = |k: usize| member.iter().map(move |row| row[k].as_f64().unwrap());
+            [0, 1, 2].map(|k| course(k).collect::<Vec<f64>>())
+        });
+        let theirs: Vec<Vec<f64>> = theirs.collect();
+        let size = |is_moment: bool| {
+            let alike = theirs
+                .iter()
+                .enumerate()
+                .filter(|(k, _)| (k % 3 > 0) == is_moment);
+            alike
+                .map(|(_, course)| rms(course.iter().copied()))
+                .fold(0.0, f64::max)
+        };
+        let sizes = [size(false), size(true), size(true)];
+        for (k, theirs) in theirs.iter().enumerate() {
+            let error = error(&forces, k, theirs, sizes[k % 3]);
+            assert!(error < most.max(1e-2), "{name}, force {k}: {error:e}");
+        }
     }
 }

@@ -2,9 +2,10 @@
 """The plane frame of a test file in OpenSees: displacements under the static loads, frequencies, and the course under a ground motion.
 
 Usage: frame.py TEST.toml [SUBSTEPS]
-Prints one line of JSON: {"disp": {node: [x, y, rz]}, "frequencies_rad_per_s": [...], "course": {node: [[x, y, rz], ...]}}
+Prints one line of JSON: {"disp": {node: [x, y, rz]}, "frequencies_rad_per_s": [...], "course": {node: [[x, y, rz], ...]},
+"forces": [[[axial force, moment at the start, moment at the end], ...], ...]}
 Without SUBSTEPS it tells the frequencies at rest, if all members are elastic. With SUBSTEPS it tells the course, which has one row for each step of the
-test; each is made in so many steps of Newmark's method with Newton's iteration. The ground moves as `excitation.ground_acceleration.signal.sine`.
+test, and that of the forces of each member with `record = true`; each step is made in so many of Newmark's method with Newton's iteration. The ground moves as `excitation.ground_acceleration.signal.sine`.
 """
 
 import math
@@ -139,6 +140,7 @@ class Model:
         ops.wipe()
         ops.model("basic", "-ndm", 2, "-ndf", 3)
         self.frame, self.tags, self.next = frame, {}, 10_000
+        self.recorded = []
         self.is_elastic = True
         for tag, node in enumerate(frame["node"], 1):
             self.tags[node["name"]] = tag
@@ -174,6 +176,8 @@ class Model:
 
     def member(self, member):
         frame, tag = self.frame, self.new()
+        if member.get("record"):
+            self.recorded.append(tag)
         section = frame["section"][member["section"]]
         start, end = (self.tags[name] for name in member["nodes"])
         kind = member.get("kind", "elastic")
@@ -236,7 +240,7 @@ def settle(tolerance):
 
 
 def course(test, model, substeps):
-    """Rows of displacements, one for each step, under the ground motion; and the time of a step."""
+    """Rows of displacements and of forces of members, one for each step, under the ground motion; and the time of a step."""
     rate, duration = test["time"]["rate_hz"], test["time"]["duration_s"]
     steps = round(rate * duration)
     sine = test["excitation"]["ground_acceleration"]["signal"]["sine"]
@@ -250,13 +254,16 @@ def course(test, model, substeps):
     ops.integrator("Newmark", 0.5, 0.25)
     ops.analysis("Transient")
     rows = {name: [ops.nodeDisp(tag)] for name, tag in model.tags.items()}
+    forces = [[ops.basicForce(tag)] for tag in model.recorded]
     begun = time.process_time()
     for _ in range(steps - 1):
         if ops.analyze(substeps, 1 / rate / substeps) != 0:
             sys.exit("no equilibrium in a step")
         for name, tag in model.tags.items():
             rows[name].append(ops.nodeDisp(tag))
-    return rows, (time.process_time() - begun) / (steps * substeps)
+        for course, tag in zip(forces, model.recorded):
+            course.append(ops.basicForce(tag))
+    return rows, forces, (time.process_time() - begun) / (steps * substeps)
 
 
 def main():
@@ -272,7 +279,7 @@ def main():
     if len(sys.argv) == 2 and model.is_elastic:
         told["frequencies_rad_per_s"] = [math.sqrt(value) for value in ops.eigen("-genBandArpack", MODES)]
     if len(sys.argv) > 2:
-        told["course"], told["seconds_per_step"] = course(test, model, int(sys.argv[2]))
+        told["course"], told["forces"], told["seconds_per_step"] = course(test, model, int(sys.argv[2]))
     peer.tell(**told)
 
 

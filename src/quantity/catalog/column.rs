@@ -160,6 +160,13 @@ impl Kind {
         (!matches!(self.each, Each::Test | Each::Dof | Each::Member)).then_some(specimen)
     }
 
+    /// Number of the member of the column of this name, if it is of this kind.
+    #[must_use]
+    pub fn member_in(&self, name: &str) -> Option<u32> {
+        let [member, _] = self.numbers(name)?;
+        matches!(self.each, Each::Member).then_some(member)
+    }
+
     /// Specimen and axis, coordinate or signal, of the column of this name, if it is of this kind.
     #[must_use]
     pub fn axis_in(&self, name: &str) -> Option<(u32, u32)> {

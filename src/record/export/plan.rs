@@ -6,8 +6,9 @@
 //! 2. `x<dof>` of all recorded DOFs, then `v<dof>`, then `a<dof>`;
 //! 3. for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`;
 //! 4. `status_s` of each specimen where it was recorded: it marks the rows whose measurement is of another tick;
-//! 5. the motion of the `ground` of a structure;
-//! 6. the requested sums of recorded columns.
+//! 5. deformations and forces of the recorded members of a frame;
+//! 6. the motion of the `ground` of a structure;
+//! 7. the requested sums of recorded columns.
 //!
 //! A format that holds numbers in binary adds all other columns of the log, and the sequence numbers of the rows.
 
@@ -162,6 +163,15 @@ const AXIS: [Kind; 4] = [
     column::FORCE,
 ];
 
+const MEMBER: [Kind; 6] = [
+    column::STRETCH,
+    column::START_ROTATION,
+    column::END_ROTATION,
+    column::MEMBER_FORCE,
+    column::START_MOMENT,
+    column::END_MOMENT,
+];
+
 /// Why a walk ended early.
 pub(super) enum Trouble {
     Read(io::Error),
@@ -216,6 +226,12 @@ impl Plan {
         for (specimen, place) in statuses {
             wanted.push((column::STATUS.of_specimen(specimen), "1", Some(place)));
         }
+        for (place, column) in layout.columns().iter().enumerate() {
+            let of_member = |kind: &Kind| kind.member_in(&column.name).is_some();
+            if MEMBER.iter().any(of_member) {
+                wanted.push((column.name.clone(), "", Some(place)));
+            }
+        }
         if !dofs.is_empty()
             && let Some(place) = layout.index_of(column::GROUND.name())
         {
@@ -264,7 +280,7 @@ impl Plan {
         })
     }
 
-    /// The columns of a CSV: time, response, specimens, then the requested sums.
+    /// The columns of a CSV: time, response, specimens, members, ground, then the requested sums.
     pub(crate) fn csv_columns(&self) -> &[Exposed] {
         self.columns.get(..self.csv).unwrap_or_default()
     }
