@@ -62,9 +62,9 @@ pub struct SpecimenTable {
     /// Estimate of the initial damping at the structure's scale and the velocities of the test: a
     /// number or a matrix. Default: the initial damping of the law; zero with `link`.
     pub damping_n_s_per_m: Option<MatrixValue>,
-    /// If true, the stiffness K of a damping rule of a frame includes this specimen: the numerical
-    /// side then resists its deformation with a viscous force, too. Only for a frame; the rules of
-    /// other structures include all specimens. Default: false.
+    /// If true, the stiffness K of a damping rule of a frame includes this specimen. The numerical side
+    /// then resists its deformation with a viscous force, too. Only for a frame: the rules of other
+    /// structures include all specimens. Default: false.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = true)]
     pub damped: Option<bool>,

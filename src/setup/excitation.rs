@@ -377,6 +377,19 @@ fn static_load(site: &mut Site<'_>, structure: &Structure) -> Result<Option<Vec<
     let given = table.and_then(|table| table.static_load_n.clone());
     let gravity = table.and_then(|table| table.gravity.clone());
     let frame = table.and_then(|table| table.frame.as_ref());
+    let lowers = frame.is_some_and(|frame| frame.member.iter().any(|member| member.p_delta));
+    let beside = [
+        ("gravity", gravity.is_some()),
+        ("static_load_n", given.is_some()),
+    ];
+    if let Some((key, _)) = beside.into_iter().find(|(_, given)| *given && lowers) {
+        let text = format!(
+            "`p_delta` of a member counts the loads of the frame alone, not those of `{key}`"
+        );
+        let finding = Finding::error(path("structure").key(key), text).at_key();
+        return site
+            .refuse(finding.help("give all static loads as `load` of nodes in [structure.frame]"));
+    }
     let of_nodes = frame.filter(|frame| !frame.load.is_empty());
     let of_nodes = of_nodes.and_then(|frame| frame.model().ok());
     if given.is_none() && gravity.is_none() && of_nodes.is_none() {

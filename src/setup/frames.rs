@@ -50,7 +50,7 @@ pub(super) fn rows(
         }
         row.retain(|(_, entry)| *entry != 0.0);
         if row.is_empty() {
-            let text = "this deformation is always zero: the ground holds both of its ends";
+            let text = "this deformation is always zero: the ground or a constraint holds its ends";
             return site.refuse(Finding::error(at, text));
         }
         row.sort_unstable_by_key(|(dof, _)| *dof);
@@ -67,6 +67,25 @@ pub(super) fn places(site: &Site<'_>) -> Vec<String> {
     let each = places.iter();
     each.map(|(node, direction)| format!("{node} {}", direction.word()))
         .collect()
+}
+
+/// Whether no motion of the frame is without stiffness. Such a motion is refused, or warned of where a specimen may resist it. False
+/// without a frame.
+pub(super) fn are_held(site: &mut Site<'_>) -> Result<bool, Refused> {
+    let table = site.loaded.file.structure.as_ref();
+    let Some(frame) = table.and_then(|table| table.frame.as_ref()) else {
+        return Ok(false);
+    };
+    let Some(error) = frame.model().ok().and_then(|model| model.loose()) else {
+        return Ok(false);
+    };
+    let at = place(site, &error);
+    if site.loaded.file.specimen.is_empty() {
+        return site.refuse(Finding::error(at, error.to_string()));
+    }
+    let finding = Finding::warning(at, error.to_string());
+    site.warnings.push(finding.label("unless a specimen does"));
+    Ok(true)
 }
 
 /// The frame under the static load of its degrees of freedom. A member that yields under it is warned of.

@@ -349,7 +349,7 @@ pub(super) fn definite(
     structure: &Structure,
     [at_rest, initial]: [&SymMatrix; 2],
 ) -> Result<(), Refused> {
-    if is_held(at_rest) {
+    if frames::are_held(site)? || is_held(at_rest) {
         return Ok(());
     }
     let kind = site.loaded.file.structure.as_ref();

@@ -376,3 +376,78 @@ fn keys_of_damping_need_a_frame_and_a_rule() {
         .with("structure.shear_building = { mass_kg = [2e3], stiffness_n_per_m = [1e6] }");
     refused(&storey, "only for a specimen of a frame");
 }
+
+/// A brace that yields couples two directions of a joint without mass that were not coupled at first.
+#[test]
+fn coupling_that_appears_later_has_room() {
+    let frame = r#"node = [
+    { name = "a", at_m = [-3, 0], fixed = ["x", "y", "rz"] },
+    { name = "b", at_m = [3, 0], fixed = ["x", "y", "rz"] },
+    { name = "joint", at_m = [0, 3], fixed = ["rz"] },
+    { name = "top", at_m = [0, 6], mass_kg = 2e4, fixed = ["rz"] },
+]
+member = [
+    { nodes = ["a", "joint"], section = "s", kind = "truss", record = true },
+    { nodes = ["b", "joint"], section = "s", kind = "truss" },
+    { nodes = ["joint", "top"], section = "mast" },
+]
+load = [{ node = "top", y_n = -2e5, x_n = 2e4 }]
+"#;
+    let (_, tables) = FRAME.split_once("[material").unwrap();
+    let frame = format!("{frame}[section.mast.elastic]\nyoung_pa = 2e11\narea_m2 = 0.01\ninertia_m4 = 1e-4\n[material{tables}")
+        .replace("width_m = 0.1", "width_m = 0.03")
+        .replace("depth_m = 0.2", "depth_m = 0.03");
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "frame.toml", &frame);
+    let amplitude = "excitation.ground_acceleration.signal.sine.amplitude = 12.0";
+    let test = write(folder.path(), "test.toml", &TEST.with(amplitude));
+    let out = folder.path().join("out");
+    completed(&test, &out, &[]);
+    let brace = &json(&out, "summary.json")["members"][0];
+    assert!(brace["demand"][0].as_f64().unwrap() > 1.0, "{brace}");
+}
+
+#[test]
+fn frames_that_mislead_are_refused() {
+    let refused = |frame: &str, test: &str, words: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let said = check(folder.path(), test, &[("frame.toml", frame)], &[]);
+        assert_eq!(said.code, Some(2), "{frame}{}", said.stderr);
+        assert!(
+            said.stderr.contains(words),
+            "no {words} in\n{}",
+            said.stderr
+        );
+    };
+    // The axial forces of P-Δ come from the loads of the frame.
+    let leaning = FRAME.with("member.0.p_delta = true");
+    for (key, more) in [
+        ("`gravity`", "structure.gravity = { influence = [0, 1, 0] }"),
+        ("`static_load_n`", "structure.static_load_n = [0, -1e6, 0]"),
+    ] {
+        refused(&leaning, &TEST.with(more), key);
+        structure(&TEST.with(more), &[("frame.toml", FRAME)], &[]);
+    }
+    let hinged = |law: &str| FRAME.with(&format!("member.0.hinge_start = 'h'\nhinge.h.{law}"));
+    for law in [
+        "cubic = { stiffness_n_per_m = 1e8, cubic_n_per_m3 = -1e13 }",
+        "cubic = { stiffness_n_per_m = 1e8, cubic_n_per_m3 = 5e10 }",
+        "gap = { stiffness_n_per_m = 1e8, gap_m = 0.01, side = 'both' }",
+    ] {
+        refused(&hinged(law), TEST, "hinge \"h\"");
+    }
+    // Two columns that are pinned at all ends carry a beam.
+    let mechanism = FRAME
+        .replace(
+            "node = [",
+            "node = [\n    { name = \"foot 2\", at_m = [5, 0], fixed = [\"x\", \"y\", \"rz\"] },\n    { name = \"top 2\", at_m = [5, 3], mass_kg = 2e3 },",
+        )
+        .replace(
+            "section = \"s\" }]",
+            "section = \"s\", release = [\"start\", \"end\"] },\n    { nodes = [\"foot 2\", \"top 2\"], section = \"s\", release = [\"start\", \"end\"] },\n    \
+             { nodes = [\"top\", \"top 2\"], section = \"s\" }]",
+        );
+    refused(&mechanism, TEST, "nothing holds direction x");
+    let loose = mechanism.with("member.2.release = ['end']");
+    refused(&loose, TEST, "nothing holds direction rz of node \"top 2\"");
+}

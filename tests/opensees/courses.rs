@@ -187,7 +187,7 @@ fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
     f64::sqrt(sum / count)
 }
 
-/// Root of the mean square of what is between two courses, in parts of a size.
+/// Root mean square of the difference of two courses, in parts of a size.
 fn error(ours: &[Vec<f64>], column: usize, theirs: &[f64], size: f64) -> f64 {
     let off = ours
         .iter()

@@ -481,6 +481,7 @@ impl Numerical {
     }
 
     fn exhaust(&mut self, yes: bool) {
+        self.structure.exhaust_members(yes);
         if let Stepper::Explicit(explicit) = &mut self.stepper
             && let Some(massless) = &mut explicit.massless
         {

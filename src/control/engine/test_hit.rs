@@ -48,6 +48,7 @@ impl std::fmt::Display for TestHit {
                         write!(f, ", most of it of specimen {port}, axis {axis}")
                     }
                     Some(Worst::Dof(dof)) => write!(f, ", most of it at DOF {}", dof + 1),
+                    Some(Worst::Member(number)) => write!(f, ", most of it along member {number}"),
                 }
             }
             _ => write!(f, "{words}: {value}, allowed {bound} ({key})"),

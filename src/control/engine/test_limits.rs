@@ -1,5 +1,6 @@
 //! Limits of the test as a whole: what belongs to no specimen alone.
 
+use super::numerical::Numerical;
 use super::numerical::Side;
 use crate::port::Port;
 use crate::port::limits::Bound;
@@ -22,7 +23,9 @@ fn is_kept(limit: Limit, side: &Side, ports: &[Port]) -> bool {
         (Limit::AddedEnergyShare, Side::Structure(numerical)) => {
             numerical.intake().is_some() && !ports.is_empty()
         }
-        (Limit::StaticUnbalance, Side::Structure(numerical)) => numerical.massless().is_some(),
+        (Limit::StaticUnbalance, Side::Structure(numerical)) => {
+            numerical.massless().is_some() || numerical.structure.members().can_lack_balance()
+        }
         _ => false,
     }
 }
@@ -52,8 +55,13 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
             intake.map_or(f64::NAN, |intake| intake.share(added))
         }
         (Limit::StaticUnbalance, Side::Structure(numerical)) => {
-            let massless = numerical.massless();
-            massless.map_or(f64::NAN, Massless::lasting_unbalance)
+            let [of_rows, of_members] = unbalances(numerical);
+            // One that is not a number wins.
+            if of_rows >= of_members || of_rows.is_nan() {
+                of_rows
+            } else {
+                of_members
+            }
         }
         (Limit::StepAudit | Limit::AddedEnergyShare | Limit::StaticUnbalance, _) => f64::NAN,
         // No limits of the steps of a test. A new limit of these must be computed above.
@@ -83,6 +91,14 @@ pub(super) fn value(limit: Limit, side: &Side, ports: &[Port]) -> f64 {
     }
 }
 
+/// The lasting unbalance of the rows without mass, and that along members. Real-time: yes.
+fn unbalances(numerical: &Numerical) -> [f64; 2] {
+    let of_rows = numerical
+        .massless()
+        .map_or(0.0, Massless::lasting_unbalance);
+    [of_rows, numerical.structure.members().lasting_unbalance()]
+}
+
 /// Where a value comes from that is a sum or a maximum, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Worst {
@@ -90,6 +106,8 @@ pub enum Worst {
     Axis(usize, usize),
     /// Degree of freedom with the largest part.
     Dof(usize),
+    /// Number, from 1, of the member of a frame with the largest value.
+    Member(usize),
 }
 
 impl Worst {
@@ -98,7 +116,7 @@ impl Worst {
     pub fn axis(self) -> Option<(usize, usize)> {
         match self {
             Self::Axis(port, axis) => Some((port, axis)),
-            Self::Dof(_) => None,
+            Self::Dof(_) | Self::Member(_) => None,
         }
     }
 }
@@ -106,7 +124,13 @@ impl Worst {
 /// Where the largest part of the value comes from.
 pub(super) fn worst(limit: Limit, side: &Side, ports: &[Port]) -> Option<Worst> {
     if let (Limit::StaticUnbalance, Side::Structure(numerical)) = (limit, side) {
-        return Some(Worst::Dof(numerical.massless()?.worst_dof()));
+        let [of_rows, of_members] = unbalances(numerical);
+        return match numerical.massless() {
+            Some(massless) if of_rows >= of_members || of_rows.is_nan() => {
+                Some(Worst::Dof(massless.worst_dof()))
+            }
+            _ => numerical.structure.members().worst().map(Worst::Member),
+        };
     }
     let mut worst: Option<(f64, usize, usize)> = None;
     let mut note = |port: usize, shares: &mut dyn Iterator<Item = f64>| {

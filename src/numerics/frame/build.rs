@@ -64,6 +64,7 @@ impl FrameSpec {
         let damped = [of_rule, own].map(|entries| SymMatrix::from_triplets(n, entries));
         let linear = SymMatrix::from_triplets(n, linear);
         let stiffness = linear.plus(1.0, &SymMatrix::from_triplets(n, members));
+        model.check_massless(&stiffness)?;
         let geometric = self.geometric(&model, &stiffness, &parts)?;
         let mut of_members = Members::default();
         for part in parts {

@@ -78,8 +78,10 @@ pub enum FrameError {
         /// Why.
         source: LawError,
     },
-    /// A hinge without a stiffness at rest, or with a damping.
-    #[error("hinge \"{name}\" needs a law that has a stiffness at rest and no damping")]
+    /// A hinge whose law has no stiffness at rest, may be stiffer later, or damps.
+    #[error(
+        "hinge \"{name}\" needs the law `linear`, `bilinear`, `bouc_wen` or `imk`, with a stiffness at rest that no later one exceeds, and without damping"
+    )]
     NotAHinge {
         /// Its name.
         name: String,
@@ -165,9 +167,9 @@ pub enum FrameError {
         /// Why it cannot follow.
         why: &'static str,
     },
-    /// Members with P-Δ effect in a frame that does not stand by itself.
+    /// A motion that no stiffness resists.
     #[error(
-        "the axial forces of members with `p_delta` are not known: direction {} of node \"{node}\" is held by no member",
+        "nothing holds direction {} of node \"{node}\": fix it, add a member, or release all but one of the members that meet there",
         direction.word()
     )]
     Loose {

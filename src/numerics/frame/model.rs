@@ -1,7 +1,7 @@
 //! A frame as matrices, members and loads of its free directions.
 
-use super::Direction;
 use super::inelastic::Members;
+use super::{Direction, FrameError};
 use crate::linalg::{Spd, SymMatrix};
 
 /// A frame without its constraints: n free directions.
@@ -43,6 +43,28 @@ impl FrameModel {
         &self.names
     }
 
+    /// Refuses a direction without mass that nothing holds.
+    pub(super) fn check_massless(&self, stiffness: &SymMatrix) -> Result<(), FrameError> {
+        let is_massless = |dof: &usize| self.mass.get(*dof, *dof) == 0.0;
+        let rows: Vec<usize> = (0..self.dofs.len()).filter(is_massless).collect();
+        let block = stiffness.block(&rows);
+        match unheld(&block) {
+            None => Ok(()),
+            Some(at) => {
+                let (node, direction) = self.dofs[rows[at]].clone();
+                Err(FrameError::Loose { node, direction })
+            }
+        }
+    }
+
+    /// The direction that moves most in a motion that no stiffness resists, if there is one.
+    #[must_use]
+    pub fn loose(&self) -> Option<FrameError> {
+        unheld(&self.stiffness)?;
+        let (node, direction) = self.dofs[self.weakest(&held(&self.stiffness))].clone();
+        Some(FrameError::Loose { node, direction })
+    }
+
     /// The degree of freedom that moves most where this stiffness nearly vanishes.
     pub(super) fn weakest(&self, stiffness: &SymMatrix) -> usize {
         let n = self.dofs.len();
@@ -62,6 +84,33 @@ impl FrameModel {
         all.max_by(|a, b| moves(a).total_cmp(&moves(b)))
             .unwrap_or(0)
     }
+}
+
+/// Part of the diagonal of a stiffness that roundoff may leave of a pivot.
+const ROUNDOFF: f64 = 1e-11;
+
+/// A stiffness with roundoff more on its diagonal.
+fn held(stiffness: &SymMatrix) -> SymMatrix {
+    let n = stiffness.n();
+    let largest = (0..n).fold(f64::MIN_POSITIVE, |most, i| {
+        f64::max(most, stiffness.get(i, i))
+    });
+    let own = |i| match stiffness.get(i, i) {
+        0.0 => ROUNDOFF * largest,
+        own => ROUNDOFF * own,
+    };
+    stiffness.plus(
+        1.0,
+        &SymMatrix::diagonal(&(0..n).map(own).collect::<Vec<f64>>()),
+    )
+}
+
+/// The place of the first pivot that is no more than roundoff.
+fn unheld(stiffness: &SymMatrix) -> Option<usize> {
+    let n = stiffness.n();
+    let less: Vec<f64> = (0..n).map(|i| ROUNDOFF * stiffness.get(i, i)).collect();
+    let lessened = stiffness.plus(-1.0, &SymMatrix::diagonal(&less));
+    Spd::factor(&lessened).err().map(|failure| failure.dof)
 }
 
 /// ι: 1 for a displacement to the right, 0 for others.

@@ -6,7 +6,7 @@ use super::inelastic::{self, Basic, HingeLaw, Place};
 use super::member::{Chord, Matrix};
 use super::model::{FrameModel, Motion};
 use super::{FrameError, FrameSpec, LinkDirection, MemberKind, MemberSpec};
-use crate::law::Reach;
+use crate::law::{LawSpec, Reach};
 
 /// Most sections along a member.
 const MOST_POINTS: usize = 10;
@@ -227,7 +227,16 @@ impl FrameSpec {
             source,
         })?;
         let stiffness = law.reference().stiffness;
-        if stiffness <= 0.0 || !stiffness.is_finite() || law.resists_velocity() {
+        // Laws whose tangent is never above the first one, and whose steepest fall is known.
+        let is_bounded = match spec {
+            LawSpec::Linear(_) | LawSpec::Bilinear(_) | LawSpec::BoucWen(_) | LawSpec::Imk(_) => {
+                law.bound(Reach::default())
+                    .0
+                    .is_some_and(|bound| bound <= stiffness)
+            }
+            _ => false,
+        };
+        if !is_bounded || stiffness <= 0.0 || !stiffness.is_finite() || law.resists_velocity() {
             return Err(FrameError::NotAHinge { name: name.clone() });
         }
         Ok(Some((law, spec.yield_force())))

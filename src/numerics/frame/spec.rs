@@ -256,10 +256,10 @@ pub struct RcRectangleSpec {
     /// Cover around the core; the bars lie on the edge of the core.
     #[schemars(example = 0.04)]
     pub cover_m: f64,
-    /// Area of the bars near the top.
+    /// Area of the bars near the top: on the left of the way from the first node of a member to its second.
     #[schemars(example = 1.2e-3)]
     pub top_area_m2: f64,
-    /// Area of the bars near the bottom.
+    /// Area of the bars near the bottom: on the right of that way.
     #[schemars(example = 1.2e-3)]
     pub bottom_area_m2: f64,
     /// Area of the bars at mid-depth. Default: 0.

@@ -170,6 +170,21 @@ impl Massless {
             dof: rows.get(failure.dof).copied().unwrap_or(failure.dof),
             ..failure
         })?;
+        // Couplings that are zero or cancel in K_0 need room, too.
+        let mut pairs: Vec<_> = block.entries().map(|(i, j, _)| (i, j, 1.0)).collect();
+        structure.for_each_entry(dt, &mut |i, j, _| {
+            if let (Some(i), Some(j)) = (place[i], place[j]) {
+                pairs.push((i.min(j), i.max(j), 1.0));
+            }
+        });
+        structure.for_each_tangent(&mut |from, to, _| {
+            if let (End::Dof(i), End::Dof(j)) = (from, to)
+                && let (Some(i), Some(j)) = (place[i], place[j])
+            {
+                pairs.push((i.min(j), i.max(j), 1.0));
+            }
+        });
+        let pattern = SymMatrix::from_triplets(s, pairs);
         let constant = structure.stiffness().plus(1.0 / dt, structure.damping());
         let (places, balanced) = if structure.members().has_fibres() {
             OF_FIBRES
@@ -186,7 +201,7 @@ impl Massless {
             diagonal: (0..s).map(|i| block.get(i, i)).collect(),
             stiffest: block.entries().collect(),
             constant: constant.block(&rows).entries().collect(),
-            tangent: Banded::like(&block),
+            tangent: Banded::like(&pattern),
             is_tangent: false,
             is_linear: structure.is_linear(),
             gross: vec![0.0; n],
@@ -412,8 +427,9 @@ impl Massless {
                 }
             }
         }
-        if places >= self.places || !self.exhausts && self.best.energy <= self.balanced * self.scale
-        {
+        let is_balanced =
+            self.best.energy <= self.balanced * self.scale && structure.members().are_balanced();
+        if places >= self.places || !self.exhausts && is_balanced {
             return false;
         }
         if may_restart && places >= RESTART {

@@ -77,7 +77,7 @@ impl LawSpec {
         match self {
             Self::Bilinear(spec) => Some(spec.yield_force_n),
             Self::BoucWen(spec) => Some(spec.yield_force_n),
-            Self::Imk(spec) => spec.yield_force(),
+            Self::Imk(spec) => Some(spec.yield_force()),
             _ => None,
         }
     }

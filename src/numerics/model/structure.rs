@@ -468,6 +468,11 @@ impl Structure {
         self.members.for_each_tangent(dt, visit);
     }
 
+    /// From now on every evaluation of a member makes all of its passes, or no more than it needs.
+    pub fn exhaust_members(&mut self, yes: bool) {
+        self.members.exhaust(yes);
+    }
+
     /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, which may be
     /// repeated. [`Structure::commit`] keeps the last one.
     pub fn subtract_trial(

@@ -495,8 +495,8 @@ const ROWS: [Row; LIMITS] = [
         limit: Limit::StaticUnbalance,
         key: "static_unbalance",
         name: "static_unbalance",
-        words: "unbalance of the degrees of freedom without mass, over their forces",
-        judged: "unbalance of the DOFs without mass over their forces, least of six steps",
+        words: "unbalance of degrees of freedom without mass or along members, over their forces",
+        judged: "unbalance of the DOFs without mass, and along force-based members, over their forces: the least of six steps",
         default: "warns above 1e-3, trips above 1e-2",
         ..TEST
     },

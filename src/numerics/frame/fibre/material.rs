@@ -18,6 +18,11 @@ pub(in crate::frame) enum Material {
 }
 
 impl Material {
+    /// True if its tangent jumps by itself: where it cracks, crushes or opens.
+    pub(in crate::frame) const fn is_brittle(&self) -> bool {
+        !matches!(self, Self::Elastic(_) | Self::MenegottoPinto(_))
+    }
+
     /// Young's modulus before the first motion. No tangent exceeds it.
     pub(in crate::frame) fn initial_stiffness(&self) -> f64 {
         match self {

@@ -177,6 +177,11 @@ impl Fibres {
         self.trial.copy_from_slice(&self.committed);
     }
 
+    /// True if a material of them is.
+    pub(super) fn are_brittle(&self) -> bool {
+        self.blocks.iter().any(|block| block.material.is_brittle())
+    }
+
     /// Stiffness of a section before the first motion, as [`SectionResponse::stiffness`].
     pub(super) fn initial_stiffness(&self) -> [f64; 3] {
         let mut sums = [Eight::all(Portable, 0.0); 5];

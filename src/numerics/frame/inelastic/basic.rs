@@ -3,8 +3,9 @@
 //!
 //! A force-based member holds its forces exactly in balance along its length and comes to compatible deformations over several
 //! evaluations: each corrects q with the flexibility of all sections, and what is left unbalanced in a section enters the next one
-//! (Neuenhofer & Filippou 1997, J. Struct. Eng. 123(7); Kolay & Ricles 2018, J. Struct. Eng. 144(2)). Hinges in series with an elastic
-//! member are sections of no length.
+//! (Neuenhofer & Filippou 1997, J. Struct. Eng. 123(7); Kolay & Ricles 2018, J. Struct. Eng. 144(2)). Where a material cracks, crushes
+//! or opens, one correction is not enough: such a member corrects up to [`PASSES`] times in one evaluation. Hinges in series with an
+//! elastic member are sections of no length.
 
 use super::super::fibre::{Fibres, SectionResponse};
 use super::super::section::Rigidity;
@@ -13,6 +14,13 @@ use crate::law::Law;
 use crate::linalg::Lanes;
 use gusset_quantity::state;
 use gusset_quantity::state::{Stateful, Visit};
+
+/// Corrections in one evaluation of a force-based member with a brittle material, at most.
+const PASSES: u32 = 12;
+/// Share of a correction that is made even if it makes the balance worse.
+const LEAST_SHARE: f64 = 0.2;
+/// Square of the unbalance of sections, in parts of the largest forces so far, that is no unbalance.
+const BALANCED: f64 = 1e-10;
 
 /// A member of one kind.
 #[derive(Debug)]
@@ -48,6 +56,21 @@ impl Basic {
                     damping: tangent.damping,
                 }
             }
+        }
+    }
+
+    /// Unbalanced forces along a member at its last evaluation, in parts of its largest forces so far. Real-time: yes.
+    pub(super) fn unbalance(&self) -> f64 {
+        match self {
+            Self::Force(member) => member.unbalance(),
+            _ => 0.0,
+        }
+    }
+
+    /// From now on it makes all of its passes, or no more than it needs.
+    pub(super) fn exhaust(&mut self, yes: bool) {
+        if let Self::Force(member) = self {
+            member.exhausts = yes;
         }
     }
 
@@ -117,13 +140,25 @@ pub(in crate::frame) struct ForceBased {
     tangent: Sym3,
     strains: Vec<[f64; 2]>,
     sections: Vec<SectionResponse>,
+    /// Work of the section forces on a virgin section, ∫ sᵀ f₀ s dx: the largest so far, and that of the present unbalance.
+    largest: f64,
+    left_over: f64,
+    /// Strains, and their change by the next correction; forces and unbalance before it.
+    before: Vec<[[f64; 2]; 2]>,
+    force_before: [f64; 3],
+    left_before: f64,
+    passes: u32,
+    /// All passes are made.
+    exhausts: bool,
 }
 
 impl Stateful for ForceBased {
     fn visit_state(&mut self, visit: &mut dyn Visit) {
         self.fibres.visit_state(visit);
         let own = self.force.iter_mut().chain(&mut self.disp);
-        own.chain(&mut self.tangent).for_each(|x| visit.number(x));
+        let own = own.chain(&mut self.tangent);
+        let own = own.chain([&mut self.largest, &mut self.left_over]);
+        own.for_each(|x| visit.number(x));
         self.strains
             .iter_mut()
             .flatten()
@@ -146,6 +181,13 @@ impl ForceBased {
         };
         let mut new = Self {
             points,
+            passes: if fibres.are_brittle() { PASSES } else { 1 },
+            exhausts: false,
+            largest: 0.0,
+            left_over: 0.0,
+            before: vec![[[0.0; 2]; 2]; count],
+            force_before: [0.0; 3],
+            left_before: 0.0,
             fibres,
             initial: [0.0; 6],
             virgin,
@@ -199,26 +241,86 @@ impl ForceBased {
     fn trial(&mut self, disp: [f64; 3], lanes: Lanes) -> Answer {
         self.correct([0, 1, 2].map(|k| disp[k] - self.disp[k]));
         self.disp = disp;
-        for k in 0..self.points.len() {
-            let (Some(point), Some(section)) = (self.points.get(k), self.sections.get(k)) else {
+        let mut left = self.passes;
+        let mut share = 1.0;
+        self.note();
+        while left > 0 {
+            self.pass(disp, share, lanes);
+            left -= 1;
+            if self.passes > 1
+                && share > LEAST_SHARE
+                && !(self.left_over < self.left_before)
+                && left > 0
+            {
+                // It went too far.
+                share *= 0.5;
+                self.force = self.force_before;
                 continue;
-            };
-            let left = self.left(point, section);
-            let f = inverse2(section.stiffness, self.virgin);
-            if let Some([stretch, curve]) = self.strains.get_mut(k) {
-                *stretch += f[0] * left[0] + f[1] * left[1];
-                *curve += f[1] * left[0] + f[2] * left[1];
             }
+            if !self.exhausts && self.left_over <= BALANCED * self.largest {
+                break;
+            }
+            share = 1.0;
+            self.note();
         }
-        self.fibres.trial(lanes, &self.strains, &mut self.sections);
-        let (flexibility, compatible) = self.flexibility();
-        self.tangent = inverse3(flexibility).unwrap_or(self.initial);
-        self.correct([0, 1, 2].map(|k| disp[k] - compatible[k]));
         Answer {
             force: self.force,
             stiffness: self.tangent,
             damping: 0.0,
         }
+    }
+
+    /// Unbalanced forces of the sections over their largest forces so far, at the last evaluation. Real-time: yes.
+    fn unbalance(&self) -> f64 {
+        if self.left_over == 0.0 {
+            0.0
+        } else {
+            (self.left_over / self.largest).sqrt()
+        }
+    }
+
+    /// Notes from where the next correction goes, and which way. Real-time: yes.
+    fn note(&mut self) {
+        self.force_before = self.force;
+        let soft = inverse2(self.virgin, self.virgin);
+        self.left_before = 0.0;
+        for k in 0..self.points.len() {
+            let (Some(point), Some(section)) = (self.points.get(k), self.sections.get(k)) else {
+                continue;
+            };
+            let left = self.left(point, section);
+            self.left_before += point.weight * work(soft, left);
+            let f = inverse2(section.stiffness, self.virgin);
+            let (Some(strain), Some(before)) = (self.strains.get(k), self.before.get_mut(k)) else {
+                continue;
+            };
+            *before = [
+                *strain,
+                [
+                    f[0] * left[0] + f[1] * left[1],
+                    f[1] * left[0] + f[2] * left[1],
+                ],
+            ];
+        }
+    }
+
+    /// A share of the correction that was noted. Real-time: yes.
+    fn pass(&mut self, disp: [f64; 3], share: f64, lanes: Lanes) {
+        for (strain, [from, by]) in self.strains.iter_mut().zip(&self.before) {
+            *strain = [from[0] + share * by[0], from[1] + share * by[1]];
+        }
+        self.fibres.trial(lanes, &self.strains, &mut self.sections);
+        let (flexibility, compatible) = self.flexibility();
+        self.tangent = inverse3(flexibility).unwrap_or(self.initial);
+        self.correct([0, 1, 2].map(|k| disp[k] - compatible[k]));
+        let soft = inverse2(self.virgin, self.virgin);
+        let (mut all, mut left_over) = (0.0, 0.0);
+        for (point, section) in self.points.iter().zip(&self.sections) {
+            all += point.weight * work(soft, section.force);
+            left_over += point.weight * work(soft, self.left(point, section));
+        }
+        self.largest = self.largest.max(all);
+        self.left_over = left_over;
     }
 
     /// Forces for a change of the deformations. Real-time: yes.
@@ -228,6 +330,11 @@ impl ForceBased {
             *force += by;
         }
     }
+}
+
+/// sᵀ f s of forces of a section. Real-time: yes.
+fn work(f: Sym2, [n, m]: [f64; 2]) -> f64 {
+    n * (f[0] * n + f[1] * m) + m * (f[1] * n + f[2] * m)
 }
 
 /// Sections at points along a member, with an axial strain that is constant and a curvature that varies linearly.

@@ -22,10 +22,17 @@ use crate::law::{Law, Reach};
 use crate::linalg::Lanes;
 use gusset_quantity::state::{Stateful, Visit};
 
+/// Steps of which the least unbalance counts: what one step leaves over at a kink, the next ones remove.
+const STEPS: usize = 6;
+/// An unbalance along a member that a further evaluation is to remove.
+const BALANCED: f64 = 1e-5;
+
 /// All members of a frame that are not part of K.
 #[derive(Debug, Default)]
 pub struct Members {
     each: Vec<Member>,
+    /// Largest unbalance along a member in the last steps, the newest first.
+    unbalances: [f64; STEPS],
     /// A step evaluates members once, because no search for balance repeats it.
     is_single: bool,
 }
@@ -35,6 +42,7 @@ impl Stateful for Members {
         for member in &mut self.each {
             member.visit_state(visit);
         }
+        self.unbalances.iter_mut().for_each(|x| visit.number(x));
     }
 }
 
@@ -327,9 +335,64 @@ impl Members {
 
     /// Real-time: yes.
     pub(crate) fn commit(&mut self) {
+        self.unbalances.rotate_right(1);
+        self.unbalances[0] = self.unbalance();
         self.each
             .iter_mut()
             .for_each(|member| member.basic.commit());
+    }
+
+    /// Largest unbalance along a member at its last evaluation. Real-time: yes.
+    fn unbalance(&self) -> f64 {
+        let each = self.each.iter().map(|member| member.basic.unbalance());
+        // One that is not a number wins.
+        each.fold(0.0, |most, one| {
+            if one > most || one.is_nan() {
+                one
+            } else {
+                most
+            }
+        })
+    }
+
+    /// True if a further evaluation would not bring a member nearer to balance along it. Real-time: yes.
+    pub(crate) fn are_balanced(&self) -> bool {
+        self.unbalance() <= BALANCED
+    }
+
+    /// The least unbalance along members of the last six steps, the largest of all members in each. Real-time: yes.
+    #[must_use]
+    pub fn lasting_unbalance(&self) -> f64 {
+        let least = |least: f64, one: &f64| {
+            if least.is_nan() || least < *one {
+                least
+            } else {
+                *one
+            }
+        };
+        self.unbalances.iter().fold(f64::INFINITY, least)
+    }
+
+    /// Number of the member with the largest unbalance along it at the last evaluation.
+    #[must_use]
+    pub fn worst(&self) -> Option<usize> {
+        let each = self.each.iter();
+        let worst = each.max_by(|a, b| a.basic.unbalance().total_cmp(&b.basic.unbalance()));
+        worst.map(|member| member.number)
+    }
+
+    /// True if a member comes to balance along it step by step.
+    #[must_use]
+    pub fn can_lack_balance(&self) -> bool {
+        let mut each = self.each.iter();
+        each.any(|member| matches!(member.basic, Basic::Force(_)))
+    }
+
+    /// From now on every evaluation makes all of its passes, or no more than it needs.
+    pub fn exhaust(&mut self, yes: bool) {
+        self.each
+            .iter_mut()
+            .for_each(|member| member.basic.exhaust(yes));
     }
 
     /// out ← out − K_t d − C_t v with the tangents of the last trial, for changes d and v. Real-time: yes.

@@ -162,6 +162,40 @@ fn force_based_member_converges() {
     assert!(quick.members().demands().all(|(_, demand)| demand[0] > 5.0));
 }
 
+/// The end of a member of cracking concrete jumps anywhere: the forces along it balance.
+#[test]
+fn brittle_member_balances_at_large_steps() {
+    let column = r#"
+node = [{ name = "a", at_m = [0, 0], fixed = ["x", "y", "rz"] }, { name = "b", at_m = [0, 3], mass_kg = 1e3, rotary_mass_kg_m2 = 10 }]
+member = [{ nodes = ["a", "b"], section = "s", kind = "force_based" }]
+load = []
+material.cover.concrete_01 = { strength_pa = 30e6, strain_at_strength = 0.002, crushing_strength_pa = 6e6, crushing_strain = 0.006 }
+material.core.concrete_02 = { strength_pa = 36e6, strain_at_strength = 0.0024, crushing_strength_pa = 20e6, crushing_strain = 0.015, unloading_ratio = 0.1, tensile_strength_pa = 2.5e6, tension_softening_pa = 2e9 }
+material.bars.menegotto_pinto = { young_pa = 2e11, yield_pa = 500e6, hardening_ratio = 0.01 }
+section.s.rc_rectangle = { concrete = "cover", core = "core", steel = "bars", width_m = 0.4, depth_m = 0.4, cover_m = 0.04, top_area_m2 = 1.2e-3, bottom_area_m2 = 1.2e-3 }
+"#;
+    let mut structure = structure(toml::from_str(column).unwrap());
+    let mut seed = 7_u64;
+    let mut random = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (seed >> 33) as f64 / f64::from(1_u32 << 30) - 1.0
+    };
+    let mut far = 0;
+    for _ in 0..300 {
+        let x = [0.06 * random(), -1e-3 + 1e-3 * random(), 0.02 * random()];
+        let mut r = [0.0; 3];
+        for _ in 0..2 {
+            r = [0.0; 3];
+            structure.subtract_trial(&x, &[0.0; 3], Base::default(), 0.0, &mut r);
+        }
+        far += u32::from(structure.members().unbalance() > 1e-3);
+        structure.commit();
+        // No section carries more than crushed concrete and yielding bars.
+        assert!(r.iter().all(|r| r.abs() < 8e6), "{r:?}");
+    }
+    assert!(far <= 3, "{far} of 300");
+}
+
 #[test]
 fn bits_are_equal_on_all_lanes_and_after_a_restart() {
     for member in [

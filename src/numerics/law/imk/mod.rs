@@ -270,14 +270,14 @@ impl ImkSpec {
         })
     }
 
-    /// The yield force, if both directions have the same.
-    pub(super) const fn yield_force(&self) -> Option<f64> {
+    /// The smaller yield force of both directions.
+    pub(super) const fn yield_force(&self) -> f64 {
         match &self.negative {
             Some(NegativeHingeSpec {
-                yield_force_n: Some(_),
+                yield_force_n: Some(other),
                 ..
-            }) => None,
-            _ => Some(self.yield_force_n),
+            }) => self.yield_force_n.min(*other),
+            _ => self.yield_force_n,
         }
     }
 }
