@@ -42,7 +42,9 @@ impl Stateful for Members {
         for member in &mut self.each {
             member.visit_state(visit);
         }
-        self.unbalances.iter_mut().for_each(|x| visit.number(x));
+        if !self.each.is_empty() {
+            self.unbalances.iter_mut().for_each(|x| visit.number(x));
+        }
     }
 }
 
