@@ -249,7 +249,7 @@ impl ForceBased {
             left -= 1;
             if self.passes > 1
                 && share > LEAST_SHARE
-                && !(self.left_over < self.left_before)
+                && (self.left_over >= self.left_before || self.left_over.is_nan())
                 && left > 0
             {
                 // It went too far.
