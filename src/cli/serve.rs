@@ -55,6 +55,12 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(TransportArg::Tls) => Carrier::Tls,
         None => served.source.file.serve.transport.unwrap_or_default(),
     };
+    let pace = served.source.file.serve.pace.as_ref();
+    if carrier == Carrier::Udp && pace.is_some_and(config::PaceTable::predicts) {
+        anyhow::bail!(
+            "`between = \"predict\"` in `serve.pace` needs TCP or TLS: nothing shows that a client of datagrams is lost"
+        );
+    }
     let listen = listen_address(args, &served, protocol, carrier)?;
     let verdict = served.verdict(protocol);
     if let Some(verdict) = &verdict {

@@ -42,7 +42,9 @@ pub fn serve(
         .host
         .specimen(remembers)
         .map_err(anyhow::Error::msg)?;
-    let host = Host::of(specimen, nature, wishes.step_s).iterating_within(wishes.iterates_within_m);
+    let host = Host::of(specimen, nature, wishes.step_s)
+        .iterating_within(wishes.iterates_within_m)
+        .updating_tangent(wishes.updates_tangent);
     let host = match &served.transformation {
         Some(transformation) => host.transformed(transformation.clone()),
         None => host,

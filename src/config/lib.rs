@@ -110,7 +110,7 @@ pub use schema::{
 };
 pub use script::parse_script;
 pub use serve::{ServedFile, is_for_a_server, load_serve_file, specimens_of};
-pub use serve_table::{ServeFile, ServeTable};
+pub use serve_table::{BetweenTargets, Correction, PaceTable, PerAxis, ServeFile, ServeTable};
 pub use specimen::{DeformationTable, DrillTable, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;

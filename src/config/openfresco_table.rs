@@ -63,6 +63,11 @@ pub struct OpenFrescoServeSpec {
     /// Default: a second, different target in a step ends the test.
     #[schemars(example = 0.0005)]
     pub iterates_within_m: Option<f64>,
+    /// If true, a client that requests the tangent stiffness of a gateway gets one that follows the
+    /// measurements. Default: false, it gets the estimate of the file.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
+    pub updates_tangent: bool,
     /// Test time of one step, for clients that send no time. Default: rate effects depend on the
     /// velocities only.
     #[schemars(example = 0.01)]

@@ -1,5 +1,6 @@
 //! Reading of the file of `gusset serve`. A test file works, too.
 
+use crate::serve_table::PaceTable;
 use std::path::Path;
 
 use super::axis_table::{DispUnit, ForceUnit};
@@ -52,6 +53,14 @@ impl ServedFile {
     pub fn check_protocol(&self, protocol: Offer) -> Result<(), ConfigError> {
         if protocol != Offer::Gusset {
             return Ok(());
+        }
+        let pace = self.file.serve.pace.as_ref();
+        if pace.is_some_and(PaceTable::predicts) {
+            let text = "`between = \"predict\"` is for clients of OpenFresco's protocols";
+            let at = KeyPath::root().under("serve.pace").key("between");
+            let finding = Finding::error(at, text).at_key();
+            let help = "set `protocol = \"openfresco\"` in [serve]; a controller that runs Gusset paces by its own `ticks_per_step`";
+            return Err(self.locator.refusal(finding.help(help)));
         }
         if self.rows().is_some() {
             let text = "the protocol of Gusset serves axes without `rows`";
@@ -216,6 +225,13 @@ pub fn load_serve_file(path: &Path, name: Option<&str>) -> Result<ServedFile, Co
             "`iterates_within_m` is for a specimen that moves, but this one follows each trial";
         let finding = Finding::error(at.key("iterates_within_m"), text);
         return Err(refuse(finding.help("remove it, or set `physical = true`")));
+    }
+    if openfresco.updates_tangent && is_computed {
+        let at = KeyPath::root()
+            .under("serve.openfresco")
+            .key("updates_tangent");
+        let text = "`updates_tangent` is for a specimen behind a link: the tangent of a computed one is known";
+        return Err(refuse(Finding::error(at, text)));
     }
     if file.serve.pace.is_some() && is_computed {
         let at = KeyPath::root().key("serve").key("pace");

@@ -76,11 +76,10 @@ pub struct ServeTable {
     pub openfresco: OpenFrescoServeSpec,
 }
 
-/// Pacing of a gateway. Each target of the client becomes a path of commands that begins and ends at
-/// rest. The gateway replies when the target is reached. While the next target is late, the specimen
-/// stays at the last one. The largest speed is 1.875 times the mean speed of the path. The way to the
+/// Pacing of a gateway. Each target of the client becomes a path of commands. The gateway replies when
+/// the target is reached. With `between = "rest"` the path begins and ends at rest; the largest speed is 1.875 times the mean speed of the path. The way to the
 /// first target takes longer where a limit of speed requires that. More: guide, gateway.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PaceTable {
     /// Commands for each target.
@@ -94,6 +93,91 @@ pub struct PaceTable {
     #[serde(default, skip_serializing_if = "is_zero")]
     #[schemars(example = 15)]
     pub settle_ticks: u32,
+    /// Motion of the specimen while the next target is not known. Default: "rest".
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(example = &"predict")]
+    pub between: BetweenTargets,
+    /// Order of the polynomial through the last targets that predicts the motion with `between =
+    /// "predict"`: 0 (rest) to 3. Default: 3.
+    #[schemars(example = 2)]
+    pub prediction_order: Option<u8>,
+    /// If true, the velocities that the client sends predict the motion, and not a polynomial. Default: false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(example = true)]
+    pub prediction_by_velocity: bool,
+    /// Share of a step at which the specimen slows down without a new target. Default: 0.6.
+    #[schemars(example = 0.5)]
+    pub slow_at: Option<f64>,
+    /// Share of a step at which it then rests. Default: 0.8.
+    #[schemars(example = 0.75)]
+    pub slow_until: Option<f64>,
+    /// Largest distance beyond the last target that the command may go before a new target is known. It
+    /// includes compensation and the way to rest. One number, or one for each axis, in m (rad of a
+    /// rotation) of the specimen. Required with `between = "predict"`.
+    #[schemars(example = 0.005)]
+    pub predict_within_m: Option<PerAxis>,
+    /// Correction of the force at a target for what the specimen lacks to it, with `between = "predict"`.
+    /// The record keeps the measured force and has a column for the correction. Default: "none".
+    #[serde(default, skip_serializing_if = "is_none")]
+    #[schemars(example = &"initial_stiffness")]
+    pub correct: Correction,
+    /// Largest correction of a force in N (N m of a moment) of the client's structure. Required with
+    /// `correct = "initial_stiffness"`.
+    #[schemars(example = 2000.0)]
+    pub correct_at_most_n: Option<f64>,
+}
+
+/// How the force at a target is corrected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Correction {
+    /// The client receives the measured force.
+    #[default]
+    None,
+    /// The estimate `stiffness_n_per_m` times the difference of target and measured displacement is
+    /// added; not after a rest on the way to the target.
+    InitialStiffness,
+}
+
+fn is_none(correct: &Correction) -> bool {
+    *correct == Correction::None
+}
+
+/// Motion of a specimen between two targets of a client.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BetweenTargets {
+    /// It moves from rest to rest. While the next target is late, it stays at the last one.
+    #[default]
+    Rest,
+    /// It moves along a prediction, and arrives at the next target on the move. While the target is late,
+    /// it slows down to rest.
+    Predict,
+}
+
+/// One number for all axes, or one for each.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum PerAxis {
+    /// For all axes.
+    All(f64),
+    /// For each axis.
+    Each(Vec<f64>),
+}
+
+impl PerAxis {
+    /// The numbers of `axes` axes; none where there is another number of them.
+    #[must_use]
+    pub fn of(&self, axes: usize) -> Option<Vec<f64>> {
+        match self {
+            Self::All(one) => Some(vec![*one; axes]),
+            Self::Each(each) => (each.len() == axes).then(|| each.clone()),
+        }
+    }
+}
+
+fn is_default(between: &BetweenTargets) -> bool {
+    *between == BetweenTargets::default()
 }
 
 const fn is_zero(number: &u32) -> bool {
@@ -101,6 +185,18 @@ const fn is_zero(number: &u32) -> bool {
 }
 
 impl PaceTable {
+    /// True with `between = "predict"`.
+    #[must_use]
+    pub fn predicts(&self) -> bool {
+        self.between == BetweenTargets::Predict
+    }
+
+    /// Shares of a step at which a specimen without a target slows down, and rests.
+    #[must_use]
+    pub fn slows(&self) -> [f64; 2] {
+        [self.slow_at.unwrap_or(0.6), self.slow_until.unwrap_or(0.8)]
+    }
+
     /// Period of the commands in ns.
     #[must_use]
     pub fn period_ns(&self) -> u64 {

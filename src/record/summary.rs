@@ -73,6 +73,32 @@ pub struct Peak {
     pub force: BTreeMap<String, Vec<Option<f64>>>,
 }
 
+/// The time of a gateway between targets: in the whole test, and where 5 to 95 % of ∫ a² dt of the targets is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TimeBetweenTargets {
+    /// In the whole test.
+    pub whole: StageShares,
+    /// In its strong part.
+    pub strong_part: StageShares,
+}
+
+/// Shares of wall time, 0 to 1, and slow-downs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StageShares {
+    /// Towards a known target.
+    pub correcting: f64,
+    /// Along the prediction at full pace.
+    pub predicting: f64,
+    /// Slower, because the target was late.
+    pub slowing: f64,
+    /// At rest, because the target was late.
+    pub holding: f64,
+    /// Number of slow-downs.
+    pub slow_downs: u64,
+    /// Longest time from the begin of a slow-down to its target, s.
+    pub longest_slow_down_s: f64,
+}
+
 /// Traffic with one specimen.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LinkCounts {
@@ -190,6 +216,9 @@ pub struct Summary {
     pub realtime: Realtime,
     /// Traffic per specimen by name.
     pub link: BTreeMap<String, LinkCounts>,
+    /// How a gateway that keeps its specimen moving has spent its time. Null of every other test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub between_targets: Option<TimeBetweenTargets>,
     /// Version of this program.
     pub version: String,
     /// Rows that are not in `samples.bin`.
@@ -287,6 +316,7 @@ pub(super) mod tests {
             },
             timing: None,
             realtime: Realtime::default(),
+            between_targets: None,
             link: BTreeMap::from([("brace".to_owned(), LinkCounts::default())]),
             version: "0.1.0".to_owned(),
             rows_lost: 0,

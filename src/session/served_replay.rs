@@ -17,7 +17,7 @@ use gusset_quantity::catalog::column::{
     COMMAND_NUMBER, COMMITS, Kind, RAW_DISP, RAW_FORCE, RAW_STATUS, SERVER_STATE, SERVER_STATUS,
     TRIP,
 };
-use gusset_quantity::catalog::phase::Phase;
+use gusset_quantity::catalog::phase::{Phase, Stage};
 use gusset_quantity::substructure::{
     Command, Freshness, Introduction, LinkFault, Measurement, Retirement, Status, Substructure,
     Unavailable,
@@ -261,6 +261,8 @@ pub(super) fn follow(run: &Run, recording: Recording) -> Result<Followed, Replay
         served,
         playback: &playback,
         places: &places,
+        number: f64::NAN,
+        asked: Vec::new(),
     };
     driver.drive(&beginnings);
     let served = driver.served;
@@ -276,6 +278,9 @@ struct Driver<'a> {
     served: ServedSpecimen,
     playback: &'a Shared,
     places: &'a Places,
+    /// Number of the target of the row before, and its displacements.
+    number: f64,
+    asked: Vec<f64>,
 }
 
 impl Driver<'_> {
@@ -301,6 +306,7 @@ impl Driver<'_> {
                 return;
             }
             let row = with(self.playback, |playback| playback.row);
+            let goes_on = self.goes_on();
             self.commit();
             while let Some((_, ready)) = beginnings.next_if(|(next, _)| *next <= row) {
                 let again = (self.served).begin_again(ready.first, &ready.start, &mut || Ok(()));
@@ -308,7 +314,11 @@ impl Driver<'_> {
                     return self.ends(&end.text);
                 }
             }
-            self.exchange();
+            if goes_on {
+                self.go_on();
+            } else {
+                self.exchange();
+            }
             if with(self.playback, |playback| {
                 playback.row == row && playback.difference.is_none()
             }) {
@@ -329,6 +339,39 @@ impl Driver<'_> {
         let commits = self.next(self.places.commits);
         while (self.served.commits() as f64) < commits && self.served.tripped().is_none() {
             self.served.commit();
+        }
+    }
+
+    /// True if the row that comes is one between two targets, and not on the way to the next. A target that was sent again before it was
+    /// accepted is sent again; another one was refused there.
+    fn goes_on(&mut self) -> bool {
+        let state = self.next(self.places.state);
+        let number = self.next(self.places.number);
+        let disp = self.places.asked.iter().map(|[disp, _]| self.next(*disp));
+        let disp: Vec<f64> = disp.collect();
+        let is_new = std::mem::replace(&mut self.number, number) != number;
+        let is_same = std::mem::replace(&mut self.asked, disp) == self.asked;
+        let is_between = state == Stage::Predict.code() || state == Stage::SlowDown.code();
+        let is_kept_back = state == Phase::Tripped.code() && self.served.predicts() && !is_new;
+        if !is_between && !is_kept_back {
+            return false;
+        }
+        if is_new && is_same {
+            // It made no row.
+            self.exchange();
+        }
+        !is_new || is_same
+    }
+
+    /// A tick between two targets, or the way to rest at the end.
+    fn go_on(&mut self) {
+        let between = Between::of_column(self.next(self.places.between));
+        self.served.foretell(Between::default(), None);
+        if between.has(Between::UNWANTED) {
+            self.served.come_to_rest();
+        } else {
+            // The rows show how it ended.
+            let _ = self.served.go_on();
         }
     }
 

@@ -17,14 +17,19 @@ use super::links::{
     native_setup, openfresco_client, seconds, shared_key, tls_client, wire_axes, wiring_check,
 };
 use super::specimens::loading::at_actuators;
-use gusset_config::{Finding, KeyPath, LinkSpec, Protocol, ServedFile, SpecimenTable};
-use gusset_control::port::WiringCheck;
+use gusset_config::{
+    Correction, Finding, KeyPath, LinkSpec, PaceTable, Protocol, ServedFile, SpecimenTable,
+};
+use gusset_control::port::{Order, SlowDown, WiringCheck};
 use gusset_link::announce::narrower;
 use gusset_link::openfresco::Remote;
-use gusset_link::served::{Controller, LinkBuild, LinkMaker, PaceClock, Pacing, Whereabouts};
+use gusset_link::served::{
+    Controller, LinkBuild, LinkMaker, MOST_PREDICTED, PaceClock, Pacing, Predicting, Whereabouts,
+};
 use gusset_link::server::Host;
 use gusset_link::{NativeLink, NativeSetup};
-use gusset_quantity::units::AxisUnits;
+use gusset_quantity::catalog::limit::Limit;
+use gusset_quantity::units::{AxisUnits, quantity};
 use gusset_wire::handshake::Sampling;
 
 /// The specimen must hold after this silence if neither file nor controller sets another, in s.
@@ -45,6 +50,12 @@ pub(super) fn host(
     }
     let following = Following::of(source, table, at)?;
     let converts = source.converts() || following.is_some();
+    let lead_s = following.as_ref().map_or(0.0, Following::lead_s);
+    let pace = source.file.serve.pace.as_ref();
+    let predict = pace.and_then(|pace| predicting(pace, table.axes(), lead_s));
+    if let (Some(pace), Some(predict)) = (pace, &predict) {
+        check_slow_down(pace, predict, table)?;
+    }
     let step_s = source.file.serve.openfresco.step_s;
     let build: LinkBuild = match link.protocol {
         Protocol::Gusset => {
@@ -87,8 +98,88 @@ pub(super) fn host(
         settle_ticks: pace.settle_ticks,
         period_ns: pace.period_ns(),
         clock: PaceClock::MACHINE,
+        predict,
     });
     Ok(host.checked(check, link.computed).paced(pacing))
+}
+
+/// How the specimen keeps moving between the targets of its client, if this pace predicts.
+fn predicting(pace: &PaceTable, axes: usize, lead_s: f64) -> Option<Predicting> {
+    let given = pace.predict_within_m.as_ref().filter(|_| pace.predicts())?;
+    let mut within = [0.0; MOST_PREDICTED];
+    let given = given.of(axes).unwrap_or_default();
+    within.iter_mut().zip(given).for_each(|(to, one)| *to = one);
+    let [at, until] = pace.slows();
+    let order = match pace.prediction_order {
+        _ if pace.prediction_by_velocity => Order::Velocities,
+        Some(0) => Order::Constant,
+        Some(1) => Order::Linear,
+        Some(2) => Order::Quadratic,
+        _ => Order::Cubic,
+    };
+    let slow = SlowDown {
+        ticks: pace.ticks_per_step,
+        at,
+        until,
+    };
+    Some(Predicting {
+        slow,
+        order,
+        within,
+        correct_at_most: match pace.correct {
+            Correction::None => 0.0,
+            Correction::InitialStiffness => pace.correct_at_most_n.unwrap_or(0.0),
+        },
+        lead_s,
+    })
+}
+
+/// Refuses a pace that cannot slow down from the limit of speed within the limit of acceleration, or rest within the bound.
+fn check_slow_down(
+    pace: &PaceTable,
+    predict: &Predicting,
+    table: &SpecimenTable,
+) -> Result<(), Box<Finding>> {
+    const MOST_TICKS: u32 = 100_000;
+    let at = KeyPath::root().under("serve.pace");
+    let tick = 1.0 / pace.rate_hz;
+    let accel = |speed: f64, slow: &SlowDown| {
+        speed * (slow.steepest() / tick + predict.lead_s * slow.sharpest() / (tick * tick))
+    };
+    let limits = table.limits_of(table.axes());
+    for (axis, limits) in (1..).zip(limits) {
+        let [speed, most] = [Limit::CommandVel, Limit::CommandAccel]
+            .map(|limit| limits.size(limit).and_then(|levels| levels.trip));
+        let (Some(speed), Some(most)) = (speed, most) else {
+            continue;
+        };
+        let needed = accel(speed, &predict.slow);
+        if needed > most {
+            let fits = |ticks: &u32| {
+                accel(
+                    speed,
+                    &SlowDown {
+                        ticks: *ticks,
+                        ..predict.slow
+                    },
+                ) <= most
+            };
+            let ticks = (predict.slow.ticks..MOST_TICKS)
+                .find(fits)
+                .unwrap_or(MOST_TICKS);
+            let text = format!(
+                "axis {axis}: from the limit of speed, {}, this pace slows down with {}, the limit is {}",
+                quantity(speed, "m/s"),
+                quantity(needed, "m/s²"),
+                quantity(most, "m/s²")
+            );
+            let finding = Finding::error(at.key("ticks_per_step"), text).at_key();
+            let help =
+                format!("set `ticks_per_step` to {ticks} or more, or change one of the two limits");
+            return Err(Box::new(finding.help(help)));
+        }
+    }
+    Ok(())
 }
 
 /// Reads the position of the specimen of `table`, a file at `path`; none where its protocol cannot report a position without a test.

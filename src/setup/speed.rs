@@ -1,7 +1,7 @@
 //! Velocities of a specimen behind a link: they are those of the laboratory, and can differ from those of the test.
 
 use super::Site;
-use gusset_config::{Finding, KeyPath, Loaded, Offer, ServedFile, SpecimenTable};
+use gusset_config::{Finding, KeyPath, Loaded, Offer, PaceTable, ServedFile, SpecimenTable};
 use gusset_quantity::units::number;
 
 /// Velocities that differ by less than this share count as those of the test.
@@ -76,7 +76,11 @@ pub(super) fn of_test(loaded: &Loaded, table: &SpecimenTable, at: &KeyPath) -> O
 pub(super) fn of_gateway(source: &ServedFile, protocol: Offer) -> Option<Finding> {
     let table = source.specimen()?;
     let link = table.link.as_ref()?;
-    let is_paced = source.file.serve.pace.is_some();
+    let pace = source.file.serve.pace.as_ref();
+    if pace.is_some_and(PaceTable::predicts) {
+        return None;
+    }
+    let is_paced = pace.is_some();
     // A client of OpenFresco sends one target per step. A computed specimen takes the velocity that comes with it.
     let jumps = protocol != Offer::Gusset && !link.computed;
     if !((is_paced || jumps) && table.resists_velocity()) {
@@ -94,6 +98,7 @@ pub(super) fn of_gateway(source: &ServedFile, protocol: Offer) -> Option<Finding
         Finding::error(place, text)
             .at_key()
             .label("measured at rest")
-            .help("test such a specimen in real time with `gusset run`, or model its damping in the client"),
+            .help("set `between = \"predict\"` in `serve.pace`, so that it arrives at each target on the move")
+            .help("or test such a specimen in real time with `gusset run`, or model its damping in the client"),
     )
 }

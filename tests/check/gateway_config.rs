@@ -62,6 +62,70 @@ fn ineffective_or_missing_keys_are_refused() {
     ] {
         shows(&served(&paced(keys)).unwrap_err(), key);
     }
+    const PREDICTS: &str = "ticks_per_step = 20, rate_hz = 1000, between = \"predict\"";
+    const LIMITS: &str = "specimen.limits = { command_vel_m_per_s = { trip = 1 }, command_accel_m_per_s2 = { trip = 1e5 } }";
+    let predicts = |keys: &str| {
+        let text = paced(&format!("{PREDICTS}, {keys}")).with("serve.protocol = \"openfresco\"");
+        text.with(LIMITS)
+    };
+    assert_eq!(served(&predicts("predict_within_m = 0.01")), Ok(()));
+    assert_eq!(
+        served(&predicts(
+            "predict_within_m = [0.01], prediction_by_velocity = true"
+        )),
+        Ok(())
+    );
+    for (keys, key) in [
+        ("prediction_order = 3", "`predict_within_m`"),
+        ("predict_within_m = 0", "`predict_within_m`"),
+        ("predict_within_m = [0.01, 0.02]", "`predict_within_m`"),
+        (
+            "predict_within_m = 0.01, settle_ticks = 5",
+            "`settle_ticks`",
+        ),
+        (
+            "predict_within_m = 0.01, prediction_order = 4",
+            "`serve.pace.prediction_order`",
+        ),
+        (
+            "predict_within_m = 0.01, prediction_order = 2, prediction_by_velocity = true",
+            "`prediction_order`",
+        ),
+        ("predict_within_m = 0.01, slow_at = 0.9", "`slow_at`"),
+        ("predict_within_m = 0.01, slow_at = 0.75", "1.0 ticks"),
+        (
+            "predict_within_m = 0.01, correct = \"initial_stiffness\"",
+            "`correct_at_most_n`",
+        ),
+        (
+            "predict_within_m = 0.01, correct_at_most_n = 10",
+            "`correct_at_most_n`",
+        ),
+    ] {
+        shows(&served(&predicts(keys)).unwrap_err(), key);
+    }
+    // From 1 m/s to rest in 4 ticks takes 255 m/s²; here a compensator leads, too.
+    let hard = "specimen.limits.command_accel_m_per_s2 = { trip = 255 }";
+    shows(
+        &served(&predicts("predict_within_m = 0.01").with(hard)).unwrap_err(),
+        "`ticks_per_step` to",
+    );
+    let unbounded = LIMITS.replace("command_accel_m_per_s2", "command_step_m");
+    shows(
+        &served(
+            &paced(&format!("{PREDICTS}, predict_within_m = 0.01"))
+                .with("serve.protocol = \"openfresco\"")
+                .with(&unbounded),
+        )
+        .unwrap_err(),
+        "`command_accel_m_per_s2`",
+    );
+    shows(
+        &served(&paced("ticks_per_step = 20, rate_hz = 1000, slow_at = 0.5")).unwrap_err(),
+        "`serve.pace.slow_at` has no effect",
+    );
+    let udp = predicts("predict_within_m = 0.01").with("serve.transport = \"udp\"");
+    shows(&served(&udp).unwrap_err(), "stream");
     let limited = format!("{KNOWN}limits.lag_s = {{ trip = 0.01 }}\n");
     let limited = gateway("127.0.0.1:1", &limited, "");
     shows(&served(&limited).unwrap_err(), "evenly spaced");

@@ -28,10 +28,14 @@ const INVERSE: &str = "inverse = { delay_s = 0.015 }";
 
 /// The text of a gateway at twice the scale of its rig.
 fn gateway(rig: &Served, pace: &str, more: &str, compensation: &str) -> String {
+    let accel = match pace.contains("predict") {
+        true => ", command_accel_m_per_s2 = { trip = 1e5 }",
+        false => "",
+    };
     format!(
         "[serve]\npace = {{ {pace} }}\n{more}\n[safety]\nunlimited = \"a formula\"\n[[specimen]]\nname = \"column\"\n\
          stiffness_n_per_m = 4e5\nsimilitude = {{ length = 2, force = 2 }}\ncompensation.{compensation}\n\
-         limits = {{ command_vel_m_per_s = {{ trip = 10 }}, lag_s = {{ trip = 0.1 }} }}\n\
+         limits = {{ command_vel_m_per_s = {{ trip = 10 }}, lag_s = {{ trip = 0.1 }}{accel} }}\n\
          [specimen.link]\naddress = \"{}\"\nprobe = \"none\"\ncomputed = true\nreply_timeout_s = 1\n",
         rig.address
     )
@@ -505,4 +509,144 @@ fn accepted_speed_is_in_the_summary() {
     assert_eq!(summary.accepted["accept_speed"], "hardly damped");
     let verdict = summary.verdict.as_ref().unwrap();
     assert_eq!(verdict.findings[0].severity, "accepted");
+}
+
+const PREDICTS: &str =
+    "ticks_per_step = 20, rate_hz = 1000, between = \"predict\", predict_within_m = 0.01";
+
+/// A smooth motion of the client at its structure.
+fn sway(step: i32) -> f64 {
+    0.004 * (1.0 - (0.2 * f64::from(step)).cos())
+}
+
+/// Targets in time and late ones: the specimen keeps moving between them, and its record replays to the last bit, with its rest after the
+/// client has gone.
+#[test]
+fn specimen_that_goes_on_replays() {
+    let bench = Bench::new(PREDICTS, "");
+    let mut client = Client::new(&bench.gateway.address);
+    for step in 0..=60_i32 {
+        let force = client.force(sway(step), 0.02 * f64::from(step)).unwrap();
+        // The inverse of the lag leaves a per mille or so of the motion.
+        assert!(
+            (force - 4e5 * sway(step)).abs() < 0.02 * 4e5 * 0.008,
+            "{step}: {force}"
+        );
+        client.commits();
+        if step % 15 == 14 {
+            gusset_session::pause(Duration::from_millis(60));
+        }
+    }
+    drop(client);
+    let run = bench.kept();
+    let summary = run.summary().unwrap();
+    let times = summary.between_targets.unwrap();
+    assert!(
+        times.whole.holding > 0.05 && times.whole.slow_downs >= 3,
+        "{times:?}"
+    );
+    let shares = [
+        times.whole.correcting,
+        times.whole.predicting,
+        times.whole.slowing,
+        times.whole.holding,
+    ];
+    assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+    let states = column(&run, "state");
+    for state in [3.0, 11.0, 12.0, 13.0] {
+        assert!(states.contains(&state), "{state}");
+    }
+    // One row of each target has its force; the first is reached by a ramp.
+    assert_eq!(states.iter().filter(|state| **state == 3.0).count(), 60);
+    let (targets, commands) = (column(&run, "target_1_1"), column(&run, "cmd_1_1"));
+    let vel = column(&run, "vel_1_1");
+    assert!(vel.last().unwrap().abs() < 1e-3, "{:?}", vel.last());
+    let last = sway(60);
+    assert!((targets.last().unwrap() - last).abs() < 0.01);
+    let jumps = commands.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(jumps.fold(0.0, f64::max) < 2e-4);
+}
+
+#[test]
+fn predicting_gateway_refuses_what_it_cannot_follow() {
+    let ends = |within: &str, act: &dyn Fn(&mut Client), words: &str| {
+        let pace = PREDICTS.replace("0.01", within);
+        let bench = Bench::new(&pace, "");
+        let mut client = Client::new(&bench.gateway.address);
+        for step in 0..=10_i32 {
+            client.force(sway(step), 0.02 * f64::from(step)).unwrap();
+            client.commits();
+        }
+        act(&mut client);
+        let run = bench.kept();
+        let summary = run.summary().unwrap();
+        assert!(summary.reason.contains(words), "{}", summary.reason);
+        assert!(column(&run, "vel_1_1").last().unwrap().abs() < 1e-3);
+    };
+    ends(
+        "0.01",
+        &|client| {
+            client.force(sway(11), 0.22).unwrap();
+            assert_eq!(client.force(sway(11) + 1e-4, 0.22), None);
+        },
+        "second target",
+    );
+    ends(
+        "0.01",
+        &|client| assert_eq!(client.force(sway(11), 0.21), None),
+        "another length",
+    );
+    ends(
+        "0.001",
+        &|client| assert_eq!(client.force(sway(10) + 0.008, 0.22), None),
+        "predict_within_m",
+    );
+}
+
+/// A rig with a lag that nothing makes up for: the correction adds what the force lacks, up to its bound.
+#[test]
+fn force_is_corrected_by_the_initial_stiffness() {
+    let corrects = format!("{PREDICTS}, correct = \"initial_stiffness\", correct_at_most_n = 60");
+    let bench = Bench::speaking(
+        "openfresco",
+        &corrects,
+        "",
+        "polynomial = { order = 1, delay_s = 0.005 }",
+    );
+    let mut client = Client::new(&bench.gateway.address);
+    let mut forces = Vec::new();
+    for step in 0..=60_i32 {
+        forces.push(client.force(sway(step), 0.02 * f64::from(step)).unwrap());
+        client.commits();
+    }
+    drop(client);
+    let run = bench.kept();
+    let (states, corrections) = (column(&run, "state"), column(&run, "correction_1_1"));
+    let measured = column(&run, "force_1_1");
+    let at_targets = |values: &[f64]| -> Vec<f64> {
+        let rows = states
+            .iter()
+            .zip(values)
+            .filter(|(state, _)| **state == 3.0);
+        rows.map(|(_, value)| *value).collect()
+    };
+    let (corrections, measured) = (at_targets(&corrections), at_targets(&measured));
+    assert_eq!(corrections.len(), 60);
+    let mut bounded = 0;
+    for (step, force) in (1_i32..).zip(&forces[1..]) {
+        let index = step as usize - 1;
+        // The record keeps what was measured, and the correction beside it.
+        let own = corrections[index];
+        let told = measured[index] + own;
+        assert!((force - told).abs() < 1e-6, "{step}: {force} {told}");
+        let lacks = 4e5 * sway(step) - measured[index];
+        assert!(own.abs() <= 60.0 * (1.0 + 1e-12));
+        bounded += usize::from(lacks.abs() > 60.0);
+    }
+    assert!(bounded > 5, "{bounded}");
+    assert!(
+        column(&run, "correction_energy_1")
+            .iter()
+            .any(|energy| *energy != 0.0)
+    );
 }

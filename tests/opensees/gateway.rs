@@ -104,6 +104,40 @@ fn yielding_specimen_behind_openfresco() {
     agree(&THEIRS, BILINEAR, "Steel01:60,8000,0.05", "newton", true);
 }
 
+/// AlphaOS takes the tangent of each step: with the estimate of the file it differs after yielding.
+#[test]
+fn updated_tangent_serves_alphaos() {
+    let Some(python) = python() else {
+        return;
+    };
+    let difference = |key: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let far = Served::start(folder, &law(BILINEAR), OURS.serve);
+        let limits = "stiffness_n_per_m = 8000\n[specimen.limits]\nmeasured_force_n = { trip = [-1e4, 1e4] }\n";
+        let text = gateway(&far.address, limits, OURS.link);
+        let text = format!("[serve.openfresco]\niterates_within_m = 0.1\n{key}\n{text}");
+        let between = Served::start(folder, &text, &["--protocol", "openfresco"]);
+        let port = between.address.rsplit(':').next().unwrap();
+        let material = "Steel01:60,8000,0.05";
+        let scheme = [
+            "--port",
+            port,
+            "--material",
+            material,
+            "--scheme",
+            "alphaos",
+            "--steps",
+            "200",
+        ];
+        let result = Peer::script(&python, "client.py", &scheme).event("result");
+        let [difference, peak] = ["difference", "peak"].map(|key| result[key].as_f64().unwrap());
+        difference / peak
+    };
+    let (estimate, updated) = (difference(""), difference("updates_tangent = true"));
+    assert!(estimate > 2e-3 && updated < 5e-4, "{estimate} {updated}");
+}
+
 #[test]
 fn our_own_protocol_towards_the_specimen() {
     // A specimen that yields in a trial stays yielded: an explicit scheme tries once.

@@ -445,3 +445,67 @@ fn newton_is_refused_at_its_second_target() {
         assert_eq!(commands[commands.len() - 2], last(&rig, &name));
     }
 }
+
+/// A specimen between targets on the move: the rows of the table, each with its device, its law at half the speed of the model, whether the
+/// rig lags by 15 ms, the time that OpenSees takes before each step, and the largest difference of the sway.
+#[test]
+fn damper_has_its_force_on_the_move() {
+    let Some(python) = python() else {
+        return;
+    };
+    let pace = PAGE
+        .lines()
+        .find(|line| line.contains("between = \"predict\""))
+        .unwrap();
+    let damper = "linear = { stiffness_n_per_m = 0, damping_n_s_per_m = 297600 }";
+    let brace =
+        "bilinear = { stiffness_n_per_m = 2e6, yield_force_n = 20e3, post_yield_ratio = 0.05 }";
+    // 25e3 N (s/m)^0.4, at half the speed.
+    let power = "power_damper = { force_at_unit_velocity_n = 32987.7, exponent = 0.4, reference_damping_n_s_per_m = 1e6 }";
+    for (device, law, lags, delay, most) in [
+        ("damper", damper, false, &["--delay-ms", "0"][..], 0.003),
+        (
+            "damper",
+            damper,
+            true,
+            &["--delay-ms", "10", "--random"],
+            0.003,
+        ),
+        ("power", power, false, &["--delay-ms", "0"], 0.01),
+        (
+            "bilinear",
+            brace,
+            true,
+            &["--delay-ms", "50", "--random"],
+            0.01,
+        ),
+    ] {
+        let (transfer, led) = match lags {
+            true => (
+                "transfer.actuator.first_order = { time_constant_s = 0.015 }\n",
+                "compensation.ats = { start = [1, 0.015], order = 1 }\n",
+            ),
+            false => ("", ""),
+        };
+        let rig = format!("[[specimen]]\nname = \"device\"\nlaw.{law}\n{transfer}");
+        let gateway = format!(
+            "[serve]\nprotocol = \"openfresco\"\n{}\n[[specimen]]\nname = \"device\"\nstiffness_n_per_m = 1e6\n{led}\
+             [specimen.limits]\ncommand_disp_m = {{ trip = [-0.3, 0.3] }}\ncommand_vel_m_per_s = {{ trip = 3 }}\n\
+             command_accel_m_per_s2 = {{ trip = 3e4 }}\nmeasured_disp_m = {{ trip = [-0.3, 0.3] }}\nmeasured_force_n = {{ trip = [-1e6, 1e6] }}\n\
+             [specimen.link]\naddress = \"127.0.0.1:27511\"\nprobe = \"none\"\n",
+            pace.replace("0.02", "0.05")
+        );
+        let laboratory = Laboratory::start(&rig, &gateway);
+        let arguments = ["--port", laboratory.port(), "--device", device];
+        let mut made = Peer::script(&python, "device.py", &[&arguments, delay].concat());
+        let result = made.event("result");
+        let off = result["sway"].as_f64().unwrap();
+        assert!(off < most, "{device} {delay:?}: {off}");
+        let run = laboratory.record(1);
+        let summary = run.summary().unwrap();
+        assert_eq!(summary.status, Status::Completed, "{}", summary.reason);
+        let times = summary.between_targets.unwrap().whole;
+        // OpenSees is late where it takes longer than 60 % of 20 ms.
+        assert_eq!(times.holding > 0.2, delay[1] == "50", "{times:?}");
+    }
+}

@@ -12,6 +12,7 @@ mod limits;
 mod link;
 pub mod measured;
 mod numbers;
+mod pace;
 mod rules;
 mod safety;
 mod specimen;
@@ -200,6 +201,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     findings.numbers(&root.key("serve"), numbers::NUMBERS_OF_SERVE);
     if let Some(pace) = &file.serve.pace {
         check_pace(pace, &mut findings);
+        pace::check(pace, file, &mut findings);
     }
     if file.specimen.is_empty() {
         let text = "this file has no `[[specimen]]` to serve";

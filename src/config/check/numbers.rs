@@ -251,6 +251,14 @@ pub(super) const NUMBERS_OF_SERVE: &[Range] = &[
             "commands for each target",
         ),
     ),
+    (
+        "pace.prediction_order",
+        Be(
+            |order| order <= 3.0,
+            "must be 0, 1, 2 or 3",
+            "order of the polynomial",
+        ),
+    ),
 ];
 
 fn is_share(value: f64) -> bool {

@@ -39,6 +39,7 @@ mod resumption;
 mod rules;
 mod running_state;
 mod shutdown;
+mod stage_times;
 mod standing;
 mod startup;
 mod static_load;
@@ -71,6 +72,7 @@ pub use received_columns::{
 };
 pub use resumption::{EarlierPeaks, Place, Resumption};
 pub use rules::{Limits, OnMiss};
+pub use stage_times::StageTimes;
 pub use static_load::StaticLoad;
 pub use step_progress::Pacing;
 pub use stop::{Ending, Stop};

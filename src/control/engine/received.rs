@@ -18,7 +18,7 @@ use super::wiring_check::WiringCheck;
 use super::{Ending, Limits, OnMiss, Operator, Side, StartupSettings, Stop, TestLimits};
 use crate::port::{OnStale, Port, ReceivedPort, WaitRules, WayBack, Wiring};
 use gusset_quantity::frame::AtAxis;
-use gusset_quantity::time::{Clock, Ratio};
+use gusset_quantity::time::{Clock, Nanos, Ratio};
 use gusset_quantity::units::AxisUnits;
 use gusset_record::Recorder;
 use gusset_record::rt::timing::{TickStamps, Timing};
@@ -225,6 +225,22 @@ impl ReceivedTest {
         }
     }
 
+    /// Forces are corrected from here on.
+    pub fn corrects(&mut self, signals: usize) {
+        if let Some(received) = self.received_mut() {
+            received.corrections = vec![0.0; signals + 1];
+        }
+    }
+
+    /// The corrections of the next row: one for each signal in N or N m, and the energy of all in J. Real-time: yes.
+    pub fn note_corrections(&mut self, corrections: &[f64]) {
+        let received = self.received_mut();
+        let to = received
+            .into_iter()
+            .flat_map(|received| &mut received.corrections);
+        to.zip(corrections).for_each(|(to, from)| *to = *from);
+    }
+
     /// The commands from here on are those of the server itself. Real-time: yes.
     pub fn asks_nothing(&mut self) {
         if let Some(received) = self.received_mut() {
@@ -233,7 +249,7 @@ impl ReceivedTest {
     }
 
     /// Records the last exchange in this state. Real-time: yes.
-    pub fn record(&mut self, port: &mut ReceivedPort, state: Phase, row: ReceivedRow) {
+    pub fn record(&mut self, port: &mut ReceivedPort, state: f64, row: ReceivedRow) {
         self.set_row(row);
         let Parts {
             side, environment, ..
@@ -246,11 +262,14 @@ impl ReceivedTest {
         };
         let ports = port.as_ports();
         let journal = &mut environment.journal;
-        journal.row.between(&tick, state.code(), side, ports);
+        journal.row.between(&tick, state, side, ports);
         // A full queue counts it.
         journal.keep_row();
         if let Side::Received(received) = side {
-            received.count(state != Phase::Tripped, port);
+            received.count(state != Phase::Tripped.code(), port);
+            let period_s = environment.pace.period_s();
+            let (at_s, _) = received.times();
+            received.stages.count(state, at_s, period_s);
         }
     }
 
@@ -289,7 +308,10 @@ impl ReceivedTest {
     /// Counts so far.
     #[must_use]
     pub fn counts(&self) -> ReceivedCounts {
-        let counts = self.received().map(|received| received.counts.clone());
+        let counts = self.received().map(|received| ReceivedCounts {
+            stages: received.stages.times(),
+            ..received.counts.clone()
+        });
         counts.unwrap_or_default()
     }
 
@@ -297,6 +319,12 @@ impl ReceivedTest {
     #[must_use]
     pub fn was_late(&self) -> bool {
         self.received().is_some_and(|received| received.is_late)
+    }
+
+    /// When the next paced command may leave. Real-time: yes.
+    #[must_use]
+    pub fn next_edge(&self) -> Nanos {
+        self.0.environment.pace.next_edge()
     }
 
     /// True if a command that leaves now comes later than a tick after the last. Real-time: yes.

@@ -1,11 +1,13 @@
 //! The rows of received targets, one for each exchange, the numbers that they are made from, and their columns.
 
 use super::phase::Phase;
+use super::stage_times::{StageCounter, StageTimes};
 use super::tick::Tick;
 use crate::port::{LoadingUnit, Port, ReceivedPort};
 use gusset_actuator::geometry::Coordinate;
 use gusset_quantity::catalog::column::{
-    Each, Kind, Origin, SERVER, SERVER_COMPENSATION, SERVER_RAW_DISP, SERVER_RAW_FORCE,
+    CORRECTION, CORRECTION_ENERGY, Each, Kind, Origin, SERVER, SERVER_COMPENSATION,
+    SERVER_RAW_DISP, SERVER_RAW_FORCE,
 };
 use gusset_quantity::frame::AtAxis;
 use gusset_quantity::substructure::Status;
@@ -114,6 +116,8 @@ pub struct ReceivedCounts {
     pub peaks: [Vec<f64>; 2],
     /// First test time in s between two commands that is not 0.
     pub dt: f64,
+    /// How the time of a specimen that keeps moving between targets was spent: in the whole test, and in its strong part.
+    pub stages: Option<[StageTimes; 2]>,
 }
 
 /// The numbers that a row of a received target is made from.
@@ -129,6 +133,9 @@ pub struct Received {
     /// Place of the newest command in the record.
     pub(super) place: Tick,
     pub(super) counts: ReceivedCounts,
+    pub(super) stages: StageCounter,
+    /// Correction of the force of each signal, and the energy of all; empty where none is made.
+    pub(super) corrections: Vec<f64>,
     /// The last command that left to the axes, in their units; empty before one.
     pub(super) told: AtAxis<Vec<f64>>,
     /// The last paced command left late.
@@ -159,6 +166,8 @@ impl Received {
                 peaks: [vec![0.0; axes], vec![0.0; axes]],
                 ..ReceivedCounts::default()
             },
+            stages: StageCounter::new(signals),
+            corrections: Vec::new(),
             told: AtAxis(Vec::with_capacity(axes)),
             is_late: false,
         }
@@ -173,11 +182,15 @@ impl Received {
 
     /// The controller asks for this target. Real-time: yes.
     pub(super) fn asks(&mut self, times: [f64; 2], motion: impl Iterator<Item = [f64; 2]>) {
+        let is_new = times[0] > self.asked.times[0] || self.asked.times[0].is_nan();
         self.asked.times = times;
         let places = self.asked.motion.chunks_exact_mut(2);
         places
             .zip(motion)
             .for_each(|(to, from)| to.copy_from_slice(&from));
+        if is_new {
+            self.stages.target(&self.asked.motion, times[1]);
+        }
     }
 
     /// The commands from here on are those of the server itself.
@@ -210,8 +223,10 @@ impl Received {
         counts.exchanges += 1;
         counts.passed_on += u64::from(is_passed_on);
         counts.answered += u64::from(is_passed_on && !self.row.is_lost);
-        if counts.dt == 0.0 && self.row.elapsed > 0.0 {
-            counts.dt = self.row.elapsed;
+        // A command on the way takes a part of the step of its controller.
+        let [_, step] = self.asked.times;
+        if counts.dt == 0.0 && step > 0.0 {
+            counts.dt = step;
         }
         let raw = port.feedback().raw();
         let [disp, force] = &mut counts.peaks;
@@ -311,7 +326,8 @@ impl Received {
             .tracking()
             .values()
             .flatten()
-            .chain(port.path().compensation_parameters());
+            .chain(port.path().compensation_parameters())
+            .chain(self.corrections.iter().copied());
         // The last two columns are the status.
         for (slot, value) in further.into_iter().flatten().zip(values) {
             *slot = value;
@@ -352,10 +368,10 @@ fn kinds(each: Each) -> impl Iterator<Item = &'static Kind> {
 }
 
 /// The columns of a specimen with this number of signals, whose axes have these units, and which are the actuators of a loading unit
-/// with these coordinates, if there is one.
+/// with these coordinates, if there is one. `corrects`: forces are corrected.
 #[must_use]
 pub fn received_columns(
-    signals: usize,
+    (signals, corrects): (usize, bool),
     units: &[AxisUnits],
     coordinates: &[Coordinate],
     port: &ReceivedPort,
@@ -399,7 +415,9 @@ pub fn received_columns(
         }));
     }
     for axis in (1..=port.axes()).filter(|_| port.tracking().is_on()) {
-        let estimates = SERVER.iter().filter(|kind| is_estimate(kind));
+        let estimates = SERVER
+            .iter()
+            .filter(|kind| is_estimate(kind) && kind.each == Each::Axis);
         columns.extend(estimates.map(|kind| {
             let meaning = format!("{}; specimen \"{name}\", axis {axis}", kind.meaning);
             column(kind, kind.of_axis(1, axis), kind.unit, meaning)
@@ -411,6 +429,19 @@ pub fn received_columns(
         let meaning = format!("{meaning}; specimen \"{name}\", axis {}", axis + 1);
         let of = kind.of_parameter(key, 1, axis + 1);
         columns.push(column(kind, of, parameter.unit, meaning));
+    }
+    if corrects {
+        for signal in 1..=signals {
+            let kind = &CORRECTION;
+            let meaning = format!(
+                "{}; specimen \"{name}\", displacement {signal}",
+                kind.meaning
+            );
+            columns.push(column(kind, kind.of_axis(1, signal), "N or N m", meaning));
+        }
+        let kind = &CORRECTION_ENERGY;
+        let meaning = format!("{}; specimen \"{name}\"", kind.meaning);
+        columns.push(column(kind, kind.of_specimen(1), kind.unit, meaning));
     }
     columns.extend(kinds(Each::Specimen).map(|kind| {
         let meaning = format!("{}; specimen \"{name}\"", kind.meaning);

@@ -265,12 +265,37 @@ impl CommandPath {
     /// The goal is known from here on, `share` of the step after the last target. Real-time: yes.
     #[inline]
     pub(crate) fn know(&mut self, share: f64, axes: &[Axis]) {
-        self.path.know(share);
         if self.per_step {
+            self.path.know(share);
             self.take_goal(axes);
-        } else if let Some(compensators) = &mut self.compensators {
+        } else {
+            self.know_on_the_way(share, axes);
+        }
+    }
+
+    /// The goal of a path that is predicted is known. Real-time: yes.
+    pub(crate) fn know_on_the_way(&mut self, share: f64, axes: &[Axis]) {
+        self.path.know(share);
+        if let Some(compensators) = &mut self.compensators {
             compensators.amend(axes, &self.path);
         }
+    }
+
+    /// The targets of a specimen that is commanded once a step are led along a path: predicted so, with steps of `step_s` s of the
+    /// controller's time.
+    pub(crate) fn predict(&mut self, order: Order, step_s: f64) {
+        self.path.set_order(order);
+        self.path.smooth(step_s);
+    }
+
+    /// The goal is unknown again. Real-time: yes.
+    pub(crate) fn forget_goal(&mut self) {
+        self.path.forget();
+    }
+
+    /// The way between two targets.
+    pub(crate) const fn way(&self) -> &TargetPath {
+        &self.path
     }
 
     /// The goal is the target, and the command is made of it. Real-time: yes.
@@ -297,9 +322,14 @@ impl CommandPath {
     /// Makes the command at the end of a tick of the step pacer, with steps of `dt` seconds of test time. Real-time: yes.
     #[inline]
     pub(crate) fn advance(&mut self, tick: &PacerTick, dt: f64, axes: &[Axis]) {
-        if self.per_step {
-            return;
+        if !self.per_step {
+            self.go_along(tick, dt, axes);
         }
+    }
+
+    /// [`Self::advance`] on the path of targets that is predicted. Real-time: yes.
+    #[inline]
+    pub(crate) fn go_along(&mut self, tick: &PacerTick, dt: f64, axes: &[Axis]) {
         if tick.lands() && tick.length >= 1.0 {
             // A whole step in one tick: the integrator's own velocity belongs to it.
             self.land();

@@ -45,12 +45,14 @@ mod guard;
 mod initial_stiffness;
 mod interpolation;
 mod introduction;
+mod late_pacer;
 pub mod limits;
 mod linear_stand_in;
 mod link_numbers;
 mod loading_unit;
 mod motion_check;
 mod passed;
+mod prediction;
 mod probe;
 mod ramp;
 mod received;
@@ -80,9 +82,11 @@ pub use estimates::Declared;
 pub use exchange::{Hold, LinkCount, OnStale, WaitRules};
 pub use guard::Guard;
 pub use interpolation::{Order, PathPoint, shares};
+pub use late_pacer::SlowDown;
 pub use linear_stand_in::LinearStandIn;
 pub use loading_unit::{LoadingUnit, PoseRow, Poses};
 pub(crate) use motion_check::MotionCheck;
+pub use prediction::{Ahead, Made, Prediction, Refusal};
 pub use probe::{Found, Pace, Probe, WayBack, Wiring};
 pub use ramp::SHARE_OF_SPEED;
 pub(crate) use ramp::UNBOUNDED_RAMP_S;
@@ -323,6 +327,21 @@ impl Port {
         if self.path.is_per_step() {
             self.exchange.state_mut().pend();
         }
+    }
+
+    /// The axes rest at the target: a path that is predicted begins. Real-time: yes.
+    pub(crate) fn rest_on_the_way(&mut self) {
+        self.path.begin();
+        self.path.reach();
+        let goal = self.path.goal().part(AxisMotion::disp);
+        self.guard.aims_from(&self.axes, goal);
+    }
+
+    /// The next target of a path that is predicted is known. Real-time: yes.
+    pub(crate) fn know_on_the_way(&mut self, share: f64) {
+        let goal = self.path.goal().part(AxisMotion::disp);
+        self.guard.aims_at(&self.axes, goal);
+        self.path.know_on_the_way(share, &self.axes);
     }
 
     /// Makes the command at the end of a tick of the step pacer, with steps of `dt` seconds of test time. Real-time: yes.

@@ -14,10 +14,12 @@ use super::remarks::Remark;
 use super::role::Nature;
 use super::tally::Tally;
 use super::trials::Trials;
+use super::updated_tangent::UpdatedTangent;
 use crate::served::{Computed, Controller, ServedSpecimen, TestEnd, Trip, Wanted};
 use gusset_actuator::specimen::Specimen;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::{Command, Measurement};
+use gusset_quantity::time::Nanos;
 use gusset_wire::openfresco::{Course, Matrix, Response};
 
 /// Why a host stops. A formula stays at its last committed state, a physical specimen where it is.
@@ -42,6 +44,32 @@ pub enum HostFault {
         /// Test time of the command, in s.
         time: f64,
     },
+    /// The client iterates, but the specimen keeps moving between targets.
+    #[error(
+        "the client sends a second target in the step to t = {time} s, but with `between = \"predict\"` the specimen moves on: use an \
+         integrator that does not iterate, or `between = \"rest\"`"
+    )]
+    Iterates {
+        /// Test time of the command, in s.
+        time: f64,
+    },
+    /// The client sends no time, but the specimen keeps moving between targets.
+    #[error(
+        "the client sends no time: `between = \"predict\"` needs `step_s` in [serve.openfresco] then"
+    )]
+    NoStep,
+    /// A step is not as long as the first, but the specimen keeps moving between targets.
+    #[error(
+        "the step to t = {time} s has another length ({found} s) than the first ({first} s): `between = \"predict\"` needs equal steps"
+    )]
+    OtherStep {
+        /// Test time of the command, in s.
+        time: f64,
+        /// Length in s.
+        found: f64,
+        /// That of the first step.
+        first: f64,
+    },
     /// No test takes so long.
     #[error("test time {time} s is beyond what can be")]
     Leap {
@@ -61,6 +89,8 @@ pub enum HostFault {
 
 /// Test time in s beyond which a test is impossible.
 const LATEST_S: f64 = 1e9;
+/// Relative difference of the lengths of two steps that are equal: they are differences of times.
+const SAME_STEP: f64 = 1e-6;
 
 /// A specimen as a server sees it.
 #[derive(Debug)]
@@ -73,7 +103,11 @@ pub struct Host {
     measured: Measurement,
     pending: bool,
     begun: bool,
+    /// Length of the first step of a client whose specimen keeps moving between targets, s.
+    first_step: Option<f64>,
     matrices: ClientMatrices,
+    /// The tangent of a specimen that only measures, for clients that request it.
+    updated: Option<UpdatedTangent>,
     /// Between the displacements of the client and the axes, where they differ.
     transformation: Option<Transformation>,
     trials: Trials,
@@ -109,7 +143,9 @@ impl Host {
             measured: Measurement::zeros(n),
             pending: false,
             begun: false,
+            first_step: None,
             matrices: ClientMatrices::of(&served, n, None),
+            updated: None,
             transformation: None,
             trials: Trials::new(n, None),
             tally: Tally::default(),
@@ -128,6 +164,14 @@ impl Host {
         self.motion = ClientMotion::zeros(n);
         self.matrices = ClientMatrices::of(&self.served, n, Some(&mut transformation));
         self.transformation = Some(transformation);
+        self
+    }
+
+    /// Clients get a tangent that is updated from target to target.
+    #[must_use]
+    pub fn updating_tangent(mut self, yes: bool) -> Self {
+        let n = self.served.axes();
+        self.updated = yes.then(|| UpdatedTangent::new(self.served.stiffness(), n));
         self
     }
 
@@ -182,12 +226,16 @@ impl Host {
         self.tally = Tally::default();
         self.pending = false;
         self.begun = false;
+        self.first_step = None;
         self.sequence = 0;
         self.motion.restart();
         let told = self.served.begin(controller, wanted)?;
         self.begun = true;
         let at_rest = self.served.measured();
         self.measured.clone_from(at_rest);
+        if let Some(updated) = &mut self.updated {
+            updated.begin(&at_rest.disp, &at_rest.force);
+        }
         match &mut self.transformation {
             None => self.motion.disp.copy_from_slice(&at_rest.disp),
             Some(transformation) => {
@@ -277,10 +325,49 @@ impl Host {
         // A length that is negative is that of a load factor, not of time; over zero nothing is integrated.
         let known = dt.filter(|dt| *dt >= 0.0).or(self.step);
         let dt = known.filter(|dt| *dt > 0.0).unwrap_or(0.0);
+        if self.served.predicts() {
+            if course == Course::Step && known.is_none() {
+                return Err(HostFault::NoStep);
+            }
+            self.judge_step(course, command, dt)?;
+        }
         self.motion.take(command, dt);
         self.evaluate(dt, wanted)?;
         self.pending = true;
         Ok(())
+    }
+
+    /// Judges a target of a specimen that keeps moving between targets.
+    fn judge_step(
+        &mut self,
+        course: Course,
+        command: &Response<'_>,
+        found: f64,
+    ) -> Result<(), HostFault> {
+        let time = command.time;
+        match course {
+            // AlphaOS sends the target of a step again with its last velocity.
+            Course::Iteration if command.disp != self.motion.disp => {
+                return Err(HostFault::Iterates { time });
+            }
+            Course::NewOrigin => self.first_step = None,
+            Course::Step if found > 0.0 => {
+                let first = *self.first_step.get_or_insert(found);
+                if (found - first).abs() > SAME_STEP * first {
+                    return Err(HostFault::OtherStep { time, found, first });
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// The specimen keeps moving while the client computes, if that is due. Returns when the next tick is; none if nothing moves.
+    ///
+    /// # Errors
+    /// The specimen holds.
+    pub(crate) fn go_on(&mut self) -> Result<Option<Nanos>, HostFault> {
+        Ok(self.served.go_on()?)
     }
 
     /// The last command is accepted. Without a new one since the last commit there is nothing to do. Real-time: yes.
@@ -289,6 +376,13 @@ impl Host {
         if std::mem::take(&mut self.pending) {
             self.served.commit();
             self.motion.commit();
+        }
+    }
+
+    /// The client wants nothing any more: a specimen that moves comes to rest.
+    pub(crate) fn come_to_rest(&mut self) {
+        if self.begun {
+            self.served.come_to_rest();
         }
     }
 
@@ -325,7 +419,12 @@ impl Host {
     pub(crate) fn matrix(&mut self, which: Matrix) -> &[f64] {
         self.tally.answers = self.tally.answers.saturating_add(1);
         let transformation = self.transformation.as_mut();
-        self.matrices.get(which, &mut self.served, transformation)
+        if let Some(updated) = &mut self.updated {
+            updated.take(&self.measured.disp, &self.measured.force);
+        }
+        let updated = self.updated.as_ref();
+        self.matrices
+            .get(which, &mut self.served, transformation, updated)
     }
 
     fn evaluate(&mut self, dt: f64, wanted: &mut dyn FnMut() -> bool) -> Result<(), HostFault> {

@@ -1,6 +1,7 @@
 //! The matrices that a client may request, in its displacements and row by row.
 
 use super::Transformation;
+use super::updated_tangent::UpdatedTangent;
 use crate::served::ServedSpecimen;
 use gusset_wire::openfresco::Matrix;
 
@@ -51,13 +52,17 @@ impl ClientMatrices {
         which: Matrix,
         served: &mut ServedSpecimen,
         transformation: Option<&mut Transformation>,
+        updated: Option<&UpdatedTangent>,
     ) -> &[f64] {
         match which {
             Matrix::InitialStiffness => &self.stiffness,
             Matrix::Damping => &self.damping,
             Matrix::Mass => &self.mass,
             Matrix::TangentStiffness => {
-                served.tangent(&mut self.columns);
+                match updated {
+                    Some(updated) => self.columns.copy_from_slice(updated.columns()),
+                    None => served.tangent(&mut self.columns),
+                }
                 match transformation {
                     None => {
                         let n = served.axes();

@@ -32,6 +32,7 @@ mod settings;
 mod tally;
 mod transformation;
 mod trials;
+mod updated_tangent;
 
 pub use client::Remote;
 pub(crate) use client_end::lost;

@@ -85,6 +85,11 @@ impl ClientScale {
         port.seek_at(&mut along.map(|AtStructure((disp, _))| AtStructure((disp, 0.0))));
     }
 
+    /// Makes the target of the port of displacements and velocities of the controller, and no command. Real-time: yes.
+    pub(crate) fn seek_moving(&self, port: &mut ReceivedPort, motion: [AtClient<&[f64]>; 2]) {
+        port.seek_at(&mut self.motion(motion));
+    }
+
     /// Writes the port's last measurement in the controller's units, where displacements and forces are finite. Returns the first
     /// signal where they are not, in the units of the controller or in m and N. Real-time: yes.
     ///

@@ -6,7 +6,7 @@ use super::first_command::{self, FirstCommand};
 use super::guard_store::{GuardStore, LastingGuard};
 use super::identity::Identity;
 use super::latch::Latch;
-use super::pacing::{PaceClock, PacedPath, Pacing};
+use super::pacing::{Corrections, PaceClock, PacedPath, Pacing};
 use super::recording::{Recording, Unrecorded};
 use super::session_record::RowSink;
 use super::speed_allowance::{Request, SpeedAllowance, Times};
@@ -15,7 +15,7 @@ use gusset_control::engine::{
     Between, Operator, Phase, ReceivedCommand, ReceivedRow, ReceivedSettings, ReceivedTarget,
     ReceivedTest, Stop,
 };
-use gusset_control::port::{LoadingUnit, ReceivedPort};
+use gusset_control::port::{LoadingUnit, ReceivedPort, Stage};
 use gusset_quantity::catalog::event::Remark;
 use gusset_quantity::catalog::limit::Limit;
 use gusset_quantity::frame::{AtAxis, AtClient, AtSpecimen, AtStructure};
@@ -32,6 +32,12 @@ pub(super) enum Origin {
     Controller,
     /// A command on the path to a target of the controller. It has `period_s` for its motion.
     Paced { period_s: f64 },
+    /// A command on the predicted way from target to target, which the port has made already.
+    Predicted {
+        period_s: f64,
+        stage: Stage,
+        lands: bool,
+    },
     /// A command on the ramp to the first target of the controller, which the port has made already.
     Ramp { period_s: f64, lands: bool },
     /// A command of ours before the test. It has `period_s` for its motion.
@@ -39,12 +45,15 @@ pub(super) enum Origin {
 }
 
 impl Origin {
-    /// Its phase in the record.
-    const fn phase(self) -> Phase {
+    /// Its state in the record.
+    fn state(self) -> f64 {
         match self {
-            Self::Controller | Self::Paced { .. } => Phase::Running,
-            Self::Ramp { .. } => Phase::Ramping,
-            Self::Own { .. } => Phase::Probing,
+            Self::Controller | Self::Paced { .. } | Self::Predicted { lands: true, .. } => {
+                Phase::Running.code()
+            }
+            Self::Predicted { stage, .. } => stage.code(),
+            Self::Ramp { .. } => Phase::Ramping.code(),
+            Self::Own { .. } => Phase::Probing.code(),
         }
     }
 
@@ -53,7 +62,7 @@ impl Origin {
     const fn number(self, own: u64, target: u64) -> u64 {
         match self {
             Self::Controller | Self::Own { .. } => own,
-            Self::Paced { .. } | Self::Ramp { .. } => target,
+            Self::Paced { .. } | Self::Predicted { .. } | Self::Ramp { .. } => target,
         }
     }
 
@@ -61,9 +70,10 @@ impl Origin {
     const fn period_s(self) -> Option<f64> {
         match self {
             Self::Controller => None,
-            Self::Paced { period_s } | Self::Ramp { period_s, .. } | Self::Own { period_s } => {
-                Some(period_s)
-            }
+            Self::Paced { period_s }
+            | Self::Predicted { period_s, .. }
+            | Self::Ramp { period_s, .. }
+            | Self::Own { period_s } => Some(period_s),
         }
     }
 
@@ -110,8 +120,10 @@ pub(super) struct GuardedSpecimen {
     clock: PaceClock,
     /// The times that the last command has for its motion.
     times: Option<Times>,
+    /// Corrections of the forces at targets on the move.
+    pub corrections: Corrections,
     /// The path to the controller's targets, if they are paced.
-    path: Option<PacedPath>,
+    pub(super) path: Option<PacedPath>,
     /// The wall time of the server; the machine's own until the server gives it.
     now: Option<Nanos>,
 }
@@ -127,6 +139,7 @@ impl GuardedSpecimen {
         Self {
             test,
             answer: Measurement::zeros(identity.scale.units.len()),
+            corrections: Corrections::new(identity.scale.units.len()),
             allowance: SpeedAllowance::new(identity.moves),
             identity,
             port,
@@ -184,6 +197,9 @@ impl GuardedSpecimen {
         let sink = sink.unwrap_or_else(|| Unrecorded::sink(&self.store));
         let pace = (pacing, self.clock, self.reply_limit_ns);
         self.test = Self::test(&self.identity, &mut self.port, pace, sink);
+        if self.identity.corrects_at_most > 0.0 {
+            self.test.corrects(self.identity.scale.units.len());
+        }
         outcome
     }
 
@@ -191,6 +207,9 @@ impl GuardedSpecimen {
     pub(crate) fn set_pacing(&mut self, pacing: Pacing) {
         let (signals, axes) = (self.identity.scale.units.len(), self.port.axes());
         self.port.path_mut().take_velocities_of_a_path();
+        self.identity.corrects_at_most = pacing
+            .predict
+            .map_or(0.0, |predict| predict.correct_at_most);
         let mut path = PacedPath::new(pacing, signals, axes);
         path.fresh = self.port.freeze_compensation();
         self.path = Some(path);
@@ -257,6 +276,7 @@ impl GuardedSpecimen {
         self.announced = AnnouncedLimits::by(controller, &self.identity.scale.units);
         self.first.begins = None;
         self.answer = Measurement::zeros(self.identity.scale.units.len());
+        self.corrections = Corrections::new(self.identity.scale.units.len());
         Ok(())
     }
 
@@ -395,7 +415,13 @@ impl GuardedSpecimen {
         let is_aimed = self.tripped.is_none() && not_finite(command.disp, command.vel).is_none();
         if self.tripped.is_none() {
             match self.attempt(command, elapsed, origin, wanted) {
-                Ok(answered) => is_answered = answered,
+                Ok(answered) => {
+                    is_answered = answered;
+                    let lands = matches!(origin, Origin::Predicted { lands: true, .. });
+                    if lands && self.identity.corrects_at_most > 0.0 {
+                        self.correct(command.disp);
+                    }
+                }
                 Err(trip) => self.trip(trip),
             }
         }
@@ -433,18 +459,18 @@ impl GuardedSpecimen {
                 (true, false) => ReceivedTarget::Sought,
             },
         };
-        self.record(origin.phase(), row);
+        self.record(origin.state(), row);
         self.tripped.map_or(Ok(is_answered), Err)
     }
 
     /// Records the last exchange; a command that did not leave counts as tripped. Real-time: yes.
-    fn record(&mut self, phase: Phase, row: ReceivedRow) {
-        let phase = if self.test.lacks_row() {
-            phase
+    fn record(&mut self, state: f64, row: ReceivedRow) {
+        let state = if self.test.lacks_row() {
+            state
         } else {
-            Phase::Tripped
+            Phase::Tripped.code()
         };
-        self.test.record(&mut self.port, phase, row);
+        self.test.record(&mut self.port, state, row);
     }
 
     /// A target that is not commanded is the goal of the port, if it is a number. Real-time: yes.
@@ -550,7 +576,7 @@ impl GuardedSpecimen {
     /// Makes the next command of the port. Real-time: yes.
     fn aim(&mut self, command: &Command<'_>, origin: Origin) {
         let Command { disp, vel, .. } = command;
-        if matches!(origin, Origin::Ramp { .. }) {
+        if matches!(origin, Origin::Ramp { .. } | Origin::Predicted { .. }) {
             return;
         }
         if origin.is_own() {
@@ -583,7 +609,10 @@ impl GuardedSpecimen {
             } else {
                 elapsed
             },
-            is_paced: matches!(origin, Origin::Paced { .. } | Origin::Ramp { .. }),
+            is_paced: matches!(
+                origin,
+                Origin::Paced { .. } | Origin::Predicted { .. } | Origin::Ramp { .. }
+            ),
         };
         let mut client = || (!wanted()).then_some(Operator::Stop);
         self.test.exchange(&mut self.port, command, &mut client)
@@ -686,7 +715,7 @@ impl GuardedSpecimen {
             self.test.note_arrival();
         }
         self.record(
-            Phase::Probing,
+            Phase::Probing.code(),
             ReceivedRow {
                 number: (!has_left).then(|| self.port.exchange().count().sent),
                 trip: trip.map_or(0, Trip::code),

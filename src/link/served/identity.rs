@@ -17,6 +17,8 @@ pub(super) struct Identity {
     pub mass: Vec<f64>,
     /// It moves: its speed is judged by the wall clock.
     pub moves: bool,
+    /// Largest correction of a force in N or N m; 0 where none is made.
+    pub corrects_at_most: f64,
     /// It is computed and keeps its state between sessions.
     pub remembers: bool,
 }
@@ -32,7 +34,7 @@ impl Identity {
         let scale = &self.scale;
         let signals = scale.units.len();
         received_columns(
-            signals,
+            (signals, self.corrects_at_most > 0.0),
             scale.axis_units(),
             scale.coordinates(),
             port,

@@ -21,6 +21,7 @@ mod link_maker;
 mod paced_exchange;
 mod pacing;
 mod path_limits;
+mod predicted_exchange;
 mod readiness;
 mod recording;
 mod served_specimen;
@@ -47,13 +48,14 @@ pub use guard_store::GuardStore;
 pub use latch::Latch;
 pub(crate) use link_maker::Unconnected;
 pub use link_maker::{LinkBuild, LinkMaker};
-pub use pacing::{PaceClock, Pacing};
+pub use pacing::{MOST_PREDICTED, PaceClock, Pacing, Predicting};
 pub use served_specimen::ServedSpecimen;
 pub use session_record::{EndedTest, RecordSettings};
 pub use whereabouts::Whereabouts;
 
 use gusset_actuator::geometry::Fault;
 use gusset_control::engine::Stop;
+use gusset_control::port::Ahead;
 use gusset_control::port::limits::Hit;
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::substructure::LinkFault;
@@ -132,6 +134,13 @@ pub enum Trip {
     /// More than the controller had announced that it would ask for, or a force at which it should long have acted.
     #[error("{} ({}, as the controller announced)", .0, .0.quantity.key())]
     Announced(Hit),
+    /// The way to rest after a target would lead further than `predict_within_m`.
+    #[error(
+        "axis {}: at rest after this target it would be {} beyond it, `predict_within_m` in `serve.pace` allows {}: let the controller take \
+         smaller steps, or give more `ticks_per_step`",
+        .0.axis + 1, quantity(.0.way, "m"), quantity(.0.within, "m")
+    )]
+    FarAhead(Ahead),
     /// A number is NaN or infinite.
     #[error("{}the {} is not a finite number", of_axis(*axis), if *measured { "measurement" } else { "command" })]
     NotFinite {
@@ -170,7 +179,9 @@ impl Trip {
     #[must_use]
     pub const fn cause(self) -> Cause {
         match self {
-            Self::Limit(_) | Self::TooFast { .. } | Self::Announced(_) => Cause::Limit,
+            Self::Limit(_) | Self::TooFast { .. } | Self::FarAhead(_) | Self::Announced(_) => {
+                Cause::Limit
+            }
             Self::NotFinite { measured: true, .. } => Cause::MeasuredNotFinite,
             Self::NotFinite { .. } => Cause::CommandNotFinite,
             Self::Elsewhere(_) => Cause::FirstCommandElsewhere,
@@ -190,6 +201,7 @@ impl Trip {
             Self::Limit(hit) | Self::TooFast { hit, .. } | Self::Announced(hit) => {
                 hit.quantity.key()
             }
+            Self::FarAhead(_) => "predict_within_m",
             _ => self.cause().word(),
         }
     }
@@ -204,6 +216,7 @@ impl Trip {
             Self::Elsewhere(_) => 52,
             Self::Geometry(_) => 53,
             Self::Trial(_) => 54,
+            Self::FarAhead(_) => 55,
             Self::Interlock => 60,
             Self::Saturated => 61,
             Self::Holds(_) => 62,

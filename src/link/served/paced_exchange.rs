@@ -29,9 +29,12 @@ impl GuardedSpecimen {
         let is_finite = not_finite(command.disp, command.vel).is_none();
         if is_finite && path.is_repeated(AtClient(command.disp), self.commits()) {
             // OpenSees sends each target again with the velocity at the end of the step.
-            (into.time, into.status) = (self.answer.time, self.answer.status);
-            copy(&self.answer, into);
+            (into.time, into.status) = (path.at_target.time, path.at_target.status);
+            copy(&path.at_target, into);
             return Ok(true);
+        }
+        if !path.is_first && path.prediction.is_some() {
+            return self.go_to(path, command, elapsed, wanted, into);
         }
         let begun = self.judge_target(path, command);
         let begun = begun.and_then(|()| self.begin_path(path, command));
@@ -89,9 +92,26 @@ impl GuardedSpecimen {
             self.between.add(Between::GIVEN_UP);
         } else if std::mem::take(&mut path.is_first) {
             self.port.begin_compensation();
+            if let Some(prediction) = &mut path.prediction {
+                prediction.begin(&mut self.port);
+            }
         }
-        path.answered = is_wanted.then_some(self.commits());
+        self.note_answer(path, command, is_wanted.then_some(elapsed));
         Ok(is_wanted)
+    }
+
+    /// The answer at a target stays, if it was reached `elapsed` s after the last.
+    pub(super) fn note_answer(
+        &mut self,
+        path: &mut PacedPath,
+        command: &Command<'_>,
+        elapsed: Option<f64>,
+    ) {
+        path.answered = elapsed.map(|_| self.commits());
+        path.times = [command.time, elapsed.unwrap_or(0.0)];
+        (path.share, path.is_owed) = (0.0, false);
+        (path.at_target.time, path.at_target.status) = (self.answer.time, self.answer.status);
+        copy(&self.answer, &mut path.at_target);
     }
 
     /// Judges a target before the specimen moves: its commands are judged one by one.
@@ -158,7 +178,7 @@ impl GuardedSpecimen {
     }
 
     /// A command left late, because the specimen replied late.
-    fn misses_edge(&mut self) {
+    pub(super) fn misses_edge(&mut self) {
         if !self.recording.misses_edge() {
             return;
         }
@@ -168,7 +188,7 @@ impl GuardedSpecimen {
     }
 
     /// A command before the target is accepted: the controller accepts the target itself.
-    fn accept_on_the_way(&mut self) -> Result<(), Trip> {
+    pub(super) fn accept_on_the_way(&mut self) -> Result<(), Trip> {
         self.port.accepted(0).map_err(|fault| {
             let trip = fault.into();
             self.trip_between(trip);

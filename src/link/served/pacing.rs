@@ -13,12 +13,14 @@
 //! multiplies changes of acceleration: such a specimen slows down along a smooth curve, not linearly, and then settles at rest.
 //! The second half of a path slows down by itself: it is completed if it ends as soon. The path is one of the client's
 //! displacements: a loading unit follows the poses between two targets. The first target of a session is reached by a ramp of the
-//! port. Limits: nothing is predicted.
+//! port. With [`Predicting`] the later targets are not rested at: see [`super::predicted_exchange`].
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use gusset_control::port::{Order, Prediction, SlowDown};
 use gusset_quantity::frame::{AtAxis, AtClient};
 use gusset_quantity::state::TestState;
+use gusset_quantity::substructure::Measurement;
 use gusset_quantity::time::{Clock, Nanos};
 use gusset_record::rt::os;
 
@@ -71,6 +73,26 @@ pub struct Pacing {
     pub period_ns: u64,
     /// The clock that releases them.
     pub clock: PaceClock,
+    /// The specimen keeps moving while the next target is not known; else it rests at each target.
+    pub predict: Option<Predicting>,
+}
+
+/// Axes of a specimen whose motion is predicted, at most.
+pub const MOST_PREDICTED: usize = 6;
+
+/// How the specimen moves while the next target is not known.
+#[derive(Debug, Clone, Copy)]
+pub struct Predicting {
+    /// Where it slows down and rests.
+    pub slow: SlowDown,
+    /// The prediction.
+    pub order: Order,
+    /// Largest distance of each axis from the last target, in m or rad of the specimen.
+    pub within: [f64; MOST_PREDICTED],
+    /// Largest correction of a force by the initial stiffness, in N or N m of the controller's structure; 0: none is made.
+    pub correct_at_most: f64,
+    /// Time in s by which compensators lead a steady motion.
+    pub lead_s: f64,
 }
 
 impl Pacing {
@@ -161,6 +183,42 @@ pub(super) struct PacedPath {
     pub fresh: Option<TestState>,
     /// Commits of the controller when its last target was answered; none before.
     pub answered: Option<u64>,
+    /// The answer at the last target.
+    pub at_target: Measurement,
+    /// The motion between the targets, if it is predicted.
+    pub prediction: Option<Prediction>,
+    /// Time of the last target, and from the one before, in s of the controller.
+    pub times: [f64; 2],
+    /// Share of the step of the last command that was predicted.
+    pub share: f64,
+    /// No command has left for longer than a tick, because the specimen rests.
+    pub has_rested: bool,
+    /// A command on the way is not accepted yet.
+    pub is_owed: bool,
+    /// The last answer on the way.
+    pub on_the_way: Measurement,
+}
+
+/// Corrections of the forces at the targets.
+#[derive(Debug)]
+pub(super) struct Corrections {
+    /// One for each signal in N or N m, and their energy so far in J.
+    pub values: Vec<f64>,
+    /// The last target, in the units of the client.
+    pub target: Vec<f64>,
+    /// The specimen has rested on the way to it.
+    pub has_rested: bool,
+}
+
+impl Corrections {
+    /// None so far.
+    pub(crate) fn new(signals: usize) -> Self {
+        Self {
+            values: vec![0.0; signals + 1],
+            target: vec![0.0; signals],
+            has_rested: true,
+        }
+    }
 }
 
 /// Share of the distance, and its slope, at a share of the time.
@@ -195,6 +253,17 @@ impl PacedPath {
             },
             fresh: None,
             answered: None,
+            at_target: Measurement::zeros(signals),
+            prediction: pacing.predict.map(|predict| {
+                let within = predict.within.get(..axes).unwrap_or_default().to_vec();
+                let times = [pacing.period_s(), predict.lead_s];
+                Prediction::new(predict.slow, predict.order, times, within)
+            }),
+            times: [0.0; 2],
+            share: 0.0,
+            has_rested: true,
+            is_owed: false,
+            on_the_way: Measurement::zeros(signals),
         }
     }
 
@@ -214,6 +283,11 @@ impl PacedPath {
         (self.sequence, self.tick) = (sequence, self.all_ticks());
         (self.is_first, self.answered) = (true, None);
         self.is_on_the_way = false;
+        if let Some(prediction) = &mut self.prediction {
+            prediction.reset();
+        }
+        (self.times, self.share) = ([0.0; 2], 0.0);
+        (self.is_owed, self.has_rested) = (false, true);
     }
 
     /// True of the last target once more, in the same step, after its answer. Real-time: yes.
@@ -454,7 +528,7 @@ mod tests {
             settle_ticks in 0u32..20,
             targets in proptest::collection::vec(-1.0..1.0f64, 1..6),
         ) {
-            let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE };
+            let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE, predict: None };
             let mut path = PacedPath::new(pacing, 1, 1);
             let (mut places, mut from) = (vec![0.0; 3], 0.0);
             for target in targets {
@@ -486,7 +560,7 @@ mod tests {
         /// s.
         #[test]
         fn stop_on_a_path_slows_down(ticks in 4u32..1000, settle_ticks in 0u32..9, share in 0.0..1.1f64) {
-            let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE };
+            let pacing = Pacing { ticks, settle_ticks, period_ns: 1_000_000, clock: PaceClock::MACHINE, predict: None };
             let mut path = PacedPath::new(pacing, 1, 1);
             let stop = (share * f64::from(ticks)) as u32;
             let made = go(&mut path, 1.0, Some(stop));
@@ -522,7 +596,7 @@ mod tests {
             margin in 1.0..2000.0f64,
             share in 0.01..0.99f64,
         ) {
-            let pacing = Pacing { ticks, settle_ticks: 0, period_ns: 10_000_000, clock: PaceClock::MACHINE };
+            let pacing = Pacing { ticks, settle_ticks: 0, period_ns: 10_000_000, clock: PaceClock::MACHINE, predict: None };
             let mut path = PacedPath::new(pacing, 1, 1);
             path.is_first = is_first;
             path.aim(AtClient(&[1.0]));

@@ -183,6 +183,10 @@ impl<'a> Readiness<'a> {
         if let Some(text) = self.served.port.lacks_measured_disp(introduction) {
             return Err(text.into());
         }
+        if introduction.repeats_the_command && self.served.identity.corrects_at_most > 0.0 {
+            let text = "`correct` in `serve.pace` needs a measured displacement, and the end of this specimen repeats the command";
+            return Err(TestEnd::failed(text));
+        }
         if introduction.repeats_the_command {
             let text = "its end does not say that it measures displacement: what is passed on as measured may be the command";
             self.served.note(Remark::Warning, text);

@@ -96,6 +96,7 @@ impl ServedSpecimen {
             stiffness,
             mass,
             moves,
+            corrects_at_most: 0.0,
             remembers: false,
         };
         let mut guarded = GuardedSpecimen::new(identity, port);
@@ -440,6 +441,26 @@ impl ServedSpecimen {
         self.guarded.port.exchange_mut().revert();
     }
 
+    /// The specimen moves on by a tick while its controller computes, if that is due. Returns when the next tick is due; none if nothing
+    /// moves. Real-time: yes, as far as the link is.
+    ///
+    /// # Errors
+    /// The specimen holds.
+    pub fn go_on(&mut self) -> Result<Option<Nanos>, Trip> {
+        self.guarded.go_on()
+    }
+
+    /// The controller wants nothing any more: a specimen that still moves comes to rest.
+    pub fn come_to_rest(&mut self) {
+        self.guarded.come_to_rest();
+    }
+
+    /// True if the specimen keeps moving between targets.
+    #[must_use]
+    pub fn predicts(&self) -> bool {
+        self.guarded.predicts()
+    }
+
     /// No command for now: notices a lost specimen. Does not block.
     ///
     /// # Errors
@@ -629,6 +650,7 @@ impl ServedSpecimen {
         if self.stage == Stage::Closed {
             return;
         }
+        self.guarded.come_to_rest();
         // A trip is the reason of the end, whatever other reasons there are; repeating it adds nothing.
         let why = self.guarded.tripped().map(|trip| match trip {
             Trip::Lost(_) => self.guarded.whole(trip),

@@ -401,6 +401,7 @@ fn path_after_a_check_keeps_its_pace() {
         settle_ticks: 0,
         period_ns: PERIOD_NS,
         clock: simulated_pace::CLOCK,
+        predict: None,
     };
     let mut served = served(&spring, &Whereabouts::default())
         .checked(check(1e-3, Pace::of(0.001, 0.0005)), false)

@@ -18,6 +18,7 @@ pub(super) const PACING: Pacing = Pacing {
     settle_ticks: 0,
     period_ns: 1_000_000,
     clock: simulated_pace::CLOCK,
+    predict: None,
 };
 
 type Act = Box<dyn FnOnce() + Send>;

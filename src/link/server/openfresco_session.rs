@@ -337,7 +337,8 @@ impl Conversation for OpenFrescoConversation<'_> {
             self.heard_ns = monotonic_ns();
         }
         self.keep_time(shared)?;
-        Ok(Nanos(self.look_ns))
+        let due = self.host.go_on()?;
+        Ok(due.map_or(Nanos(self.look_ns), |due| due.min(Nanos(self.look_ns))))
     }
 
     fn listen(&mut self, channel: &mut Channel, until: Nanos) -> Result<(), End> {
@@ -359,6 +360,7 @@ impl Conversation for OpenFrescoConversation<'_> {
     }
 
     fn finish(mut self, channel: &mut Channel, end: End, shared: &Shared) {
+        self.host.come_to_rest();
         if end == End::Finished && self.is_stream {
             // The client closes first, so that a reset does not tear away its last answer.
             let until = Nanos(monotonic_ns() + LINGER_NS);

@@ -437,7 +437,8 @@ kinds! {
     /// Phase of the exchange.
     SERVER_STATE = "state", Test, "1", Server, ALWAYS,
         "phase of the exchange: 2 before the test (wiring check, force in the start position), 3 running, 5 on the way to the \
-         first target of a gateway that paces, \
+         first target of a gateway that paces; with `between = \"predict\"` 11 towards a target, 12 along the prediction, 13 slower \
+         because the target is late; \
          8 command not passed on: it tripped, or came after a trip";
     /// Test time of the command.
     SERVER_TIME = "time", Test, "s", Controller, ALWAYS, "test time of the command";
@@ -452,7 +453,7 @@ kinds! {
     TRIP = "trip", Test, "1", Server, ALWAYS,
         "cause of a trip: 0 none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
          6 measured_force, 7 following_error, 8 force_step, 9 stuck_ticks, 10 sensor_disp, 11 sensor_force, \
-         12 alternating_ticks, 13 stiffness_ratio, 14 damping_ratio, 15 added_energy, 16 lag, 17 gain_error; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 53 no such pose of the loading unit, 54 trial too far, 60 interlock open, \
+         12 alternating_ticks, 13 stiffness_ratio, 14 damping_ratio, 15 added_energy, 16 lag, 17 gain_error; 100 more for a limit that the controller announced; 50 command not finite, 51 measurement not finite, 52 first command not the armed position, 53 no such pose of the loading unit, 54 trial too far, 55 too far beyond the last target, 60 interlock open, \
          61 a sensor or an actuator at the end of its range, 62 held by its own watchdog, 70 specimen lost";
     /// Arrival of the command.
     RECEIVED = "received_s", Test, "s", Clock, ALWAYS, "wall time from the start of the test to the command";
@@ -511,6 +512,12 @@ kinds! {
     /// Parameter of the compensator of an axis.
     SERVER_COMPENSATION = "comp", Parameter, "of the parameter", Controller, "with a compensator that has parameters",
         "parameter NAME of the compensator";
+    /// Correction of a force that the controller received.
+    CORRECTION = "correction", Signal, "N", Estimated, "with `correct` in `serve.pace`",
+        "correction of the force that the controller received, k̂ times what the specimen lacked to the target";
+    /// Energy of all corrections.
+    CORRECTION_ENERGY = "correction_energy", Specimen, "J", Estimated, "with `correct` in `serve.pace`",
+        "energy that all corrections have added";
     /// Flags of the measurement.
     RAW_STATUS = "raw_status", Specimen, "1", Measured, ALWAYS, "status flags as the specimen gave them";
     /// Status flags.

@@ -5,6 +5,9 @@ use gusset_actuator::compensation::{CompensationSpec, Compensator};
 use gusset_config::{Finding, KeyPath, LimitsSpec, ServedFile, SpecimenTable};
 use gusset_control::port::{Compensation, NeedsMeasuredDisp, PortSpec, TrackingSpec};
 
+/// Ticks of a steady motion after which a compensator leads steadily.
+const RAMP_TICKS: u32 = 2000;
+
 /// Compensators and tracking of a port whose commands come every `tick` s of wall time.
 #[derive(Debug, Clone)]
 pub(super) struct Following {
@@ -41,6 +44,21 @@ impl Following {
         };
         following.check(&at.key("compensation"))?;
         Ok(Some(following))
+    }
+
+    /// Time in s by which the compensators lead a steady motion, before they have learnt anything.
+    pub(super) fn lead_s(&self) -> f64 {
+        let built = self.compensation.as_ref();
+        let Some(mut built) = built.and_then(|spec| spec.build(self.tick).ok()) else {
+            return 0.0;
+        };
+        built.reset(0.0);
+        let mut led = 0.0;
+        for k in 1..=RAMP_TICKS {
+            led = built.lead(f64::from(k) * self.tick, 1.0, 0.0);
+        }
+        let target = f64::from(RAMP_TICKS) * self.tick;
+        (led - built.stands(1.0) * target).abs()
     }
 
     fn check(&self, at: &KeyPath) -> Result<(), Box<Finding>> {

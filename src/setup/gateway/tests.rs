@@ -1,6 +1,7 @@
 //! A gateway that converts: work, positions, limits, the wiring check, and the bits of a test in this process.
 
 mod compensated;
+mod predicted;
 mod recorded;
 mod schedules;
 mod stops;
@@ -453,6 +454,7 @@ const PACING: Pacing = Pacing {
     settle_ticks: 0,
     period_ns: 200_000,
     clock: simulated::CLOCK,
+    predict: None,
 };
 
 #[test]

@@ -10,6 +10,7 @@ use gusset_proof::{RecordedFinding, RecordedVerdict, per_cent};
 use gusset_quantity::catalog::ending::Status;
 use gusset_quantity::catalog::event::Remark;
 use gusset_record::rt::{Feature, Want};
+use gusset_record::summary::{StageShares, TimeBetweenTargets};
 use gusset_record::{Event, EventLine, MissCause};
 
 /// How good the news is; decides the colour of the banner.
@@ -213,6 +214,7 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
     }
     let warnings = sentences.len();
     sentences.extend(extent(run, after));
+    sentences.extend(summary.and_then(|summary| summary.between_targets.as_ref().map(between)));
     sentences.extend_from_slice(more);
     sentences.extend(sentence);
     Verdict {
@@ -221,6 +223,26 @@ pub(super) fn verdict(run: &RunView, after: Option<u64>, more: &[String]) -> Ver
         sentences,
         warnings,
     }
+}
+
+/// How a gateway has spent its time between targets.
+fn between(times: &TimeBetweenTargets) -> String {
+    let part = |name: &str, shares: &StageShares| {
+        format!(
+            "{name} {} at full pace, {} slower, {} at rest, {}",
+            per_cent(shares.correcting + shares.predicting),
+            per_cent(shares.slowing),
+            per_cent(shares.holding),
+            plural(shares.slow_downs, "slow-down", "slow-downs")
+        )
+    };
+    let TimeBetweenTargets { whole, strong_part } = times;
+    format!(
+        "Between targets: {}; {}. The longest slow-down took {}.",
+        part("in the whole test", whole),
+        part("in its strong part (5 to 95 % of ∫ a² dt)", strong_part),
+        quantity(whole.longest_slow_down_s, "s")
+    )
 }
 
 /// Number of limits whose warning level was passed, each counted once however often it was.

@@ -24,6 +24,7 @@ const PACED: Pacing = Pacing {
     settle_ticks: 4,
     period_ns: 1_000_000,
     clock: simulated::CLOCK,
+    predict: None,
 };
 
 /// A spring behind a first-order lag of 15 ms, in mm and kN. It lives in the time of its commands.
@@ -95,7 +96,7 @@ pub fn following(table: &str) -> Result<Option<Following>, Box<gusset_config::Fi
     let path = folder.path().join("gateway.toml");
     std::fs::write(&path, text).unwrap();
     let source: ServedFile = gusset_config::load_serve_file(&path, None).unwrap();
-    let pace = source.file.serve.pace.unwrap();
+    let pace = source.file.serve.pace.clone().unwrap();
     assert_eq!((pace.ticks_per_step, pace.settle_ticks), (20, 0));
     Following::of(&source, source.specimen().unwrap(), &source.place)
 }

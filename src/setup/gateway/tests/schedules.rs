@@ -97,6 +97,7 @@ fn course(
         settle_ticks,
         period_ns: 1_000_000,
         clock: simulated::CLOCK,
+        predict: None,
     };
     let table = match client.following {
         Some(_) => TABLE.to_owned(),

@@ -85,6 +85,7 @@ const fn of(ticks: u32) -> Pacing {
         settle_ticks: 0,
         period_ns: 1_000_000,
         clock: simulated::CLOCK,
+        predict: None,
     }
 }
 
