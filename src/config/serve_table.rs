@@ -90,7 +90,7 @@ pub struct PaceTable {
     pub rate_hz: f64,
     /// Further commands at the target before the gateway replies, so that a rig with a lag arrives.
     /// The reply is the last measurement. Default: 0.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(example = 15)]
     pub settle_ticks: u32,
     /// Motion of the specimen while the next target is not known. Default: "rest".
@@ -118,7 +118,7 @@ pub struct PaceTable {
     pub predict_within_m: Option<PerAxis>,
     /// Correction of the force at a target for what the specimen lacks to it, with `between = "predict"`.
     /// The record keeps the measured force and has a column for the correction. Default: "none".
-    #[serde(default, skip_serializing_if = "is_none")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(example = &"initial_stiffness")]
     pub correct: Correction,
     /// Largest correction of a force in N (N m of a moment) of the client's structure. Required with
@@ -137,10 +137,6 @@ pub enum Correction {
     /// The estimate `stiffness_n_per_m` times the difference of target and measured displacement is
     /// added; not after a rest on the way to the target.
     InitialStiffness,
-}
-
-fn is_none(correct: &Correction) -> bool {
-    *correct == Correction::None
 }
 
 /// Motion of a specimen between two targets of a client.
@@ -176,12 +172,9 @@ impl PerAxis {
     }
 }
 
-fn is_default(between: &BetweenTargets) -> bool {
-    *between == BetweenTargets::default()
-}
-
-const fn is_zero(number: &u32) -> bool {
-    *number == 0
+/// True of a key that need not be written.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl PaceTable {

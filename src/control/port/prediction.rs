@@ -49,6 +49,8 @@ pub struct Ahead {
 pub enum Refusal {
     /// A limit, and how many times slower would keep it.
     Limit(Hit, f64),
+    /// A place beyond a limit.
+    Place(Hit),
     /// The way to rest.
     Ahead(Ahead),
 }
@@ -316,5 +318,5 @@ fn judge_place(port: &super::Port, index: usize, disp: f64) -> Result<(), Refusa
     }
     let bound = if value > high { high } else { low };
     let hit = Hit::trip(index, Limit::CommandDisp, value, bound);
-    Err(Refusal::Limit(hit, 1.0))
+    Err(Refusal::Place(hit))
 }

@@ -114,17 +114,23 @@ impl GuardedSpecimen {
         copy(&self.answer, &mut path.at_target);
     }
 
-    /// Judges a target before the specimen moves: its commands are judged one by one.
-    fn judge_target(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
+    /// Makes a target of the controller that of the port, if its numbers and its pose can be.
+    pub(super) fn seek_target(&mut self, command: &Command<'_>) -> Result<(), Trip> {
         if let Some(axis) = not_finite(command.disp, command.vel) {
             let (axis, measured) = (Some(axis), false);
             return Err(Trip::NotFinite { axis, measured });
         }
-        let scale = &self.identity.scale;
-        scale.seek(&mut self.port, AtClient(command.disp));
-        if let Some(fault) = self.port.loading_unit().and_then(LoadingUnit::fault) {
-            return Err(Trip::Geometry(fault));
+        let motion = [command.disp, command.vel].map(AtClient);
+        self.identity.scale.seek_moving(&mut self.port, motion);
+        match self.port.loading_unit().and_then(LoadingUnit::fault) {
+            Some(fault) => Err(Trip::Geometry(fault)),
+            None => Ok(()),
         }
+    }
+
+    /// Judges a target before the specimen moves: its commands are judged one by one.
+    fn judge_target(&mut self, path: &mut PacedPath, command: &Command<'_>) -> Result<(), Trip> {
+        self.seek_target(command)?;
         let [last, next] = &mut path.places;
         self.port.write_goal(next);
         let [last, next] = [&*last, next].map(|place| place.part(Vec::as_slice));

@@ -4,10 +4,10 @@
 //! there is the controller's, taken on the move. What the motion is, and where it slows down, is [`Prediction`]'s.
 
 use super::Trip;
-use super::guarded_specimen::{GuardedSpecimen, Origin, not_finite};
+use super::guarded_specimen::{GuardedSpecimen, Origin};
 use super::pacing::PacedPath;
 use gusset_control::engine::Between;
-use gusset_control::port::{LoadingUnit, Made, Prediction, Refusal};
+use gusset_control::port::{Made, Prediction, Refusal};
 use gusset_quantity::frame::AtClient;
 use gusset_quantity::substructure::{Command, Measurement};
 use gusset_quantity::time::Nanos;
@@ -117,20 +117,13 @@ impl GuardedSpecimen {
         command: &Command<'_>,
         elapsed: f64,
     ) -> Result<(), Trip> {
-        if let Some(axis) = not_finite(command.disp, command.vel) {
-            let (axis, measured) = (Some(axis), false);
-            return Err(Trip::NotFinite { axis, measured });
-        }
-        let motion = [command.disp, command.vel].map(AtClient);
-        self.identity.scale.seek_moving(&mut self.port, motion);
-        if let Some(fault) = self.port.loading_unit().and_then(LoadingUnit::fault) {
-            return Err(Trip::Geometry(fault));
-        }
+        self.seek_target(command)?;
         let ticks = prediction.ticks();
         prediction
             .know(&mut self.port, elapsed)
             .map_err(|refusal| match refusal {
                 Refusal::Ahead(ahead) => Trip::FarAhead(ahead),
+                Refusal::Place(hit) => Trip::Limit(hit),
                 Refusal::Limit(hit, slower) => Trip::TooFast {
                     hit,
                     ticks: (f64::from(ticks) * slower).ceil() as u32,

@@ -2,6 +2,7 @@
 //! target, keeps its limit of acceleration, and comes to rest.
 
 use super::*;
+use gusset_control::port::limits::Hit;
 use gusset_control::port::{Order, SlowDown};
 use gusset_link::served::{MOST_PREDICTED, Predicting, Trip};
 use gusset_quantity::catalog::ending::Cause;
@@ -279,6 +280,24 @@ fn next_session_forgets_an_earlier_motion() {
     passes(&mut served, 100_000_000);
     served.end(Cause::ControllerVanished, "");
     assert_eq!(told.lock().unwrap().len(), before);
+}
+
+/// A target outside a limit of position is refused in the words of that limit, before the specimen goes there.
+#[test]
+fn target_outside_its_limit_is_not_followed() {
+    let table = TABLE.replace(
+        "limits = {",
+        "limits = { command_disp_m = { trip = [-0.001, 0.001] },",
+    );
+    let targets: Vec<(f64, Next)> = (0..40).map(|_| (0.5, Next::Computes(8_000_000))).collect();
+    let motion = motion(Order::Cubic, &table, &targets);
+    let is_of_place = |hit: Hit| hit.quantity == Limit::CommandDisp;
+    assert!(
+        matches!(motion.trip, Some(Trip::Limit(hit)) if is_of_place(hit)),
+        "{:?}",
+        motion.trip
+    );
+    assert!(motion.places.iter().all(|[place, _]| place.abs() <= 0.001));
 }
 
 /// A rig that can be lost.
