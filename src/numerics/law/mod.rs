@@ -15,6 +15,7 @@ mod damper;
 mod domain;
 mod elastic;
 mod imk;
+mod maxwell;
 mod memoryless;
 mod parallel;
 mod plastic;
@@ -35,6 +36,7 @@ pub use damper::{
 };
 pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec};
 pub use imk::{HingeResponse, Imk, ImkSpec, NegativeHingeSpec};
+pub use maxwell::MaxwellSpec;
 pub use memoryless::Memoryless;
 pub use parallel::Parallel;
 pub(crate) use plastic::SliderForm;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     BilinearSpec, BiviscousSpec, BoucWenSpec, CubicSpec, GapSpec, ImkSpec, Law, LawError,
-    LinearSpec, Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
+    LinearSpec, MaxwellSpec, Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
 };
 
 /// Uniaxial force law, for an element of the structure or for a simulated specimen.
@@ -35,6 +35,8 @@ pub enum LawSpec {
     Biviscous(BiviscousSpec),
     /// Fluid damper whose force is a power of the velocity.
     PowerDamper(PowerDamperSpec),
+    /// Spring in series with a fluid damper: a damper in its brace, or a material that relaxes.
+    Maxwell(MaxwellSpec),
     /// Several laws in parallel. The force is the sum of their forces.
     Parallel(Vec<LawSpec>),
 }
@@ -67,6 +69,7 @@ impl LawSpec {
             Self::SmoothFriction(spec) => Box::new(spec.build()?),
             Self::Biviscous(spec) => Box::new(spec.build()?),
             Self::PowerDamper(spec) => Box::new(spec.build()?),
+            Self::Maxwell(spec) => Box::new(spec.build()?),
             Self::Parallel(specs) => Box::new(Parallel::new(Self::build_all("parallel", specs)?)?),
         })
     }

@@ -103,7 +103,14 @@ pub(super) fn history<'a>(
         .into_iter()
         .filter_map(|(name, column)| Some((name, rows.history(&column)?)));
     let label = format!("{title} over test time");
-    let chart = Chart::history(title, up).labelled(label).marks(trips(run));
+    let scale = run
+        .test
+        .file
+        .time
+        .as_ref()
+        .map_or(1.0, |time| time.scale.0.value());
+    let chart = Chart::history(title, up).labelled(label).slower(scale);
+    let chart = chart.marks(trips(run));
     found.fold(chart, |chart, (name, of)| {
         chart.with(name, of.time, of.values, Look::Line)
     })
