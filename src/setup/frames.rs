@@ -4,7 +4,7 @@ use super::facts::FrameFacts;
 use super::{Refused, Site, path};
 use gusset_config::{ClockChoice, DeformationTable, Finding, KeyPath};
 use gusset_control::engine::Numerical;
-use gusset_numerics::frame::{Direction, FrameError, FrameSpec, MemberUse};
+use gusset_numerics::frame::{FrameError, FrameSpec, MemberUse, NodeLoadSpec};
 use gusset_numerics::model::StructureSpec;
 use gusset_quantity::units::{number, quantity};
 use gusset_record::rt::os::monotonic_ns;
@@ -106,10 +106,16 @@ pub(super) fn facts(
     let (model, members, load) = found
         .or_else(|error| site.refuse(Finding::error(place(site, &error), error.to_string())))?;
     let down = |force: f64| (-force).max(0.0);
-    // The loads at nodes that are held in y are in no degree of freedom.
+    let up = frame.upwards();
+    let upwards = |load: &NodeLoadSpec| load.each()[up as usize].1;
+    // The loads at nodes that are held vertically are in no degree of freedom.
     let others = model.dofs.iter().zip(load.iter().zip(&model.load));
-    let others = others.filter(|((_, direction), _)| *direction == Direction::Y);
-    let weight = frame.load.iter().map(|load| down(load.y_n)).sum::<f64>()
+    let others = others.filter(|((_, direction), _)| *direction == up);
+    let weight = frame
+        .load
+        .iter()
+        .map(|load| down(upwards(load)))
+        .sum::<f64>()
         + others.map(|(_, (all, own))| down(all - own)).sum::<f64>();
     let yields = |(_, member): &(usize, &MemberUse)| member.utilisation > Some(1.0);
     let yielding = members.iter().enumerate().filter(yields);
@@ -182,7 +188,20 @@ pub(super) fn place(site: &Site<'_>, error: &FrameError) -> KeyPath {
             key,
             ..
         } => at.key(list).index(*index).key(key),
-        FrameError::Section { section, key, .. } | FrameError::NoMaterial { section, key, .. } => {
+        FrameError::Coordinates {
+            at: (list, index),
+            key,
+            ..
+        }
+        | FrameError::NotInPlane {
+            at: (list, index),
+            key,
+            ..
+        } => at.key(list).index(*index).key(key),
+        FrameError::Dimension(_) => at.key("dimension"),
+        FrameError::Section { section, key, .. }
+        | FrameError::NeededInSpace { section, key }
+        | FrameError::NoMaterial { section, key, .. } => {
             beneath(&at.key("section").key(section), key)
         }
         FrameError::OneMaterial { section, .. } => at.key("section").key(section),

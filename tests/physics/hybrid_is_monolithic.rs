@@ -75,7 +75,7 @@ const WEN: &str = "bouc_wen = { stiffness_n_per_m = 9e6, yield_force_n = 60e3, \
                    post_yield_ratio = 0.08, beta = 0.55, gamma = 0.45, exponent = 1.6 }";
 
 /// One of every kind, and more of the kinds that have several faces. True: not linear.
-const LAWS: [(&str, bool); 22] = [
+const LAWS: [(&str, bool); 23] = [
     (
         "linear = { stiffness_n_per_m = 9e6, damping_n_s_per_m = 9e4 }",
         false,
@@ -169,6 +169,10 @@ const LAWS: [(&str, bool); 22] = [
          post_capping_disp_m = 0.05, ultimate_disp_m = 0.2, strength_lambda_m = 0.3 }",
         true,
     ),
+    (
+        "maxwell = { stiffness_n_per_m = 1e7, force_at_unit_velocity_n = 4e5, exponent = 0.5 }",
+        true,
+    ),
 ];
 
 /// No wildcard: a new kind of law must be added here.
@@ -185,12 +189,13 @@ fn kind(law: &LawSpec) -> usize {
         LawSpec::PowerDamper(_) => 8,
         LawSpec::Parallel(_) => 9,
         LawSpec::Imk(_) => 10,
+        LawSpec::Maxwell(_) => 11,
     }
 }
 
 #[test]
 fn every_law_equals_its_element() {
-    let mut kinds = [false; 11];
+    let mut kinds = [false; 12];
     for (law, nonlinear) in LAWS {
         kinds[kind(&toml::from_str(law).unwrap())] = true;
         for (storey, storeys, from) in [

@@ -13,7 +13,8 @@ use super::tick::Tick;
 use crate::port::Port;
 use gusset_quantity::catalog::column::{
     ACCEL, BASE, CAUSES, DISP, END_MOMENT, END_ROTATION, GROUND, HEAD, Kind, MEMBER_FORCE,
-    OWN_ACCEL, ROTATION, START_MOMENT, START_ROTATION, STRETCH, TIMING, VEL,
+    OWN_ACCEL, ROTATION, START_MOMENT, START_ROTATION, STRETCH, TIMING, TORQUE, TWIST, VEL,
+    WEAK_END_MOMENT, WEAK_END_ROTATION, WEAK_START_MOMENT, WEAK_START_ROTATION,
 };
 use gusset_quantity::catalog::ending::Cause;
 use gusset_quantity::catalog::limit::Limit;
@@ -111,8 +112,23 @@ fn member_columns(columns: &mut Vec<Column>, side: &Side) -> Range<usize> {
                 &START_MOMENT,
                 &END_MOMENT,
             ];
+            let in_space = [
+                &STRETCH,
+                &START_ROTATION,
+                &END_ROTATION,
+                &WEAK_START_ROTATION,
+                &WEAK_END_ROTATION,
+                &TWIST,
+                &MEMBER_FORCE,
+                &START_MOMENT,
+                &END_MOMENT,
+                &WEAK_START_MOMENT,
+                &WEAK_END_MOMENT,
+                &TORQUE,
+            ];
             let (kinds, turns): (&[&Kind], bool) = match member.link_turns() {
                 Some(turns) => (&of_link, turns),
+                None if member.count() > 3 => (&in_space, false),
                 None => (&of_member, false),
             };
             columns.extend(kinds.iter().map(|kind| Column {

@@ -1,4 +1,4 @@
-//! Plane frames: nodes, elastic members, constraints and static loads become M, K and a load vector.
+//! Plane and space frames: nodes, members, constraints and static loads become M, K and a load vector.
 //!
 //! Constraints are eliminated while the matrices are assembled, so that M_eff stays positive definite. Members are those of
 //! Bernoulli and Euler; with P-Δ the axial force N of the static loads adds N/L at the displaced ends (linear geometry, small

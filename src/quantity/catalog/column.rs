@@ -257,6 +257,7 @@ const ALWAYS: &str = "always";
 const STRUCTURE: &str = "with a structure";
 const UNIT: &str = "with a loading unit";
 const MEMBER: &str = "with a member or link that has `record = true`";
+const IN_SPACE: &str = "with a member in space that has `record = true`";
 const TRACKED: &str = "where the tracking of the axis is estimated";
 
 kinds! {
@@ -307,12 +308,24 @@ kinds! {
     START_ROTATION = "rotation_start", Member, "rad", Integrator, MEMBER, "rotation of the start from the chord";
     /// Its rotation from the chord at its end.
     END_ROTATION = "rotation_end", Member, "rad", Integrator, MEMBER, "rotation of the end from the chord";
+    /// Its rotation about the local axis y at its start, in space.
+    WEAK_START_ROTATION = "weak_rotation_start", Member, "rad", Integrator, IN_SPACE, "rotation of the start from the chord about the local axis y";
+    /// Its rotation about the local axis y at its end, in space.
+    WEAK_END_ROTATION = "weak_rotation_end", Member, "rad", Integrator, IN_SPACE, "rotation of the end from the chord about the local axis y";
+    /// Its twist, in space.
+    TWIST = "twist", Member, "rad", Integrator, IN_SPACE, "twist from start to end";
     /// Its axial force, or the force of a link.
     MEMBER_FORCE = "member_force", Member, "N or N m", Integrator, MEMBER, "axial force, tension positive, or force of a link";
     /// Its moment at its start.
     START_MOMENT = "moment_start", Member, "N m", Integrator, MEMBER, "moment at the start";
     /// Its moment at its end.
     END_MOMENT = "moment_end", Member, "N m", Integrator, MEMBER, "moment at the end";
+    /// Its moment about the local axis y at its start, in space.
+    WEAK_START_MOMENT = "weak_moment_start", Member, "N m", Integrator, IN_SPACE, "moment at the start about the local axis y";
+    /// Its moment about the local axis y at its end, in space.
+    WEAK_END_MOMENT = "weak_moment_end", Member, "N m", Integrator, IN_SPACE, "moment at the end about the local axis y";
+    /// Its torque, in space.
+    TORQUE = "torque", Member, "N m", Integrator, IN_SPACE, "torque";
     /// Target of an axis.
     TARGET = "target", Axis, "m", Integrator, ALWAYS, "target: the deformation B·x of the structure";
     /// Target of an actuator of a loading unit, in the same column.
