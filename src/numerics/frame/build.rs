@@ -107,7 +107,7 @@ impl FrameSpec {
         influence(&self.places())
     }
 
-    /// One number for each axis, the third of a plane frame being 0; an empty list stands for zeros if it may.
+    /// One number for each axis, the third of a plane frame being 0. An empty list is one of zeros if it may be.
     pub(super) fn coordinates(
         &self,
         at: (&'static str, usize),

@@ -1,8 +1,8 @@
 //! Straight member between two points: its geometry, and its stiffness if it is elastic.
 
 use super::MemberEnd;
-use super::inelastic::Sym;
 use super::section::Rigidity;
+use super::symmetric::Sym;
 
 /// Matrix of both ends: x, y, rz of the start, then of the end.
 pub(super) type Matrix = [[f64; 6]; 6];

@@ -14,6 +14,7 @@ mod model;
 mod parts;
 mod section;
 mod spec;
+mod symmetric;
 mod utilisation;
 
 pub use error::FrameError;

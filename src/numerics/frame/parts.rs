@@ -2,10 +2,11 @@
 
 use super::error::listed;
 use super::fibre::Fibres;
-use super::inelastic::{self, Basic, HingeLaw, Place, Sym};
+use super::inelastic::{self, Basic, HingeLaw, Place};
 use super::member::{Beside, Chord, ChordInSpace, Matrix};
 use super::model::{FrameModel, Motion};
 use super::section::Section;
+use super::symmetric::Sym;
 use super::{Direction, FrameError, FrameSpec, MemberKind, MemberSpec};
 use crate::law::{LawSpec, Reach};
 

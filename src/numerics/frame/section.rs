@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use super::error::listed;
 use super::fibre::{Fibre, Material};
-use super::inelastic::{Sym, inverse, product};
+use super::symmetric::{Sym, inverse, product};
 use super::{FrameError, FrameSpec, SectionSpec};
 
 /// Stiffness along and across a member: E A, and E I about its local axis z. In space E I about y and G J, too; 0 where they are not

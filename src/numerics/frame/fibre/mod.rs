@@ -11,7 +11,7 @@ mod power;
 mod spec;
 mod steel;
 
-use super::inelastic::{Sym, mirror};
+use super::symmetric::{Sym, mirror};
 use crate::linalg::Lanes;
 use crate::linalg::lanes::{Isa, Kernel, Portable};
 use concrete::{Concrete01, Concrete02};

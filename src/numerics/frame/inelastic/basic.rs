@@ -10,7 +10,9 @@
 
 use super::super::fibre::{Fibres, SectionResponse};
 use super::super::section::Rigidity;
-use super::symmetric::{Sym, dot, inverse, inverse_of_section, product, visit_upper, widened};
+use super::super::symmetric::{
+    Sym, dot, inverse, inverse_of_section, product, visit_upper, widened,
+};
 use crate::law::Law;
 use crate::linalg::Lanes;
 use gusset_quantity::state;
@@ -44,7 +46,7 @@ pub(super) struct Answer {
 }
 
 impl Answer {
-    /// Of the first deformations.
+    /// With zeros for the last deformations.
     fn of<const D: usize>(force: &[f64; D], stiffness: &Sym<D>) -> Self {
         let mut all = [0.0; 6];
         for (to, from) in all.iter_mut().zip(force) {

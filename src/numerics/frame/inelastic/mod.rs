@@ -5,7 +5,6 @@
 
 mod basic;
 mod quadrature;
-mod symmetric;
 #[cfg(test)]
 mod tests;
 
@@ -13,12 +12,11 @@ pub(super) use basic::{Basic, HingeLaw};
 use std::ops::Range;
 
 use basic::{Answer, DisplacementBased, ForceBased, Hinged, Point};
-pub(in crate::frame) use symmetric::{Sym, inverse, mirror, product};
-use symmetric::{dot, visit_upper, widened};
 
 use super::fibre::Fibres;
 use super::member::Beside;
 use super::section::Rigidity;
+use super::symmetric::{Sym, dot, product, visit_upper, widened};
 use crate::law::{Law, Reach};
 use crate::linalg::Lanes;
 use gusset_quantity::state::{Stateful, Visit};

@@ -84,7 +84,7 @@ fn settled_path(frame: FrameSpec, factor: f64) -> (FrameModel, Vec<Vec<f64>>) {
     (model, found)
 }
 
-/// The same portal in the plane and in any vertical plane: equal displacements while it yields, and none out of its plane.
+/// A portal in the plane and in any vertical plane: equal displacements while it yields, and none out of its plane.
 #[test]
 fn turned_plane_frames_are_equal() {
     for (columns, factor) in [

@@ -3,7 +3,7 @@
 use gusset_quantity::state::Visit;
 
 /// All rows of a symmetric matrix.
-pub(in crate::frame) type Sym<const N: usize> = [[f64; N]; N];
+pub(super) type Sym<const N: usize> = [[f64; N]; N];
 
 /// A determinant below this share of that of the initial matrix counts as zero.
 const SINGULAR: f64 = 1e-9;
@@ -58,7 +58,7 @@ pub(super) fn inverse_of_section<const N: usize>(matrix: &Sym<N>, initial: &Sym<
 }
 
 /// The inverse for three or more rows; none where the determinant vanishes. Real-time: yes.
-pub(in crate::frame) fn inverse<const N: usize>(m: &Sym<N>) -> Option<Sym<N>> {
+pub(super) fn inverse<const N: usize>(m: &Sym<N>) -> Option<Sym<N>> {
     if N > 3 {
         return eliminated(m);
     }
@@ -112,7 +112,7 @@ fn eliminated<const N: usize>(m: &Sym<N>) -> Option<Sym<N>> {
 
 /// m x. Real-time: yes.
 #[inline]
-pub(in crate::frame) fn product<const N: usize>(m: &Sym<N>, x: &[f64; N]) -> [f64; N] {
+pub(super) fn product<const N: usize>(m: &Sym<N>, x: &[f64; N]) -> [f64; N] {
     m.map(|row| dot(&row, x))
 }
 
@@ -125,7 +125,7 @@ pub(super) fn dot<const N: usize>(a: &[f64; N], x: &[f64; N]) -> f64 {
 
 /// The lower triangle becomes the upper one. Real-time: yes.
 #[inline(always)]
-pub(in crate::frame) fn mirror<const N: usize>(m: &mut Sym<N>) {
+pub(super) fn mirror<const N: usize>(m: &mut Sym<N>) {
     let upper = *m;
     for (i, row) in m.iter_mut().enumerate() {
         for (x, other) in row.iter_mut().take(i).zip(&upper) {
