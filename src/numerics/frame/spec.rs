@@ -614,7 +614,7 @@ pub enum ConstraintSpec {
     Equal(EqualSpec),
     /// Rigid body: the nodes move and turn with the master.
     Rigid(FollowersSpec),
-    /// Rigid floor: in a plane the nodes have the x displacement of the master, in space they move and
+    /// Rigid floor. In a plane the nodes have the x displacement of the master. In space they move and
     /// turn with it in x, y and rz.
     Diaphragm(FollowersSpec),
 }
