@@ -57,7 +57,7 @@ impl FrameSpec {
         for (index, part) in parts.iter().enumerate() {
             let (to, entries) = match &part.kind {
                 PartKind::Elastic(_, stiffness) => (&mut linear, stiffness.entries()),
-                PartKind::Inelastic(_, place, (basic, beside)) => {
+                PartKind::Inelastic(_, place, (basic, beside), _) => {
                     let stiffness = with(basic.initial(), beside.as_ref());
                     (&mut members, place.matrix(&stiffness))
                 }
@@ -79,11 +79,12 @@ impl FrameSpec {
         for part in parts {
             match part.kind {
                 PartKind::Elastic(..) => {}
-                PartKind::Inelastic(_, place, basic) => {
-                    of_members.push(part.title, place, basic, (Reach::default(), false));
+                PartKind::Inelastic(_, place, basic, moving) => {
+                    let reach = (Reach::default(), false);
+                    of_members.push(part.title, place, basic, moving, reach);
                 }
                 PartKind::Link(place, basic, declared) => {
-                    of_members.push(part.title, place, (basic, None), declared);
+                    of_members.push(part.title, place, (basic, None), None, declared);
                 }
             }
         }

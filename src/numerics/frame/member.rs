@@ -12,7 +12,7 @@ pub(super) type Matrix = [[f64; 6]; 6];
 pub(super) struct Chord {
     pub(super) length: f64,
     /// Direction cosines of its axis.
-    cosines: [f64; 2],
+    pub(super) cosines: [f64; 2],
     /// From each node to the end of the member.
     offsets: [[f64; 2]; 2],
 }
@@ -175,7 +175,7 @@ impl Beside {
 pub(super) struct ChordInSpace {
     pub(super) length: f64,
     /// Local axes.
-    axes: [[f64; 3]; 3],
+    pub(super) axes: [[f64; 3]; 3],
     /// From each node to the end of the member.
     offsets: [[f64; 3]; 2],
 }

@@ -6,6 +6,7 @@
 //! Begin with [`FrameSpec::model`].
 
 mod build;
+mod corotation;
 mod error;
 mod fibre;
 mod inelastic;
@@ -23,9 +24,9 @@ pub use inelastic::Members;
 pub(crate) use inelastic::{At, Which};
 pub use model::FrameModel;
 pub use spec::{
-    CircleSpec, ConstraintSpec, Direction, ElasticSpec, EqualSpec, FibreSpec, FollowersSpec,
-    FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind, MemberSpec,
-    NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
+    CircleSpec, ConstraintSpec, CorotationalSpec, Direction, ElasticSpec, EqualSpec, FibreSpec,
+    FollowersSpec, FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind,
+    MemberSpec, NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
 };
 pub use utilisation::MemberUse;
 

@@ -1,8 +1,9 @@
 //! Members and links of a description as parts between degrees of freedom.
 
+use super::corotation::Corotation;
 use super::error::listed;
 use super::fibre::Fibres;
-use super::inelastic::{self, Basic, HingeLaw, Place};
+use super::inelastic::{self, Basic, HingeLaw, Moving, Place};
 use super::member::{Beside, Chord, ChordInSpace, Matrix};
 use super::model::{FrameModel, Motion};
 use super::section::Section;
@@ -24,7 +25,12 @@ pub(super) enum PartKind<'a> {
     /// An elastic member.
     Elastic(Ends<'a>, Box<Linear<'a>>),
     /// A member that is evaluated in each step, with what stays linear.
-    Inelastic(Ends<'a>, Place, (Basic, Option<Beside>)),
+    Inelastic(
+        Ends<'a>,
+        Place,
+        (Basic, Option<Beside>),
+        Option<Box<Moving>>,
+    ),
     /// With what its user declared, and whether it acts on rotations.
     Link(Place, Basic, (Reach, bool)),
 }
@@ -229,7 +235,9 @@ impl FrameSpec {
         };
         let fibres = |sections: usize| Fibres::new(sections, &section.fibres, &section.materials);
         let basic = match spec.kind {
-            MemberKind::Elastic if hinges.iter().all(|hinge| hinge.is_none()) => {
+            MemberKind::Elastic
+                if hinges.iter().all(|hinge| hinge.is_none()) && spec.corotational.is_none() =>
+            {
                 let mut rigidity = rigidity()?;
                 let linear = match chord {
                     Line::Plane(chord) => {
@@ -253,6 +261,13 @@ impl FrameSpec {
                     self.hinge(at, "hinge_end", hinges[1].as_ref())?,
                 ];
                 let rigidity = rigidity()?;
+                let [first, second] = hinges.map(Option::is_some);
+                if !first && !second && !spec.release.is_empty() {
+                    return Err(unfit(
+                        "release",
+                        "is corotational and cannot be released: give it a soft hinge",
+                    ));
+                }
                 // Two hinges that soften alike are stable up to this slope, and one up to twice it.
                 let most = 2.0 * rigidity.bending / length;
                 let ends = laws.iter().zip(["hinge_start", "hinge_end"]);
@@ -289,7 +304,76 @@ impl FrameSpec {
         if spec.kind == MemberKind::Truss {
             place = place.stretched();
         }
-        Ok(PartKind::Inelastic(ends, place, basic))
+        let moving = self.moving(index, name, spec, (&ends, &place), influence)?;
+        Ok(PartKind::Inelastic(ends, place, basic, moving))
+    }
+
+    /// Corotational geometry, if a member has it.
+    fn moving(
+        &self,
+        index: usize,
+        name: &str,
+        spec: &MemberSpec,
+        (ends, place): (&Ends<'_>, &Place),
+        influence: &[f64],
+    ) -> Result<Option<Box<Moving>>, FrameError> {
+        let at = ("member", index);
+        let Some(given) = spec.corotational else {
+            return Ok(None);
+        };
+        let has_offset = [&spec.offset_start_m, &spec.offset_end_m]
+            .into_iter()
+            .flatten()
+            .any(|offset| *offset != 0.0);
+        for (key, is_given, why) in [
+            (
+                "p_delta",
+                spec.p_delta,
+                "is corotational, which has the P-Δ effect already",
+            ),
+            (
+                "offset_start_m",
+                has_offset,
+                "is corotational and cannot have rigid offsets",
+            ),
+            (
+                "kind",
+                spec.kind == MemberKind::Truss,
+                "is a truss and cannot be corotational",
+            ),
+        ] {
+            if is_given {
+                let name = name.to_owned();
+                return Err(FrameError::Unfit { at, key, name, why });
+            }
+        }
+        if let Some(found) = given.largest_tension_n
+            && !(found >= 0.0 && found.is_finite())
+        {
+            return Err(FrameError::Value {
+                at,
+                key: "corotational",
+                found,
+                allowed: "a tension that is finite and not negative",
+            });
+        }
+        let of = match ends.chord {
+            Line::Plane(chord) => Corotation::Plane(chord),
+            Line::Space(chord) => Corotation::Space(chord),
+        };
+        let motions: Vec<&[(usize, f64)]> = match ends.chord {
+            Line::Plane(_) => in_plane(ends.motions).map(Vec::as_slice).collect(),
+            Line::Space(_) => ends
+                .motions
+                .into_iter()
+                .flatten()
+                .map(Vec::as_slice)
+                .collect(),
+        };
+        let tension = given.largest_tension_n;
+        let stiffening = ends.geometric_stiffness(tension.unwrap_or(0.0));
+        let moving = Moving::new(of, &motions, (tension, stiffening), place, influence);
+        Ok(Some(Box::new(moving)))
     }
 
     /// The line between two nodes; `None` without a length, or along its orientation.
@@ -539,7 +623,7 @@ impl<'a> Part<'a> {
     pub(super) fn first_forces(&self, disp: &[f64]) -> [f64; 6] {
         match &self.kind {
             PartKind::Elastic(_, linear) => linear.first_forces(disp),
-            PartKind::Inelastic(_, place, (basic, beside)) => {
+            PartKind::Inelastic(_, place, (basic, beside), _) => {
                 let stiffness = inelastic::with(basic.initial(), beside.as_ref());
                 place.first_force(&stiffness, disp)
             }

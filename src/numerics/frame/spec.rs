@@ -449,6 +449,10 @@ pub struct MemberSpec {
     #[serde(default)]
     #[schemars(example = true)]
     pub p_delta: bool,
+    /// Corotational geometry: large displacements and rotations of a member with small deformations.
+    /// Its stability is not proven. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corotational: Option<CorotationalSpec>,
     /// If true, its deformations and forces are recorded. An elastic member without hinges has no such
     /// columns. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -501,10 +505,22 @@ impl MemberSpec {
             orientation: None,
             torsion_n_m2: None,
             p_delta: false,
+            corotational: None,
             record: false,
             stiffness_coefficient_s: None,
         }
     }
+}
+
+/// Corotational geometry of a member.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CorotationalSpec {
+    /// Largest tension expected, which stiffens it across its axis. λ is chosen for it. Without it
+    /// `integrator.lambda` must be a number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = 2.0e5)]
+    pub largest_tension_n: Option<f64>,
 }
 
 /// How a member deforms.

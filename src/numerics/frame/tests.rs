@@ -4,6 +4,7 @@ use super::*;
 use crate::linalg::{Spd, modes};
 use gusset_quantity::assert_is;
 
+mod large;
 mod space;
 
 const E: f64 = 2.1e11;

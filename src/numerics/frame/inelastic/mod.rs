@@ -13,6 +13,7 @@ use std::ops::Range;
 
 use basic::{Answer, DisplacementBased, ForceBased, Hinged, Point};
 
+use super::corotation::Corotation;
 use super::fibre::Fibres;
 use super::member::Beside;
 use super::section::Rigidity;
@@ -60,6 +61,8 @@ pub struct Member {
     basic: Basic,
     /// Deformations in space that stay linear.
     beside: Option<Beside>,
+    /// Its place where it moves far.
+    moving: Option<Box<Moving>>,
     reach: Reach,
     /// v, and what the last trial gave.
     disp: [f64; 6],
@@ -75,7 +78,133 @@ impl Stateful for Member {
         own.for_each(|x| visit.number(x));
         visit_upper(&mut self.answer.stiffness, count, visit);
         visit.number(&mut self.answer.damping);
+        if let Some(moving) = &mut self.moving {
+            moving.moved.iter_mut().for_each(|x| visit.number(x));
+            visit.number(&mut moving.largest);
+            moving.turn();
+            moving.note(&self.answer.force);
+        }
     }
+}
+
+/// A member with corotational geometry: its place now.
+#[derive(Debug)]
+pub(super) struct Moving {
+    of: Corotation,
+    /// Displacements and rotations of both nodes for each of its degrees of freedom, and for its base.
+    columns: Vec<[f64; 12]>,
+    base: [f64; 12],
+    /// Those of the last trial.
+    moved: [f64; 12],
+    disp: [f64; 6],
+    place: Place,
+    /// Of its degrees of freedom: how much less than its ends the chord turns.
+    turns: Vec<[f64; 2]>,
+    /// N l, and the shear forces of both bendings.
+    forces: [f64; 3],
+    /// The declared tension and the largest one so far, N; and the stiffness that the declared one adds.
+    tension: Option<f64>,
+    largest: f64,
+    stiffening: Vec<(usize, usize, f64)>,
+}
+
+impl Moving {
+    /// From the motions of both nodes: terms of each of their displacements and rotations.
+    pub(super) fn new(
+        of: Corotation,
+        motions: &[&[(usize, f64)]],
+        (tension, stiffening): (Option<f64>, Vec<(usize, usize, f64)>),
+        place: &Place,
+        influence: &[f64],
+    ) -> Self {
+        let mut columns = vec![[0.0; 12]; place.dofs.len()];
+        let mut base = [0.0; 12];
+        for (k, motion) in motions.iter().enumerate() {
+            for (dof, share) in *motion {
+                if let Some(at) = place.dofs.iter().position(|known| known == dof) {
+                    columns[at][k] += share;
+                }
+                base[k] -= share * influence[*dof];
+            }
+        }
+        let mut new = Self {
+            of,
+            turns: vec![[0.0; 2]; columns.len()],
+            columns,
+            base,
+            moved: [0.0; 12],
+            disp: [0.0; 6],
+            place: place.clone(),
+            forces: [0.0; 3],
+            tension,
+            largest: 0.0,
+            stiffening,
+        };
+        new.turn();
+        new
+    }
+
+    /// The deformations at this place. Real-time: yes.
+    fn go(&mut self, disp: &[f64], base: f64) -> [f64; 6] {
+        self.moved = self.base.map(|share| share * base);
+        for (column, &dof) in self.columns.iter().zip(&self.place.dofs) {
+            let by = disp.get(dof).copied().unwrap_or(f64::NAN);
+            for (moved, share) in self.moved.iter_mut().zip(column) {
+                *moved += share * by;
+            }
+        }
+        self.turn();
+        self.disp
+    }
+
+    /// Rows at `moved`. Real-time: yes.
+    fn turn(&mut self) {
+        let (disp, slopes) = self.of.at(&self.moved);
+        let turns = self.of.turns(&slopes);
+        self.disp = disp;
+        let places = self.place.rows.iter_mut().zip(&mut self.turns);
+        for ((row, turn), column) in places.zip(&self.columns) {
+            *row = product_of(&slopes, column);
+            *turn = product_of(&turns, column);
+        }
+    }
+
+    /// Takes the forces there. Real-time: yes.
+    fn note(&mut self, force: &[f64; 6]) {
+        let [axial, start, end, weak_start, weak_end, _] = force;
+        let length = self.of.length(self.disp[0]);
+        self.forces = [
+            axial * length,
+            (start + end) / length,
+            (weak_start + weak_end) / length,
+        ];
+    }
+
+    /// Entries of the stiffness of its forces, each beside the diagonal once. Real-time: yes, if `to` is.
+    fn spread_forces(&self, to: &mut dyn FnMut(usize, usize, f64)) {
+        let [along, shears @ ..] = self.forces;
+        let all = self
+            .place
+            .dofs
+            .iter()
+            .zip(&self.place.rows)
+            .zip(&self.turns);
+        for (i, ((&first, row), turns)) in all.clone().enumerate() {
+            for ((&second, other), others) in all.clone().skip(i) {
+                let mut sum = 0.0;
+                for ((shear, turn), other_turn) in shears.iter().zip(turns).zip(others) {
+                    sum +=
+                        along * turn * other_turn - shear * (row[0] * other_turn + turn * other[0]);
+                }
+                to(first, second, sum);
+            }
+        }
+    }
+}
+
+/// m x. Real-time: yes.
+fn product_of<const N: usize>(m: &[[f64; 12]; N], x: &[f64; 12]) -> [f64; N] {
+    m.each_ref().map(|row| dot(row, x))
 }
 
 /// Rows of the deformations of a member: v = Σ row · x, counted from a base that moves to the right.
@@ -279,6 +408,13 @@ pub(super) fn with(mut stiffness: Sym<6>, beside: Option<&Beside>) -> Sym<6> {
 }
 
 impl Member {
+    /// Its rows at the last trial. Real-time: yes.
+    fn now(&self) -> &Place {
+        self.moving
+            .as_ref()
+            .map_or(&self.place, |moving| &moving.place)
+    }
+
     /// K of the virgin member.
     fn initial(&self) -> Sym<6> {
         with(self.basic.initial(), self.beside.as_ref())
@@ -337,6 +473,7 @@ impl Members {
         (number, name, is_recorded): (usize, String, bool),
         place: Place,
         (basic, beside): (Basic, Option<Beside>),
+        moving: Option<Box<Moving>>,
         (reach, turns): (Reach, bool),
     ) {
         let answer = Answer {
@@ -352,6 +489,7 @@ impl Members {
             place,
             basic,
             beside,
+            moving,
             reach,
             disp,
             answer,
@@ -390,7 +528,10 @@ impl Members {
         gross: &mut [f64],
     ) {
         for member in self.each.get_mut(part).unwrap_or_default() {
-            member.disp = member.place.deformation(at.disp, at.base[0]);
+            member.disp = match &mut member.moving {
+                Some(moving) => moving.go(at.disp, at.base[0]),
+                None => member.place.deformation(at.disp, at.base[0]),
+            };
             let [rate, ..] = member.place.deformation(at.vel, at.base[1]);
             if self.is_single {
                 member.basic.trial(&member.disp, rate, at.dt, lanes);
@@ -400,13 +541,17 @@ impl Members {
                 beside.add(&member.disp, &mut member.answer.force);
                 beside.stiffen(&mut member.answer.stiffness);
             }
-            member.place.spread(&member.answer.force, |dof, force| {
+            if let Some(moving) = &mut member.moving {
+                moving.note(&member.answer.force);
+            }
+            let place = member.now();
+            place.spread(&member.answer.force, |dof, force| {
                 if let Some(r) = residual.get_mut(dof) {
                     *r -= force;
                 }
             });
             if !gross.is_empty() {
-                member.place.sizes(member.answer.force, gross);
+                place.sizes(member.answer.force, gross);
             }
         }
     }
@@ -415,9 +560,12 @@ impl Members {
     pub(crate) fn commit(&mut self) {
         self.unbalances.rotate_right(1);
         self.unbalances[0] = self.unbalance();
-        self.each
-            .iter_mut()
-            .for_each(|member| member.basic.commit());
+        for member in &mut self.each {
+            member.basic.commit();
+            if let Some(moving) = &mut member.moving {
+                moving.largest = moving.largest.max(member.answer.force[0]);
+            }
+        }
     }
 
     /// Largest unbalance along a member at its last evaluation. Real-time: yes.
@@ -476,17 +624,33 @@ impl Members {
     /// out ← out − K_t d − C_t v with the tangents of the last trial, for changes d and v. Real-time: yes.
     pub(crate) fn subtract_tangent(&self, change: At<'_>, out: &mut [f64]) {
         for member in &self.each {
-            let disp = member.place.deformation(change.disp, change.base[0]);
+            let place = member.now();
+            let disp = place.deformation(change.disp, change.base[0]);
             let mut force = product(&member.answer.stiffness, &disp);
             if member.answer.damping != 0.0 {
                 let [rate, ..] = member.place.deformation(change.vel, change.base[1]);
                 force[0] += member.answer.damping * rate;
             }
-            member.place.spread(&force, |dof, force| {
+            place.spread(&force, |dof, force| {
                 if let Some(out) = out.get_mut(dof) {
                     *out -= force;
                 }
             });
+            if let Some(moving) = &member.moving {
+                moving.spread_forces(&mut |i, j, value| {
+                    let of = |dof: usize| change.disp.get(dof).copied().unwrap_or(f64::NAN);
+                    let pairs = if i == j {
+                        &[(i, j)][..]
+                    } else {
+                        &[(i, j), (j, i)]
+                    };
+                    for (row, column) in pairs {
+                        if let Some(out) = out.get_mut(*row) {
+                            *out -= value * of(*column);
+                        }
+                    }
+                });
+            }
         }
     }
 
@@ -495,7 +659,10 @@ impl Members {
         for member in &self.each {
             let mut tangent = member.answer.stiffness;
             tangent[0][0] += member.answer.damping / dt;
-            member.place.spread_matrix(&tangent, &mut *to);
+            member.now().spread_matrix(&tangent, &mut *to);
+            if let Some(moving) = &member.moving {
+                moving.spread_forces(&mut *to);
+            }
         }
     }
 
@@ -520,6 +687,22 @@ impl Members {
         })
     }
 
+    /// Name of each member whose tension exceeded the declared one, with both in N.
+    pub fn over_tension(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
+        self.each.iter().filter_map(|member| {
+            let moving = member.moving.as_ref()?;
+            let declared = moving.tension?;
+            (moving.largest > declared)
+                .then_some((member.name.as_str(), [moving.largest, declared]))
+        })
+    }
+
+    /// True if a member moves far.
+    #[must_use]
+    pub fn are_moving(&self) -> bool {
+        self.each.iter().any(|member| member.moving.is_some())
+    }
+
     /// Name of each member with its largest use so far at its start and its end, in parts of what makes it yield.
     pub fn demands(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
         let members = self.each.iter();
@@ -529,7 +712,17 @@ impl Members {
 
     /// Entries of K_t of the last trial, (i ≤ j, value).
     pub(crate) fn tangent_stiffness(&self) -> Vec<(usize, usize, f64)> {
-        self.collect(|member| member.answer.stiffness)
+        let mut entries = Vec::new();
+        let mut push = |i: usize, j: usize, value| entries.push((i.min(j), i.max(j), value));
+        for member in &self.each {
+            member
+                .now()
+                .spread_matrix(&member.answer.stiffness, &mut push);
+            if let Some(moving) = &member.moving {
+                moving.spread_forces(&mut push);
+            }
+        }
+        entries
     }
 
     /// Entries of C_t of the last trial.
@@ -542,7 +735,8 @@ impl Members {
     /// # Errors
     /// Name of a link whose bound needs a reach.
     pub(crate) fn stiffness(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
-        self.of_laws(Member::initial, |law, reach| match which {
+        let tension = (which != Which::Rest, which == Which::Bound);
+        self.of_laws(tension, Member::initial, |law, reach| match which {
             Which::Bound => law.bound(reach).0,
             Which::Reference | Which::Rest => Some(law.reference().stiffness),
         })
@@ -554,6 +748,7 @@ impl Members {
     /// Name of a link whose bound needs a reach.
     pub(crate) fn damping(&self, which: Which) -> Result<Vec<(usize, usize, f64)>, String> {
         self.of_laws(
+            (false, false),
             |_| [[0.0; 6]; 6],
             |law, reach| match which {
                 Which::Bound => law.bound(reach).1,
@@ -565,6 +760,7 @@ impl Members {
 
     fn of_laws(
         &self,
+        (counts_tension, is_bound): (bool, bool),
         of_member: impl Fn(&Member) -> Sym<6>,
         of_link: impl Fn(&dyn Law, Reach) -> Option<f64>,
     ) -> Result<Vec<(usize, usize, f64)>, String> {
@@ -579,6 +775,12 @@ impl Members {
                 _ => of_member(member),
             };
             entries.extend(member.place.matrix(&matrix));
+            if let Some(moving) = member.moving.as_ref().filter(|_| counts_tension) {
+                if moving.tension.is_none() && is_bound {
+                    return Err(member.name.clone());
+                }
+                entries.extend_from_slice(&moving.stiffening);
+            }
         }
         Ok(entries)
     }
