@@ -25,6 +25,7 @@ pub mod read;
 mod record_facts;
 mod resample;
 mod sampled;
+mod scaling;
 mod shapes;
 mod signal;
 pub mod unit;
@@ -42,6 +43,7 @@ pub use read::{
 };
 pub use record_facts::RecordFacts;
 pub use resample::{Resample, central_difference, resample};
+pub use scaling::{Scaled, Scaling};
 pub use shapes::{Constant, Ricker, Sine, Sweep, SweepKind};
 pub use signal::{FileSignal, Signal, Values};
 pub use unit::{Quantity, STANDARD_GRAVITY, Unit};

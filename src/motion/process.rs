@@ -10,7 +10,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{MotionError, Short, all_finite, finite, inside, positive};
+use super::error::{MotionError, Short, all_finite, finite, inside, not_negative, positive};
 use super::resample::central_difference;
 use super::sampled::{Origin, Sampled};
 use super::shapes::{check_taper, factor_of, taper};
@@ -28,6 +28,9 @@ pub struct Motion {
     /// Processing of the time history. Default: none.
     #[serde(default)]
     pub processing: Processing,
+    /// Time in s by which the whole motion starts later; zero before. Default: 0.
+    #[serde(default)]
+    pub delay_s: f64,
 }
 
 /// Processing of a signal. The order is: detrend, taper, resampling, target, scale factor, tail.
@@ -130,6 +133,7 @@ impl Motion {
         Self {
             signal,
             processing: Processing::default(),
+            delay_s: 0.0,
         }
     }
 
@@ -177,6 +181,55 @@ impl Motion {
         Ok((series, rates))
     }
 
+    /// The signal with its delay, baseline and tapers, before it is scaled.
+    fn source(
+        &self,
+        quantity: Quantity,
+        files: &Files<'_>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Source, MotionError> {
+        let delay = not_negative("delay_s", self.delay_s)?;
+        let mut source = self.signal.source(quantity, files, warnings)?;
+        match &mut source {
+            Source::Curve(curve) => {
+                self.processing.only_scales()?;
+                curve.delay(delay);
+            }
+            Source::Sampled(samples) => {
+                let (first, last) = samples.inner();
+                self.processing.remove_trend(samples, first, last);
+                self.processing.taper(samples)?;
+                samples.delay(delay);
+            }
+        }
+        Ok(source)
+    }
+
+    /// The accelerations before they are scaled: the samples of a record, or the points of a closed form on `grid`.
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub(crate) fn accelerogram(
+        &self,
+        grid: Grid,
+        files: &Files<'_>,
+    ) -> Result<Accelerogram, MotionError> {
+        Ok(
+            match self.source(Quantity::Acceleration, files, &mut Vec::new())? {
+                Source::Curve(curve) => Accelerogram {
+                    values: grid.times().map(|t| (curve.at)(t).0).collect(),
+                    dt: grid.dt(),
+                    start: 0.0,
+                },
+                Source::Sampled(samples) => {
+                    let (values, dt) = samples.itself()?;
+                    let start = samples.first_inner_time();
+                    Accelerogram { values, dt, start }
+                }
+            },
+        )
+    }
+
     /// Value and, where it is known, rate at every point of the grid, and what else a [`Series`] holds.
     fn points(
         &self,
@@ -187,9 +240,8 @@ impl Motion {
         let mut series = Series::default();
         let (warnings, doubts) = (&mut series.warnings, &mut series.doubts);
         let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
-        let points = match self.signal.source(quantity, files, warnings)? {
+        let points = match self.source(quantity, files, warnings)? {
             Source::Curve(curve) => {
-                self.processing.only_scales()?;
                 let points: Vec<(f64, f64)> = grid.times().map(|t| (curve.at)(t)).collect();
                 let values = || Ok((points.iter().map(|p| p.0).collect(), grid.dt()));
                 let target = self.processing.target(quantity, values)?;
@@ -203,9 +255,6 @@ impl Motion {
                 finite_points(points)?
             }
             Source::Sampled(mut samples) => {
-                let (first, last) = samples.inner();
-                self.processing.remove_trend(&mut samples, first, last);
-                self.processing.taper(&mut samples)?;
                 let holds = quantity == Quantity::Displacement;
                 let itself = || samples.itself();
                 let scale = scale_factor * self.processing.target(quantity, itself)?;
@@ -242,6 +291,17 @@ impl Motion {
         };
         Ok((points, series))
     }
+}
+
+/// Accelerations at equal steps.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Accelerogram {
+    /// In m/s².
+    pub values: Vec<f64>,
+    /// Their distance in s.
+    pub dt: f64,
+    /// Test time of the first of them in s.
+    pub start: f64,
 }
 
 /// Finite numbers times finite factors may still run out of range.

@@ -147,6 +147,7 @@ pub(super) fn motion(signal: &Signal, processing: &Processing) -> Motion {
     Motion {
         signal: signal.clone(),
         processing: processing.clone(),
+        delay_s: 0.0,
     }
 }
 
