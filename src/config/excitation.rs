@@ -3,15 +3,24 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use gusset_motion::{Processing, Signal};
+use super::ground::GroundMotions;
+use gusset_motion::{Processing, Scaling, Signal};
 
 /// Excitation of the structure, or of the specimens in a test without a structure. Several
 /// contributions are added.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExcitationTable {
-    /// Ground acceleration in m/s², with the structure in relative coordinates: F = −M·ι·a_g.
-    pub ground_acceleration: Option<GroundTable>,
+    /// Ground acceleration in m/s², with the structure in relative coordinates: F = −M·ι·a_g. One table,
+    /// or a list `[[excitation.ground_acceleration]]` with one table for each component.
+    #[serde(skip_serializing_if = "GroundMotions::is_empty")]
+    pub ground_acceleration: GroundMotions,
+    /// Angle by which the components x and y are turned in plan, from x to y, before they act. a_x cos θ −
+    /// a_y sin θ acts in x, a_x sin θ + a_y cos θ in y.
+    #[schemars(example = 30.0)]
+    pub incident_angle_deg: Option<f64>,
+    /// One factor for all components of the ground acceleration.
+    pub scaling: Option<Scaling>,
     /// Base displacement in m, with the structure in absolute coordinates: F = K·ι·x_g + C·ι·v_g.
     pub base_displacement: Option<GroundTable>,
     /// Forces on DOFs that follow one time history.
@@ -24,7 +33,7 @@ pub struct ExcitationTable {
     pub prescribed_displacement: Vec<PrescribedTable>,
 }
 
-/// Motion of the ground or the base.
+/// Motion of the base.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GroundTable {

@@ -10,7 +10,7 @@
 //! specimen from one recorded motion. Begin reading with [`Signal`].
 //!
 //! No file is opened here, no clock is read. During a test only [`Excitation::load_into`], [`Excitation::base`],
-//! [`Excitation::ground`] and [`Prescribed::at`] run: they read tables and allocate nothing.
+//! [`Excitation::ground`], [`Ground::at`] and [`Prescribed::at`] run: they read tables and allocate nothing.
 
 mod base;
 pub mod error;
@@ -143,7 +143,25 @@ pub struct Excitation {
     table: Option<NodalTable>,
     constant: Option<Vec<f64>>,
     base: Option<(Vec<f64>, Vec<f64>)>,
-    ground: Option<Vec<f64>>,
+    grounds: Vec<Ground>,
+}
+
+/// A recorded ground acceleration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ground {
+    /// End of the name of its column; empty for the only one.
+    pub suffix: String,
+    /// In m/s², steps + 1 values.
+    pub accel: Vec<f64>,
+}
+
+impl Ground {
+    /// Acceleration in m/s² at `step`, 0 beyond the test. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, step: usize) -> f64 {
+        self.accel.get(step).copied().unwrap_or(0.0)
+    }
 }
 
 /// A load term as the loop reads it.
@@ -171,7 +189,7 @@ impl Excitation {
             table: None,
             constant: None,
             base: None,
-            ground: None,
+            grounds: Vec::new(),
         }
     }
 
@@ -249,13 +267,17 @@ impl Excitation {
         Ok(self)
     }
 
-    /// Keeps the ground acceleration (m/s², `steps + 1` values) for the rows; the load it causes is a term.
+    /// Keeps a ground acceleration (m/s², `steps + 1` values) for the rows; the load it causes is a term. `suffix` is the end of
+    /// the name of its column.
     ///
     /// # Errors
     /// [`MotionError::Length`], [`MotionError::EntryNotFinite`].
-    pub fn with_ground(mut self, accel: Vec<f64>) -> Result<Self, MotionError> {
+    pub fn with_ground(mut self, suffix: &str, accel: Vec<f64>) -> Result<Self, MotionError> {
         check("ground acceleration", &accel, self.steps + 1)?;
-        self.ground = Some(accel);
+        self.grounds.push(Ground {
+            suffix: suffix.to_owned(),
+            accel,
+        });
         Ok(self)
     }
 
@@ -279,10 +301,11 @@ impl Excitation {
         self.constant.is_some()
     }
 
-    /// The ground acceleration in m/s², if one was given.
+    /// The ground accelerations, in the order of their columns.
+    #[inline]
     #[must_use]
-    pub fn ground_accel(&self) -> Option<&[f64]> {
-        self.ground.as_deref()
+    pub fn grounds(&self) -> &[Ground] {
+        &self.grounds
     }
 
     /// The degree of freedom, from 0, and the largest force in N of a table of forces, with its sign.
@@ -387,12 +410,11 @@ impl Excitation {
         }
     }
 
-    /// Ground acceleration in m/s² at `step`, 0 without ground motion and beyond the test. Real-time: yes.
+    /// Acceleration in m/s² of the first of the [`Self::grounds`] at `step`, 0 without one. Real-time: yes.
     #[inline]
     #[must_use]
     pub fn ground(&self, step: usize) -> f64 {
-        let accel = self.ground.as_ref().and_then(|a| a.get(step));
-        accel.copied().unwrap_or(0.0)
+        self.grounds.first().map_or(0.0, |ground| ground.at(step))
     }
 }
 
@@ -440,7 +462,7 @@ mod tests {
                 })
             })
             .and_then(|e| e.with_base(vec![0.0, 1.0, 2.0, 3.0], vec![9.0; 4]))
-            .and_then(|e| e.with_ground(vec![0.0, 1.0, 2.0, 0.5]))
+            .and_then(|e| e.with_ground("", vec![0.0, 1.0, 2.0, 0.5]))
             .unwrap()
     }
 
@@ -510,7 +532,7 @@ mod tests {
         );
         assert!(bare().with_constant(vec![1.0]).is_err());
         assert!(bare().with_base(vec![0.0; 2], vec![0.0]).is_err());
-        assert!(bare().with_ground(vec![f64::INFINITY, 0.0]).is_err());
+        assert!(bare().with_ground("", vec![f64::INFINITY, 0.0]).is_err());
         let table = |dofs: &[usize], values: &[f64]| {
             bare().with_table(NodalTable {
                 dofs: dofs.to_vec(),
@@ -551,7 +573,7 @@ mod tests {
                 })
             })
             .and_then(|e| e.with_base(vec![0.0; 101], vec![0.0; 101]))
-            .and_then(|e| e.with_ground(vec![0.0; 101]))
+            .and_then(|e| e.with_ground("", vec![0.0; 101]))
             .unwrap();
         let mut out = vec![0.0; n];
         let mut sum = 0.0;

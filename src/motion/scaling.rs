@@ -171,7 +171,10 @@ impl Scaling {
             return refuse("spectrum", why);
         }
         if let Some(stated) = table.unit_of(1).filter(|unit| *unit != self.unit) {
-            let why = format!("{file} states the unit {stated}, but `unit` is {}", self.unit);
+            let why = format!(
+                "{file} states the unit {stated}, but `unit` is {}",
+                self.unit
+            );
             return refuse("unit", why);
         }
         let rows: Vec<(f64, f64)> = table.values.chunks(2).map(|row| (row[0], row[1])).collect();

@@ -22,13 +22,15 @@ const MOST_NAMED: usize = 12;
 fn numbers_per_step(excitation: &ExcitationTable) -> u64 {
     let ExcitationTable {
         ground_acceleration,
+        incident_angle_deg: _,
+        scaling: _,
         base_displacement,
         nodal_force,
         nodal_table: _,
         prescribed_displacement,
     } = excitation;
     let counts = [
-        3 * usize::from(ground_acceleration.is_some()),
+        3 * ground_acceleration.all().len(),
         4 * usize::from(base_displacement.is_some()),
         2 * nodal_force.len(),
         4 * prescribed_displacement.len(),
@@ -113,7 +115,7 @@ pub(super) fn keep(
 }
 
 /// The values of the motion whose table is at `at`.
-fn series(
+pub(super) fn series(
     site: &mut Site<'_>,
     at: &KeyPath,
     history: &Motion,
@@ -129,7 +131,7 @@ fn series(
 }
 
 /// Warns of a load at `at` whose numbers are all zero: it moves nothing.
-fn warn_of_nothing(site: &mut Site<'_>, at: KeyPath, values: [&[f64]; 2]) {
+pub(super) fn warn_of_nothing(site: &mut Site<'_>, at: KeyPath, values: [&[f64]; 2]) {
     let [place, history] = values.map(|values| values.iter().all(|value| *value == 0.0));
     if place || history {
         let label = if place {
@@ -162,25 +164,7 @@ pub(super) fn excitation(
     let mut excitation = Excitation::none(n, grid.steps());
     let table = &site.loaded.file.excitation;
     let at = path("excitation");
-    if let Some(ground) = &table.ground_acceleration {
-        let at = at.key("ground_acceleration");
-        let history = motion(&ground.signal, &ground.processing);
-        let series = series(site, &at, &history, Quantity::Acceleration, grid)?;
-        let iota = ground
-            .influence
-            .clone()
-            .unwrap_or_else(|| structure.influence().to_vec());
-        let iota = sized(site, &at.key("influence"), iota, n)?;
-        let pattern = ground_load(structure, specimens, &iota);
-        warn_of_nothing(site, at.clone(), [&pattern, &series]);
-        let term = LoadTerm {
-            pattern,
-            series: series.clone(),
-        };
-        excitation = added(site, &at, || {
-            excitation.with_term(term)?.with_ground(series)
-        })?;
-    }
+    excitation = super::ground::ground(site, structure, specimens, grid, excitation)?;
     if let Some(base) = &table.base_displacement {
         let at = at.key("base_displacement");
         let history = motion(&base.signal, &base.processing);
@@ -322,7 +306,7 @@ fn are_numbered(names: &[String]) -> bool {
     })
 }
 
-fn added(
+pub(super) fn added(
     site: &mut Site<'_>,
     at: &KeyPath,
     add: impl FnOnce() -> Result<Excitation, MotionError>,
@@ -332,7 +316,7 @@ fn added(
 
 /// −M ι with the mass of the specimens whose inertia is inside the measured force: they load the structure although they
 /// are not counted in M.
-fn ground_load(structure: &Structure, specimens: &Specimens, iota: &[f64]) -> Vec<f64> {
+pub(super) fn ground_load(structure: &Structure, specimens: &Specimens, iota: &[f64]) -> Vec<f64> {
     let mut load = vec![0.0; iota.len()];
     structure.mass().subtract_product(iota, &mut load);
     specimens
@@ -360,7 +344,7 @@ fn spread(
     Ok(pattern)
 }
 
-fn sized(
+pub(super) fn sized(
     site: &mut Site<'_>,
     at: &KeyPath,
     values: Vec<f64>,

@@ -15,6 +15,7 @@ mod facts;
 mod frames;
 mod gateway;
 mod gear;
+mod ground;
 mod ideal;
 mod limits;
 mod links;
@@ -39,7 +40,7 @@ mod trial;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-pub use facts::{Facts, FrameFacts, RuleDamping, StructureFacts};
+pub use facts::{Facts, FrameFacts, GroundFacts, RuleDamping, StructureFacts};
 pub use gateway::position_reader;
 use gear::Rows;
 use gusset_config::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, SpecimenTable, TestFile};
@@ -404,7 +405,8 @@ fn numerical(
         specimens.attached(),
         proof.as_ref().map(|proof| (dt, proof.lambda)),
     );
-    let ground = excitation.ground_accel();
+    let grounds = excitation.grounds().iter();
+    let grounds: Vec<GroundFacts> = grounds.map(GroundFacts::of).collect();
     let rotations = rotations(site, n)?;
     let facts = StructureFacts {
         dofs: n,
@@ -429,7 +431,9 @@ fn numerical(
         analysis,
         no_margin: None,
         peak_nodal_force: excitation.peak_of_table(),
-        peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
+        peak_ground_accel: grounds.iter().map(|ground| ground.peak).reduce(f64::max),
+        grounds,
+        scaled: site.scaled.take(),
     };
     plausible::units(site, specimens, &facts);
     let accel = gusset_numerics::model::Acceleration::new(structure.mass());

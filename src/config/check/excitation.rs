@@ -6,18 +6,17 @@ use super::Findings;
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
 use crate::excitation::{ExcitationTable, PrescribedPlace};
+use crate::ground::{GroundComponent, GroundDirection};
 use crate::schema::TestFile;
 use crate::suggest::{listed, nearest};
+use gusset_motion::Quantity;
 use gusset_numerics::model::End;
 
 /// The whole of `[excitation]`.
 pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
     let at = KeyPath::root().key("excitation");
     let excitation = &file.excitation;
-    if let (Some(_), Some(_)) = (
-        &excitation.ground_acceleration,
-        &excitation.base_displacement,
-    ) {
+    if !excitation.ground_acceleration.is_empty() && excitation.base_displacement.is_some() {
         findings.push(
             Finding::error(at.key("base_displacement"), "both a ground acceleration and a base displacement are given")
                 .label("absolute coordinates")
@@ -27,6 +26,8 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
         );
     }
     check_frames(file, findings);
+    check_components(file, findings);
+    check_scaling(file, findings);
     for (index, force) in excitation.nodal_force.iter().enumerate() {
         let at = at.key("nodal_force").index(index);
         let why = "the factors distribute the force over the DOFs";
@@ -50,11 +51,127 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
     }
 }
 
+/// Directions and influence vectors of the components of the ground acceleration, and the angle in plan.
+fn check_components(file: &TestFile, findings: &mut Findings) {
+    let at = KeyPath::root().key("excitation");
+    let Some(structure) = &file.structure else {
+        return;
+    };
+    let is_frame = structure.frame.is_some();
+    let grounds = &file.excitation.ground_acceleration;
+    let all = grounds.all();
+    for (index, component) in all.iter().enumerate() {
+        let at = grounds.place(&at, index);
+        let finding = match (component.direction, &component.influence) {
+            (None, None) if all.len() > 1 => {
+                let text = format!("`{at}` has neither `direction` nor `influence`");
+                Finding::error(at, text).label("one of several components")
+            }
+            (Some(direction), None) if !is_frame => {
+                let text = format!(
+                    "the direction {} of this structure is not known",
+                    direction.word()
+                );
+                Finding::error(at.key("direction"), text).label("`influence` is missing")
+            }
+            (Some(direction), None) if direction.of_frame().is_none() => {
+                let text = format!("a plane frame has no direction {}", direction.word());
+                Finding::error(at.key("direction"), text).label("allowed: \"x\", and \"y\" upwards")
+            }
+            _ => continue,
+        };
+        findings.push(finding.help(
+            "a frame knows the influence vector of `direction`; other structures need `influence`, one number for each DOF",
+        ));
+    }
+    for (index, component) in all.iter().enumerate() {
+        let is_other = |other: &GroundComponent| {
+            other.direction == component.direction && other.influence != component.influence
+        };
+        if component.direction.is_some() && all[..index].iter().any(is_other) {
+            let at = grounds.place(&at, index);
+            let headline =
+                format!("`{at}` has the direction of another component, but another `influence`");
+            let help = "leave out `direction` of both, or give both the same `influence`";
+            findings.push(Finding::error(at, headline).help(help));
+        }
+    }
+    if file.excitation.incident_angle_deg.is_none() {
+        return;
+    }
+    let count = |wanted| {
+        let has = |one: &&GroundComponent| one.direction == Some(wanted);
+        all.iter().filter(has).count()
+    };
+    let found = [GroundDirection::X, GroundDirection::Y, GroundDirection::Z].map(count);
+    let is_pair = matches!(found, [1, 1, _]) && found.iter().sum::<usize>() == all.len();
+    if is_frame || !is_pair {
+        let label = match is_frame {
+            true => "y of a plane frame is vertical".to_owned(),
+            false => format!(
+                "found {} in x, {} in y, {} others",
+                found[0],
+                found[1],
+                all.len() - found[0] - found[1]
+            ),
+        };
+        let headline = "`excitation.incident_angle_deg` needs one component with direction x and one with direction y";
+        let finding = Finding::error(at.key("incident_angle_deg"), headline).label(label);
+        findings.push(finding.help("one more component with direction z is allowed"));
+    }
+}
+
+/// One factor for all components.
+fn check_scaling(file: &TestFile, findings: &mut Findings) {
+    let at = KeyPath::root().key("excitation");
+    let (Some(scaling), Some(structure)) = (&file.excitation.scaling, &file.structure) else {
+        return;
+    };
+    let grounds = &file.excitation.ground_acceleration;
+    let found = grounds.horizontal(structure.frame.is_some()).len();
+    if found != 2 {
+        let headline =
+            "`excitation.scaling` needs two horizontal components of the ground acceleration";
+        let finding = Finding::error(at.key("scaling"), headline).label(format!("found {found}"));
+        findings.push(finding.help(
+            "scale a single component with `target_peak` or `target_sa` of its `processing`; y of a plane frame is vertical",
+        ));
+    }
+    for index in 0..grounds.all().len() {
+        let at = grounds.place(&at, index).key("processing");
+        for key in findings.given(&at, "target_peak target_sa") {
+            let headline = format!("`{key}` and `excitation.scaling` both scale this component");
+            findings.push(
+                Finding::error(key, headline)
+                    .at_key()
+                    .help("remove it: `scaling` gives all components one factor, and `scale_factor` an additional one"),
+            );
+        }
+    }
+    let at = at.key("scaling");
+    let is_value = scaling.period_s.is_some() && scaling.value.is_some();
+    let is_any_value = scaling.period_s.is_some() || scaling.value.is_some();
+    if is_any_value == scaling.spectrum.is_some() || (is_any_value && !is_value) {
+        let headline = "`excitation.scaling` needs either `period_s` and `value`, or `spectrum`";
+        findings.push(Finding::error(at.clone(), headline));
+    }
+    if scaling.spectrum.is_none() && scaling.periods_s.is_some() {
+        let headline = "`periods_s` needs `spectrum`: a value has one `period_s`";
+        findings.push(Finding::error(at.key("periods_s"), headline).at_key());
+    }
+    if scaling.unit.quantity() != Quantity::Acceleration {
+        let headline = format!("`{}` must be a unit of acceleration", at.key("unit"));
+        let finding = Finding::error(at.key("unit"), headline);
+        let finding = finding.label(format!("found {}", scaling.unit));
+        findings.push(finding.help(format!("allowed: {}", Quantity::Acceleration.spellings())));
+    }
+}
+
 /// Parts that are tied to the inertial frame, or measured in it, where the coordinates are others.
 fn check_frames(file: &TestFile, findings: &mut Findings) {
     let root = KeyPath::root();
     let at = root.key("excitation");
-    if file.excitation.ground_acceleration.is_some()
+    if !file.excitation.ground_acceleration.is_empty()
         && let Some(structure) = &file.structure
     {
         let mut fixed = Vec::new();
@@ -128,7 +245,8 @@ fn check_motionless(file: &TestFile, findings: &mut Findings) {
 
 fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let excitation = &file.excitation;
-    let loads = "ground_acceleration base_displacement nodal_force nodal_table";
+    let loads =
+        "ground_acceleration incident_angle_deg scaling base_displacement nodal_force nodal_table";
     for key in findings.given(at, loads) {
         let text = format!("`{key}` acts on a structure, and this test has no `[structure]`");
         let finding = Finding::error(key, text).label("nothing to act on");
