@@ -25,7 +25,7 @@ const PERIODS: usize = 64;
 const FINER: f64 = 8.0;
 
 /// Scaling of all components by one factor, to a measure of both horizontal components together. Damping
-/// is 5 %. Give `period_s` and `value`, or `spectrum`.
+/// is 5 %. Give `period_s` and `value`, or `spectrum_file`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scaling {
@@ -40,7 +40,7 @@ pub struct Scaling {
     /// File with the target spectrum, relative to the test file: periods in s, and spectral accelerations
     /// in `unit`.
     #[schemars(example = &"design-spectrum.csv")]
-    pub spectrum: Option<String>,
+    pub spectrum_file: Option<String>,
     /// First and last natural period at which the measure is compared with the spectrum. Default: the
     /// periods of the file.
     #[schemars(example = [0.2, 1.5])]
@@ -129,14 +129,14 @@ impl Scaling {
             before,
             after,
             target,
-            spectrum: self.spectrum.clone(),
+            spectrum: self.spectrum_file.clone(),
         })
     }
 
     /// Periods in s and targets in m/s².
     fn wanted(&self, files: &Files<'_>) -> Result<(Vec<f64>, Vec<f64>), MotionError> {
         let to_si = factor_of("unit", self.unit, Quantity::Acceleration)?;
-        match (&self.spectrum, self.period_s, self.value) {
+        match (&self.spectrum_file, self.period_s, self.value) {
             (None, Some(period), Some(value)) => Ok((
                 vec![positive("period_s", period)?],
                 vec![positive("value", value)? * to_si],
@@ -150,7 +150,7 @@ impl Scaling {
             }
             _ => Err(MotionError::Scaling {
                 key: "scaling",
-                why: "give `period_s` and `value`, or `spectrum`".to_owned(),
+                why: "give `period_s` and `value`, or `spectrum_file`".to_owned(),
             }),
         }
     }
@@ -168,7 +168,7 @@ impl Scaling {
                 "{file} has {} columns, but a spectrum has two: period in s, spectral acceleration",
                 table.columns
             );
-            return refuse("spectrum", why);
+            return refuse("spectrum_file", why);
         }
         if let Some(stated) = table.unit_of(1).filter(|unit| *unit != self.unit) {
             let why = format!(
@@ -181,18 +181,18 @@ impl Scaling {
         let is_rising = rows.windows(2).all(|two| two[0].0 < two[1].0);
         let is_positive = rows.iter().all(|(period, sa)| *period > 0.0 && *sa > 0.0);
         let (Some((first, _)), Some((last, _))) = (rows.first(), rows.last()) else {
-            return refuse("spectrum", format!("{file} holds no numbers"));
+            return refuse("spectrum_file", format!("{file} holds no numbers"));
         };
         if !is_rising || !is_positive || rows.len() < 2 {
             let why = format!(
                 "{file} must have at least two rows with rising periods, and all its numbers must be greater than 0"
             );
-            return refuse("spectrum", why);
+            return refuse("spectrum_file", why);
         }
         let [from, to] = self.periods_s.unwrap_or([*first, *last]);
         if !(from < to && from >= *first && to <= *last) {
             let why = format!(
-                "`periods_s` is [{from}, {to}], but must rise and lie within the spectrum, from {first} s to {last} s"
+                "`periods_s` is [{from}, {to}], but must rise and lie within {file}, from {first} s to {last} s"
             );
             return refuse("periods_s", why);
         }
@@ -299,7 +299,7 @@ mod tests {
     fn factor_to_a_spectrum_is_least_squares() {
         let (x, y) = (component(0.0, 0.01, 0.0), component(1.0, 0.01, 0.0));
         let text = "period,Sa (g)\n0.1,0.8\n0.5,0.8\n4.0,0.1\n";
-        let wanted = scaling("spectrum = \"a.csv\"\nperiods_s = [0.2, 2.0]");
+        let wanted = scaling("spectrum_file = \"a.csv\"\nperiods_s = [0.2, 2.0]");
         let scaled = of(&wanted, [&x, &y], text).unwrap();
         assert_eq!((scaled.periods[0], scaled.periods[63]), (0.2, 2.0));
         assert!((scaled.target[0] / (0.8 * 9.806_65) - 1.0).abs() < 1e-12);
@@ -337,18 +337,18 @@ mod tests {
     #[test]
     fn wrong_spectra_are_refused() {
         let (x, y) = (component(0.0, 0.01, 0.0), component(1.0, 0.01, 0.0));
-        let wanted = scaling("spectrum = \"a.csv\"");
+        let wanted = scaling("spectrum_file = \"a.csv\"");
         for (text, key) in [
-            ("0.1 0.8 3\n0.5 0.8 4\n", "spectrum"),
-            ("0.5 0.8\n0.1 0.8\n", "spectrum"),
-            ("0.0 0.8\n0.1 0.8\n", "spectrum"),
-            ("0.1 0.8\n", "spectrum"),
+            ("0.1 0.8 3\n0.5 0.8 4\n", "spectrum_file"),
+            ("0.5 0.8\n0.1 0.8\n", "spectrum_file"),
+            ("0.0 0.8\n0.1 0.8\n", "spectrum_file"),
+            ("0.1 0.8\n", "spectrum_file"),
             ("period,Sa (m/s2)\n0.1,0.8\n0.5,0.8\n", "unit"),
         ] {
             let error = of(&wanted, [&x, &y], text).unwrap_err();
             assert_eq!(error.key(), Some(key), "{text} {error}");
         }
-        let beyond = scaling("spectrum = \"a.csv\"\nperiods_s = [0.2, 3.0]");
+        let beyond = scaling("spectrum_file = \"a.csv\"\nperiods_s = [0.2, 3.0]");
         let error = of(&beyond, [&x, &y], "0.1 0.8\n0.5 0.8\n").unwrap_err();
         assert_is!(error => MotionError::Scaling { key: "periods_s", .. });
         let neither = of(&scaling("period_s = 1.0"), [&x, &y], "").unwrap_err();

@@ -115,7 +115,7 @@ fn scaled(site: &mut Site<'_>, grid: Grid) -> Result<Option<Scaled>, Refused> {
     let (at, file) = of_component(second);
     let y = read(at, file)?;
     let at = root.key("scaling");
-    let target = read(at.key("spectrum"), scaling.spectrum.as_deref())?;
+    let target = read(at.key("spectrum_file"), scaling.spectrum_file.as_deref())?;
     let motions: [Motion; 2] = [first, second].map(|index| all[index].motion());
     let found = scaling.of(
         motions.each_ref(),

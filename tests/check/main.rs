@@ -8,6 +8,7 @@ mod link_common;
 mod bad_input;
 mod bad_structure;
 mod certificate;
+mod components;
 mod errors;
 mod frames;
 mod gateway_config;

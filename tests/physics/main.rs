@@ -6,6 +6,7 @@ mod common;
 mod link_common;
 
 mod companions;
+mod components;
 mod frames;
 mod frames_of_reference;
 mod geometry;

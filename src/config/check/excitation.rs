@@ -151,12 +151,13 @@ fn check_scaling(file: &TestFile, findings: &mut Findings) {
     let at = at.key("scaling");
     let is_value = scaling.period_s.is_some() && scaling.value.is_some();
     let is_any_value = scaling.period_s.is_some() || scaling.value.is_some();
-    if is_any_value == scaling.spectrum.is_some() || (is_any_value && !is_value) {
-        let headline = "`excitation.scaling` needs either `period_s` and `value`, or `spectrum`";
+    if is_any_value == scaling.spectrum_file.is_some() || (is_any_value && !is_value) {
+        let headline =
+            "`excitation.scaling` needs either `period_s` and `value`, or `spectrum_file`";
         findings.push(Finding::error(at.clone(), headline));
     }
-    if scaling.spectrum.is_none() && scaling.periods_s.is_some() {
-        let headline = "`periods_s` needs `spectrum`: a value has one `period_s`";
+    if scaling.spectrum_file.is_none() && scaling.periods_s.is_some() {
+        let headline = "`periods_s` needs `spectrum_file`: a value has one `period_s`";
         findings.push(Finding::error(at.key("periods_s"), headline).at_key());
     }
     if scaling.unit.quantity() != Quantity::Acceleration {
