@@ -30,6 +30,7 @@ const FINER: f64 = 8.0;
 #[serde(deny_unknown_fields)]
 pub struct Scaling {
     /// Measure of the spectral acceleration of both horizontal components together.
+    #[schemars(example = &"rotd50")]
     pub target: PairMeasure,
     /// Natural period at which the measure gets the value.
     #[schemars(example = 0.8)]
