@@ -316,7 +316,7 @@ fn check_components(
         if pattern.matches('*').count() != 1 || pattern.contains('?') {
             let at = at.key("components").index(index);
             let text = format!("{pattern:?} must have exactly one `*`, and no `?`");
-            let help = "`*` stands for the letters that both files share: components = [\"*H1.AT2\", \"*H2.AT2\"]";
+            let help = "`*` fits the letters that both names share: components = [\"*H1.AT2\", \"*H2.AT2\"]";
             findings.push(Finding::error(at, text).help(help));
         }
     }

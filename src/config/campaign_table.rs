@@ -187,8 +187,8 @@ pub struct RecordsTable {
     /// Names of the files of `folder` that are read: `*` fits any letters, `?` one letter. Upper and lower case are alike.
     #[schemars(example = &"*.AT2")]
     pub pattern: Option<String>,
-    /// Names of the two horizontal components of each record in `folder`, instead of `pattern`. `*` stands
-    /// for equal letters in both. The files go to the first and the second component of the test.
+    /// Names of the two horizontal components of each record in `folder`, instead of `pattern`. `*` fits the
+    /// letters that both share. The files go to the first and the second component of the test.
     #[schemars(example = ["*H1.AT2", "*H2.AT2"])]
     pub components: Option<[String; 2]>,
     /// Records, relative to the study.

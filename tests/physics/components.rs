@@ -161,7 +161,7 @@ fn list_of_one_has_the_bits_of_a_table() {
     assert_eq!(both.column("ground_1"), both.column("ground_2"));
 }
 
-/// A portal with masses in x and y: each direction has the influence vector of its own nodes.
+/// A portal with masses in x and y: each direction has the influence vector of the nodes.
 #[test]
 fn frame_knows_its_directions() {
     let frame = |components: &str| {

@@ -2,7 +2,7 @@
 //!
 //! Both components act on the same oscillator, u_x and u_y. In the direction θ the response is u_x cos θ + u_y sin θ. RotD50 is the
 //! median of its largest values over θ = 0°, 1° … 179°, RotD100 the largest of them (Boore 2010). The geometric mean is that of
-//! the components as they are. The oscillator is that of [`super::spectrum`].
+//! the unturned components. The oscillator is that of [`super::spectrum`].
 
 use std::f64::consts::TAU;
 
