@@ -4,7 +4,7 @@
 use super::error::MotionError;
 use super::process::Motion;
 use super::unit::Quantity;
-use super::{Files, Grid, RecordFacts, peak};
+use super::{Corrected, Files, Grid, RecordFacts, peak};
 
 /// A base that moves: displacement and velocity on the step grid.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +19,8 @@ pub struct BaseMotion {
     pub doubts: Vec<String>,
     /// Facts of the record, if the motion comes from a file.
     pub record: Option<RecordFacts>,
+    /// How an acceleration became the displacement, if one did.
+    pub corrected: Option<Corrected>,
 }
 
 /// Displacement and velocity of a base on `grid`. See [`Motion::evaluate_with_rate`] for the velocity. A jump is a
@@ -45,6 +47,7 @@ pub fn base_motion(
         warnings,
         doubts: series.doubts,
         record: series.record,
+        corrected: series.corrected,
     })
 }
 

@@ -28,6 +28,7 @@ mod sampled;
 mod scaling;
 mod shapes;
 mod signal;
+mod stroke;
 pub mod unit;
 
 pub use base::{BaseMotion, base_motion};
@@ -46,6 +47,7 @@ pub use resample::{Resample, central_difference, resample};
 pub use scaling::{Scaled, Scaling};
 pub use shapes::{Constant, Ricker, Sine, Sweep, SweepKind};
 pub use signal::{FileSignal, Signal, Values};
+pub use stroke::{Corrected, Stroke};
 pub use unit::{Quantity, STANDARD_GRAVITY, Unit};
 
 use std::ops::Range;
@@ -114,6 +116,8 @@ pub struct Series {
     pub doubts: Vec<String>,
     /// Facts of the record, if the values come from a file.
     pub record: Option<RecordFacts>,
+    /// How an acceleration became a displacement, if one did.
+    pub corrected: Option<Corrected>,
 }
 
 /// A load that keeps its shape: pattern · series(t).

@@ -15,6 +15,7 @@ use super::resample::central_difference;
 use super::sampled::{Origin, Sampled};
 use super::shapes::{check_taper, factor_of, taper};
 use super::signal::{Signal, Source};
+use super::stroke::Stroke;
 use super::unit::{Quantity, Unit};
 use super::{Files, Grid, Series, peak};
 use crate::metrics::spectrum::response_spectrum;
@@ -58,6 +59,9 @@ pub struct Processing {
     /// If true, the test may be longer than the record, without a warning.
     #[serde(default)]
     pub zero_tail: bool,
+    /// Displacement from a record of acceleration, where a displacement is wanted. The unit and the targets
+    /// are those of an acceleration. The motion begins and ends at rest at zero.
+    pub displacement: Option<Stroke>,
 }
 
 const fn one() -> f64 {
@@ -73,6 +77,7 @@ impl Default for Processing {
             target_sa: None,
             scale_factor: 1.0,
             zero_tail: false,
+            displacement: None,
         }
     }
 }
@@ -237,6 +242,15 @@ impl Motion {
         grid: Grid,
         files: &Files<'_>,
     ) -> Result<(Vec<Point>, Series), MotionError> {
+        if let Some(stroke) = self.processing.displacement {
+            if quantity != Quantity::Displacement {
+                return Err(MotionError::NotApplicable {
+                    key: "displacement",
+                    what: "anything but a displacement",
+                });
+            }
+            return self.travelled(stroke, grid, files);
+        }
         let mut series = Series::default();
         let (warnings, doubts) = (&mut series.warnings, &mut series.doubts);
         let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
@@ -290,6 +304,47 @@ impl Motion {
             }
         };
         Ok((points, series))
+    }
+}
+
+impl Motion {
+    /// [`Self::points`] of a displacement from an acceleration.
+    fn travelled(
+        &self,
+        stroke: Stroke,
+        grid: Grid,
+        files: &Files<'_>,
+    ) -> Result<(Vec<Point>, Series), MotionError> {
+        let mut series = Series::default();
+        let (warnings, doubts) = (&mut series.warnings, &mut series.doubts);
+        let quantity = Quantity::Acceleration;
+        let Source::Sampled(samples) = self.source(quantity, files, warnings)? else {
+            return Err(MotionError::NotApplicable {
+                key: "displacement",
+                what: "a signal in closed form: it has no samples",
+            });
+        };
+        let (values, dt) = samples.itself()?;
+        let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
+        let target = self.processing.target(quantity, || samples.itself())?;
+        let scaled: Vec<f64> = values.iter().map(|a| scale_factor * target * a).collect();
+        all_finite("the scaled record", &scaled)?;
+        let (travel, corrected) = stroke.travel(&scaled, dt)?;
+        samples.cut_peak(grid, doubts);
+        let start = samples.first_inner_time();
+        let end = start + travel.span();
+        if end > grid.duration() * (1.0 + 1e-9) {
+            warnings.push(format!(
+                "the test ends at {} s, before the motion comes to rest at {} s",
+                Short(grid.duration()),
+                Short(end)
+            ));
+        }
+        series.record = samples.record;
+        series.corrected = Some(corrected);
+        let at = |time: f64| travel.at(time - start);
+        let points = grid.times().map(at).map(|(d, v)| (d, Some(v)));
+        Ok((points.collect(), series))
     }
 }
 

@@ -173,6 +173,8 @@ pub(super) fn excitation(
         })?;
         let told = [moved.warnings, moved.doubts];
         keep(site, &at, &base.signal, told, moved.record);
+        let corrected = moved.corrected.map(|one| (at.to_string(), one));
+        site.corrected.extend(corrected);
         warn_of_nothing(site, at.clone(), [structure.influence(), &moved.disp]);
         if base
             .influence

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use gusset_config::{ClockChoice, Method, TimingSpec};
-use gusset_motion::{Ground, RecordFacts, Scaled};
+use gusset_motion::{Corrected, Ground, RecordFacts, Scaled};
 use gusset_numerics::frame::MemberUse;
 use gusset_numerics::integrate::Lambda;
 use gusset_proof::{Analysis, LambdaChoice, OnlineLimit, Stability};
@@ -56,6 +56,8 @@ pub struct Facts {
     pub confirm: bool,
     /// Facts about the records of its motions, in the order of the test file.
     pub records: Vec<RecordFacts>,
+    /// Accelerations that became displacements, with the keys of their tables.
+    pub corrected: Vec<(String, Corrected)>,
     /// The limits, who checks them, and their consequences.
     pub limits: LimitFacts,
     /// Warnings for the user; the test may run.

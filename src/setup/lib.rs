@@ -248,6 +248,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         announced: announced(file),
         moved: moved(file),
         records: std::mem::take(&mut site.records),
+        corrected: std::mem::take(&mut site.corrected),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
         accepted: BTreeMap::new(),

@@ -114,6 +114,9 @@ fn one(
     let told = [texts.collect(), Vec::new()];
     let records = history.records.iter().cloned();
     keep(site, at, &table.signal, told, records);
+    let corrected = history.corrected.iter();
+    let corrected = corrected.map(|one| (at.to_string(), one.clone()));
+    site.corrected.extend(corrected);
     *slot = Some(history);
     Ok(())
 }

@@ -9,6 +9,7 @@ mod bad_input;
 mod bad_structure;
 mod certificate;
 mod components;
+mod displacements;
 mod errors;
 mod frames;
 mod gateway_config;

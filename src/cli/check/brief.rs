@@ -6,7 +6,7 @@ use super::super::table::Table;
 use super::{Checked, damping, frame, needs};
 use gusset_config::{ClockChoice, Loaded};
 use gusset_control::engine::{Ending, Stop};
-use gusset_motion::{Quantity, RecordFacts, STANDARD_GRAVITY, Scaled, Signal};
+use gusset_motion::{Corrected, Quantity, RecordFacts, STANDARD_GRAVITY, Scaled, Signal};
 use gusset_quantity::units::{duration, number, quantity, rate};
 use gusset_session::integration;
 use gusset_session::rehearsal::{FullRehearsal, Need, Rehearsal};
@@ -154,6 +154,9 @@ fn of_excitation(loaded: &Loaded, facts: &Facts, table: &mut Table) {
     if let Some(scaled) = structure.and_then(|structure| structure.scaled.as_ref()) {
         table.row("scaling", &of_scaling(scaled));
     }
+    for (key, corrected) in &facts.corrected {
+        table.row("displacement", &of_corrected(key, corrected));
+    }
     for record in facts.records.iter().take(LISTED) {
         table.row("record", &of_record(record));
     }
@@ -183,6 +186,30 @@ pub(super) fn of_scaling(scaled: &Scaled) -> String {
             )
         }
     }
+}
+
+/// How an acceleration became a displacement.
+pub(super) fn of_corrected(key: &str, corrected: &Corrected) -> String {
+    let [disp, vel, accel] = corrected.peaks;
+    let kept = corrected.spectrum.iter().map(|[period, before, after]| {
+        let share = if *before > 0.0 {
+            100.0 * after / before
+        } else {
+            0.0
+        };
+        format!("{share:.0} % at {}", quantity(*period, "s"))
+    });
+    let kept: Vec<String> = kept.collect();
+    format!(
+        "{key}: corner frequency {} for a stroke of {}; peaks {}, {}, and {} of {}; kept of the spectral acceleration: {}",
+        quantity(corrected.corner_hz, "Hz"),
+        quantity(corrected.stroke, "m"),
+        quantity(disp, "m"),
+        quantity(vel, "m/s"),
+        quantity(accel, "m/s²"),
+        quantity(corrected.peak_before, "m/s²"),
+        kept.join(", ")
+    )
 }
 
 /// The largest nodal force and its DOF.

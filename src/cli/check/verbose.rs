@@ -2,7 +2,7 @@
 
 use super::super::table::Table;
 use super::super::{limits, spectrum as modes};
-use super::brief::{of_peak_nodal_force, of_record, of_scaling, of_test};
+use super::brief::{of_corrected, of_peak_nodal_force, of_record, of_scaling, of_test};
 use super::{Checked, damping, frame};
 use gusset_config::word;
 use gusset_numerics::integrate::Lambda;
@@ -17,6 +17,9 @@ pub(super) fn tabulate(table: &mut Table, checked: &Checked<'_>) {
     table.row("test", &of_test(facts));
     for record in &facts.records {
         table.row("record", &of_record(record));
+    }
+    for (key, corrected) in &facts.corrected {
+        table.row("displacement", &of_corrected(key, corrected));
     }
     if let Some(structure) = &facts.structure {
         describe(table, checked, structure);

@@ -198,7 +198,7 @@ pub(super) fn first_turn([omega, ratio]: [f64; 2], disp: f64, vel: f64) -> f64 {
 
 /// Displacement at the turning point of the cubic through these displacements and velocities at both ends of a step;
 /// the velocities differ in sign.
-pub(super) fn turning_point([u0, u1]: [f64; 2], [v0, v1]: [f64; 2], step: f64) -> f64 {
+pub(crate) fn turning_point([u0, u1]: [f64; 2], [v0, v1]: [f64; 2], step: f64) -> f64 {
     let (rise, fall, way) = (step * v0, step * v1, u1 - u0);
     // Its derivative a s² + b s + c, s from 0 to 1: of different signs at 0 and 1, so that one root lies between.
     let a = 3.0 * (rise + fall) - 6.0 * way;
