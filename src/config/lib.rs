@@ -87,7 +87,8 @@ pub use document::{KeyPath, PathError, Segment};
 pub use driven::Drive;
 use echo::plain;
 pub use excitation::{
-    ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
+    ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace,
+    PrescribedTable, SupportMotionTable,
 };
 pub use fault_rules::{ScriptError, check_script};
 pub use ground::{GroundComponent, GroundDirection, GroundMotions, GroundTrack};

@@ -23,7 +23,7 @@ pub struct BaseMotion {
     pub corrected: Option<Corrected>,
 }
 
-/// Displacement and velocity of a base on `grid`. See [`Motion::evaluate_with_rate`] for the velocity. A jump is a
+/// Displacement and velocity of a base or a support on `grid`; warnings call it `name`. See [`Motion::evaluate_with_rate`] for the velocity. A jump is a
 /// warning.
 ///
 /// # Errors
@@ -32,14 +32,15 @@ pub fn base_motion(
     motion: &Motion,
     grid: Grid,
     files: &Files<'_>,
+    name: &str,
 ) -> Result<BaseMotion, MotionError> {
     let (series, vel) = motion.evaluate_with_rate(Quantity::Displacement, grid, files)?;
     let mut warnings = series.warnings;
     if let Some(jump) = jump(&series.values, grid.dt()) {
-        warnings.push(format!("the base {jump}"));
+        warnings.push(format!("{name} {jump}"));
     }
     if let Some(start) = series.values.first().filter(|d| **d != 0.0) {
-        warnings.push(format!("the base starts at {start} m, not at rest at zero"));
+        warnings.push(format!("{name} starts at {start} m, not at rest at zero"));
     }
     Ok(BaseMotion {
         disp: series.values,

@@ -845,7 +845,7 @@ mod tests {
 
     #[test]
     fn base_velocity_of_closed_forms_is_exact() {
-        let moved = base_motion(&sine(), grid(0.05, 40), &no_files).unwrap();
+        let moved = base_motion(&sine(), grid(0.05, 40), &no_files, "the base").unwrap();
         let omega = 4.0 * std::f64::consts::PI;
         for (i, (d, v)) in moved.disp.iter().zip(&moved.vel).enumerate() {
             let t = 0.05 * i as f64;
@@ -868,8 +868,8 @@ mod tests {
             taper_s: 1.0,
         }));
         // A coarse step, where differences would be 40 % off, against differences at a step a hundred times finer.
-        let coarse = base_motion(&noise, grid(0.05, 400), &no_files).unwrap();
-        let fine = base_motion(&noise, grid(0.0005, 40_000), &no_files).unwrap();
+        let coarse = base_motion(&noise, grid(0.05, 400), &no_files, "the base").unwrap();
+        let fine = base_motion(&noise, grid(0.0005, 40_000), &no_files, "the base").unwrap();
         let differences = central_difference(&fine.disp, 0.0005);
         let top = peak(&differences);
         for (i, v) in coarse.vel.iter().enumerate() {
@@ -881,7 +881,7 @@ mod tests {
     #[test]
     fn displacement_record_stays_at_its_end() {
         let record = values(&[0.0, 0.001, 0.003, 0.004]);
-        let moved = base_motion(&record, grid(0.05, 10), &no_files).unwrap();
+        let moved = base_motion(&record, grid(0.05, 10), &no_files, "the base").unwrap();
         assert_eq!(moved.disp[6..], [0.004; 5]);
         assert_eq!(moved.vel[8..], [0.0; 3]);
         // Central difference within a straight line.
@@ -899,7 +899,7 @@ mod tests {
             start_s: 0.2,
             rise_s: 0.0,
         }));
-        let moved = base_motion(&jump, grid(0.01, 100), &no_files).unwrap();
+        let moved = base_motion(&jump, grid(0.01, 100), &no_files, "the base").unwrap();
         assert!(
             moved.warnings[0].contains("1.000e-2 m") && moved.warnings[0].contains("0.190000 s"),
             "{:?}",
@@ -909,7 +909,7 @@ mod tests {
             value: 1.0,
             unit: Some(Unit::Millimetre),
         }));
-        let moved = base_motion(&shifted, grid(0.01, 100), &no_files).unwrap();
+        let moved = base_motion(&shifted, grid(0.01, 100), &no_files, "the base").unwrap();
         assert!(
             moved.warnings[0].contains(" 0.001 m"),
             "{:?}",

@@ -237,7 +237,8 @@ impl<'a> Described<'a> {
 
     fn accelerations(&self, sums: &mut Vec<Sum>) -> Result<(), DerivedError> {
         let excitation = &self.file.excitation;
-        if excitation.ground_acceleration.is_empty() && !self.has_base() {
+        let is_absolute = self.has_base() || !excitation.support_motion.is_empty();
+        if excitation.ground_acceleration.is_empty() && !is_absolute {
             return Err(DerivedError::NoGround);
         }
         for column in self.run.layout().columns() {
@@ -247,8 +248,8 @@ impl<'a> Described<'a> {
             let dof = dof as usize - 1;
             let mut terms = Vec::new();
             self.accel(dof, 1.0, &mut terms);
-            let also = if self.has_base() {
-                ", which is the recorded one: the base is displaced"
+            let also = if is_absolute {
+                ", which is the recorded one: the base or a support is displaced"
             } else {
                 ""
             };

@@ -8,6 +8,7 @@ use gusset_motion::{
     Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, RecordFacts,
     Signal, Unit, base_motion, parse_table,
 };
+use gusset_numerics::linalg::SymMatrix;
 use gusset_numerics::model::Structure;
 use gusset_proof::Kind;
 
@@ -25,6 +26,7 @@ fn numbers_per_step(excitation: &ExcitationTable) -> u64 {
         incident_angle_deg: _,
         scaling: _,
         base_displacement,
+        support_motion,
         nodal_force,
         nodal_table: _,
         prescribed_displacement,
@@ -32,6 +34,7 @@ fn numbers_per_step(excitation: &ExcitationTable) -> u64 {
     let counts = [
         3 * ground_acceleration.all().len(),
         4 * usize::from(base_displacement.is_some()),
+        4 * support_motion.len(),
         2 * nodal_force.len(),
         4 * prescribed_displacement.len(),
     ];
@@ -158,6 +161,7 @@ pub(super) fn excitation(
     site: &mut Site<'_>,
     structure: &Structure,
     specimens: &Specimens,
+    initial_stiffness: &SymMatrix,
 ) -> Result<(Excitation, Option<Vec<f64>>), Refused> {
     let n = structure.dofs();
     let grid = grid(site)?;
@@ -169,7 +173,7 @@ pub(super) fn excitation(
         let at = at.key("base_displacement");
         let history = motion(&base.signal, &base.processing);
         let moved = with_files(site, &at, &base.signal, |files| {
-            base_motion(&history, grid, files)
+            base_motion(&history, grid, files, "the base")
         })?;
         let told = [moved.warnings, moved.doubts];
         keep(site, &at, &base.signal, told, moved.record);
@@ -187,6 +191,7 @@ pub(super) fn excitation(
         }
         excitation = added(site, &at, || excitation.with_base(moved.disp, moved.vel))?;
     }
+    excitation = super::supports::supports(site, structure, initial_stiffness, grid, excitation)?;
     for (index, force) in table.nodal_force.iter().enumerate() {
         let at = at.key("nodal_force").index(index);
         let pattern = match (&force.dofs, &force.pattern) {

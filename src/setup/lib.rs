@@ -35,6 +35,7 @@ mod site;
 mod specimens;
 mod speed;
 mod structure;
+mod supports;
 mod trial;
 
 use std::collections::BTreeMap;
@@ -377,7 +378,8 @@ fn numerical(
     if let Some(condition) = condition {
         method::warn_of_digits(site, condition);
     }
-    let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
+    let (excitation, load) =
+        excitation::excitation(site, &structure, specimens, &initial_stiffness)?;
     let frame = frames::facts(site, load.as_deref())?;
     let settling = match load {
         Some(load) => Some(settle(

@@ -19,5 +19,6 @@ mod native_records;
 mod rehearsal;
 mod served_files;
 mod spectrum;
+mod supports;
 mod unstable_lambda;
 mod verdict;

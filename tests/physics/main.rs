@@ -16,5 +16,6 @@ mod independent;
 mod massless;
 mod paper;
 mod prescribed;
+mod supports;
 mod tracking_effect;
 mod transfer;

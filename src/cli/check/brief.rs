@@ -123,6 +123,11 @@ fn of_excitation(loaded: &Loaded, facts: &Facts, table: &mut Table) {
     if let Some(base) = &excitation.base_displacement {
         parts.push(format!("base displacement ({})", kind(&base.signal)));
     }
+    match excitation.support_motion.as_slice() {
+        [] => {}
+        [one] => parts.push(format!("motion of a support ({})", kind(&one.signal))),
+        several => parts.push(format!("{} motions of supports", several.len())),
+    }
     match excitation.nodal_force.as_slice() {
         [] => {}
         [one] => parts.push(format!("nodal force ({})", kind(&one.signal))),

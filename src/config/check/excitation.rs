@@ -5,11 +5,13 @@ use std::collections::BTreeMap;
 use super::Findings;
 use crate::diagnose::Finding;
 use crate::document::KeyPath;
-use crate::excitation::{ExcitationTable, PrescribedPlace};
+use crate::excitation::{ExcitationTable, PrescribedPlace, SupportMotionTable};
 use crate::ground::{GroundComponent, GroundDirection};
 use crate::schema::TestFile;
+use crate::specimen::SpecimenTable;
 use crate::suggest::{listed, nearest};
 use gusset_motion::Quantity;
+use gusset_numerics::frame::Direction;
 use gusset_numerics::model::End;
 
 /// The whole of `[excitation]`.
@@ -28,6 +30,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
     check_frames(file, findings);
     check_components(file, findings);
     check_scaling(file, findings);
+    check_supports(file, findings);
     for (index, force) in excitation.nodal_force.iter().enumerate() {
         let at = at.key("nodal_force").index(index);
         let why = "the factors distribute the force over the DOFs";
@@ -168,6 +171,101 @@ fn check_scaling(file: &TestFile, findings: &mut Findings) {
     }
 }
 
+/// Moving supports belong to a frame in absolute coordinates, whose specimens are between its nodes.
+fn check_supports(file: &TestFile, findings: &mut Findings) {
+    let root = KeyPath::root();
+    let at = root.key("excitation");
+    let all = &file.excitation.support_motion;
+    let Some(structure) = file.structure.as_ref().filter(|_| !all.is_empty()) else {
+        return;
+    };
+    let of_supports = at.key("support_motion").index(0);
+    if structure.frame.is_none() {
+        let headline =
+            "`excitation.support_motion` needs a `[structure.frame]`: only a frame has supports";
+        findings.push(Finding::error(of_supports.clone(), headline));
+        return;
+    }
+    for key in findings.given(&at, "ground_acceleration base_displacement") {
+        let headline = format!("`{key}` and `excitation.support_motion` both move the ground");
+        let finding = Finding::error(key, headline).at_key();
+        findings.push(
+            finding
+                .beside(of_supports.clone(), "absolute coordinates")
+                .help("give only one of them: a support that moves with all others needs its own `support_motion`"),
+        );
+    }
+    for (index, element) in structure.element.iter().enumerate() {
+        for (key, end) in [("from", element.from), ("to", element.to)] {
+            if end == End::Ground {
+                let at = root.key("structure").key("element").index(index).key(key);
+                let headline = "the supports move, so \"ground\" has no single motion";
+                let finding = Finding::error(at, headline).beside(of_supports.clone(), "moves");
+                findings.push(finding.help("\"fixed\" is a point at rest"));
+            }
+        }
+    }
+    for (index, table) in all.iter().enumerate() {
+        let at = at.key("support_motion").index(index);
+        findings.exactly_one(&at, &["node", "nodes"], "they name the supports that move");
+        if table.direction.of_frame().is_none() {
+            let headline = format!("a plane frame has no direction {}", table.direction.word());
+            let finding = Finding::error(at.key("direction"), headline);
+            findings.push(finding.label("allowed: \"x\", and \"y\" upwards"));
+        }
+    }
+    for (index, specimen) in file.specimen.iter().enumerate() {
+        let at = root.key("specimen").index(index);
+        check_specimen_of_supports(specimen, all, &at, findings);
+    }
+}
+
+/// The deformation of a specimen must not depend on a moving support.
+fn check_specimen_of_supports(
+    specimen: &SpecimenTable,
+    all: &[SupportMotionTable],
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let moves = |direction: Direction| {
+        let of_direction = all.iter();
+        of_direction.filter(move |one| one.direction.of_frame() == Some(direction))
+    };
+    let Some(deformations) = &specimen.deformations else {
+        let headline = "the supports move, so the specimen needs `deformations`: `rows` do not say from where they count";
+        findings.push(Finding::error(at.clone(), headline).label("`deformations` is missing"));
+        return;
+    };
+    if specimen.mass_in_force_kg > 0.0 {
+        let at = at.key("mass_in_force_kg");
+        let headline = "the measured force contains the inertia of the relative motion only";
+        findings.push(Finding::error(at, headline).label("the supports move"));
+    }
+    for (index, deformation) in deformations.iter().enumerate() {
+        let at = at.key("deformations").index(index);
+        let Some(from) = &deformation.from else {
+            if moves(deformation.direction).next().is_some() {
+                let headline =
+                    "the supports move, so a deformation against the ground has no meaning";
+                let finding = Finding::error(at, headline).label("`from` is missing");
+                findings.push(finding.help("name the other end of the specimen with `from`"));
+            }
+            continue;
+        };
+        for (key, node) in [("node", &deformation.node), ("from", from)] {
+            if moves(deformation.direction).any(|one| one.named().any(|name| name == node)) {
+                let headline = format!("a specimen cannot be at the moving support \"{node}\"");
+                let finding = Finding::error(at.key(key), headline);
+                findings.push(
+                    finding.help(
+                        "use an elastic member between the support and a node of the specimen",
+                    ),
+                );
+            }
+        }
+    }
+}
+
 /// Parts that are tied to the inertial frame, or measured in it, where the coordinates are others.
 fn check_frames(file: &TestFile, findings: &mut Findings) {
     let root = KeyPath::root();
@@ -246,8 +344,7 @@ fn check_motionless(file: &TestFile, findings: &mut Findings) {
 
 fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     let excitation = &file.excitation;
-    let loads =
-        "ground_acceleration incident_angle_deg scaling base_displacement nodal_force nodal_table";
+    let loads = "ground_acceleration incident_angle_deg scaling base_displacement support_motion nodal_force nodal_table";
     for key in findings.given(at, loads) {
         let text = format!("`{key}` acts on a structure, and this test has no `[structure]`");
         let finding = Finding::error(key, text).label("nothing to act on");

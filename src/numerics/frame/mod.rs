@@ -14,6 +14,7 @@ mod model;
 mod parts;
 mod section;
 mod spec;
+mod support;
 mod utilisation;
 
 pub use error::FrameError;
@@ -26,6 +27,7 @@ pub use spec::{
     FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind, MemberSpec,
     NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
 };
+pub use support::SupportError;
 pub use utilisation::MemberUse;
 
 #[cfg(test)]

@@ -238,10 +238,13 @@ fn excitation(test: &TestFile) -> Option<String> {
     let forces = forces.map(|force| signal(&force.signal, &force.processing));
     let moves = table.prescribed_displacement.iter();
     let moves = moves.map(|path| signal(&path.signal, &path.processing));
+    let supports = table.support_motion.iter();
+    let supports = supports.map(|moved| signal(&moved.signal, &moved.processing));
     let files = table.nodal_table.iter();
     let kinds = [
         ("base displacement", base.collect::<Vec<_>>()),
         ("ground acceleration", grounds.collect()),
+        ("support motion", supports.collect()),
         ("nodal force", forces.collect()),
         (
             "nodal table",
