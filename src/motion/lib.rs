@@ -148,6 +148,7 @@ pub struct Excitation {
     constant: Option<Vec<f64>>,
     base: Option<(Vec<f64>, Vec<f64>)>,
     grounds: Vec<Ground>,
+    supports: bool,
 }
 
 /// A recorded ground acceleration.
@@ -194,6 +195,7 @@ impl Excitation {
             constant: None,
             base: None,
             grounds: Vec::new(),
+            supports: false,
         }
     }
 
@@ -221,6 +223,17 @@ impl Excitation {
             series: term.series,
         });
         Ok(self)
+    }
+
+    /// Adds the loads of a support that moves: those of its displacement and of its velocity.
+    ///
+    /// # Errors
+    /// As [`Self::with_term`].
+    pub fn with_support(self, terms: [LoadTerm; 2]) -> Result<Self, MotionError> {
+        let [elastic, viscous] = terms;
+        let mut all = self.with_term(elastic)?.with_term(viscous)?;
+        all.supports = true;
+        Ok(all)
     }
 
     /// Adds a table of nodal forces.
@@ -296,6 +309,13 @@ impl Excitation {
     #[must_use]
     pub const fn has_base(&self) -> bool {
         self.base.is_some()
+    }
+
+    /// True if the coordinates are absolute: the base or a support moves.
+    #[inline]
+    #[must_use]
+    pub const fn is_absolute(&self) -> bool {
+        self.has_base() || self.supports
     }
 
     /// True if a load acts from before the start, a static load.

@@ -1,8 +1,8 @@
 //! From an acceleration to a displacement that a table or a support can follow.
 //!
 //! Of all displacements d that begin and end at rest at zero, the one is taken that makes ∫ (d̈ − a)² dt + ω_c⁴ ∫ d² dt least. Away
-//! from the ends it is the acceleration behind a high-pass with the gain f⁴/(f⁴ + f_c⁴) and no phase, as a Butterworth filter of
-//! second order forward and backward has it: half at the corner f_c. At the ends nothing is padded and nothing jumps.
+//! from the ends it is the acceleration behind a high-pass with the gain f⁴/(f⁴ + f_c⁴) and no phase, that of a Butterworth
+//! filter of second order forward and backward: half at the corner f_c. At the ends nothing is padded and nothing jumps.
 //!
 //! The condition is d̈ = a + ω_c² p with p̈ = −ω_c² d. Here a and p are straight lines between the samples, so d is a cubic on each
 //! interval and the exact integral of the acceleration. Block elimination solves for d and p at all samples. The corner is the lowest

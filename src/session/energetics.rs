@@ -71,12 +71,14 @@ pub(super) fn known(
         balance: Err(balance),
     };
     match structure(folder, resolved, columns) {
-        Ok((energetics, has_base, no_margin)) => {
+        Ok((energetics, is_absolute, no_margin)) => {
             let modes = energetics.modes();
             let ground = before.map(|step| energetics.grounds(step));
             let has_past = before.is_some() && !energetics.structure.is_linear();
-            let why = if has_base {
-                Some("the base is displaced, and the force that does it is not recorded")
+            let why = if is_absolute {
+                Some(
+                    "the base or a support is displaced, and the force that does it is not recorded",
+                )
             } else if has_past {
                 Some("what its nonlinear elements went through before is in another folder")
             } else {
@@ -96,7 +98,7 @@ pub(super) fn known(
     }
 }
 
-/// The structure, whether its base is displaced, and why no margin to a critical delay was watched.
+/// The structure, whether its base or a support is displaced, and why no margin to a critical delay was watched.
 fn structure(
     folder: &Path,
     resolved: &RecordedFile,
@@ -135,14 +137,14 @@ fn structure(
     let Some(analysis) = analysis else {
         return Err(because("the structure is too large".to_owned()));
     };
-    let has_base = numerical.excitation.has_base();
+    let is_absolute = numerical.excitation.is_absolute();
     let energetics = Energetics {
         structure: numerical.structure,
         excitation: numerical.excitation,
         analysis,
         steps: prepared.experiment.steps as usize,
     };
-    Ok((energetics, has_base, no_margin))
+    Ok((energetics, is_absolute, no_margin))
 }
 
 impl Energetics {

@@ -73,9 +73,7 @@ pub(super) fn supports(
             pattern: damped,
             series: moved.vel,
         };
-        excitation = added(site, &at, || {
-            excitation.with_term(elastic)?.with_term(viscous)
-        })?;
+        excitation = added(site, &at, || excitation.with_support([elastic, viscous]))?;
     }
     Ok(excitation)
 }

@@ -97,7 +97,7 @@ fn impossible_support_motions_are_refused() {
     );
     refused(
         &PORTAL.replace("from = \"B\"", "from = \"D\""),
-        &["moving support \"D\""],
+        &["`specimen[0].deformations[0].from`", "moving support \"D\""],
     );
     let rows = PORTAL
         .without("specimen.0.deformations")
@@ -109,6 +109,8 @@ fn impossible_support_motions_are_refused() {
     refused(&ground, &["both move the ground"]);
     let element = PORTAL.with("structure.element = [{ from = \"ground\", to = 1, law.linear = { stiffness_n_per_m = 1e4 } }]");
     refused(&element, &["\"ground\" has no single motion", "\"fixed\""]);
+    let energy = PORTAL.with("safety.added_energy_share = { trip = 0.2, floor_j = 10.0 }");
+    refused(&energy, &["`safety.added_energy_share`", "not counted"]);
     let building = PORTAL
         .without("structure.frame")
         .without("specimen")

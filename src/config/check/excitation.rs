@@ -195,6 +195,14 @@ fn check_supports(file: &TestFile, findings: &mut Findings) {
                 .help("give only one of them: a support that moves with all others needs its own `support_motion`"),
         );
     }
+    if file.safety.added_energy_share.is_some() {
+        let at = root.key("safety").key("added_energy_share");
+        let headline = "`safety.added_energy_share` does not count the energy that moving supports put into the structure";
+        let finding = Finding::error(at, headline).at_key();
+        findings.push(
+            finding.help("remove the limit, or move all supports alike with `base_displacement`"),
+        );
+    }
     for (index, element) in structure.element.iter().enumerate() {
         for (key, end) in [("from", element.from), ("to", element.to)] {
             if end == End::Ground {
@@ -245,8 +253,7 @@ fn check_specimen_of_supports(
         let at = at.key("deformations").index(index);
         let Some(from) = &deformation.from else {
             if moves(deformation.direction).next().is_some() {
-                let headline =
-                    "the supports move, so a deformation against the ground has no meaning";
+                let headline = format!("`{at}` counts from the ground, but the supports move");
                 let finding = Finding::error(at, headline).label("`from` is missing");
                 findings.push(finding.help("name the other end of the specimen with `from`"));
             }
@@ -254,7 +261,10 @@ fn check_specimen_of_supports(
         };
         for (key, node) in [("node", &deformation.node), ("from", from)] {
             if moves(deformation.direction).any(|one| one.named().any(|name| name == node)) {
-                let headline = format!("a specimen cannot be at the moving support \"{node}\"");
+                let headline = format!(
+                    "`{}` is the moving support \"{node}\": a specimen cannot be there",
+                    at.key(key)
+                );
                 let finding = Finding::error(at.key(key), headline);
                 findings.push(
                     finding.help(
