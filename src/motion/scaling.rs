@@ -317,7 +317,6 @@ mod tests {
         assert!(of_factor(1.001) > least && of_factor(0.999) > least);
         // Twice the spectrum needs twice the factor.
         let doubled = text.replace("0.8", "1.6").replace("0.1\n", "0.2\n");
-        let doubled = doubled.replace("0.1,", "0.1,");
         let twice = of(&wanted, [&x, &y], &doubled).unwrap();
         assert!((twice.factor / scaled.factor - 2.0).abs() < 1e-12);
     }

@@ -319,13 +319,11 @@ mod tests {
             let bump = |s: f64| s * s * (1.0 - s) * (1.0 - s) * libm::sin(k * s);
             let ds = 1.0 / n as f64;
             let (mut sums, mut size) = ([0.0; 2], 0.0);
-            for i in 1..n {
+            let kept = travel.accel.iter().zip(&accel).zip(&travel.disp);
+            for (i, ((kept, accel), disp)) in kept.enumerate().take(n).skip(1) {
                 let s = i as f64 * ds;
                 let curve = (bump(s + ds) - 2.0 * bump(s) + bump(s - ds)) / (dt * dt);
-                let parts = [
-                    (travel.accel[i] - accel[i]) * curve,
-                    omega.powi(4) * travel.disp[i] * bump(s),
-                ];
+                let parts = [(kept - accel) * curve, omega.powi(4) * disp * bump(s)];
                 sums = [sums[0] + parts[0], sums[1] + parts[1]];
                 size += parts[0].abs() + parts[1].abs();
             }

@@ -183,7 +183,7 @@ pub(super) fn of_scaling(scaled: &Scaled) -> String {
         (periods, spectrum) => {
             let [first, last] = [periods.first(), periods.last()]
                 .map(|period| quantity(period.copied().unwrap_or(0.0), "s"));
-            let [before, after] = scaled.misfit().map(|misfit| number(misfit));
+            let [before, after] = scaled.misfit().map(number);
             format!(
                 "factor {factor}: from {first} to {last} the root mean square of ln({measure}/target) is {before} before and \
                  {after} after; target {}",
