@@ -1,6 +1,6 @@
 //! Components of the ground acceleration: scaled together, turned in plan, and applied along their influence vectors.
 
-use super::excitation::{added, ground_load, series, sized, warn_of_nothing};
+use super::histories::{added, ground_load, series, sized, warn_of_nothing};
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_config::{Finding, GroundComponent, GroundDirection, KeyPath};

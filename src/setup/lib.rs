@@ -16,6 +16,7 @@ mod frames;
 mod gateway;
 mod gear;
 mod ground;
+mod histories;
 mod ideal;
 mod limits;
 mod links;

@@ -1,7 +1,8 @@
 //! Motions of the specimens of a test without a structure, on the step grid: deformations of their axes, coordinates of their
 //! platforms, or strokes of the actuators, which are converted to coordinates.
 
-use super::excitation::{grid, keep, motion, with_files};
+use super::excitation::grid;
+use super::histories::{keep, motion, with_files};
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use gusset_actuator::geometry::{Fault, Geometry, MOST};

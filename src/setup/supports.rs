@@ -4,7 +4,7 @@
 //! of the stiffness beside them. The damping acts on the motion against the static one: with R = −K⁻¹ K_fs the load is C R v_s. If
 //! all supports move alike, K R = K ι, and the test is that of a ground acceleration.
 
-use super::excitation::{added, keep, motion, warn_of_nothing, with_files};
+use super::histories::{added, keep, motion, warn_of_nothing, with_files};
 use super::{Refused, Site, path};
 use gusset_config::Finding;
 use gusset_motion::{Excitation, Grid, LoadTerm, base_motion};

@@ -110,7 +110,7 @@ fn impossible_support_motions_are_refused() {
     let element = PORTAL.with("structure.element = [{ from = \"ground\", to = 1, law.linear = { stiffness_n_per_m = 1e4 } }]");
     refused(&element, &["\"ground\" has no single motion", "\"fixed\""]);
     let energy = PORTAL.with("safety.added_energy_share = { trip = 0.2, floor_j = 10.0 }");
-    refused(&energy, &["`safety.added_energy_share`", "not counted"]);
+    refused(&energy, &["`safety.added_energy_share`", "does not count"]);
     let building = PORTAL
         .without("structure.frame")
         .without("specimen")
