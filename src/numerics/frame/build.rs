@@ -155,6 +155,14 @@ impl FrameSpec {
         Err(FrameError::NotInPlane { at, key, direction })
     }
 
+    /// ι of a unit displacement of the ground in a direction.
+    #[must_use]
+    pub fn influence_in(&self, direction: Direction) -> Vec<f64> {
+        let places = self.places();
+        let own = places.iter().map(|(_, own)| *own == direction);
+        own.map(f64::from).collect()
+    }
+
     /// The free directions, with empty matrices.
     fn numbered(&self) -> Result<FrameModel, FrameError> {
         if !(2..=3).contains(&self.dimension) {

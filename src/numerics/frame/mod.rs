@@ -15,6 +15,7 @@ mod model;
 mod parts;
 mod section;
 mod spec;
+mod support;
 mod symmetric;
 mod utilisation;
 
@@ -28,6 +29,7 @@ pub use spec::{
     FollowersSpec, FrameLinkSpec, FrameSpec, IShapeSpec, LinkDirection, MemberEnd, MemberKind,
     MemberSpec, NodeLoadSpec, NodeSpec, RcRectangleSpec, RectangleSpec, SectionSpec, TubeSpec,
 };
+pub use support::SupportError;
 pub use utilisation::MemberUse;
 
 #[cfg(test)]

@@ -12,6 +12,8 @@ use std::fmt::Display;
 pub enum Each {
     /// The test.
     Test,
+    /// A component of the ground motion: a direction or a number.
+    Component,
     /// A recorded DOF.
     Dof,
     /// A recorded member or link of a frame.
@@ -95,6 +97,15 @@ impl Kind {
         self.stem
     }
 
+    /// Name of the column of a component of the ground motion; an empty one is the only one.
+    #[must_use]
+    pub fn of_component(&self, component: &str) -> String {
+        match component {
+            "" => self.stem.to_owned(),
+            component => format!("{}_{component}", self.stem),
+        }
+    }
+
     /// Name of the column of a DOF.
     #[must_use]
     pub fn of_dof(&self, dof: impl Display) -> String {
@@ -130,6 +141,7 @@ impl Kind {
         let stem = self.stem;
         match self.each {
             Each::Test => stem.to_owned(),
+            Each::Component => format!("{stem}_D"),
             Each::Dof => format!("{stem}N"),
             Each::Member => format!("{stem}_M"),
             Each::Specimen => format!("{stem}_S"),
@@ -157,7 +169,11 @@ impl Kind {
     #[must_use]
     pub fn specimen_in(&self, name: &str) -> Option<u32> {
         let [specimen, _] = self.numbers(name)?;
-        (!matches!(self.each, Each::Test | Each::Dof | Each::Member)).then_some(specimen)
+        let is_none = matches!(
+            self.each,
+            Each::Test | Each::Component | Each::Dof | Each::Member
+        );
+        (!is_none).then_some(specimen)
     }
 
     /// Number of the member of the column of this name, if it is of this kind.
@@ -184,6 +200,10 @@ impl Kind {
         let parts = || rest.strip_prefix('_');
         Some(match self.each {
             Each::Test => return rest.is_empty().then_some([0; 2]),
+            Each::Component => match parts()? {
+                "x" | "y" | "z" => [0; 2],
+                component => [number(component)?, 0],
+            },
             Each::Dof => [number(rest)?, 0],
             Each::Member | Each::Specimen => [number(parts()?)?, 0],
             Each::Axis | Each::Coordinate | Each::Signal => {
@@ -226,6 +246,12 @@ impl Kind {
 
 /// Page of the guide with this table.
 pub const PAGE: &str = "columns";
+
+/// True for a column of the ground motion.
+#[must_use]
+pub fn is_ground(name: &str) -> bool {
+    GROUND.fits(name) || GROUND_COMPONENT.fits(name)
+}
 
 /// The kind of a column of this name, of a test or a server; none if no kind has such a name. The columns of limits of the whole test have
 /// no kind. Of kinds that share a name it is the first.
@@ -281,6 +307,9 @@ kinds! {
     TIME = "time", Test, "s", Loop, ALWAYS, "test time";
     /// Acceleration of the ground.
     GROUND = "ground", Test, "m/s2", Excitation, "always, except with a base displacement", "acceleration of the ground";
+    /// Acceleration of the ground in a direction, or of a component.
+    GROUND_COMPONENT = "ground", Component, "m/s2", Excitation, "with several components, instead of `ground`",
+        "acceleration of the ground";
     /// Displacement of the base, in the same column.
     BASE = "ground", Test, "m", Excitation, "with a base displacement", "displacement of the base";
     /// Commands of the operator.
@@ -547,6 +576,7 @@ mod tests {
         for kind in TEST {
             let name = match kind.each {
                 Each::Test => kind.name().to_owned(),
+                Each::Component => kind.of_component("x"),
                 Each::Dof => kind.of_dof(12),
                 Each::Member | Each::Specimen => kind.of_specimen(3),
                 Each::Axis | Each::Coordinate | Each::Signal => kind.of_axis(2, 10),
@@ -557,7 +587,7 @@ mod tests {
             let (dof, of) = (found.dof_in(&name), found.specimen_in(&name));
             let read = (dof, of, found.axis_in(&name));
             let expected = match kind.each {
-                Each::Test => (None, None, None),
+                Each::Test | Each::Component => (None, None, None),
                 Each::Dof => (Some(12), None, None),
                 Each::Member => (None, None, None),
                 Each::Specimen => (None, Some(3), None),

@@ -238,14 +238,12 @@ impl Plan {
                 wanted.push((column.name.clone(), "", Some(place)));
             }
         }
-        if !dofs.is_empty()
-            && let Some(place) = layout.index_of(column::GROUND.name())
-        {
-            wanted.push((
-                column::GROUND.name().to_owned(),
-                column::GROUND.unit,
-                Some(place),
-            ));
+        if !dofs.is_empty() {
+            for (place, column) in layout.columns().iter().enumerate() {
+                if column::is_ground(&column.name) {
+                    wanted.push((column.name.clone(), column::GROUND.unit, Some(place)));
+                }
+            }
         }
         let sums = sums
             .iter()

@@ -301,7 +301,7 @@ impl Drifts {
         Self {
             each: each.collect(),
             // A test from its initial state takes in nothing.
-            energy: (!excitation.has_base() && energy != 0.0).then_some(energy),
+            energy: (!excitation.is_absolute() && energy != 0.0).then_some(energy),
         }
     }
 }

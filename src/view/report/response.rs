@@ -137,7 +137,8 @@ fn of_dofs(
 
 /// The reference of displacements, velocities and accelerations, to be added to a title. Empty where the ground rests.
 fn measured_against(rows: &Digest) -> &'static str {
-    let shakes = rows.marks("ground").peak.is_some_and(|p| p.value != 0.0);
+    let moves = |name: &String| rows.marks(name).peak.is_some_and(|p| p.value != 0.0);
+    let shakes = rows.grounds.iter().any(moves);
     match rows.unit("ground") {
         // Coordinates are absolute where the base is displaced.
         "m" => ", absolute",
