@@ -141,7 +141,8 @@ load = [{{ node = "A1", y_n = -392e3 }}]
     ]
 }
 
-/// A storey of 6 m by 4 m in space under a rigid floor, askew to the motion, with its mass beside its centre: it twists.
+/// A storey of 6 m by 4 m in space under a rigid floor, askew to the two components of the motion, with its mass beside its centre: it
+/// twists.
 fn in_space([column, beam]: [&str; 2], amplitude: f64) -> String {
     let turn = |x: f64, y: f64| format!("{}, {}", 0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y);
     let corners = [
@@ -182,7 +183,14 @@ constraint = [{{ diaphragm = {{ master = "M", nodes = ["A1", "B1", "C1", "D1"] }
         turn(3.6, 2.4),
         members.join(", "),
         loads.join(", "),
-        motion(amplitude, 2)
+        motion(amplitude, 2).replace(
+            "[excitation.ground_acceleration.signal.sine]",
+            &format!(
+                "[[excitation.ground_acceleration]]\ndirection = \"y\"\nsignal.sine = {{ amplitude = {}, frequency_hz = 2.3 }}\n\
+                 [[excitation.ground_acceleration]]\ndirection = \"x\"\n[excitation.ground_acceleration.signal.sine]",
+                0.6 * amplitude
+            )
+        )
     )
 }
 

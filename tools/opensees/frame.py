@@ -5,7 +5,7 @@ Usage: frame.py TEST.toml [SUBSTEPS]
 Prints one line of JSON: {"disp": {node: [x, y, rz]}, "frequencies_rad_per_s": [...], "course": {node: [[x, y, rz], ...]},
 "forces": [[[axial force, moment at the start, moment at the end], ...], ...]}; in space nodes have x, y, z, rx, ry, rz, and members six forces.
 Without SUBSTEPS it tells the frequencies at rest, if all members are elastic. With SUBSTEPS it tells the course, which has one row for each step of the
-test, and that of the forces of each member with `record = true`; each step is made in so many of Newmark's method with Newton's iteration. The ground moves as `excitation.ground_acceleration.signal.sine`.
+test, and that of the forces of each member with `record = true`; each step is made in so many of Newmark's method with Newton's iteration. Each component of the ground moves as its `signal.sine`.
 """
 
 import math
@@ -322,11 +322,13 @@ def course(test, model, substeps):
     """Rows of displacements and of forces of members, one for each step, under the ground motion; and the time of a step."""
     rate, duration = test["time"]["rate_hz"], test["time"]["duration_s"]
     steps = round(rate * duration)
-    sine = test["excitation"]["ground_acceleration"]["signal"]["sine"]
-    values = [sine["amplitude"] * math.sin(2 * math.pi * sine["frequency_hz"] * n / rate) for n in range(steps + 2)]
+    grounds = test["excitation"]["ground_acceleration"]
     ops.loadConst("-time", 0.0)
-    ops.timeSeries("Path", 2, "-dt", 1 / rate, "-values", *values)
-    ops.pattern("UniformExcitation", 2, 1, "-accel", 2)
+    for tag, ground in enumerate([grounds] if isinstance(grounds, dict) else grounds, 2):
+        sine = ground["signal"]["sine"]
+        values = [sine["amplitude"] * math.sin(2 * math.pi * sine["frequency_hz"] * n / rate) for n in range(steps + 2)]
+        ops.timeSeries("Path", tag, "-dt", 1 / rate, "-values", *values)
+        ops.pattern("UniformExcitation", tag, model.directions[ground.get("direction", "x")], "-accel", tag)
     ops.rayleigh(test["structure"]["damping"]["rayleigh"]["mass_coefficient_per_s"], 0.0, 0.0, 0.0)
     ops.wipeAnalysis()
     settle(1e-10)
