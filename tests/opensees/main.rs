@@ -5,6 +5,7 @@ mod link_common;
 
 mod client;
 mod courses;
+mod devices;
 mod frames;
 mod gateway;
 mod hinges;
