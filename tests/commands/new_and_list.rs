@@ -96,6 +96,7 @@ fn each_template_runs_unchanged() {
         "prescribed",
         "benchmark",
         "frame",
+        "tuned-mass-damper",
     ] {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
@@ -255,6 +256,7 @@ fn new_lists_every_template() {
         "prescribed",
         "benchmark",
         "frame",
+        "tuned-mass-damper",
         "remote",
         "python",
         "opensees",

@@ -34,6 +34,8 @@ pub(in crate::cli) enum TemplateArg {
     Benchmark,
     /// A plane frame of two storeys with a brace as specimen.
     Frame,
+    /// A building with a tuned mass damper as specimen.
+    TunedMassDamper,
     /// A specimen behind a network, and a second file that serves one.
     Remote,
     /// A specimen with your own force law, as a program in Python.

@@ -90,6 +90,13 @@ const FRAME: Template = Template {
     next: RUN,
 };
 
+const TUNED_MASS_DAMPER: Template = Template {
+    name: "tuned-mass-damper",
+    pieces: &[piece!(".toml", "the test", "tuned-mass-damper.toml")],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
 const REMOTE: Template = Template {
     name: "remote",
     pieces: &[
@@ -144,6 +151,7 @@ impl Template {
             TemplateArg::Prescribed => PRESCRIBED,
             TemplateArg::Benchmark => BENCHMARK,
             TemplateArg::Frame => FRAME,
+            TemplateArg::TunedMassDamper => TUNED_MASS_DAMPER,
             TemplateArg::Remote => REMOTE,
             TemplateArg::Python => PYTHON,
             TemplateArg::Opensees => OPENSEES,
