@@ -97,6 +97,7 @@ fn each_template_runs_unchanged() {
         "benchmark",
         "frame",
         "tuned-mass-damper",
+        "isolated-building",
     ] {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
@@ -257,6 +258,7 @@ fn new_lists_every_template() {
         "benchmark",
         "frame",
         "tuned-mass-damper",
+        "isolated-building",
         "remote",
         "python",
         "opensees",

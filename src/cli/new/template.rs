@@ -97,6 +97,13 @@ const TUNED_MASS_DAMPER: Template = Template {
     next: RUN,
 };
 
+const ISOLATED_BUILDING: Template = Template {
+    name: "isolated-building",
+    pieces: &[piece!(".toml", "the test", "isolated-building.toml")],
+    shared: &[TEST_SCHEMA],
+    next: RUN,
+};
+
 const REMOTE: Template = Template {
     name: "remote",
     pieces: &[
@@ -152,6 +159,7 @@ impl Template {
             TemplateArg::Benchmark => BENCHMARK,
             TemplateArg::Frame => FRAME,
             TemplateArg::TunedMassDamper => TUNED_MASS_DAMPER,
+            TemplateArg::IsolatedBuilding => ISOLATED_BUILDING,
             TemplateArg::Remote => REMOTE,
             TemplateArg::Python => PYTHON,
             TemplateArg::Opensees => OPENSEES,
