@@ -220,12 +220,7 @@ struct Slider {
     rest: [f64; 2],
 }
 
-impl state::Stateful for Slider {
-    fn visit_state(&mut self, visit: &mut dyn state::Visit) {
-        visit.numbers(&mut self.disp);
-        visit.numbers(&mut self.rest);
-    }
-}
+state! { Slider { disp, rest } }
 
 /// See [`BearingSpec`].
 #[derive(Debug, Clone)]
@@ -461,8 +456,8 @@ impl Specimen for Bearing {
         self.diagonal(damping, at_rest, 0.0);
     }
 
-    /// With a vertical axis, the axial force adds e = |d|/R + μ to the horizontal force for each unit of it. Of the tangent that couples
-    /// both axes, half of k_v e² is borne by the horizontal and half of k_v by the vertical axis.
+    /// With a vertical axis, the axial force adds e = |d|/R + μ to the horizontal force for each unit of it. The bound covers the
+    /// coupling of both axes by half of k_v e² on the horizontal and half of k_v on the vertical axis.
     fn bound(
         &self,
         reach: &[Reach],
@@ -597,7 +592,7 @@ mod tests {
         );
         assert_near(step(&mut bearing, [0.1, 0.0, 1e-3], [0.0; 3]), [0.0; 3]);
         assert_near(step(&mut bearing, [0.05, 0.0, 1e-3], [0.0; 3]), [0.0; 3]);
-        // The friction begins anew where it lands.
+        // Where it lands, the friction starts from zero.
         assert_near(
             step(&mut bearing, [0.05, 0.0, -1e-4], [0.0; 3]),
             [250.0, 0.0, -1e4],

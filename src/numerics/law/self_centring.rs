@@ -1,7 +1,7 @@
 //! Self-centring brace or connection: a flag-shaped loop, with slip and bearing.
 //!
 //! Source: Christopoulos, Tremblay, Kim & Lacerte 2008, J. Struct. Eng. 134(1), 96–107. Slip and bearing follow the material
-//! `SelfCentering` of OpenSees. Each limit of the force is less steep than the elastic line, so the clamped elastic line is exact
+//! `SelfCentering` of OpenSees 3.7.1, each alone; with both, OpenSees loses the origin after some cycles. Each limit of the force is less steep than the elastic line, so the clamped elastic line is exact
 //! on a straight path: one step equals any number of partial steps.
 
 use schemars::JsonSchema;
@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    /// On the way back the force is (1 − r) β F_a = 76 N lower.
+    /// Unloading lowers the force by (1 − r) β F_a = 76 N.
     #[test]
     fn loop_is_a_flag() {
         let back = [

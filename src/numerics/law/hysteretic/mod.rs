@@ -36,11 +36,11 @@ pub struct HystereticSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = [EnvelopePointSpec { disp_m: 0.005, force_n: 1e5 }, EnvelopePointSpec { disp_m: 0.02, force_n: 1.2e5 }])]
     pub negative: Option<Vec<EnvelopePointSpec>>,
-    /// Pinching of the displacement (`pinchX`), from 0 to 1: 1 is none.
+    /// Pinching of the displacement (`pinchX`), from 0 to 1. With 1 nothing is pinched.
     #[serde(default = "one")]
     #[schemars(example = 0.8)]
     pub pinch_x: f64,
-    /// Pinching of the force (`pinchY`), from 0 to 1: 1 is none.
+    /// Pinching of the force (`pinchY`), from 0 to 1. With 1 nothing is pinched.
     #[serde(default = "one")]
     #[schemars(example = 0.2)]
     pub pinch_y: f64,

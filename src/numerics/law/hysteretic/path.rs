@@ -20,7 +20,7 @@ enum Phase {
 
 state! { enum Phase { Unloading, Rising, Reloading, Envelope } }
 
-/// What a direction remembers, in positive numbers of that direction.
+/// Memory of one direction, in positive numbers of that direction.
 #[derive(Debug, Clone, Copy)]
 struct Side {
     /// The target of reloading: the largest displacement, moved outwards by damage. 0 before the first motion.

@@ -324,7 +324,7 @@ impl State {
                 self.phase = Phase::Envelope;
             }
             if kept.is_some() {
-                // Beyond the ultimate displacement the damages stay as they are.
+                // Beyond the ultimate displacement the damages do not change.
                 self.disp = stop * (1.0 - f64::EPSILON);
                 self.kept = self.damages(law);
                 self.disp = stop;
