@@ -3,6 +3,7 @@
 #[path = "../link_common/mod.rs"]
 mod link_common;
 
+mod bearings;
 mod client;
 mod courses;
 mod devices;

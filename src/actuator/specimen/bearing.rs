@@ -54,7 +54,7 @@ pub struct FrictionPendulumSpec {
     /// Effective radius R of the pendulum, greater than 0.
     #[schemars(example = 2.0)]
     pub radius_m: f64,
-    /// Stiffness before it slides, greater than 0.
+    /// Stiffness of the friction before it slides, greater than 0. N/R acts beside it.
     #[schemars(example = 5.0e7)]
     pub stiffness_n_per_m: f64,
     /// Friction coefficient at rest, greater than 0 and at most 1.
@@ -212,7 +212,7 @@ enum Kind {
     },
 }
 
-/// What the hysteretic force follows from, in m.
+/// Displacement and elastic origin, in m.
 #[derive(Debug, Clone, Copy, Default)]
 struct Slider {
     disp: [f64; 2],
@@ -228,7 +228,7 @@ pub(super) struct Bearing {
     kind: Kind,
     committed: Slider,
     trial: Slider,
-    /// Of the horizontal axes at the last trial.
+    /// Tangent of the horizontal axes at the last trial.
     tangent: [[f64; 2]; 2],
 }
 

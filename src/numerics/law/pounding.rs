@@ -16,11 +16,11 @@ use super::domain::{fraction, not_negative, positive};
 use super::{Law, LawError, Reach, Tangent};
 use gusset_quantity::state;
 
-/// Pounding behind a gap, F = k δ^1.5 (1 + ¾ (1 − e²) δ̇/v₀) with the penetration δ and the velocity v₀ at which contact began. The
-/// force never pulls. Source: Muthukumar & DesRoches 2006.
+/// Pounding behind a gap, F = k δ^1.5 (1 + ¾ (1 − e²) v/v₀). δ is the penetration, v its velocity, and v₀ that at which contact began.
+/// The force never pulls. Source: Muthukumar & DesRoches 2006.
 ///
 /// Two limits keep the tangents finite. Beyond the largest penetration the force grows linearly. A contact that begins slower than
-/// the least impact velocity has that velocity as v₀, and δ̇ counts up to v₀.
+/// the least impact velocity has that velocity as v₀, and v counts up to v₀.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct PoundingSpec {
